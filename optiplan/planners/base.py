@@ -1,0 +1,72 @@
+"""What every planner is: the protocol, its result, its budget, and the registry by name."""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why there is no plan, as a value.
+
+    Attributes:
+        kind: one of `goal-unreachable`, `start-in-collision`, `goal-in-collision`, `no-path`, `collision`, `budget`,
+            `cancelled`, `unsupported`.
+        detail: one sentence for a person.
+        witness: JSON-ready place where it failed: configuration `q`, time `t`, bodies `pair`, points `points`.
+    """
+
+    kind: str
+    detail: str
+    witness: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class PlanResult:
+    """A trajectory or the reason why there is none, with the seconds spent by named stage."""
+
+    trajectory: Trajectory | None
+    failure: Failure | None
+    timings: Mapping[str, float]
+    info: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Budget:
+    """Wall-clock deadline and cancellation, polled by planners."""
+
+    def __init__(self, seconds: float, cancel: threading.Event | None = None) -> None:
+        self.seconds = seconds
+        self._end = time.perf_counter() + seconds
+        self._cancel = cancel or threading.Event()
+
+    @property
+    def remaining(self) -> float:
+        """Seconds left; 0 once cancelled."""
+        return 0.0 if self.cancelled else max(0.0, self._end - time.perf_counter())
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether somebody asked to stop at once."""
+        return self._cancel.is_set()
+
+    @property
+    def over(self) -> bool:
+        """Whether the planner must return now."""
+        return self.remaining <= 0.0
+
+
+Progress = Callable[[str, float], None]
+"""Called with the name of a stage and the fraction done of it."""
+
+
+class Planner(Protocol):
+    """Anything that turns a Problem into a PlanResult; it prints nothing, keeps no globals and polls its budget."""
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan within the budget; never raises for "no solution"."""
+        ...

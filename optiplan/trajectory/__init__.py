@@ -1,0 +1,1 @@
+"""The one representation of motion, piecewise polynomials in time, and ways to time a path."""

@@ -1,0 +1,1 @@
+"""The only source of the word *verified*: checks and the continuous-time certificate."""
