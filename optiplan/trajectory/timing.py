@@ -1,0 +1,117 @@
+"""How long a motion takes: the physical lower bound, slowing down to the limits, and straight lines with stops.
+
+Everything here rests on one curve: the fastest motion of one coordinate from rest to rest over a distance D under
+symmetric bounds V, A, J on velocity, acceleration and jerk. Its acceleration rises for t_j, stays for t_a, falls for
+t_j; then the velocity stays for t_v; then all of it backwards:
+
+    t_j = min(A / J, sqrt(V / J), cbrt(D / 2J)),   a = J t_j,
+    t_a = max(0, min(V / a - t_j, (sqrt(t_j^2 + 4 D / a) - 3 t_j) / 2)),   v = a (t_j + t_a),
+    t_v = max(0, D / v - 2 t_j - t_a),   T = 4 t_j + 2 t_a + t_v.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.model.robot import Limits
+from optiplan.trajectory.trajectory import Trajectory
+
+_STILL = 1e-60  # m or rad: stands for "no distance", so that the formulas above need no branch
+_REST = 1e-3  # s: a trajectory needs some duration, even one that goes nowhere
+_SIGNS = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])  # of the jerk in the seven phases
+
+
+def _phases(distance: Array, velocity: Array, acceleration: Array, jerk: Array) -> tuple[Array, Array, Array]:
+    """The times t_j, t_a, t_v (s) of the module's curve, element by element; all arrays of one shape."""
+    D = np.maximum(distance, _STILL)
+    t_j = np.minimum(np.minimum(acceleration / jerk, np.sqrt(velocity / jerk)), np.cbrt(D / (2.0 * jerk)))
+    a = jerk * t_j
+    t_a = np.maximum(0.0, np.minimum(velocity / a - t_j, (np.sqrt(t_j**2 + 4.0 * D / a) - 3.0 * t_j) / 2.0))
+    t_v = np.maximum(0.0, D / (a * (t_j + t_a)) - 2.0 * t_j - t_a)
+    return t_j, t_a, t_v
+
+
+def lower_bounds(start: Array, goals: Array, limits: Limits) -> Array:
+    """Shortest duration conceivable from `start` to each goal, obstacles and position limits ignored.
+
+    The slowest joint's own minimum time from rest to rest; no trajectory of the robot is shorter.
+
+    Args:
+        start: (n,) rad or m.
+        goals: (k, n) rad or m.
+        limits: of the n joints.
+
+    Returns:
+        (k,) in s.
+    """
+    t_j, t_a, t_v = _phases(np.abs(goals - start), limits.velocity, limits.acceleration, limits.jerk)
+    times: Array = (4.0 * t_j + 2.0 * t_a + t_v).max(axis=1)
+    return times
+
+
+def lower_bound(start: Array, goal: Array, limits: Limits) -> float:
+    """The same for one goal of shape (n,): a duration in s, the denominator of `duration / lower_bound`."""
+    return float(lower_bounds(start, goal[None], limits)[0])
+
+
+def speed_ratio(trajectory: Trajectory, limits: Limits) -> float:
+    """Factor by which a trajectory must be slowed down (> 1) or may be sped up (< 1) to touch its limits.
+
+    max over joints of v / v_max, sqrt(a / a_max), cbrt(j / j_max), with the exact extrema v, a, j over all time:
+    stretching time by s divides them by s, s^2 and s^3.
+    """
+    bounds = (limits.velocity, limits.acceleration, limits.jerk)
+    peaks = [np.abs(trajectory.extrema(order)).max(axis=0) / bounds[order - 1] for order in (1, 2, 3)]
+    return float(max(peaks[0].max(), np.sqrt(peaks[1].max()), np.cbrt(peaks[2].max())))
+
+
+def scale_to_limits(trajectory: Trajectory, limits: Limits) -> Trajectory:
+    """The same curve, uniformly stretched or shortened in time until its tightest limit is just met (all time)."""
+    ratio = speed_ratio(trajectory, limits)
+    return trajectory if ratio == 0.0 else trajectory.scaled(trajectory.duration * ratio * (1.0 + 1e-12))
+
+
+def stop_at_corners(waypoints: Array, limits: Limits, joint_names: Sequence[str]) -> Trajectory:
+    """Straight joint-space segments, each from rest to rest in the shortest time, in exact cubic pieces.
+
+    Along a segment of direction d = q_b - q_a the one coordinate s from 0 to 1 has the bounds
+    min_j limit_j / |d_j| of velocity, acceleration and jerk.
+
+    Args:
+        waypoints: (k, n), rad or m; equal neighbours are passed over. When none differ, the robot rests for 1 ms.
+        limits: of the n joints.
+        joint_names: of the n joints.
+    """
+    steps = np.diff(waypoints, axis=0)
+    durations, coefficients = [], []
+    for q, d in zip(waypoints[:-1], steps, strict=True):
+        if np.any(d != 0.0):
+            times, pieces = _segment(q, d, limits)
+            durations.append(times)
+            coefficients.append(pieces)
+    if not durations:
+        return Trajectory(tuple(joint_names), np.array([0.0, _REST]), waypoints[:1, None])
+    breakpoints = np.concatenate([[0.0], np.cumsum(np.concatenate(durations))])
+    return Trajectory(tuple(joint_names), breakpoints, np.concatenate(coefficients))
+
+
+def _segment(q: Array, d: Array, limits: Limits) -> tuple[Array, Array]:
+    """Durations (m,) and cubic coefficients (m, 4, n) of the fastest rest-to-rest motion from q to q + d."""
+    moving = d != 0.0
+    size = np.abs(d[moving])
+    velocity, acceleration, jerk = (
+        np.min(bound[moving] / size) for bound in (limits.velocity, limits.acceleration, limits.jerk)
+    )
+    t_j, t_a, t_v = _phases(np.array(1.0), velocity, acceleration, jerk)
+    times = np.array([t_j, t_a, t_j, t_v, t_j, t_a, t_j])
+    scalar = np.zeros((7, 4))
+    s = v = a = 0.0
+    for i, (sign, h) in enumerate(zip(_SIGNS, times, strict=True)):
+        j = sign * jerk
+        scalar[i] = s, v, a / 2.0, j / 6.0
+        s, v, a = s + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0), a + h * j
+    kept = times > 1e-9 * times.sum()
+    pieces = scalar[kept][:, :, None] * d
+    pieces[:, 0] += q
+    return times[kept], pieces
