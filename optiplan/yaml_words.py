@@ -1,0 +1,115 @@
+"""The words in which a value that does not fit its schema is told to a person."""
+
+import difflib
+import math
+import types
+import typing
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails
+
+EXPECTED = {
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "finite_number": "a finite number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "dict_type": "a mapping of keys to values",
+    "model_type": "a mapping of keys to values",
+    "model_attributes_type": "a mapping of keys to values",
+    "greater_than": "a number > {gt}",
+    "greater_than_equal": "a number ≥ {ge}",
+    "less_than": "a number < {lt}",
+    "less_than_equal": "a number ≤ {le}",
+    "too_short": "at least {min_length} values",
+    "too_long": "at most {max_length} values",
+    "string_too_short": "text that is not empty",
+    "literal_error": "{expected}",
+    "union_tag_invalid": "one of: {expected_tags}",
+}
+"""What pydantic's error types mean by "expected"; the braces are filled from the error's context."""
+
+
+def field_name(place: Iterable[str | int]) -> str:
+    """`("goal", "pose", 2)` as `goal.pose[2]`; the root is `file`."""
+    text = ""
+    for key in place:
+        text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else str(key)
+    return text or "file"
+
+
+def describe(value: Any) -> str:
+    """A value of a YAML file, short enough for one line."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if value is None:
+        return "nothing"
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "infinity" if value > 0 else "-infinity"
+    if isinstance(value, Mapping):
+        return f"a mapping with the keys {', '.join(map(str, value))}" if value else "an empty mapping"
+    if isinstance(value, list | tuple):
+        return f"a list of {len(value)} value{'' if len(value) == 1 else 's'}"
+    text = f"'{value}'" if isinstance(value, str) else str(value)
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+def choices(found: str, valid: Sequence[str]) -> str:
+    """`one of: a, b, c`, and the nearest of them when `found` looks like a slip of the pen."""
+    near = difflib.get_close_matches(str(found), valid, n=1)
+    return f"one of: {', '.join(valid)}" + (f" (did you mean '{near[0]}'?)" if near else "")
+
+
+def words_for(model_class: type[BaseModel], error: ErrorDetails) -> tuple[str, str]:
+    """What was found and what was expected, for one error of pydantic on a `model_class`."""
+    kind, loc, context = error["type"], error["loc"], error.get("ctx", {})
+    if kind == "extra_forbidden":
+        return f"unknown key '{loc[-1]}'", choices(str(loc[-1]), _keys_at(model_class, loc[:-1]))
+    if kind == "missing":
+        return "nothing", "this key, which is required"
+    if kind in ("value_error", "assertion_error"):
+        return _own_words(str(context.get("error", error["msg"])), error["input"])
+    found = describe(error["input"])
+    if kind in EXPECTED:
+        return found, EXPECTED[kind].format_map({"expected": "", **context})
+    message = error["msg"].removeprefix("Input should be ")
+    return found, message[:1].lower() + message[1:]
+
+
+def _own_words(message: str, value: Any) -> tuple[str, str]:
+    """A validator of ours raises ValueError("found …; expected …") or just ValueError("what is expected")."""
+    found, separator, expected = message.partition("; expected ")
+    return (found.removeprefix("found "), expected) if separator else (describe(value), message)
+
+
+def _keys_at(model_class: type[BaseModel], loc: Iterable[str | int]) -> list[str]:
+    """Keys that are valid at a location: walks the annotations of the models, through unions and containers."""
+    models = [model_class]
+    for key in loc:
+        named = [model for model in models if model.__name__ == key]
+        inner = [found for model in models for found in _models_in(_annotation(model, key))]
+        models = named or inner or models
+    return [field.alias or name for model in models for name, field in model.model_fields.items()]
+
+
+def _annotation(model: type[BaseModel], key: str | int) -> Any:
+    for name, field in model.model_fields.items():
+        if key in (name, field.alias):
+            return field.annotation
+    return None
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
+        return [annotation] if issubclass(annotation, BaseModel) else []
+    if isinstance(annotation, typing.TypeAliasType if hasattr(typing, "TypeAliasType") else ()):
+        annotation = annotation.__value__
+    return [found for part in get_args(annotation) for found in _models_in(part)] if get_origin(annotation) else []
