@@ -1,0 +1,140 @@
+"""What can be said of pair distances without asking coal, for many configurations at once: bounds and gradients."""
+
+import coal
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.model.kinematics import BatchKinematics
+
+Index = npt.NDArray[np.intp]
+
+
+class PairBounds:
+    """Bounding volumes of all bodies and the joints that move each pair apart, as arrays.
+
+    A body is enclosed by an axis-aligned box in its own frame and by the ball about that box's centre.
+    """
+
+    def __init__(self, model: pin.Model, geometry: pin.GeometryModel, pairs: list[tuple[int, int]]) -> None:
+        self.kinematics = BatchKinematics(model)
+        bodies = list(geometry.geometryObjects)
+        self._joint = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
+        self._placement = np.array([body.placement.homogeneous for body in bodies]).reshape(-1, 4, 4)
+        boxes = [_local_box(body.geometry) for body in bodies]
+        self._centre = np.array([box[0] for box in boxes]).reshape(-1, 3)
+        self._half = np.array([box[1] for box in boxes]).reshape(-1, 3)
+        self._radius = np.array([box[2] for box in boxes])
+        self._pairs: Index = np.array(pairs, dtype=np.intp).reshape(-1, 2)
+        supports = np.zeros((model.njoints, model.nv), dtype=bool)
+        for j in range(1, model.njoints):
+            supports[j] = supports[model.parents[j]]
+            supports[j, model.joints[j].idx_v] = True
+        moves = supports[self._joint[self._pairs]]  # (P, 2, n)
+        # A joint that carries both bodies of a pair does not change their distance.
+        self._moves = moves & ~moves[:, ::-1]
+        planes = [isinstance(body.geometry, coal.Halfspace) for body in bodies]
+        self._plane_pairs: Index = np.flatnonzero(np.array(planes, dtype=bool)[self._pairs].any(axis=1))
+        self._plane_of = {g: (np.array(bodies[g].geometry.n), bodies[g].geometry.d) for g, p in enumerate(planes) if p}
+
+    def distances(self, Q: Array) -> Array:
+        """Lower bound, m, of every pair's distance at Q (N, n): (N, P).
+
+        The larger of the distances from the ball of one body to the box of the other, both ways.
+        """
+        poses = self.kinematics.poses(Q)[:, self._joint] @ self._placement  # X_WG of every body, (N, G, 4, 4)
+        rotation, origin = poses[..., :3, :3], poses[..., :3, 3]
+        centre = origin + np.einsum("ngij,gj->ngi", rotation, self._centre)
+        a, b = self._pairs[:, 0], self._pairs[:, 1]
+        result = np.maximum(
+            self._ball_to_box(rotation[:, b], centre[:, b], centre[:, a], b, a),
+            self._ball_to_box(rotation[:, a], centre[:, a], centre[:, b], a, b),
+        )
+        for pair in self._plane_pairs:
+            plane, body = a[pair], b[pair]
+            if int(plane) not in self._plane_of:
+                plane, body = body, plane
+            normal, offset = self._plane_of[int(plane)]
+            world_normal = rotation[:, plane] @ normal
+            height = np.einsum("ni,ni->n", world_normal, centre[:, body] - origin[:, plane]) - offset
+            result[:, pair] = height - self._radius[body]
+        return np.asarray(result)
+
+    def _ball_to_box(self, rotation: Array, box_centre: Array, ball_centre: Array, box: Index, ball: Index) -> Array:
+        local = np.einsum("npji,npj->npi", rotation, ball_centre - box_centre)
+        outside = np.maximum(np.abs(local) - self._half[box], 0.0)
+        return np.asarray(np.sqrt(np.einsum("npi,npi->np", outside, outside)) - self._radius[ball])
+
+    def travel(self, Q: Array, D: Array) -> Array:
+        """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j; Q, D (N, n), result (N, P)."""
+        everything = np.arange(len(self._pairs))
+        rows, pairs = np.repeat(np.arange(len(Q)), len(everything)), np.tile(everything, len(Q))
+        return self.travel_of(Q, D, rows, pairs).reshape(len(Q), len(everything))
+
+    def travel_of(self, Q: Array, D: Array, rows: Index, pairs: Index) -> Array:
+        """The same bound for chosen pairs: entry k is pair `pairs[k]` at configuration `Q[rows[k]]`; result (K,).
+
+        Joints are moved one after another, from the tip to the base. A joint j that turns by at most D_j moves every
+        point of the body by at most D_j times the point's distance from the axis. That distance is at most R_j, taken
+        at Q, plus the travel t that the joints nearer to the tip have caused already: t <- t + D_j (R_j + t). A
+        prismatic joint adds D_j. Both bodies of a pair move against the joint that carries both.
+        """
+        reach = self._axis_distances(Q)  # (N, G, n)
+        moved = np.zeros(len(rows))
+        for side in (0, 1):
+            radius = reach[rows, self._pairs[pairs, side]]  # (K, n)
+            step = D[rows] * self._moves[pairs, side]
+            own = np.zeros(len(rows))
+            for j in reversed(range(D.shape[1])):
+                own = own + step[:, j] * ((radius[:, j] + own) if self.kinematics.revolute[j] else 1.0)
+            moved += own
+        return moved
+
+    def _axis_distances(self, Q: Array) -> Array:
+        """Distance, m, of the farthest corner of every body's box from every joint axis at Q (N, n): (N, G, n)."""
+        poses = self.kinematics.poses(Q)
+        direction, point = self.kinematics.axes(poses)  # (N, n, 3)
+        placed = poses[:, self._joint] @ self._placement
+        signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+        local = self._centre[:, None] + np.where(np.isfinite(self._half), self._half, 0.0)[:, None] * signs  # (G, 8, 3)
+        corners = np.einsum("ngij,gkj->ngki", placed[..., :3, :3], local) + placed[:, :, None, :3, 3]
+        flat = corners.reshape(len(Q), -1, 3)
+        along = flat @ direction.transpose(0, 2, 1) - np.einsum("nji,nji->nj", point, direction)[:, None]
+        squared = (
+            np.einsum("nki,nki->nk", flat, flat)[:, :, None]
+            - 2.0 * flat @ point.transpose(0, 2, 1)
+            + np.einsum("nji,nji->nj", point, point)[:, None]
+            - along**2
+        )
+        # The difference of squares loses half the digits near the axis: 1e-6 m covers it within 10 m of the origin.
+        farthest = np.sqrt(np.maximum(squared, 0.0)).reshape(*corners.shape[:3], -1).max(axis=2) + 1e-6
+        return np.asarray(farthest)
+
+    def witness_gradients(self, Q: Array, pairs: Index, points: Array, normals: Array) -> Array:
+        """N . (J_b - J_a) for K contacts: Q (K, n), points (K, 2, 3) on bodies a and b, normals (K, 3); result (K, n).
+
+        Column j of the Jacobian of a point p is axis_j x (p - o_j) for a revolute joint, axis_j for a prismatic one.
+        """
+        direction, origin = self.kinematics.axes(self.kinematics.poses(Q))
+        total = np.zeros((len(Q), Q.shape[1]))
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            arm = points[:, side, None] - origin
+            column = np.where(self.kinematics.revolute[None, :, None] > 0.5, np.cross(direction, arm), direction)
+            total += sign * self._moves[pairs, side] * np.einsum("kji,ki->kj", column, normals)
+        return total
+
+
+def _local_box(geometry: coal.CollisionGeometry) -> tuple[Array, Array, float]:
+    """Centre (3,), half edges (3,) and ball radius, m, of a body in its own frame; a half-space has no bounds."""
+    if isinstance(geometry, coal.Halfspace):
+        return np.zeros(3), np.full(3, np.inf), np.inf
+    geometry.computeLocalAABB()
+    low, high = np.array(geometry.aabb_local.min_), np.array(geometry.aabb_local.max_)
+    centre, half = 0.5 * (low + high), 0.5 * (high - low)
+    if isinstance(geometry, coal.Sphere):
+        return centre, half, float(geometry.radius)
+    if isinstance(geometry, coal.ConvexBase):
+        vertices = np.array([geometry.point(i) for i in range(geometry.num_points)])
+        return centre, half, float(np.linalg.norm(vertices - centre, axis=1).max())
+    return centre, half, float(np.linalg.norm(half))

@@ -1,0 +1,173 @@
+"""Collision queries of a robot in a scene: contacts, clearance, its gradient, and bounds that need no query."""
+
+from dataclasses import dataclass
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.model.bounds import PairBounds
+from optiplan.model.robot import Robot
+from optiplan.model.scene import Scene
+from optiplan.model.shapes import build_geometry
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two bodies whose distance matters: indices into `CollisionModel.geometry`, and their names."""
+
+    index: int
+    a: int
+    b: int
+    name_a: str
+    name_b: str
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """The nearest points of a pair, world frame.
+
+    Attributes:
+        distance: m; negative is the depth of penetration.
+        point_a: (3,) on body a; `point_b`: on body b; m.
+        normal: (3,) unit vector from a to b, so that distance = normal . (point_b - point_a).
+    """
+
+    pair: Pair
+    distance: float
+    point_a: Array
+    point_b: Array
+    normal: Array
+
+
+class CollisionModel:
+    """A robot in a scene, with its own work space: use one object a thread.
+
+    Bodies are the robot's links, then attachments, then obstacles. Two bodies that no planned joint moves against each
+    other are checked only when one of them is attached, because attaching is the user's statement and the rest is the
+    world as it stands.
+
+    Attributes:
+        geometry: the bodies; `names[i]` is the link, attachment or obstacle of body i.
+        pairs: the pairs that must stay apart.
+    """
+
+    def __init__(self, robot: Robot, scene: Scene) -> None:
+        self.robot, self.scene = robot, scene
+        self.geometry = pin.GeometryModel()
+        self.names: tuple[str, ...] = ()
+        self._add_bodies()
+        self.pairs = self._list_pairs()
+        for pair in self.pairs:
+            self.geometry.addCollisionPair(pin.CollisionPair(pair.a, pair.b))
+        self.bounds = PairBounds(robot.model, self.geometry, [(p.a, p.b) for p in self.pairs])
+        self._data, self._geometry_data = robot.model.createData(), self.geometry.createData()
+        for request in self._geometry_data.distanceRequests:
+            # Guesses remembered from call to call would make results depend on what was asked before.
+            request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
+        self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
+            robot.model, self.geometry, self._geometry_data
+        )
+
+    def collides(self, q: Array) -> bool:
+        """Whether any pair touches at q (n,)."""
+        return bool(pin.computeCollisions(self.robot.model, self._data, self._broad_phase, q, True))
+
+    def place(self, q: Array) -> None:
+        """Move all bodies to q (n,), for `pair_distance`."""
+        pin.updateGeometryPlacements(self.robot.model, self._data, self.geometry, self._geometry_data, q)
+
+    def pair_distance(self, pair: int) -> Contact:
+        """Nearest points of one pair where `place` put the bodies."""
+        pin.computeDistance(self.geometry, self._geometry_data, pair)
+        return self._read(pair)
+
+    def distance(self, q: Array, pair: int) -> Contact:
+        """Nearest points of one pair at q (n,)."""
+        self.place(q)
+        return self.pair_distance(pair)
+
+    def clearance(self, q: Array) -> Contact | None:
+        """The nearest pair of all at q (n,); None when there is no pair."""
+        if not self.pairs:
+            return None
+        nearest = pin.computeDistances(self.robot.model, self._data, self.geometry, self._geometry_data, q)
+        return self._read(int(nearest))
+
+    def contacts(self, q: Array, cutoff: float) -> list[Contact]:
+        """Every pair nearer than `cutoff` (m) at q (n,)."""
+        near = np.flatnonzero(self.lower_bounds(q[None])[0] < cutoff)
+        self.place(q)
+        found = [self.pair_distance(int(pair)) for pair in near]
+        return [contact for contact in found if contact.distance < cutoff]
+
+    def lower_bounds(self, Q: Array) -> Array:
+        """Lower bounds, m, of the distance of every pair at Q (N, n), from bounding volumes alone: (N, P)."""
+        return self.bounds.distances(Q)
+
+    def travel(self, Q: Array, D: Array) -> Array:
+        """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j: Q and D (N, n), result (N, P)."""
+        return self.bounds.travel(Q, D)
+
+    def gradients(self, Q: Array, rows: Array, contacts: list[Contact]) -> Array:
+        """Gradient of each contact's distance with respect to q: (K, n), m/rad or m/m.
+
+        Contact k was found at configuration Q[rows[k]]. For normal n and witness points a, b fixed to their bodies,
+        d(distance)/dq = n . (J_b - J_a), with J the linear Jacobian of the point; by the envelope theorem the motion of
+        the witness points on the surfaces adds nothing (away from parallel faces, where the distance has a kink).
+        """
+        if not contacts:
+            return np.zeros((0, self.robot.n))
+        return self.bounds.witness_gradients(
+            Q[rows],
+            np.array([c.pair.index for c in contacts]),
+            np.array([[c.point_a, c.point_b] for c in contacts]),
+            np.array([c.normal for c in contacts]),
+        )
+
+    def _read(self, pair: int) -> Contact:
+        result = self._geometry_data.distanceResults[pair]
+        a, b = np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+        distance, gap = float(result.min_distance), b - a
+        # coal leaves the normal of two triangle meshes unset; where bodies are apart the points give it.
+        normal = gap / np.linalg.norm(gap) if distance > 1e-6 else np.array(result.normal)
+        return Contact(self.pairs[pair], distance, a, b, normal)
+
+    def _add_bodies(self) -> None:
+        robot, names = self.robot, []
+        for index, body in enumerate(robot.geometry.geometryObjects):
+            self.geometry.addGeometryObject(body.copy())
+            names.append(robot.link_of(index))
+        for held in self.scene.attached:
+            frame = robot.model.frames[robot.model.getFrameId(held.link)]
+            X_JO = frame.placement * held.X_LO
+            self._add(held.name, frame.parentJoint, X_JO, build_geometry(held.shape))
+            names.append(held.name)
+        for obstacle in self.scene.obstacles:
+            self._add(obstacle.name, 0, obstacle.X_WO, build_geometry(obstacle.shape))
+            names.append(obstacle.name)
+        self.names = tuple(names)
+
+    def _add(self, name: str, joint: int, placement: pin.SE3, geometry: coal.CollisionGeometry) -> None:
+        unique = f"{name}#{self.geometry.ngeoms}"
+        self.geometry.addGeometryObject(pin.GeometryObject(unique, joint, 0, placement, geometry))
+
+    def _list_pairs(self) -> tuple[Pair, ...]:
+        links = len(self.robot.geometry.geometryObjects)
+        held = range(links, links + len(self.scene.attached))
+        moving = range(links + len(self.scene.attached))
+        obstacles = range(moving.stop, len(self.names))
+        found = [(int(p.first), int(p.second)) for p in self.robot.geometry.collisionPairs]
+        touch = {index: item.touch | {item.link} for index, item in zip(held, self.scene.attached, strict=True)}
+        found += [(a, b) for b in held for a in range(links) if self.names[a] not in touch[b]]
+        found += [(a, b) for b in held for a in held if a < b]
+        parents = [int(body.parentJoint) for body in self.geometry.geometryObjects]
+        found += [(a, b) for a in moving if parents[a] != 0 or a in held for b in obstacles]
+        allowed = self.scene.allowed
+        return tuple(
+            Pair(index, a, b, self.names[a], self.names[b])
+            for index, (a, b) in enumerate(
+                (a, b) for a, b in found if frozenset((self.names[a], self.names[b])) not in allowed
+            )
+        )
