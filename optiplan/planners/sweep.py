@@ -1,0 +1,164 @@
+"""Is a whole curve free, between samples too? Planners ask this of themselves; the word *verified* is not theirs.
+
+An interval of the curve is free for a pair when the distance at its middle exceeds the bound on how far the pair can
+travel to both ends. Where it does not, the interval is cut into as many pieces as the ratio of the two asks for.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from optiplan.arrays import Array
+from optiplan.model.collision import CollisionModel, Contact
+from optiplan.trajectory.trajectory import Trajectory
+
+Index = npt.NDArray[np.intp]
+
+Curve = Callable[[Array, Array], tuple[Array, Array]]
+"""(middles (N,), half widths (N,)) of intervals -> (Q (N, n), D (N, n)): the middle configurations and bounds on how far
+every joint moves away from them within the interval."""
+
+_TOLERANCE = 2e-6  # m; coal's distances are good to 1e-6
+_MOST_CUTS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """Where a curve comes too near: the parameter `t` (s, or fraction of a path), the configuration and the bodies."""
+
+    t: float
+    q: Array
+    contact: Contact
+
+    def witness(self) -> dict[str, Any]:
+        """JSON-ready form, as `Failure.witness` wants it."""
+        return {"t": self.t, **contact_witness(self.q, self.contact)}
+
+
+def contact_witness(q: Array, contact: Contact) -> dict[str, Any]:
+    """JSON-ready place of a contact: configuration, bodies, nearest points (world, m) and distance (m)."""
+    return {
+        "q": q.tolist(),
+        "pair": [contact.pair.name_a, contact.pair.name_b],
+        "points": [contact.point_a.tolist(), contact.point_b.tolist()],
+        "distance": contact.distance,
+    }
+
+
+def first_contact(
+    model: CollisionModel, trajectory: Trajectory, margin: float = 0.0, resolution: float = 1e-4
+) -> Touch | None:
+    """Earliest place found where a trajectory's bodies come nearer than `margin` (m), or None: free at all times.
+
+    Holds at: everywhere; None is a proof up to coal's tolerance. An interval shorter than `resolution` (s) that is
+    neither proved free nor seen to touch counts as a touch.
+    """
+    step = np.diff(trajectory.breakpoints)
+    parts = np.maximum(1, np.ceil(step / 0.02)).astype(int)
+    half = np.repeat(step / (2 * parts), parts)
+    middle = np.repeat(trajectory.breakpoints[:-1], parts) + half * np.concatenate([2 * np.arange(k) + 1 for k in parts])
+    return sweep(model, trajectory_curve(trajectory), middle, half, margin, resolution)
+
+
+def trajectory_curve(trajectory: Trajectory) -> Curve:
+    """Curve of a trajectory over time, for intervals within one piece each: D = sum_k |c_k| h^k about the middle."""
+
+    def curve(middle: Array, half: Array) -> tuple[Array, Array]:
+        piece = np.searchsorted(trajectory.breakpoints[1:-1], middle, side="right")
+        c = trajectory.coefficients[piece].copy()  # (N, degree + 1, n)
+        local = (middle - trajectory.breakpoints[piece])[:, None]
+        degree = c.shape[1] - 1
+        for low in range(degree):  # Taylor shift by repeated Horner steps
+            for k in range(degree - 1, low - 1, -1):
+                c[:, k] += local * c[:, k + 1]
+        powers = half[:, None] ** np.arange(1, degree + 1)
+        return c[:, 0], np.einsum("nk,nkj->nj", powers, np.abs(c[:, 1:]))
+
+    return curve
+
+
+def polyline_contact(model: CollisionModel, waypoints: Array, margin: float = 0.0) -> Touch | None:
+    """Like `first_contact` for straight segments between waypoints (k, n); t is segment index plus fraction."""
+    start, step = waypoints[:-1], np.diff(waypoints, axis=0)
+    parts = np.maximum(1, np.ceil(np.abs(step).sum(axis=1) / 0.1)).astype(int)
+    half = np.repeat(0.5 / parts, parts)
+    middle = np.repeat(np.arange(len(parts)), parts) + half * np.concatenate([2 * np.arange(k) + 1 for k in parts])
+
+    def curve(middle: Array, half: Array) -> tuple[Array, Array]:
+        segment = np.floor(middle).astype(int)
+        fraction = (middle - segment)[:, None]
+        return start[segment] + fraction * step[segment], half[:, None] * np.abs(step[segment])
+
+    return sweep(model, curve, middle, half, margin, 1e-4)
+
+
+def sweep(
+    model: CollisionModel, curve: Curve, middle: Array, half: Array, margin: float, resolution: float
+) -> Touch | None:
+    """Earliest touch found on the intervals `middle` +- `half` (N,) of a curve, or None when all are proved free."""
+    Q, D = curve(middle, half)
+    if margin <= 0.0:  # a plain collision query is ten times cheaper than a proof: refuse early
+        for t, q in zip(middle, Q, strict=True):
+            contact = model.clearance(q) if model.collides(q) else None
+            if contact is not None and contact.distance <= margin:
+                return Touch(float(t), q, contact)
+    bounds, travel = model.lower_bounds(Q) - margin, model.travel(Q, D)
+    rows, pairs = np.nonzero(bounds <= travel)
+    travel = travel[rows, pairs]
+    while len(rows):
+        gap, worst = _gaps(model, Q, rows, pairs, margin)
+        if worst is not None:
+            return Touch(float(middle[worst[0]]), Q[worst[0]], worst[1])
+        left = gap <= travel
+        if not left.any():
+            return None
+        rows, pairs, ratio = rows[left], pairs[left], travel[left] / gap[left]
+        too_small = half[rows] < resolution
+        if too_small.any():
+            row, pair = int(rows[too_small][0]), int(pairs[too_small][0])
+            return Touch(float(middle[row]), Q[row], model.distance(Q[row], pair))
+        middle, half, rows, pairs = _cut(middle, half, rows, pairs, ratio)
+        Q, D = curve(middle, half)
+        travel = model.bounds.travel_of(Q, D, rows, pairs)
+    return None
+
+
+def _gaps(
+    model: CollisionModel, Q: Array, rows: Index, pairs: Index, margin: float
+) -> tuple[Array, tuple[int, Contact] | None]:
+    """Distance minus margin of each (row, pair), rows ascending, or the first row's deepest contact."""
+    gap = np.empty(len(rows))
+    placed, worst = -1, None
+    for k, (row, pair) in enumerate(zip(rows.tolist(), pairs.tolist(), strict=True)):
+        if row != placed:
+            if worst is not None:
+                break
+            model.place(Q[row])
+            placed = row
+        contact = model.pair_distance(pair)
+        gap[k] = contact.distance - margin - _TOLERANCE
+        if gap[k] <= 0.0 and (worst is None or contact.distance < worst[1].distance):
+            worst = (row, contact)
+    return gap, worst
+
+
+def _cut(
+    middle: Array, half: Array, rows: Index, pairs: Index, ratio: Array
+) -> tuple[Array, Array, Index, Index]:
+    """Cut every interval that is left into equal parts, as many as its neediest pair asks for."""
+    used, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
+    need = np.clip(np.ceil(np.maximum.reduceat(ratio, first) * 1.05), 2, _MOST_CUTS).astype(int)
+    parent = np.repeat(np.arange(len(used)), need)
+    place = np.arange(len(parent)) - np.repeat(np.cumsum(need) - need, need)
+    new_half = half[used][parent] / need[parent]
+    new_middle = middle[used][parent] - half[used][parent] + (2 * place + 1) * new_half
+    count = need[inverse]  # every pair goes to all children of its interval
+    start = (np.cumsum(need) - need)[inverse]
+    offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    new_rows = np.repeat(start, count) + offset
+    new_pairs = np.repeat(pairs, count)
+    order = np.lexsort((new_pairs, new_rows))
+    return new_middle, new_half, new_rows[order], new_pairs[order]
