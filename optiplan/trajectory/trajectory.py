@@ -1,9 +1,34 @@
 """`Trajectory`: piecewise polynomials in time, the one representation that every planner returns."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from optiplan.arrays import Array
+from optiplan.errors import InputError, Issue
+from optiplan.trajectory import bspline, polynomial
+
+_OUTSIDE = 1e-9  # s; how far outside [0, duration] rounding may put a time
+
+
+@dataclass(frozen=True)
+class Extrema:
+    """Minimum and maximum of one derivative of each joint over all time and when they are reached.
+
+    Attributes:
+        low: (n,) minima, rad/s^order or m/s^order.
+        high: (n,) maxima, same unit.
+        t_low: (n,) times of the minima, s.
+        t_high: (n,) times of the maxima, s.
+    """
+
+    low: Array
+    high: Array
+    t_low: Array
+    t_high: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -11,30 +36,201 @@ class Trajectory:
     """Motion q(t) of n joints for t in [0, duration].
 
     On piece i, for t in [t_i, t_{i+1}]:  q_j(t) = sum_k coefficients[i, k, j] (t - t_i)^k.
+    The arrays are copied and made read-only.
 
     Attributes:
         joint_names: names of the n joints, in the order of the columns.
         breakpoints: (m + 1,) increasing, in s; the first is 0.
         coefficients: (m, degree + 1, n), ascending powers, rad/s^k or m/s^k.
+
+    Raises:
+        ValueError: if shapes do not fit each other, a number is not finite, or the breakpoints do not increase from 0.
     """
 
     joint_names: tuple[str, ...]
     breakpoints: Array
     coefficients: Array
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joint_names", tuple(self.joint_names))
+        for name in ("breakpoints", "coefficients"):
+            array = np.array(getattr(self, name), dtype=float)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        problem = defect(self.joint_names, self.breakpoints, self.coefficients)
+        if problem is not None:
+            raise ValueError(f"{problem[0]}: found {problem[1]}; expected {problem[2]}")
+
+    @classmethod
+    def from_bspline(
+        cls, joint_names: Sequence[str], knots: Array, control_points: Array, degree: int
+    ) -> "Trajectory":
+        """The B-spline with these knots (N + degree + 1,) in s and control points (N, n), exactly; time starts at 0.
+
+        Raises:
+            ValueError: if sizes do not fit, the degree is not 1 to 7, or the spline's domain is empty.
+        """
+        breakpoints, coefficients = bspline.pieces(knots, control_points, degree)
+        return cls(tuple(joint_names), breakpoints - breakpoints[0], coefficients)
+
     @property
     def duration(self) -> float:
         """Length in time, s."""
         return float(self.breakpoints[-1])
 
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.coefficients.shape[2])
+
+    @cached_property
+    def start(self) -> Array:
+        """Configuration q(0), shape (n,), rad or m."""
+        return np.asarray(self(np.zeros(1))[0])
+
+    @cached_property
+    def end(self) -> Array:
+        """Configuration q(duration), shape (n,), rad or m."""
+        return np.asarray(self(np.array([self.duration]))[0])
+
+    def derivatives(self, order: int) -> Array:
+        """Local coefficients of a derivative: (m, max(degree - order, 0) + 1, n), ascending powers.
+
+        Raises:
+            ValueError: if the order is negative.
+        """
+        if order < 0:
+            raise ValueError(f"order: found {order}; expected 0 or more")
+        c = np.swapaxes(self.coefficients, 1, 2)
+        for _ in range(order):
+            c = polynomial.derivative(c)
+        return np.swapaxes(c, 1, 2)
+
     def __call__(self, t: Array, order: int = 0) -> Array:
-        """Derivative of the given order (0 to 3) at times t of shape (k,): array of shape (k, n)."""
-        raise NotImplementedError
+        """Derivative of the given order (0 to 3) at times t (k,), s: array (k, n), rad/s^order or m/s^order.
+
+        Raises:
+            ValueError: if a time is outside [0, duration] by more than 1e-9 s, or not a number.
+        """
+        t = np.atleast_1d(np.asarray(t, dtype=float))
+        if not ((t >= -_OUTSIDE) & (t <= self.duration + _OUTSIDE)).all():
+            raise ValueError(f"t: found [{t.min()}, {t.max()}]; expected times in [0, {self.duration}]")
+        piece = np.searchsorted(self.breakpoints[1:-1], t, side="right")
+        c = self._derivatives[order] if 0 <= order < 4 else self.derivatives(order)
+        local = (np.clip(t, 0.0, self.duration) - self.breakpoints[piece])[:, None]
+        value = c[piece, -1]
+        for k in range(c.shape[1] - 2, -1, -1):
+            value = value * local + c[piece, k]
+        return np.asarray(value)
 
     def extrema(self, order: int) -> tuple[Array, Array]:
-        """Exact minimum and maximum of a derivative over all time: two arrays of shape (n,)."""
-        raise NotImplementedError
+        """Exact minimum and maximum of a derivative over all time: two arrays of shape (n,), rad/s^order."""
+        e = self.extrema_at(order)
+        return e.low, e.high
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form that `from_dict` reproduces without loss."""
-        raise NotImplementedError
+    def extrema_at(self, order: int) -> Extrema:
+        """Exact extrema of a derivative over all time, from the roots of the next derivative, and their times."""
+        c = np.swapaxes(self.derivatives(order), 1, 2)  # (m, n, d + 1)
+        m, n, size = c.shape
+        h = np.diff(self.breakpoints)
+        unit = c * h[:, None, None] ** np.arange(size)
+        low, high, x_low, x_high = (a.reshape(m, n) for a in polynomial.unit_extrema(unit.reshape(m * n, size)))
+        i, k, j = low.argmin(axis=0), high.argmax(axis=0), np.arange(n)
+        t_low = self.breakpoints[i] + h[i] * x_low[i, j]
+        t_high = self.breakpoints[k] + h[k] * x_high[k, j]
+        return Extrema(low[i, j], high[k, j], t_low, t_high)
+
+    def jumps(self, order: int) -> Array:
+        """Discontinuity of a derivative at the m - 1 inner breakpoints, right minus left: (m - 1, n)."""
+        c = self.derivatives(order)
+        h = np.diff(self.breakpoints)[:-1, None]
+        left = polynomial.evaluate(np.swapaxes(c[:-1], 1, 2), h)
+        return np.asarray(c[1:, 0] - left)
+
+    def scaled(self, duration: float) -> "Trajectory":
+        """The same path in another duration, s: q'(t) = q(t T / duration), every derivative times (T / duration)^k.
+
+        Raises:
+            ValueError: if the duration is not positive and finite.
+        """
+        if not 0.0 < duration < np.inf:
+            raise ValueError(f"duration: found {duration}; expected a positive number of seconds")
+        rate = self.duration / duration
+        powers = rate ** np.arange(self.coefficients.shape[1])
+        return Trajectory(self.joint_names, self.breakpoints / rate, self.coefficients * powers[:, None])
+
+    def to_dict(self, rate: float | None = None) -> dict[str, Any]:
+        """JSON-ready form that `from_dict` reproduces without loss.
+
+        Args:
+            rate: if given, samples `t`, `q`, `v`, `a` at least this often, Hz, are added for other programs to read.
+        """
+        pieces = {"breakpoints": self.breakpoints.tolist(), "coefficients": self.coefficients.tolist()}
+        data: dict[str, Any] = {"joint_names": list(self.joint_names), "pieces": pieces}
+        if rate is not None:
+            t = np.linspace(0.0, self.duration, int(np.ceil(self.duration * rate)) + 1)
+            data |= {"t": t.tolist()} | {key: self(t, k).tolist() for k, key in enumerate("qva")}
+        return data
+
+    @classmethod
+    def from_dict(cls, data: Any, file: str = "trajectory") -> "Trajectory":
+        """Read what `to_dict` wrote; samples are ignored, the pieces are the motion.
+
+        Args:
+            data: parsed JSON.
+            file: name of the file for the message.
+
+        Raises:
+            InputError: naming the field that is missing, misshapen, not finite or out of order.
+        """
+        pieces = data.get("pieces") if isinstance(data, Mapping) else None
+        if not isinstance(pieces, Mapping):
+            raise InputError([Issue(file, None, "pieces", "nothing", "{breakpoints, coefficients}")])
+        names = data.get("joint_names")
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise InputError([Issue(file, None, "joint_names", repr(names), "a list of names")])
+        breakpoints = _numbers(pieces.get("breakpoints"), file, "pieces.breakpoints")
+        coefficients = _numbers(pieces.get("coefficients"), file, "pieces.coefficients")
+        problem = defect(tuple(names), breakpoints, coefficients)
+        if problem is not None:
+            field = problem[0] if problem[0] == "joint_names" else f"pieces.{problem[0]}"
+            raise InputError([Issue(file, None, field, *problem[1:])])
+        return cls(tuple(names), breakpoints, coefficients)
+
+    @cached_property
+    def _derivatives(self) -> tuple[Array, ...]:
+        return tuple(self.derivatives(order) for order in range(4))
+
+
+def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array) -> tuple[str, str, str] | None:
+    """What keeps these from being a Trajectory: (field, what was found, what was expected), or None."""
+    m, n = len(breakpoints) - 1 if breakpoints.ndim == 1 else 0, len(joint_names)
+    if m < 1:
+        return "breakpoints", f"shape {breakpoints.shape}", "two times or more"
+    if n < 1 or len(set(joint_names)) < n:
+        return "joint_names", f"{joint_names}", "one or more different names"
+    if coefficients.ndim != 3 or coefficients.shape[::2] != (m, n) or coefficients.shape[1] < 1:
+        expected = f"({m}, degree + 1, {n}) for {m} pieces and {n} joints"
+        return "coefficients", f"shape {coefficients.shape}", expected
+    if not np.isfinite(breakpoints).all():
+        return "breakpoints", f"{breakpoints[~np.isfinite(breakpoints)][0]}", "finite numbers"
+    if not np.isfinite(coefficients).all():
+        return "coefficients", f"{coefficients[~np.isfinite(coefficients)][0]}", "finite numbers"
+    if breakpoints[0] != 0.0:
+        return "breakpoints", f"first {breakpoints[0]}", "the first to be 0"
+    if not (np.diff(breakpoints) > 0).all():
+        i = int(np.argmin(np.diff(breakpoints)))
+        return "breakpoints", f"{breakpoints[i]} followed by {breakpoints[i + 1]}", "increasing times"
+    return None
+
+
+def _numbers(value: Any, file: str, field: str) -> Array:
+    expected = "nested lists of numbers, all rows of one length"
+    try:
+        array = np.array(value)
+    except ValueError:
+        raise InputError([Issue(file, None, field, "rows of different lengths", expected)]) from None
+    if array.dtype.kind not in "if":
+        found = "nothing" if value is None else "other things than numbers"
+        raise InputError([Issue(file, None, field, found, expected)])
+    return array.astype(float)

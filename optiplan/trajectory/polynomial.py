@@ -1,0 +1,114 @@
+"""Polynomials in one variable, many at once: values, derivatives, roots in [0, 1] and exact extrema.
+
+Coefficients ascend along the last axis: p(x) = sum_k c[..., k] x^k.
+"""
+
+import numpy as np
+
+from optiplan.arrays import Array
+
+_NEWTON_STEPS = 100
+
+
+def evaluate(coefficients: Array, x: Array) -> Array:
+    """p(x) by Horner's rule; `coefficients` (..., d + 1) and x (...) broadcast against each other."""
+    value = np.broadcast_to(coefficients[..., -1], np.broadcast_shapes(coefficients.shape[:-1], x.shape)).copy()
+    for k in range(coefficients.shape[-1] - 2, -1, -1):
+        value *= x
+        value += coefficients[..., k]
+    return value
+
+
+def derivative(coefficients: Array) -> Array:
+    """Coefficients (..., d) of p'; those of the zero polynomial, (..., 1), when p is constant."""
+    degree = coefficients.shape[-1] - 1
+    if degree == 0:
+        return np.zeros_like(coefficients)
+    return coefficients[..., 1:] * np.arange(1.0, degree + 1.0)
+
+
+def unit_roots(coefficients: Array) -> Array:
+    """Points of [0, 1] among which are all real roots there of N polynomials.
+
+    Roots of p separate at most once between neighbouring roots of p', so degree by degree each monotone stretch with a
+    change of sign is bracketed and solved by Newton's method kept inside its bracket. Nothing is divided by a leading
+    coefficient, which may vanish. Where a stretch has no root one of its ends is returned: harmless to whoever looks
+    for extrema, because both ends are candidates as well.
+
+    Args:
+        coefficients: (N, d + 1).
+
+    Returns:
+        (N, d) points; (N, 0) for constants.
+    """
+    degree = coefficients.shape[-1] - 1
+    if degree == 0:
+        return np.empty((len(coefficients), 0))
+    if degree == 1:
+        return _clip(_divide(-coefficients[:, :1], coefficients[:, 1:]))
+    if degree == 2:
+        return _quadratic(coefficients)
+    inner = np.sort(unit_roots(derivative(coefficients)), axis=1)
+    count = len(coefficients)
+    edges = np.concatenate([np.zeros((count, 1)), inner, np.ones((count, 1))], axis=1)
+    value = evaluate(coefficients[:, None, :], edges)
+    roots = edges[:, :-1].copy()
+    change = (value[:, :-1] < 0) != (value[:, 1:] < 0)
+    if change.any():
+        row, column = np.nonzero(change)
+        rising = value[row, column] < 0
+        roots[row, column] = _solve(coefficients[row], edges[row, column], edges[row, column + 1], rising)
+    return roots
+
+
+def unit_extrema(coefficients: Array) -> tuple[Array, Array, Array, Array]:
+    """Exact minimum and maximum over [0, 1] of N polynomials, (N, d + 1): lo, hi and where, x_lo, x_hi, each (N,)."""
+    count = len(coefficients)
+    inner = unit_roots(derivative(coefficients)) if coefficients.shape[-1] > 1 else np.empty((count, 0))
+    x = np.concatenate([np.zeros((count, 1)), np.ones((count, 1)), inner], axis=1)
+    value = evaluate(coefficients[:, None, :], x)
+    rows = np.arange(count)
+    low, high = value.argmin(axis=1), value.argmax(axis=1)
+    return value[rows, low], value[rows, high], x[rows, low], x[rows, high]
+
+
+def _clip(x: Array) -> Array:
+    """Into [0, 1]; what is not finite (no root at all) goes to an end."""
+    return np.clip(np.nan_to_num(x), 0.0, 1.0)
+
+
+def _divide(numerator: Array, denominator: Array) -> Array:
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return np.asarray(numerator / denominator)
+
+
+def _quadratic(c: Array) -> Array:
+    """Both roots without cancellation: s = -(b + sign(b) sqrt(b^2 - 4 a c)) / 2, roots s / a and c / s."""
+    scale = np.abs(c).max(axis=1)
+    scale[scale == 0.0] = 1.0
+    c = c / scale[:, None]
+    root = np.sqrt(np.maximum(c[:, 1] ** 2 - 4.0 * c[:, 2] * c[:, 0], 0.0))
+    s = -0.5 * (c[:, 1] + np.copysign(root, c[:, 1]))
+    return _clip(np.stack([_divide(s, c[:, 2]), _divide(c[:, 0], s)], axis=1))
+
+
+def _solve(c: Array, low: Array, high: Array, rising: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Array:
+    """The root of monotone polynomials c (N, d + 1) in their brackets, each (N,): Newton, else bisection."""
+    slope = derivative(c)
+    low, high = low.copy(), high.copy()
+    x = 0.5 * (low + high)
+    last = high - low
+    for _ in range(_NEWTON_STEPS):
+        value = evaluate(c, x)
+        left = (value < 0) == rising
+        low = np.where(left, x, low)
+        high = np.where(left, high, x)
+        step = _divide(-value, evaluate(slope, x))
+        new = x + step
+        bad = ~((new >= low) & (new <= high) & (np.abs(step) <= 0.5 * last))
+        new = np.where(bad, 0.5 * (low + high), new)
+        last = np.abs(new - x)
+        x = new
+        if last.max() <= 1e-15:
+            break
+    return x
