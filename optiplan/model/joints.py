@@ -1,0 +1,118 @@
+"""Which joints are planned, where the others stand, and the model reduced to the planned ones."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.errors import InputError
+from optiplan.model.robot_spec import RobotSpec
+from optiplan.model.urdf import ENDLESS, UrdfSource
+from optiplan.yaml_lines import Document
+from optiplan.yaml_words import choices
+
+MOVABLE = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """The robot with every joint fixed that is not planned; `locked` holds where those stand."""
+
+    model: pin.Model
+    geometry: pin.GeometryModel
+    visual: pin.GeometryModel
+    locked: Mapping[str, float]
+    notes: tuple[str, ...]
+
+
+def open_endless_limits(model: pin.Model) -> None:
+    """Replace the number that stands for infinity in the XML by infinity."""
+    model.lowerPositionLimit = np.where(model.lowerPositionLimit <= -ENDLESS, -np.inf, model.lowerPositionLimit)
+    model.upperPositionLimit = np.where(model.upperPositionLimit >= ENDLESS, np.inf, model.upperPositionLimit)
+
+
+def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, model: pin.Model) -> tuple[str, ...]:
+    """The planned joints, from base to tip: `group`, or all movable joints that follow no other.
+
+    Raises:
+        InputError: a name that is no joint, a joint that cannot be planned, another order than base to tip.
+    """
+    movable = [name for name in model.names if urdf.joint_types.get(name) in MOVABLE and name not in urdf.mimics]
+    place, group = _group(spec, document)
+    if group is None:
+        _refuse_wide_joints(list(urdf.joint_types), urdf)
+        if not movable:
+            raise InputError([document.issue((), f"a robot without movable joints in {urdf.path}", "at least one")])
+        return tuple(movable)
+    issues = []
+    for index, name in enumerate(group):
+        if name in movable:
+            continue
+        kind = "mimic" if name in urdf.mimics else urdf.joint_types.get(name)
+        found = f"unknown joint '{name}'" if kind is None else f"the {kind} joint '{name}', which cannot be planned"
+        issues.append(document.issue((*place, index), found, choices(name, movable)))
+    ordered = [name for name in movable if name in group]
+    if not issues and list(group) != ordered:
+        issues.append(document.issue(place, f"[{', '.join(group)}]", f"base-to-tip order: [{', '.join(ordered)}]"))
+    if not group:
+        issues.append(document.issue(place, "an empty list", "at least one joint"))
+    if issues:
+        raise InputError(issues)
+    return tuple(group)
+
+
+def _group(spec: RobotSpec, document: Document) -> tuple[tuple[str, ...], list[str] | None]:
+    if isinstance(spec.group, list):
+        return ("group",), spec.group
+    if spec.group is None:
+        return ("groups",), [name for names in spec.groups.values() for name in names] or None
+    if spec.group not in spec.groups:
+        found = f"unknown group '{spec.group}'"
+        raise InputError([document.issue(("group",), found, choices(spec.group, list(spec.groups)))])
+    return ("groups", spec.group), spec.groups[spec.group]
+
+
+def _refuse_wide_joints(names: Sequence[str], urdf: UrdfSource) -> None:
+    for name in names:
+        if urdf.joint_types[name] in ("floating", "planar"):
+            raise urdf.error(name, f"a {urdf.joint_types[name]} joint", "a `group` of joints that leaves it out")
+
+
+def reduce_to(
+    planned: Sequence[str],
+    wanted: Mapping[str, float],
+    urdf: UrdfSource,
+    full: tuple[pin.Model, pin.GeometryModel, pin.GeometryModel],
+) -> Reduced:
+    """Fix every joint but the planned ones: at `wanted`, or where it follows, or at zero moved into its limits."""
+    model = full[0]
+    notes: list[str] = []
+    reference = pin.neutral(model)
+    locked: dict[str, float] = {}
+    free = [name for name in model.names[1:] if name not in planned]
+    for name in free:
+        joint = model.joints[model.getJointId(name)]
+        if joint.nq == 1:
+            locked[name] = reference[joint.idx_q] = _rest(model, joint.idx_q, name, wanted.get(name), notes)
+    for name in (name for name in free if name in urdf.mimics and name not in wanted):
+        mimic = urdf.mimics[name]
+        value = mimic.multiplier * locked.get(mimic.source, 0.0) + mimic.offset
+        locked[name] = reference[model.joints[model.getJointId(name)].idx_q] = value
+        if mimic.source in planned:
+            notes.append(f"joint {name} follows the planned joint {mimic.source}; it is fixed at {value:g}")
+    for name in wanted:
+        if name in urdf.joint_types and not model.existJointName(name):
+            notes.append(f"joint {name} is fixed in the URDF and stands where the URDF puts it")
+    ids = [model.getJointId(name) for name in free]
+    small, (geometry, visual) = pin.buildReducedModel(model, list(full[1:]), ids, reference)
+    return Reduced(small, geometry, visual, locked, tuple(notes))
+
+
+def _rest(model: pin.Model, index: int, name: str, wanted: float | None, notes: list[str]) -> float:
+    lower, upper = float(model.lowerPositionLimit[index]), float(model.upperPositionLimit[index])
+    if wanted is None:
+        return min(max(0.0, lower), upper)
+    if not lower <= wanted <= upper:
+        notes.append(f"joint {name} is locked at {wanted:g}, beyond its own limits [{lower:g}, {upper:g}]; kept")
+    return float(wanted)

@@ -1,0 +1,78 @@
+"""Limits of the planned joints: those of the robot.yaml, else those of the URDF, else stated defaults."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.errors import InputError, Issue
+from optiplan.model.robot_spec import LimitsSpec
+from optiplan.yaml_lines import Document
+
+DEFAULTS = {"velocity": 1.0, "acceleration": 10.0, "jerk": 500.0, "torque": np.inf}
+UNITS = {"velocity": "rad/s", "acceleration": "rad/s²", "jerk": "rad/s³", "torque": "N·m"}
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Bounds of the planned joints, each of shape (n,), in rad or m and seconds; torque in N·m or N.
+
+    `lower` and `upper` are -inf and inf for joints that turn without end.
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    torque: Array
+
+
+def build_limits(spec: LimitsSpec, document: Document, model: pin.Model) -> tuple[Limits, list[str]]:
+    """Limits of the joints of a reduced model, and notes on every default that was taken.
+
+    Raises:
+        InputError: wrong sizes, values that are not positive.
+    """
+    issues: list[Issue] = []
+    notes: list[str] = []
+    names = list(model.names)[1:]
+    own = {"velocity": model.upperVelocityLimit, "torque": model.upperEffortLimit}
+    values: dict[str, Array] = {}
+    for key in DEFAULTS:
+        given = getattr(spec, key)
+        if given is None:
+            values[key] = _from_urdf(key, own.get(key), names, notes)
+        else:
+            values[key] = _from_yaml(key, given, document, issues, len(names))
+    if issues:
+        raise InputError(issues)
+    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+    stuck = [name for name, room in zip(names, upper - lower, strict=True) if room <= 0]
+    if stuck:
+        notes.append(f"the URDF's position limits leave no room to {', '.join(stuck)}")
+    return Limits(lower, upper, values["velocity"], values["acceleration"], values["jerk"], values["torque"]), notes
+
+
+def _from_yaml(key: str, given: float | list[float], document: Document, issues: list[Issue], n: int) -> Array:
+    listed = given if isinstance(given, list) else [given] * n
+    if len(listed) != n:
+        issues.append(document.issue(("limits", key), f"a list of {len(listed)} values", f"{n}, one a planned joint"))
+    for index, value in enumerate(listed):
+        if value <= 0:
+            place = ("limits", key, index) if isinstance(given, list) else ("limits", key)
+            issues.append(document.issue(place, f"{value:g}", "a number > 0"))
+    return np.array(listed, dtype=np.float64)
+
+
+def _from_urdf(key: str, own: Array | None, names: list[str], notes: list[str]) -> Array:
+    default = DEFAULTS[key]
+    values = np.full(len(names), default) if own is None else np.array(own, dtype=np.float64)
+    missing = np.ones(len(names), bool) if own is None else ~(np.isfinite(values) & (values > 0))
+    values[missing] = default
+    if missing.any():
+        which = "any joint" if missing.all() else ", ".join(name for name, no in zip(names, missing, strict=True) if no)
+        taken = "no limit" if np.isinf(default) else f"{default:g} {UNITS[key]}"
+        notes.append(f"no {key} limit is given for {which}: {taken} is taken")
+    return values

@@ -1,0 +1,53 @@
+"""SRDF files: pairs of links that need no check, and named states."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from optiplan.errors import InputError, Issue
+
+
+@dataclass(frozen=True)
+class Srdf:
+    """What OptiPlan uses of an SRDF: reasons of disabled pairs by (sorted) link names, states by name."""
+
+    disabled: Mapping[tuple[str, str], str]
+    states: Mapping[str, Mapping[str, float]]
+
+
+def link_pair(a: str, b: str) -> tuple[str, str]:
+    """The two names in order: the key of an unordered pair."""
+    return (a, b) if a < b else (b, a)
+
+
+def read_srdf(path: Path) -> Srdf:
+    """Read `disable_collisions` and `group_state` of an SRDF.
+
+    Raises:
+        InputError: a missing file or broken XML.
+    """
+    try:
+        root = ET.fromstring(path.read_bytes())
+    except OSError as error:
+        found = error.strerror or str(error)
+        raise InputError([Issue(str(path), None, "srdf", found, "a readable SRDF file")]) from error
+    except (ET.ParseError, ValueError, LookupError) as error:
+        line = error.position[0] if isinstance(error, ET.ParseError) else None
+        raise InputError([Issue(str(path), line, "srdf", str(error), "well-formed XML")]) from error
+    disabled = {
+        link_pair(item.get("link1", ""), item.get("link2", "")): item.get("reason") or "User"
+        for item in root.iter("disable_collisions")
+    }
+    return Srdf(disabled, dict(_states(root)))
+
+
+def _states(root: ET.Element) -> list[tuple[str, dict[str, float]]]:
+    states = []
+    for state in root.iter("group_state"):
+        try:
+            values = {joint.get("name", ""): float(joint.get("value", "")) for joint in state.iter("joint")}
+        except ValueError:  # joints of several values (floating bases) cannot be planned anyway
+            continue
+        states.append((state.get("name", ""), values))
+    return states

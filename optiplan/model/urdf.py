@@ -1,0 +1,171 @@
+"""URDF files, also messy ones, to pinocchio models.
+
+The XML is put in order before pinocchio reads it: mesh paths become absolute, visuals without a file are dropped,
+joints that turn without end become revolute ones without limits (so that nq = nv).
+"""
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pinocchio as pin
+
+from optiplan.errors import InputError, Issue
+
+ENDLESS = 1e30
+"""Stands for infinity in the XML, which has no word for it; replaced by inf in the pinocchio model."""
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A joint that follows another: q = multiplier · q_source + offset."""
+
+    source: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class UrdfSource:
+    """A URDF put in order."""
+
+    path: Path
+    xml: str
+    joint_types: dict[str, str]
+    mimics: dict[str, Mimic]
+    meshes: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+    def line(self, name: str) -> int | None:
+        """Line of the first element of that name in the file."""
+        text = self.path.read_text(encoding="utf-8", errors="replace")
+        match = re.search(rf"name\s*=\s*[\"']{re.escape(name)}[\"']", text)
+        return None if match is None else text.count("\n", 0, match.start()) + 1
+
+    def error(self, name: str, found: str, expected: str) -> InputError:
+        """An `InputError` about the element called `name`."""
+        return InputError([Issue(str(self.path), self.line(name), name, found, expected)])
+
+
+def read_urdf(path: Path, folder: Path) -> UrdfSource:
+    """Read a URDF whose meshes are looked for from its own folder and from `folder`, that of the robot.yaml.
+
+    Raises:
+        InputError: no URDF, or one that cannot be planned with; names link or joint and what was tried.
+    """
+    root = _parse(path)
+    notes: list[str] = []
+    finder = _MeshFinder(path, folder)
+    for link in root.iter("link"):
+        _settle_visuals(link, finder, notes)
+        _settle_collisions(link, finder)
+    joints = [joint for joint in root.findall("joint") if joint.find("parent") is not None]
+    types = {joint.get("name", ""): joint.get("type", "") for joint in joints}
+    mimics = dict(_mimics(joints))
+    for joint in joints:
+        _settle_joint(joint, path)
+    xml = ET.tostring(root, encoding="unicode")
+    return UrdfSource(path, xml, types, mimics, tuple(finder.collision), tuple(notes))
+
+
+def build_models(source: UrdfSource) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
+    """Pinocchio model, collision geometry and visual geometry of the whole robot.
+
+    Raises:
+        InputError: with the reason of the URDF parser or of the mesh reader.
+    """
+    try:
+        model = pin.buildModelFromXML(source.xml)
+        geometry = pin.buildGeomFromUrdfString(model, source.xml, pin.GeometryType.COLLISION)
+        visual = pin.buildGeomFromUrdfString(model, source.xml, pin.GeometryType.VISUAL)
+    except (ValueError, RuntimeError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError([Issue(str(source.path), None, "urdf", reason, "a URDF that pinocchio can read")]) from error
+    return model, geometry, visual
+
+
+def _parse(path: Path) -> ET.Element:
+    try:
+        root = ET.fromstring(path.read_bytes())
+    except OSError as error:
+        found = error.strerror or str(error)
+        raise InputError([Issue(str(path), None, "urdf", found, "a readable URDF file")]) from error
+    except (ET.ParseError, ValueError, LookupError) as error:
+        line = error.position[0] if isinstance(error, ET.ParseError) else None
+        raise InputError([Issue(str(path), line, "urdf", str(error), "well-formed XML")]) from error
+    if root.tag != "robot":
+        raise InputError([Issue(str(path), 1, "urdf", f"an XML file of <{root.tag}>", "a URDF, whose root is <robot>")])
+    return root
+
+
+class _MeshFinder:
+    """Turns the mesh names of a URDF into files."""
+
+    def __init__(self, urdf: Path, folder: Path) -> None:
+        self.urdf = urdf
+        self.collision: list[Path] = []
+        near = [folder.resolve(), urdf.resolve().parent]
+        self.roots = list(dict.fromkeys([*near, *(up for base in near for up in list(base.parents)[:3])]))
+
+    def candidates(self, name: str) -> list[Path]:
+        scheme, separator, rest = name.partition("://")
+        if not separator:
+            return [Path(name)] if Path(name).is_absolute() else [root / name for root in self.roots]
+        if scheme == "file":
+            return [Path(rest)]
+        inside = rest.partition("/")[2]
+        return [root / tail for root in self.roots for tail in (rest, inside) if tail]
+
+    def find(self, name: str) -> Path | None:
+        return next((path for path in self.candidates(name) if path.is_file()), None)
+
+
+def _settle_visuals(link: ET.Element, finder: _MeshFinder, notes: list[str]) -> None:
+    for visual in link.findall("visual"):
+        for mesh in visual.iter("mesh"):
+            found = finder.find(mesh.get("filename", ""))
+            if found is None:
+                link.remove(visual)
+                notes.append(f"link {link.get('name')}: visual mesh {mesh.get('filename')} is missing, not shown")
+                break
+            mesh.set("filename", str(found))
+
+
+def _settle_collisions(link: ET.Element, finder: _MeshFinder) -> None:
+    for collision in link.findall("collision"):
+        collision.attrib.pop("name", None)  # names come twice in messy files; pinocchio then makes its own
+        for mesh in collision.iter("mesh"):
+            name = mesh.get("filename", "")
+            found = finder.find(name)
+            if found is None:
+                tried = ", ".join(map(str, finder.candidates(name)))
+                message = f"collision mesh {name} is missing; tried {tried}"
+                raise InputError([Issue(str(finder.urdf), None, f"link {link.get('name')}", message, "a mesh file")])
+            finder.collision.append(found)
+            mesh.set("filename", str(found))
+
+
+def _mimics(joints: list[ET.Element]) -> Iterator[tuple[str, Mimic]]:
+    for joint in joints:
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+            yield joint.get("name", ""), Mimic(mimic.get("joint", ""), multiplier, offset)
+            joint.remove(mimic)
+
+
+def _settle_joint(joint: ET.Element, path: Path) -> None:
+    name, kind = joint.get("name", ""), joint.get("type", "")
+    limit = joint.find("limit")
+    if kind == "continuous":
+        joint.set("type", "revolute")
+        limit = ET.SubElement(joint, "limit") if limit is None else limit
+        limit.set("lower", str(-ENDLESS))
+        limit.set("upper", str(ENDLESS))
+    elif kind in ("revolute", "prismatic") and limit is None:
+        raise InputError([Issue(str(path), None, f"joint {name}", f"a {kind} joint without <limit>", "its limits")])
+    if limit is not None:
+        for key in ("effort", "velocity"):
+            limit.set(key, limit.get(key) or "0")
