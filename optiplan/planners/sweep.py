@@ -18,8 +18,8 @@ from optiplan.trajectory.trajectory import Trajectory
 Index = npt.NDArray[np.intp]
 
 Curve = Callable[[Array, Array], tuple[Array, Array]]
-"""(middles (N,), half widths (N,)) of intervals -> (Q (N, n), D (N, n)): the middle configurations and bounds on how far
-every joint moves away from them within the interval."""
+"""(middles (N,), half widths (N,)) of intervals -> (Q (N, n), D (N, n)): the middle configurations and bounds on how
+far every joint moves away from them within the interval."""
 
 _TOLERANCE = 2e-6  # m; coal's distances are good to 1e-6
 _MOST_CUTS = 12
@@ -56,11 +56,9 @@ def first_contact(
     Holds at: everywhere; None is a proof up to coal's tolerance. An interval shorter than `resolution` (s) that is
     neither proved free nor seen to touch counts as a touch.
     """
-    step = np.diff(trajectory.breakpoints)
-    parts = np.maximum(1, np.ceil(step / 0.02)).astype(int)
-    half = np.repeat(step / (2 * parts), parts)
-    middle = np.repeat(trajectory.breakpoints[:-1], parts) + half * np.concatenate([2 * np.arange(k) + 1 for k in parts])
-    return sweep(model, trajectory_curve(trajectory), middle, half, margin, resolution)
+    parts = np.ceil(np.diff(trajectory.breakpoints) / 0.02)
+    intervals = _subdivide(trajectory.breakpoints, parts)
+    return sweep(model, trajectory_curve(trajectory), intervals, margin, resolution)
 
 
 def trajectory_curve(trajectory: Trajectory) -> Curve:
@@ -83,22 +81,21 @@ def trajectory_curve(trajectory: Trajectory) -> Curve:
 def polyline_contact(model: CollisionModel, waypoints: Array, margin: float = 0.0) -> Touch | None:
     """Like `first_contact` for straight segments between waypoints (k, n); t is segment index plus fraction."""
     start, step = waypoints[:-1], np.diff(waypoints, axis=0)
-    parts = np.maximum(1, np.ceil(np.abs(step).sum(axis=1) / 0.1)).astype(int)
-    half = np.repeat(0.5 / parts, parts)
-    middle = np.repeat(np.arange(len(parts)), parts) + half * np.concatenate([2 * np.arange(k) + 1 for k in parts])
+    intervals = _subdivide(np.arange(len(waypoints)), np.ceil(np.abs(step).sum(axis=1) / 0.1))
 
     def curve(middle: Array, half: Array) -> tuple[Array, Array]:
         segment = np.floor(middle).astype(int)
         fraction = (middle - segment)[:, None]
         return start[segment] + fraction * step[segment], half[:, None] * np.abs(step[segment])
 
-    return sweep(model, curve, middle, half, margin, 1e-4)
+    return sweep(model, curve, intervals, margin, 1e-4)
 
 
 def sweep(
-    model: CollisionModel, curve: Curve, middle: Array, half: Array, margin: float, resolution: float
+    model: CollisionModel, curve: Curve, intervals: tuple[Array, Array], margin: float, resolution: float
 ) -> Touch | None:
-    """Earliest touch found on the intervals `middle` +- `half` (N,) of a curve, or None when all are proved free."""
+    """Earliest touch found on the intervals (middles (N,), half widths (N,)) of a curve, or None: all proved free."""
+    middle, half = intervals
     Q, D = curve(middle, half)
     if margin <= 0.0:  # a plain collision query is ten times cheaper than a proof: refuse early
         for t, q in zip(middle, Q, strict=True):
@@ -126,6 +123,14 @@ def sweep(
     return None
 
 
+def _subdivide(edges: Array, parts: Array) -> tuple[Array, Array]:
+    """Middles and half widths of the intervals between `edges` (m + 1,), each cut into `parts` (m,) equal ones."""
+    count = np.maximum(parts, 1).astype(int)
+    half = np.repeat(np.diff(edges) / (2.0 * count), count)
+    place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return np.repeat(edges[:-1], count) + (2 * place + 1) * half, half
+
+
 def _gaps(
     model: CollisionModel, Q: Array, rows: Index, pairs: Index, margin: float
 ) -> tuple[Array, tuple[int, Contact] | None]:
@@ -145,16 +150,14 @@ def _gaps(
     return gap, worst
 
 
-def _cut(
-    middle: Array, half: Array, rows: Index, pairs: Index, ratio: Array
-) -> tuple[Array, Array, Index, Index]:
+def _cut(middle: Array, half: Array, rows: Index, pairs: Index, ratio: Array) -> tuple[Array, Array, Index, Index]:
     """Cut every interval that is left into equal parts, as many as its neediest pair asks for."""
     used, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
     need = np.clip(np.ceil(np.maximum.reduceat(ratio, first) * 1.05), 2, _MOST_CUTS).astype(int)
     parent = np.repeat(np.arange(len(used)), need)
     place = np.arange(len(parent)) - np.repeat(np.cumsum(need) - need, need)
-    new_half = half[used][parent] / need[parent]
-    new_middle = middle[used][parent] - half[used][parent] + (2 * place + 1) * new_half
+    new_half = (half[used] / need)[parent]
+    new_middle = (middle - half)[used][parent] + (2 * place + 1) * new_half
     count = need[inverse]  # every pair goes to all children of its interval
     start = (np.cumsum(need) - need)[inverse]
     offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
