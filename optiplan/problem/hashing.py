@@ -1,0 +1,41 @@
+"""The identity of a problem: what a run was made from, wherever the files lie."""
+
+import copy
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from optiplan.model.robot import Robot
+
+
+def problem_hash(data: Mapping[str, Any], base: Path, robot: Robot) -> str:
+    """SHA-256, in hex, of a problem: its validated data, the bytes of its meshes and of its robot's files.
+
+    Where files lie and what they are called does not count, only what is in them.
+
+    Args:
+        data: the validated file as plain data; numbers as Python writes them, keys sorted.
+        base: folder that mesh files are relative to.
+        robot: as loaded for the problem.
+    """
+    content = copy.deepcopy(dict(data))
+    content["robot"] = [_digest(file) for file in robot.files]
+    content["locked"] = dict(robot.locked)
+    for mesh in meshes_of(content):
+        mesh["file"] = _digest(base / mesh["file"])
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def meshes_of(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """The `mesh` mappings of all shapes in the data of a problem, to be read or changed in place."""
+    scene = data.get("scene", {})
+    for body in (*scene.get("obstacles", ()), *scene.get("attached", ())):
+        if "mesh" in body["shape"]:
+            yield body["shape"]["mesh"]
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()

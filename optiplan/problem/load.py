@@ -1,0 +1,197 @@
+"""The way in: a problem file becomes a `Problem`, or every reason why it cannot."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.errors import InputError, Issue
+from optiplan.model.collision import CollisionModel, Contact
+from optiplan.model.robot import Limits, Robot, robot_names
+from optiplan.model.scene import Scene
+from optiplan.problem.compile import Compiler
+from optiplan.problem.draft import Draft, Part
+from optiplan.problem.hashing import meshes_of, problem_hash
+from optiplan.problem.problem import JointGoal, Objective, PoseGoal, Problem
+from optiplan.problem.spec import LimitsSpec, ProblemSpec
+from optiplan.yaml_lines import Document, Place, read_yaml, validate
+
+TOUCHING = 1e-12
+"""Bodies nearer than this, m, are in collision: contact itself is refused, rounding of a zero apart."""
+
+DECIDES_COLLISIONS = ("robot", "locked", "scene.allowed_collisions", "scene.attached")
+"""Where an issue stands in these fields, collisions found would be no news about the file."""
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """What a file gave: the problem if there are no issues."""
+
+    problem: Problem | None
+    issues: tuple[Issue, ...]
+
+
+def load_problem(path: Path | str, **overrides: Any) -> Problem:
+    """Read a problem file.
+
+    Args:
+        path: the YAML file; meshes and robot files are looked for beside it.
+        overrides: values that stand in for the file's at the top level, such as `seed=3` or `planner="quintic"`.
+
+    Raises:
+        InputError: the file cannot be used; holds every issue found, in file order.
+    """
+    document = read_yaml(path)
+    if overrides and isinstance(document.data, dict):
+        document = replace(document, data=document.data | overrides)
+    return _problem(_read(document, Path(path).resolve().parent))
+
+
+def problem_from_dict(data: Mapping[str, Any], base: Path | str = ".") -> Problem:
+    """A problem from the content of a problem file; numpy arrays and paths may stand for lists and text.
+
+    Also the inverse of `Problem.source`.
+
+    Args:
+        data: as in a file.
+        base: folder that meshes and robot files are relative to.
+
+    Raises:
+        InputError: as `load_problem`, without lines.
+    """
+    return _problem(_read(Document(Path("<problem>"), _plain(data), {}), Path(base).resolve()))
+
+
+def check_file(path: Path | str) -> list[Issue]:
+    """Everything that is wrong with a problem file, in file order; a part that does not fit hides no other."""
+    try:
+        document = read_yaml(path)
+    except InputError as error:
+        return list(error.issues)
+    return list(_read(document, Path(path).resolve().parent).issues)
+
+
+def _problem(reading: _Reading) -> Problem:
+    if reading.problem is None:
+        raise InputError(reading.issues)
+    return reading.problem
+
+
+def _read(document: Document, base: Path) -> _Reading:
+    spec, issues = _schema(document)
+    compiler = Compiler(document, base, Draft.of_data(document.data) if spec is None else Draft.of_spec(spec))
+    robot = compiler.robot()
+    scene = compiler.scene(robot)
+    start = goal = None
+    if robot is not None:
+        start, goal = compiler.start(robot), compiler.goal(robot)
+    issues += compiler.issues
+    if robot is not None and not any(issue.field.startswith(DECIDES_COLLISIONS) for issue in issues):
+        issues += _collisions(document, CollisionModel(robot, scene), compiler.draft, start, goal or [])
+    if issues or spec is None or robot is None or start is None or goal is None:
+        return _Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
+    ends = tuple(part.value for part in goal)
+    return _Reading(_assemble(spec, document, base, (robot, scene, start, ends)), ())
+
+
+def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:
+    try:
+        return validate(ProblemSpec, document), []
+    except InputError as error:
+        return None, list(error.issues)
+
+
+def _assemble(
+    spec: ProblemSpec,
+    document: Document,
+    base: Path,
+    parts: tuple[Robot, Scene, Array, tuple[JointGoal | PoseGoal, ...]],
+) -> Problem:
+    robot, scene, start, goal = parts
+    data = spec.model_dump(mode="json", exclude_none=True)
+    data["name"] = spec.name or document.path.stem.strip("<>")
+    source = spec.model_dump(mode="json", exclude_none=True) | {"name": data["name"]}
+    if spec.robot not in robot_names():
+        source["robot"] = str(robot.source)
+    for mesh in meshes_of(source):
+        mesh["file"] = str((base / mesh["file"]).resolve())
+    return Problem(
+        name=data["name"],
+        robot=robot,
+        scene=scene,
+        start=start,
+        goal=goal,
+        limits=_scaled(robot.limits, spec.limits),
+        objective=Objective(spec.objective.time, spec.objective.jerk),
+        planner=spec.planner.name,
+        options=dict(spec.planner.model_extra or {}),
+        seed=spec.seed,
+        source=source,
+        hash=problem_hash(data, base, robot),
+    )
+
+
+def _scaled(limits: Limits, fractions: LimitsSpec) -> Limits:
+    return replace(
+        limits,
+        velocity=limits.velocity * fractions.velocity,
+        acceleration=limits.acceleration * fractions.acceleration,
+        jerk=limits.jerk * fractions.jerk,
+        torque=limits.torque * fractions.torque,
+    )
+
+
+def _collisions(
+    document: Document,
+    model: CollisionModel,
+    draft: Draft,
+    start: Array | None,
+    goal: Sequence[Part[JointGoal | PoseGoal]],
+) -> list[Issue]:
+    """The start in collision, or every alternative of the goal."""
+    issues = []
+    cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
+    if start is not None and draft.start is not None:
+        found = _touching(model, start)
+        if found:
+            place = (*draft.start.place, draft.start.value.kind)
+            issues.append(document.issue(place, f"the start is in collision: {found}", cure))
+    hits: list[tuple[Place, str]] = []
+    for part in goal:
+        if isinstance(part.value, JointGoal):
+            found = _touching(model, part.value.q)
+            if found:
+                hits.append((part.place, found))
+    if len(hits) == len(draft.goal):
+        issues += [document.issue(place, f"the goal is in collision: {found}", cure) for place, found in hits]
+    return issues
+
+
+def _touching(model: CollisionModel, q: Array) -> str:
+    """The bodies that touch at q, the deepest first, in words; empty when none do."""
+    contacts = sorted(model.contacts(q, TOUCHING), key=lambda contact: contact.distance)
+    nearest = model.clearance(q) if not contacts and model.collides(q) else None
+    contacts += [] if nearest is None else [nearest]  # touching by one query of coal, a rounding apart by the other
+    words = [_depth(contact) for contact in contacts[:3]]
+    rest = len(contacts) - len(words)
+    return "; ".join(words) + (f"; and {rest} more pairs" if rest else "")
+
+
+def _depth(contact: Contact) -> str:
+    names = f"'{contact.pair.name_a}' and '{contact.pair.name_b}'"
+    depth = max(0.0, -contact.distance) * 1e3
+    return f"{names} overlap by {depth:.3g} mm" if depth >= 1e-3 else f"{names} touch"
+
+
+def _plain(value: Any) -> Any:
+    """Lists, mappings, numbers and text, as a YAML file would give them."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, Path) else value

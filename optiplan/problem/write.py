@@ -1,0 +1,55 @@
+"""Problem files as text, written in one stroke."""
+
+import json
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+PLAIN_TEXT = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")
+NOT_TEXT = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"}
+"""Words that some YAML version reads as something other than text."""
+
+
+def problem_text(data: Mapping[str, Any], comment: str = "") -> str:
+    """A problem as YAML 1.2, one line a key and one a body, floats in full: reading it gives `data` again.
+
+    Args:
+        data: plain data with text keys.
+        comment: lines for the head of the file.
+    """
+    lines = [f"# {line}" for line in comment.splitlines()]
+    for key, value in data.items():
+        if key == "scene":
+            lines.append("scene:")
+            for group, bodies in value.items():
+                lines.append(f"  {group}:" + ("" if bodies else " []"))
+                lines += [f"    - {_flow(body)}" for body in bodies]
+        else:
+            lines.append(f"{key}: {_flow(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file so that it is never seen half-written; missing folders are made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_flow(key)}: {_flow(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_flow, value)) + "]"
+    if isinstance(value, str) and PLAIN_TEXT.fullmatch(value) and value.lower() not in NOT_TEXT:
+        return value
+    escape = (
+        isinstance(value, str) and not value.isprintable()
+    )  # YAML knows no escapes of two halves, as JSON writes 😀
+    return json.dumps(value, allow_nan=False, ensure_ascii=escape)
