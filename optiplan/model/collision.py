@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.model.bounds import PairBounds
+from optiplan.model.bounds import Index, PairBounds
 from optiplan.model.robot import Robot
 from optiplan.model.scene import Scene
 from optiplan.model.shapes import build_geometry
@@ -110,7 +110,7 @@ class CollisionModel:
         """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j: Q and D (N, n), result (N, P)."""
         return self.bounds.travel(Q, D)
 
-    def gradients(self, Q: Array, rows: Array, contacts: list[Contact]) -> Array:
+    def gradients(self, Q: Array, rows: Index, contacts: list[Contact]) -> Array:
         """Gradient of each contact's distance with respect to q: (K, n), m/rad or m/m.
 
         Contact k was found at configuration Q[rows[k]]. For normal n and witness points a, b fixed to their bodies,

@@ -1,0 +1,85 @@
+"""One attempt: from control points to a trajectory that is free between samples too, or not."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.model.collision import CollisionModel
+from optiplan.planners.base import Budget
+from optiplan.planners.sweep import Touch, first_contact
+from optiplan.planners.torque import torque_scale
+from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.spline import DEGREE, SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.sqp import optimise
+from optiplan.planners.trajopt.transcription import Margins, Transcription
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.timing import speed_ratio
+from optiplan.trajectory.trajectory import Trajectory
+
+HOPELESS = 0.05
+"""Missing clearance summed over the samples, m, above which an attempt is given up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """What came of a seed: the trajectory, where it still touches (None: free), and the work done."""
+
+    trajectory: Trajectory
+    touch: Touch | None
+    iterations: int
+    rounds: int
+
+
+class Optimiser:
+    """Optimises curves of one problem from any seed; what depends only on the problem is built once."""
+
+    def __init__(self, problem: Problem, model: CollisionModel, options: TrajOptOptions, budget: Budget) -> None:
+        self.problem, self.model, self.options, self.budget = problem, model, options, budget
+        self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
+
+    def run(self, seed: Callable[[SplineBasis], Array]) -> Attempt | None:
+        """Optimise, look between the samples, add samples where bodies touch there, and again; None if hopeless."""
+        control = seed(self.basis)
+        transcription = Transcription(self.problem, self.model, self.basis, self._margins(control))
+        u = np.linspace(0.0, 1.0, self.options.samples + 2)[1:-1]
+        iterations = 0
+        for round_ in range(1, self.options.refinements + 2):
+            transcription.set_samples(u)
+            left = self.options.iterations - iterations
+            point, used = optimise(transcription, self.options.solver, control, left, lambda: self.budget.over)
+            iterations += used
+            control = point.control
+            if point.contacts.violation() > HOPELESS:
+                return None
+            trajectory = self.timed(control, point.duration)
+            if trajectory is None:
+                return None
+            touch = first_contact(self.model, trajectory)
+            if touch is None or self.budget.over or iterations >= self.options.iterations:
+                break
+            u = np.concatenate([transcription.u, _around(transcription.u, touch.t / trajectory.duration)])
+        return Attempt(trajectory, touch, iterations, round_)
+
+    def timed(self, control: Array, duration: float) -> Trajectory | None:
+        """The curve at the least duration at which exact extrema and torques hold; None if gravity alone is too much."""
+        names = self.problem.robot.joint_names
+        trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
+        trajectory = trajectory.scaled(duration * speed_ratio(trajectory, self.problem.limits) * (1.0 + 1e-9))
+        slower = torque_scale(self.problem.robot, self.problem.limits.torque, trajectory)
+        if not np.isfinite(slower):
+            return None
+        return trajectory.scaled(trajectory.duration * slower)
+
+    def _margins(self, control: Array) -> Margins:
+        ends = [self.model.clearance(q) for q in (control[0], control[-1])]
+        start, end = (np.inf if c is None else 0.6 * c.distance for c in ends)
+        return Margins(min(start, self.options.margin), self.options.margin, min(end, self.options.margin))
+
+
+def _around(u: Array, where: float) -> Array:
+    """New samples at `where` and half-way to both neighbours of it among u (N,)."""
+    place = int(np.searchsorted(u, where))
+    low, high = (u[place - 1] if place else 0.0), (u[place] if place < len(u) else 1.0)
+    return np.array([0.5 * (low + where), where, 0.5 * (where + high)])

@@ -1,0 +1,160 @@
+"""What a curve costs and violates at its samples, and how that changes with the control points."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+import scipy.sparse as sp
+
+from optiplan.arrays import Array
+from optiplan.model.collision import CollisionModel, Contact
+from optiplan.planners.trajopt.spline import FIXED, SplineBasis
+from optiplan.problem.problem import Problem
+
+CUTOFF = 0.06
+"""Pairs nearer than this, m, get a row in the quadratic program."""
+
+TORQUE_SHARE = 0.6
+"""Torques above this share of their limit get a row."""
+
+
+@dataclass(frozen=True, eq=False)
+class SoftRows:
+    """Linearised inequalities g_k + dg_k >= 0 at samples of the curve, one slack a sample.
+
+    Attributes:
+        sample: (K,) sample of each row.
+        value: (K,) g_k: m for contacts, share of the limit for torques.
+        by_control: (K, M n) derivative with respect to the free control points, joint by joint.
+        by_duration: (K,) derivative with respect to T.
+    """
+
+    sample: npt.NDArray[np.intp]
+    value: Array
+    by_control: Array
+    by_duration: Array
+
+    @classmethod
+    def none(cls, free: int) -> "SoftRows":
+        """No rows, for `free` = M n variables."""
+        return cls(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, free)), np.zeros(0))
+
+    def violation(self) -> float:
+        """Sum over the samples of the worst shortfall of each."""
+        if not len(self.value):
+            return 0.0
+        worst = np.zeros(int(self.sample.max()) + 1)
+        np.maximum.at(worst, self.sample, -self.value)
+        return float(worst.sum())
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Clearance, m, aimed at along the curve: `middle`, but not more than the ends themselves allow near the ends."""
+
+    start: float
+    middle: float
+    end: float
+
+    def at(self, u: Array) -> Array:
+        """Margin at fractions u (N,) of the duration: grows from each end to `middle` within a fifth of the curve."""
+        rise = 5.0 * self.middle
+        return np.minimum(self.middle, np.minimum(self.start + rise * u, self.end + rise * (1.0 - u)))
+
+
+class JerkCost(NamedTuple):
+    """Cost and its derivatives: `hessian` (n M, n M) sparse and `gradient` (n M,) by the free control points."""
+
+    cost: float
+    hessian: sp.csc_matrix
+    gradient: Array
+    by_duration: float
+
+
+class Transcription:
+    """A problem as functions of control points C (K, n) and duration T, at chosen samples of u.
+
+    Collision rows: d + grad d . (B dC) - margin, from coal's witness points, exact shapes. Torque rows:
+    1 -+ tau / limit, with pinocchio's analytic derivatives of inverse dynamics. Holds at: samples; what happens between
+    them is found by the sweep, which adds samples.
+    """
+
+    def __init__(self, problem: Problem, model: CollisionModel, basis: SplineBasis, margins: Margins) -> None:
+        self.basis, self.model, self.margins = basis, model, margins
+        self.limits = problem.limits
+        self.bounds = (problem.limits.velocity, problem.limits.acceleration, problem.limits.jerk)
+        self.objective = problem.objective
+        self._pin = problem.robot.model
+        self._data = self._pin.createData()
+        self._limited = np.flatnonzero(np.isfinite(problem.limits.torque))
+        self.u = np.zeros(0)
+
+    def set_samples(self, u: Array) -> None:
+        """Instants, as fractions of the duration, at which contacts and torques are looked at."""
+        self.u = np.unique(u)
+        self._at = [self.basis.at(self.u, order) for order in range(3)]
+        self._margin = self.margins.at(self.u)
+
+    def contacts(self, control: Array) -> SoftRows:
+        """Rows of all pairs nearer than the cutoff."""
+        Q = self._at[0] @ control
+        candidates = self.model.lower_bounds(Q) < CUTOFF
+        rows: list[int] = []
+        found: list[Contact] = []
+        for row in np.flatnonzero(candidates.any(axis=1)):
+            self.model.place(Q[row])
+            for pair in np.flatnonzero(candidates[row]):
+                contact = self.model.pair_distance(int(pair))
+                if contact.distance < CUTOFF:
+                    rows.append(int(row))
+                    found.append(contact)
+        sample = np.array(rows, dtype=np.intp)
+        value = np.array([contact.distance for contact in found]) - self._margin[sample]
+        by_control = self._spread(self.model.gradients(Q, sample, found), self._at[0][sample])
+        return SoftRows(sample, value, by_control, np.zeros(len(sample)))
+
+    def jerk_cost(self, control: Array, duration: float) -> JerkCost:
+        """The cost w * (integral of squared jerk) = w T^-5 C' H C, with w from the objective."""
+        joints, free = control.shape[1], self.basis.free
+        scale = self.objective.jerk * duration**-5
+        push = self.basis.jerk_gram @ control
+        cost = scale * float(np.sum(control * push))
+        hessian = sp.block_diag([2.0 * scale * self.basis.jerk_gram[free, free]] * joints, format="csc")
+        return JerkCost(cost, hessian, 2.0 * scale * push[free].T.ravel(), -5.0 * cost / duration)
+
+    def torques(self, control: Array, duration: float) -> SoftRows:
+        """Rows 1 - |tau_j| / limit_j >= 0 of all joints and samples above `TORQUE_SHARE` of the limit."""
+        free = (self.basis.size - 2 * FIXED) * control.shape[1]
+        if not len(self._limited):
+            return SoftRows.none(free)
+        Q, V, A = (matrix @ control / duration**order for order, matrix in enumerate(self._at))
+        limit = self.limits.torque[self._limited]
+        sample, value, by_control, by_duration = [], [], [], []
+        for k in range(len(Q)):
+            share = pin.rnea(self._pin, self._data, Q[k], V[k], A[k])[self._limited] / limit
+            hot = np.flatnonzero(np.abs(share) > TORQUE_SHARE)
+            if not len(hot):
+                continue
+            joints, scale = self._limited[hot], -np.sign(share[hot]) / limit[hot]
+            tau_q, tau_v, tau_a = (m[joints] * scale[:, None] for m in self._derivatives(Q[k], V[k], A[k]))
+            sample += [k] * len(hot)
+            value += list(1.0 - np.abs(share[hot]))
+            by_duration += list(-(tau_v @ V[k] + 2.0 * tau_a @ A[k]) / duration)
+            basis = [matrix[k] / duration**order for order, matrix in enumerate(self._at)]
+            total = sum(np.einsum("rj,m->rjm", g, b) for g, b in zip((tau_q, tau_v, tau_a), basis, strict=True))
+            by_control.append(total[:, :, self.basis.free].reshape(len(hot), -1))
+        if not sample:
+            return SoftRows.none(free)
+        return SoftRows(np.array(sample, dtype=np.intp), np.array(value), np.vstack(by_control), np.array(by_duration))
+
+    def _derivatives(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+        pin.computeRNEADerivatives(self._pin, self._data, q, v, a)
+        mass = np.triu(self._data.M) + np.triu(self._data.M, 1).T
+        return self._data.dtau_dq, self._data.dtau_dv, mass
+
+    def _spread(self, gradient: Array, basis: Array) -> Array:
+        """Chain rule q = B C: from d/dq (K, n) to d/dC of the free control points, joint by joint (K, n M)."""
+        product = gradient[:, :, None] * basis[:, None, self.basis.free]
+        return np.asarray(product.reshape(len(gradient), product.shape[1] * product.shape[2]))
