@@ -14,7 +14,8 @@ from optiplan.planners.search import Search, SearchOptions, rrt_connect
 from optiplan.planners.shortcut import path_time, shorten
 from optiplan.planners.sweep import Touch, contact_witness, polyline_contact
 
-_FINEST = 1e-3  # rad or m; steps are not refined below
+_FINEST = 0.0125  # rad or m; the step is not halved below: blocked places do the rest
+_DETOUR_ITERATIONS = 100
 _DETOUR = 0.02  # rad or m (2-norm): how far to stay from a place where the proof failed
 
 
@@ -86,26 +87,23 @@ class _Sampler:
 
     def run(self, start: Array, goals: Array) -> Array | Search:
         """Proved waypoints (k, n), or the search that failed."""
-        if self._check.free(start, goals[0]):  # the best goal lies straight ahead
-            path = np.array([start, goals[0]])
-        else:
-            search = self._search(start, goals)
-            if search.path is None:
-                return search
-            path = search.path
+        straight = self._check.free(start, goals[0])  # the best goal lies straight ahead
+        path = np.array([start, goals[0]]) if straight else None
         while True:
+            if path is None:
+                search = self._search(start, goals)
+                if search.path is None:
+                    return search
+                path = search.path
             path = self._shorten(path)
             touch = polyline_contact(self._model, path)
             if touch is None:
                 return path
-            repaired = self._go_around(path, touch)
-            if isinstance(repaired, Search):
-                return repaired
-            path = repaired
+            path = self._go_around(path, touch)
 
-    def _search(self, start: Array, goals: Array) -> Search:
+    def _search(self, start: Array, goals: Array, iterations: int | None = None) -> Search:
         seed = int(self._rng.integers(1, 2**31))
-        options = SearchOptions(self._options.reach, seed)
+        options = SearchOptions(self._options.reach, seed, iterations)
         search = rrt_connect(self._check, (start, goals), self._limits, self._options.budget, options)
         self.info["states"] += len(search.start_tree) + len(search.goal_tree)
         return search
@@ -114,7 +112,8 @@ class _Sampler:
         draws = self._rng.uniform(size=(self._options.attempts, 3))
         return shorten(self._check, path, self._limits.velocity, draws, self._options.budget)
 
-    def _go_around(self, path: Array, touch: Touch) -> Array | Search:
+    def _go_around(self, path: Array, touch: Touch) -> Array | None:
+        """The path with a detour, or None where a short search finds none: then begin afresh."""
         self.info["repairs"] += 1
         self._check.step = max(self._check.step / 2.0, _FINEST)
         radius = min(_DETOUR, 0.5 * float(np.linalg.norm(path[[0, -1]] - touch.q, axis=1).min()))
@@ -122,9 +121,9 @@ class _Sampler:
         outside = np.linalg.norm(path - touch.q, axis=1) >= radius
         edge, indices = int(touch.t), np.arange(len(path))
         before, after = indices[outside & (indices <= edge)][-1], indices[outside & (indices > edge)][0]
-        search = self._search(path[before], path[after][None])
+        search = self._search(path[before], path[after][None], _DETOUR_ITERATIONS)
         if search.path is None:
-            return search
+            return None
         return np.vstack([path[:before], search.path, path[after + 1 :]])
 
 

@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -32,10 +33,11 @@ class Search:
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """`reach`: longest tree edge in s at full joint speed (2-norm over joints); `seed` > 0."""
+    """`reach`: longest tree edge in s at full joint speed (2-norm over joints); `seed` > 0; most `iterations`."""
 
     reach: float
     seed: int
+    iterations: int | None = None
 
 
 def rrt_connect(
@@ -58,7 +60,8 @@ def rrt_connect(
         planner.setRange(options.reach)
         planner.setProblemDefinition(problem)
         planner.setup()
-        planner.solve(base.PlannerTerminationCondition(lambda: budget.over))
+        turns = count() if options.iterations is None else iter(range(options.iterations))
+        planner.solve(base.PlannerTerminationCondition(lambda: budget.over or next(turns, None) is None))
         return _collect(planner, problem, information, ends, limits)
     finally:
         _OMPL.release()

@@ -81,7 +81,7 @@ def trajectory_curve(trajectory: Trajectory) -> Curve:
 def polyline_contact(model: CollisionModel, waypoints: Array, margin: float = 0.0) -> Touch | None:
     """Like `first_contact` for straight segments between waypoints (k, n); t is segment index plus fraction."""
     start, step = waypoints[:-1], np.diff(waypoints, axis=0)
-    intervals = _subdivide(np.arange(len(waypoints)), np.ceil(np.abs(step).sum(axis=1) / 0.1))
+    intervals = _subdivide(np.arange(len(waypoints), dtype=float), np.ceil(np.abs(step).sum(axis=1) / 0.1))
 
     def curve(middle: Array, half: Array) -> tuple[Array, Array]:
         segment = np.floor(middle).astype(int)
