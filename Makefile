@@ -1,0 +1,72 @@
+# make demo   plan a shelf problem and look at it      make test   everything that is tested
+# The only thing needed beforehand: Python >= 3.11 (PYTHON=python3.12 make demo picks one).
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+
+VENV ?= .venv
+BIN := $(VENV)/bin
+PYTHON ?= $(firstword $(foreach p,python3 python3.13 python3.12 python3.11,$(shell $(p) -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $(p))))
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
+RUN := $(VENV)/.run-stamp
+TEST := $(VENV)/.test-stamp
+DEV := $(VENV)/.dev-stamp
+DEMO_PROBLEM ?= 02_shelf
+PORT ?= 0
+export OMP_NUM_THREADS ?= 1
+
+.PHONY: help demo test lint format clean
+
+help: ## this list
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
+
+demo: $(RUN) ## plan a shelf problem, print the report, serve the viewer (DEMO_EXIT=1 writes demo/*.html and ends)
+	$(BIN)/optiplan plan $(DEMO_PROBLEM) --out demo/run
+ifeq ($(DEMO_EXIT),1)
+	$(BIN)/optiplan view demo/run --export demo/view.html
+	$(BIN)/optiplan view demo/run --export demo/screenshot.html --at 0.5
+	@echo "open demo/view.html in a browser; demo/screenshot.html stands still, ready for a picture"
+else
+	$(BIN)/optiplan view demo/run --port $(PORT)
+endif
+
+test: $(TEST) ## every test, with the coverage gate of 90 % of lines
+	$(BIN)/python -m pytest -n $${TEST_WORKERS:-2} --dist loadfile --cov=optiplan --cov-report=term:skip-covered --cov-fail-under=90
+
+lint: $(DEV) ## ruff and mypy --strict
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: $(DEV) ## let ruff lay out the code
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean: ## remove what make has made
+	rm -rf $(VENV) build dist demo *.egg-info .coverage*
+
+$(BIN)/python:
+	@if [ -z "$(PYTHON)" ]; then echo "Python >= 3.11 is needed; name one with PYTHON=/path/to/python" >&2; exit 1; fi
+	@echo "making $(VENV) with $$($(PYTHON) --version)"
+	@if ! $(PYTHON) -m venv $(VENV); then \
+	  rm -rf $(VENV); \
+	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	    apt-get update -qq && apt-get install -y -qq python3-venv && $(PYTHON) -m venv $(VENV); \
+	  else echo "$(PYTHON) has no working venv module (on Debian: apt-get install python3-venv)" >&2; exit 1; fi; fi
+
+$(RUN): pyproject.toml setup.py constraints.txt | $(BIN)/python
+	@echo "installing optiplan and its libraries (about 250 MB at the first time)"
+	$(PIP) --editable .
+	@touch $@
+
+$(TEST): $(RUN)
+	$(PIP) --editable '.[test]'
+	@if command -v chromium chromium-browser google-chrome >/dev/null; then :; \
+	 elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	   apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium; \
+	 else echo "no chromium found: the browser tests will be skipped (on Debian: apt-get install chromium)" >&2; fi
+	@touch $@
+
+$(DEV): $(RUN)
+	$(PIP) --editable '.[dev]'
+	@touch $@

@@ -1,0 +1,47 @@
+"""`optiplan check`: everything that is wrong with problem files, at once."""
+
+from typing import Annotated
+
+import typer
+
+from optiplan.cli.files import find_problem
+from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
+from optiplan.errors import InputError, Issue
+
+
+def check(
+    files: Annotated[list[str], typer.Argument(metavar="FILE…", help="problem files, or names of examples")],
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+) -> int:
+    """Find everything that is wrong with problem files: each issue with its file, line, and what would be valid.
+
+    Checks keys, units and sizes, that robots and meshes exist, limits, and that the start touches nothing.
+
+    [bold]Example[/]
+
+      optiplan check problems/*.yaml
+
+    Exit code: 0 all can be planned · 2 something is wrong.
+    """
+    with stdout_is_ours():
+        found = {file: _issues(file) for file in files}
+    bad = any(found.values())
+    if as_json:
+        rows = [{"file": file, "issues": [vars(issue) for issue in issues]} for file, issues in found.items()]
+        print_json({"ok": not bad, "files": rows, "exit_code": int(Exit.BAD_INPUT if bad else 0)})
+        return Exit.BAD_INPUT if bad else 0
+    for file, issues in found.items():
+        if not issues:
+            results().print(f"{file}: [green]ok[/]", soft_wrap=True)
+        for issue in issues:
+            print_error(str(issue))
+    return Exit.BAD_INPUT if bad else 0
+
+
+def _issues(file: str) -> list[Issue]:
+    from optiplan.problem.load import check_file
+
+    try:
+        return check_file(find_problem(file))
+    except InputError as error:
+        return list(error.issues)

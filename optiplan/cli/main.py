@@ -1,0 +1,92 @@
+"""The program `optiplan`: its commands, and what becomes of errors."""
+
+import os
+import signal
+import sys
+import tempfile
+import traceback
+from collections.abc import Sequence
+
+import typer
+
+from optiplan.cli import check, importing, plan, planners, robots, verify, view
+from optiplan.cli.output import Exit, print_error, print_json, report_error
+from optiplan.errors import OptiPlanError
+
+HELP = """One YAML file in, one trajectory out that is [bold]proved[/] collision-free and within limits.
+
+Try [cyan]optiplan plan 01_reach[/], then [cyan]optiplan plan 02_shelf --view[/]: both are examples that come along.
+Every command takes --help.
+
+Exit codes: 0 verified · 2 bad input · 3 no plan found within the budget · 4 found but not verified.
+"""
+
+app = typer.Typer(
+    name="optiplan",
+    help=HELP,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("plan")(plan.plan)
+app.command("verify")(verify.verify)
+app.command("view")(view.view)
+app.command("check")(check.check)
+app.add_typer(robots.app, name="robots")
+app.command("planners")(planners.planners)
+app.add_typer(importing.app, name="import")
+
+
+def main() -> None:
+    """Run the program on the arguments of this process and end it.
+
+    Ctrl-C ends the process at once, even inside a solver: the system's own handler needs no turn of the interpreter.
+    Nothing is lost by that, since files only ever appear whole.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command and return its exit code; no exception leaves, unless OPTIPLAN_DEBUG is set."""
+    as_json = "--json" in arguments
+    try:
+        return int(app(list(arguments) or ["--help"], prog_name="optiplan", standalone_mode=False) or 0)
+    except typer.TyperException as error:  # the command line itself is wrong
+        return _usage(error, as_json)
+    except OptiPlanError as error:
+        report_error(error, as_json)
+        return Exit.BAD_INPUT
+    except BrokenPipeError:  # the reader of our output has gone: nothing left to say, not even at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return Exit.BUG
+    except KeyboardInterrupt:
+        return 130
+    except Exception as error:
+        if os.environ.get("OPTIPLAN_DEBUG"):
+            raise
+        return _bug(error, as_json)
+
+
+def _usage(error: typer.TyperException, as_json: bool) -> int:
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "optiplan"
+    if as_json:
+        print_json({"error": error.format_message(), "issues": [], "exit_code": int(Exit.BAD_INPUT)})
+    else:
+        print_error(f"{command}: {error.format_message()}\nsee: {command} --help")
+    return Exit.BAD_INPUT
+
+
+def _bug(error: Exception, as_json: bool) -> int:
+    """Something that must not happen: one line for the person, the traceback in a file for whoever mends it."""
+    handle, path = tempfile.mkstemp(prefix="optiplan-", suffix=".log")
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        traceback.print_exception(error, file=file)
+    text = f"internal error, please report it: {type(error).__name__}: {error} (traceback in {path})"
+    if as_json:
+        print_json({"error": text, "issues": [], "exit_code": int(Exit.BUG)})
+    else:
+        print_error(f"optiplan: {text}")
+    return Exit.BUG

@@ -1,0 +1,77 @@
+"""What commands say and where: results on stdout, everything else on stderr, exit codes as documented."""
+
+import json
+import os
+import signal
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from enum import IntEnum
+from typing import Any
+
+from rich.console import Console
+
+from optiplan.errors import InputError, OptiPlanError
+
+
+class Exit(IntEnum):
+    """What the exit code says; the README has the same table."""
+
+    VERIFIED = 0
+    BUG = 1
+    BAD_INPUT = 2
+    NO_PLAN = 3
+    NOT_VERIFIED = 4
+
+
+def results() -> Console:
+    """Console on stdout; made at each use, so that it follows redirections."""
+    return Console(highlight=False)
+
+
+def messages() -> Console:
+    """Console on stderr."""
+    return Console(stderr=True, highlight=False)
+
+
+def print_json(data: Mapping[str, Any]) -> None:
+    """The one JSON object of a command in --json mode."""
+    sys.stdout.write(json.dumps(data, allow_nan=False) + "\n")
+    sys.stdout.flush()
+
+
+def print_error(text: str) -> None:
+    """An error in words, not wrapped, so that `file:line:` stays a link."""
+    messages().print(text, style="red", markup=False, soft_wrap=True)
+
+
+def report_error(error: OptiPlanError, as_json: bool) -> None:
+    """All that is wrong, as lines or as a JSON object with `error` and `issues`."""
+    if as_json:
+        issues = [vars(issue) for issue in error.issues] if isinstance(error, InputError) else []
+        print_json({"error": str(error), "issues": issues, "exit_code": int(Exit.BAD_INPUT)})
+    else:
+        print_error(f"optiplan: {error}" if not isinstance(error, InputError) else str(error))
+
+
+@contextmanager
+def stdout_is_ours() -> Iterator[None]:
+    """Sends to stderr what libraries in C++ write to file descriptor 1 meanwhile; theirs are no results."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Ctrl-C waits meanwhile: it may end the process between two runs, not between the two files of one."""
+    held = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, held)

@@ -1,0 +1,40 @@
+"""One line on the terminal that says what a long command is doing."""
+
+import sys
+import time
+
+QUIET = 2.0
+"""Seconds before anything is shown: short work needs no running commentary."""
+EVERY = 0.1
+"""Seconds between two changes of the line."""
+
+
+class ProgressLine:
+    """Shows the stage and the seconds gone, on stderr, only where a person watches; use as a context manager.
+
+    The line is plain text: being killed half-way leaves the terminal as it was, with no hidden cursor.
+    """
+
+    def __init__(self) -> None:
+        self._began = self._shown = time.perf_counter()
+        self._visible = False
+        self._wanted = sys.stderr.isatty()
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        """Tell the stage and the fraction done of it (0 to 1); cheap enough for an inner loop."""
+        now = time.perf_counter()
+        if not self._wanted or now - self._began < QUIET or now - self._shown < EVERY:
+            return
+        self._shown, self._visible = now, True
+        done = f" {fraction:4.0%}" if fraction > 0.0 else ""
+        sys.stderr.write(f"\r\x1b[K{now - self._began:5.1f} s  {stage}{done}")
+        sys.stderr.flush()
+
+    def __enter__(self) -> "ProgressLine":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Wipe the line."""
+        if self._visible:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()

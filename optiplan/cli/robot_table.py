@@ -1,0 +1,67 @@
+"""A robot as `optiplan robots show` tells it."""
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from optiplan.model.robot import Robot
+from optiplan.verify.report import jsonable
+
+LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "torque")
+
+
+def describe(robot: Robot) -> dict[str, Any]:
+    """What `robots show --json` prints; limits that are infinite are null."""
+    limits = {name: getattr(robot.limits, name) for name in LIMITS}
+    joints = [
+        {"name": joint} | {key: column[i] for key, column in limits.items()}
+        for i, joint in enumerate(robot.joint_names)
+    ]
+    pairs = {tuple(sorted((robot.link_of(p.first), robot.link_of(p.second)))) for p in robot.geometry.collisionPairs}
+    data = {
+        "name": robot.name,
+        "source": str(robot.source),
+        "tool_frame": robot.tool_frame,
+        "joints": joints,
+        "locked": robot.locked,
+        "configurations": robot.configurations,
+        "frames": [frame.name for frame in robot.model.frames[1:]],
+        "links": robot.link_geometry,
+        "checked_pairs": sorted(pairs),
+        "allowed_pairs": [{"links": links, "reason": reason} for links, reason in sorted(robot.allowed.items())],
+        "notes": robot.notes,
+    }
+    ready: dict[str, Any] = jsonable(data)
+    return ready
+
+
+def show_robot(console: Console, data: Mapping[str, Any]) -> None:
+    """What `describe` found, for a person."""
+    console.print(f"{data['name']} · tool frame {data['tool_frame']} · {data['source']}", markup=False, soft_wrap=True)
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("joint")
+    for heading in LIMITS:
+        table.add_column(heading, justify="right")
+    for joint in data["joints"]:
+        table.add_row(joint["name"], *(_number(joint[key]) for key in LIMITS))
+    console.print(table)
+    console.print("limits in rad, rad/s, rad/s², rad/s³, N·m (m and N for sliding joints)", style="dim")
+    for name, q in data["configurations"].items():
+        console.print(f"configuration {name}: [{', '.join(f'{value:.6g}' for value in q)}]", markup=False)
+    for name, value in data["locked"].items():
+        console.print(f"locked {name}: {value:.6g}", markup=False)
+    links = ", ".join(f"{link} ({kind})" for link, kind in data["links"].items())
+    console.print(f"links and their collision geometry: {links}", markup=False)
+    console.print(f"frames: {', '.join(data['frames'])}", markup=False)
+    reasons = Counter(pair["reason"] for pair in data["allowed_pairs"])
+    allowed = ", ".join(f"{count} {reason}" for reason, count in reasons.items()) or "none"
+    console.print(f"pairs of links: {len(data['checked_pairs'])} checked, allowed to touch: {allowed}", markup=False)
+    for note in data["notes"]:
+        console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
+
+
+def _number(value: float | None) -> str:
+    return "endless" if value is None else f"{value:.6g}"

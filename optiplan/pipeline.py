@@ -1,0 +1,138 @@
+"""The one place where planning meets verification: `run` plans, has the answer verified, and keeps both as a `Run`."""
+
+import platform
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import metadata
+from typing import Any
+
+import optiplan
+from optiplan.planners.base import Budget, Failure, Progress
+from optiplan.planners.registry import make_planner
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.timing import lower_bound
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.report import Report
+from optiplan.verify.verify import verify
+
+LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "proxsuite", "qpsolvers", "ruckig", "toppra", "trimesh", "coacd")
+"""Distributions whose version can change a result; recorded with every run."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What came of one problem and one planner.
+
+    Attributes:
+        planner: name in the registry.
+        options: as the planner was given them, those left at their default not named.
+        trajectory: None when the planner failed.
+        failure: why there is no trajectory; None when there is one.
+        report: the verdict on the trajectory; None when there is none.
+        lower_bound: s; no motion from the start to the end that was reached is shorter. None without a trajectory.
+        timings: seconds of wall time: `plan` and `verify`.
+        stages: seconds of wall time of the planner's own stages.
+        info: what the planner tells about its work, JSON-ready.
+    """
+
+    problem: Problem
+    planner: str
+    options: Mapping[str, Any]
+    trajectory: Trajectory | None
+    failure: Failure | None
+    report: Report | None
+    lower_bound: float | None
+    timings: Mapping[str, float]
+    stages: Mapping[str, float]
+    info: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def verified(self) -> bool:
+        """Whether there is a trajectory and its report says so; nothing else makes a run verified."""
+        return self.report is not None and self.report.verified
+
+    @property
+    def duration(self) -> float | None:
+        """Length of the motion in time, s."""
+        return None if self.trajectory is None else self.trajectory.duration
+
+    @property
+    def ratio(self) -> float | None:
+        """The quotient duration / lower_bound, at least 1; None without a trajectory or when it need not move at all."""
+        if self.duration is None or not self.lower_bound or self.lower_bound < 1e-9:
+            return None
+        return self.duration / self.lower_bound
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `run.json` holds: everything but the motion itself, JSON-ready up to numpy numbers."""
+        failure = self.failure
+        return {
+            "name": self.problem.name,
+            "hash": self.problem.hash,
+            "problem": dict(self.problem.source),
+            "planner": self.planner,
+            "options": dict(self.options),
+            "seed": self.problem.seed,
+            "verified": self.verified,
+            "duration": self.duration,
+            "lower_bound": self.lower_bound,
+            "ratio": self.ratio,
+            "failure": failure and {"kind": failure.kind, "detail": failure.detail, "witness": dict(failure.witness)},
+            "report": self.report and self.report.to_dict(),
+            "timings": {**self.timings, "stages": dict(self.stages)},
+            "geometry": dict(self.problem.robot.link_geometry),
+            "notes": list(self.problem.robot.notes),
+            "info": dict(self.info),
+            "versions": versions(),
+        }
+
+
+def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budget, progress: Progress) -> Run:
+    """Plan and verify; the time of the verification is not part of the budget.
+
+    Args:
+        problem: its own `planner` and `options` are not looked at.
+        planner: name in the registry.
+        options: of that planner.
+        budget: already running.
+        progress: told the planner's stages, then `verify`.
+
+    Raises:
+        UnknownChoiceError: there is no such planner, or it has no such option.
+        InputError: an option has a value that it cannot have.
+    """
+    chosen = make_planner(planner, options)
+    began = time.perf_counter()
+    result = chosen.plan(problem, budget, progress)
+    timings = {"plan": time.perf_counter() - began}
+    report = bound = None
+    if result.trajectory is not None:
+        progress("verify", 0.0)
+        began = time.perf_counter()
+        report = verify(problem, result.trajectory)
+        timings["verify"] = time.perf_counter() - began
+        bound = lower_bound(problem.start, result.trajectory.end, problem.limits)
+    return Run(
+        problem=problem,
+        planner=planner,
+        options=dict(options),
+        trajectory=result.trajectory,
+        failure=result.failure,
+        report=report,
+        lower_bound=bound,
+        timings=timings,
+        stages=dict(result.timings),
+        info=dict(result.info),
+    )
+
+
+def versions() -> dict[str, str]:
+    """Versions of OptiPlan, Python and the libraries that can change a result."""
+    found = {"optiplan": optiplan.__version__, "python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:  # installed by other means than pip
+            found[name] = "unknown"
+    return found

@@ -1,0 +1,129 @@
+"""The run folder: `run.json` and `trajectory.json`, both or none, never half of one."""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from optiplan.errors import InputError, Issue
+from optiplan.pipeline import Run
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.report import jsonable
+
+RUN, TRAJECTORY = "run.json", "trajectory.json"
+RATE = 200.0
+"""Samples of `trajectory.json`, Hz; for other programs, since the pieces are the motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class StoredRun:
+    """A run as read from disk.
+
+    Attributes:
+        place: the file or folder that was named.
+        record: content of `run.json`; empty when only a trajectory file was named.
+        trajectory: None when the run has none, because the planner failed.
+    """
+
+    place: Path
+    record: Mapping[str, Any]
+    trajectory: Trajectory | None
+
+
+def save_run(run: Run, folder: Path) -> None:
+    """Write a run; an older run in the folder is replaced. A run without trajectory leaves `run.json` alone.
+
+    `run.json` is taken away first and renamed into place last: a folder that has one is complete.
+
+    Raises:
+        InputError: the folder cannot be made or written.
+    """
+    files = {RUN: run.to_dict()}
+    if run.trajectory is not None:
+        files[TRAJECTORY] = run.trajectory.to_dict(rate=RATE)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _write_all(folder, files)
+    except OSError as error:
+        raise _unusable(folder, error) from error
+
+
+def check_folder(folder: Path) -> None:
+    """Find out before the work whether a run could be saved there; makes nothing.
+
+    Raises:
+        InputError: it is a file, or it or its nearest parent cannot be written.
+    """
+    parent = folder.absolute()
+    while not parent.exists():
+        parent = parent.parent
+    if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
+        found = "is a file" if not parent.is_dir() else "cannot be written"
+        raise InputError([Issue(str(folder), None, "out", f"{parent} {found}", "a folder that can be written")])
+
+
+def load_run(place: Path | str) -> StoredRun:
+    """Read a run folder, one of its two files, or a trajectory file from elsewhere.
+
+    Raises:
+        InputError: there is no run, or a file of it is broken.
+    """
+    place = Path(place)
+    folder = place if place.is_dir() else place.parent
+    if place.is_dir() or place.name == RUN:
+        record = _read(folder / RUN)
+        trajectory = folder / TRAJECTORY
+        if record.get("failure") is None or trajectory.exists():
+            return StoredRun(place, record, Trajectory.from_dict(_read(trajectory), str(trajectory)))
+        return StoredRun(place, record, None)
+    trajectory_data = _read(place)
+    beside = folder / RUN
+    own = place.name == TRAJECTORY and beside.exists()
+    return StoredRun(place, _read(beside) if own else {}, Trajectory.from_dict(trajectory_data, str(place)))
+
+
+def _write_all(folder: Path, files: Mapping[str, Mapping[str, Any]]) -> None:
+    try:
+        for name, data in files.items():
+            _write_aside(folder, name, data)
+        for name in (RUN, TRAJECTORY):
+            (folder / name).unlink(missing_ok=True)
+        for name in (TRAJECTORY, RUN):
+            if name in files:
+                _aside(folder, name).replace(folder / name)
+    finally:
+        for name in files:
+            _aside(folder, name).unlink(missing_ok=True)
+
+
+def _write_aside(folder: Path, name: str, data: Mapping[str, Any]) -> None:
+    """Write to a temporary name in the same folder, down to the disk."""
+    text = json.dumps(jsonable(data), allow_nan=False, indent=1 if name == RUN else None)
+    with _aside(folder, name).open("w", encoding="utf-8") as file:
+        file.write(text + "\n")
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _aside(folder: Path, name: str) -> Path:
+    return folder / f".{name}.{os.getpid()}"
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise _unusable(path, error) from error
+    except json.JSONDecodeError as error:
+        raise InputError([Issue(str(path), error.lineno, "file", f"broken JSON ({error.msg})", "JSON")]) from error
+    except (UnicodeDecodeError, RecursionError) as error:
+        raise InputError([Issue(str(path), None, "file", "not readable as JSON text", "JSON")]) from error
+    if not isinstance(data, dict):
+        raise InputError([Issue(str(path), None, "file", f"a {type(data).__name__}", "a JSON object")])
+    return data
+
+
+def _unusable(path: Path, error: OSError) -> InputError:
+    return InputError([Issue(str(path), None, "file", (error.strerror or str(error)).lower(), "a run folder or file")])

@@ -1,0 +1,98 @@
+"""The shape of the code: imports point down only, no cycles, small files, small functions."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "optiplan"
+FILES = sorted(PACKAGE.rglob("*.py"))
+LEVELS = {"cli": 6, "viewer": 6, "pipeline": 5, "planners": 4, "verify": 4, "trajectory": 3, "problem": 2, "model": 1}
+GROUND = {"arrays", "data", "errors", "geometry", "yaml_lines", "yaml_words"}
+MAX_FILE, MAX_FUNCTION = 300, 40
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def room(module: str) -> str:
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 else "__init__"
+
+
+def level(module: str) -> int:
+    return 0 if room(module) in GROUND | {"__init__"} else LEVELS[room(module)]
+
+
+def imports(path: Path) -> set[str]:
+    """Every optiplan module named by an import of the file, those inside functions included."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: relative import"
+            found |= {submodule(node.module or "", alias.name) for alias in node.names}
+    return {name for name in found if name.split(".")[0] == "optiplan"}
+
+
+def submodule(module: str, name: str) -> str:
+    """`from a import b` names the module a.b when that is a file, else a."""
+    inner = ROOT.joinpath(*module.split("."), name)
+    return f"{module}.{name}" if inner.with_suffix(".py").exists() or inner.is_dir() else module
+
+
+GRAPH = {module_name(path): imports(path) for path in FILES}
+
+
+def test_every_room_has_a_level():
+    unknown = {room(module) for module in GRAPH} - GROUND - set(LEVELS) - {"__init__"}
+    assert not unknown, f"give these a level in this test and in docs/architecture.md: {sorted(unknown)}"
+
+
+@pytest.mark.parametrize("module", sorted(GRAPH))
+def test_imports_point_down(module):
+    for target in GRAPH[module]:
+        same_room = room(target) == room(module)
+        below = level(target) < level(module) or level(target) == level(module) == 0
+        assert same_room or below, f"{module} imports {target}, which is not below it"
+
+
+def test_no_cycles():
+    done: set[str] = set()
+
+    def visit(module: str, path: tuple[str, ...]) -> None:
+        assert module not in path, "import cycle: " + " -> ".join([*path[path.index(module) :], module])
+        if module not in done:
+            for target in GRAPH.get(module, set()):
+                visit(target, (*path, module))
+            done.add(module)
+
+    for module in GRAPH:
+        visit(module, ())
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_file_is_small_and_honest(path):
+    text = path.read_text()
+    assert text.strip(), "an empty file says nothing: give it a docstring"
+    assert "TYPE_CHECKING" not in text
+    assert len(text.splitlines()) <= MAX_FILE
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_functions_are_short(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            assert code_lines(node) <= MAX_FUNCTION, f"{path.name}:{node.lineno}: {node.name} is too long"
+
+
+def code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Lines of a function from `def` to its end, the docstring apart."""
+    first = node.body[0]
+    has_docstring = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant)
+    doc = (first.end_lineno or 0) - first.lineno + 1 if has_docstring else 0
+    return (node.end_lineno or 0) - node.lineno + 1 - doc
