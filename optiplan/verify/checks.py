@@ -1,0 +1,156 @@
+"""One function a check, apart from collision: each takes (problem, trajectory, policy) and returns a `Check`."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory.trajectory import Trajectory, defect
+from optiplan.verify.report import Check, VerifyPolicy
+
+_ORDERS = ("position", "velocity", "acceleration", "jerk")
+_UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
+_ROUNDING = 1e-9  # m or rad, on top of the tolerances of a goal
+
+
+def form(trajectory: Trajectory) -> Check:
+    """The data is a trajectory at all: shapes fit, every number is finite, time increases."""
+    try:
+        problem = defect(tuple(trajectory.joint_names), trajectory.breakpoints, trajectory.coefficients)
+    except (AttributeError, TypeError, ValueError, IndexError) as error:
+        return Check("finite", "exact", False, detail=f"not a trajectory: {error}")
+    if problem is None:
+        return Check("finite", "exact", True, detail="shapes fit, numbers are finite, time increases")
+    return Check("finite", "exact", False, place=problem[0], detail=f"found {problem[1]}; expected {problem[2]}")
+
+
+def joints(problem: Problem, trajectory: Trajectory) -> Check:
+    """The columns are the robot's planned joints, in its order."""
+    found, expected = trajectory.joint_names, problem.robot.joint_names
+    if found == expected:
+        return Check("joints", "exact", True, detail="names and order are the robot's")
+    return Check("joints", "exact", False, detail=f"found {', '.join(found)}; expected {', '.join(expected)}")
+
+
+def start(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+    """max_j |q_j(0) - start_j| <= position_tolerance."""
+    error = np.abs(trajectory.start - problem.start)
+    allowed = np.full(len(error), policy.position_tolerance)
+    return _largest(problem, Check("start", "exact", False, unit="rad"), error, allowed, np.zeros(len(error)))
+
+
+def goal(problem: Problem, trajectory: Trajectory) -> Check:
+    """The end lies in one of the goals, each within its own tolerance."""
+    found = [_miss(problem, one, trajectory.end) for one in problem.goal]
+    ratios = [max(error / (limit + _ROUNDING) for error, limit, _ in parts) for parts in found]
+    nearest = int(np.argmin(ratios))
+    error, limit, what = max(found[nearest], key=lambda part: part[0] / (part[1] + _ROUNDING))
+    unit = "m" if what.endswith("position") else "rad"
+    detail = f"nearest is goal {nearest + 1} of {len(found)}" if len(found) > 1 else ""
+    passed = bool(ratios[nearest] <= 1.0)
+    return Check("goal", "exact", passed, error, limit, unit, trajectory.duration, what, detail)
+
+
+def _miss(problem: Problem, one: JointGoal | PoseGoal, q: Array) -> list[tuple[float, float, str]]:
+    """How far q misses a goal: (error, tolerance, what) of each part of it."""
+    robot = problem.robot
+    if isinstance(one, JointGoal):
+        error = q - one.q
+        endless = np.isinf(robot.limits.lower) & np.isinf(robot.limits.upper)
+        turned = np.remainder(error + np.pi, 2.0 * np.pi) - np.pi
+        error = np.abs(np.where(endless, turned, error))
+        worst = int(np.argmax(error))
+        return [(float(error[worst]), one.tolerance, robot.joint_names[worst])]
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    X_WF = data.oMf[robot.model.getFrameId(one.frame)]
+    offset = float(np.linalg.norm(X_WF.translation - one.X_WG.translation))
+    angle = float(np.linalg.norm(pin.log3(one.X_WG.rotation.T @ X_WF.rotation)))
+    return [(offset, one.position, f"{one.frame} position"), (angle, one.orientation, f"{one.frame} orientation")]
+
+
+def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+    """Velocity and acceleration vanish at both ends; else the jerk there would be infinite."""
+    ends, limits = np.array([0.0, trajectory.duration]), problem.limits
+    value = np.abs(np.stack([trajectory(ends, 1), trajectory(ends, 2)]))  # (order, end, n)
+    allowed = policy.rest_tolerance * np.stack([limits.velocity, limits.acceleration])[:, None]
+    order, end, j = _worst(value, np.broadcast_to(allowed, value.shape))
+    detail = f"{_ORDERS[order + 1]} at the {'end' if end else 'start'}"
+    worst, limit, time = float(value[order, end, j]), float(allowed[order, 0, j]), float(ends[end])
+    passed, name = bool((value <= allowed).all()), problem.robot.joint_names[j]
+    return Check("rest", "exact", passed, worst, limit, _UNITS[order + 1], time, name, detail)
+
+
+def continuity(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+    """Position, velocity and acceleration do not jump at breakpoints."""
+    limits, tolerance = problem.limits, policy.rest_tolerance
+    n = trajectory.n
+    if len(trajectory.breakpoints) == 2:
+        return Check("continuity", "exact", True, detail="one piece")
+    jumps = np.abs(np.stack([trajectory.jumps(order) for order in range(3)]))  # (order, m - 1, n)
+    steps = [np.full(n, policy.jump_tolerance), tolerance * limits.velocity, tolerance * limits.acceleration]
+    allowed = np.broadcast_to(np.stack(steps)[:, None], jumps.shape)
+    order, i, j = _worst(jumps, allowed)
+    time, name = float(trajectory.breakpoints[i + 1]), problem.robot.joint_names[j]
+    worst, limit = float(jumps[order, i, j]), float(allowed[order, i, j])
+    passed, detail = bool((jumps <= allowed).all()), f"largest step is one of {_ORDERS[order]}"
+    return Check("continuity", "exact", passed, worst, limit, _UNITS[order], time, name, detail)
+
+
+def position(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+    """Lower - tolerance <= q <= upper + tolerance at all times, on exact extrema."""
+    e, limits = trajectory.extrema_at(0), problem.limits
+    beyond = np.stack([limits.lower - e.low, e.high - limits.upper])  # negative inside
+    side, j = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+    worst, limit, time = [(e.low, limits.lower, e.t_low), (e.high, limits.upper, e.t_high)][side]
+    passed, name = bool((beyond <= policy.position_tolerance).all()), problem.robot.joint_names[j]
+    detail = f"nearest to its {('lower', 'upper')[side]} limit"
+    return Check("position", "exact", passed, float(worst[j]), float(limit[j]), "rad", float(time[j]), name, detail)
+
+
+def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: int) -> Check:
+    """|d^order q / dt^order| <= limit (1 + tolerance) at all times, on exact extrema; order 1, 2 or 3."""
+    limits = (problem.limits.velocity, problem.limits.acceleration, problem.limits.jerk)[order - 1]
+    e = trajectory.extrema_at(order)
+    magnitude = np.maximum(np.abs(e.low), np.abs(e.high))
+    time = np.where(np.abs(e.low) > np.abs(e.high), e.t_low, e.t_high)
+    allowed = limits * (1.0 + policy.limit_tolerance)
+    return _largest(problem, Check(_ORDERS[order], "exact", False, unit=_UNITS[order]), magnitude, allowed, time)
+
+
+def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+    """|rnea(q, v, a)| <= limit (1 + tolerance) at `torque_rate` and at all breakpoints.
+
+    The inertia of attached objects is not known and counts as nothing.
+    """
+    limits = problem.limits.torque
+    if not np.isfinite(limits).any():
+        return Check("torque", "sampled", True, detail="the robot gives no torque limits")
+    grid = np.linspace(0.0, trajectory.duration, int(np.ceil(trajectory.duration * policy.torque_rate)) + 1)
+    t = np.union1d(grid, trajectory.breakpoints)
+    model, data = problem.robot.model, problem.robot.model.createData()
+    q, v, a = (trajectory(t, order) for order in range(3))
+    tau = np.abs(np.array([pin.rnea(model, data, *row).copy() for row in zip(q, v, a, strict=True)]))
+    peak = tau.argmax(axis=0)
+    allowed = limits * (1.0 + policy.limit_tolerance)
+    detail = f"at {len(t)} instants; attached objects weigh nothing"
+    blank = Check("torque", "sampled", False, unit="N·m", detail=detail)
+    return _largest(problem, blank, tau[peak, np.arange(len(peak))], allowed, t[peak])
+
+
+def _largest(problem: Problem, blank: Check, value: Array, allowed: Array, time: Array) -> Check:
+    """Fill in value (n,) <= allowed (n,), at time (n,), with the joint nearest to or farthest beyond its limit."""
+    (j,) = _worst(value, allowed)
+    passed, joint = bool((value <= allowed).all()), problem.robot.joint_names[j]
+    return replace(
+        blank, passed=passed, worst=float(value[j]), limit=float(allowed[j]), time=float(time[j]), place=joint
+    )
+
+
+def _worst(value: Array, allowed: Array) -> tuple[int, ...]:
+    """Index of the largest value relative to what is allowed; a limit of 0 passed by anything counts most."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.nan_to_num(value / allowed, nan=0.0, posinf=np.inf)
+    return tuple(int(i) for i in np.unravel_index(int(np.argmax(ratio)), value.shape))

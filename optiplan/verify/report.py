@@ -1,0 +1,136 @@
+"""What the verifier answers: `VerifyPolicy` says how strict it was, `Report` what it found, check by check."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class VerifyPolicy:
+    """How strict the verifier is; printed in every report.
+
+    Attributes:
+        clearance: bodies must stay farther apart than this at all times, m.
+        limit_tolerance: fraction of a velocity, acceleration, jerk or torque limit by which it may be passed.
+        position_tolerance: how far the start and the position limits may be missed, rad or m.
+        jump_tolerance: largest step of position at a breakpoint, rad or m; the certificate covers such a step.
+        rest_tolerance: largest velocity and acceleration at both ends, and largest step of them at a breakpoint, as a
+            fraction of their limits.
+        torque_rate: samples of torque a second, Hz.
+        min_interval: an interval shorter than this, s, on which clearance cannot be proved is a refusal.
+        max_queries: exact distance queries after which the proof is given up.
+    """
+
+    clearance: float = 0.0
+    limit_tolerance: float = 1e-6
+    position_tolerance: float = 1e-6
+    jump_tolerance: float = 1e-7
+    rest_tolerance: float = 1e-5
+    torque_rate: float = 500.0
+    min_interval: float = 1e-9
+    max_queries: int = 1_000_000
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was checked.
+
+    Attributes:
+        name: what, e.g. `velocity`.
+        kind: `exact` (holds at all times, from polynomial extrema or from data), `continuous` (proved for all times by
+            the certificate) or `sampled` (holds at the instants looked at).
+        passed: whether the trajectory keeps to it.
+        worst: the value nearest to or farthest beyond the limit; None when nothing could be measured.
+        limit: what it was held against.
+        unit: of `worst` and `limit`.
+        time: when the worst happens, s.
+        place: which joint, frame or pair of bodies.
+        detail: one sentence for a person.
+        witness: JSON-ready evidence: `points`, `pair`, `q`, counts.
+    """
+
+    name: str
+    kind: str
+    passed: bool
+    worst: float | None = None
+    limit: float | None = None
+    unit: str = ""
+    time: float | None = None
+    place: str = ""
+    detail: str = ""
+    witness: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Report:
+    """The verdict on a trajectory and what it rests on.
+
+    Attributes:
+        policy: how strict the verifier was.
+        checks: every check, in the order they were made.
+        link_geometry: what stands for each link: mesh, hull or convex pieces.
+        notes: what was not checked.
+    """
+
+    policy: VerifyPolicy
+    checks: tuple[Check, ...]
+    link_geometry: Mapping[str, str]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def verified(self) -> bool:
+        """Whether the trajectory passed every check; nothing else in OptiPlan says *verified*."""
+        return bool(self.checks) and all(check.passed for check in self.checks)
+
+    @property
+    def failures(self) -> tuple[Check, ...]:
+        """The checks that refused the trajectory."""
+        return tuple(check for check in self.checks if not check.passed)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form: what is not finite becomes null."""
+        return {
+            "verified": self.verified,
+            "policy": asdict(self.policy),
+            "checks": [jsonable(asdict(check)) for check in self.checks],
+            "link_geometry": dict(self.link_geometry),
+            "notes": list(self.notes),
+        }
+
+    def summary(self) -> list[tuple[str, str, str, str, str, str, str]]:
+        """Rows of a table: check, verdict, kind, worst, limit, time and place, what happened."""
+        return [_row(check) for check in self.checks]
+
+
+def jsonable(value: Any) -> Any:
+    """Plain lists, dicts and finite numbers; NaN and infinities become None."""
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [jsonable(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _row(check: Check) -> tuple[str, str, str, str, str, str, str]:
+    place = check.place if check.time is None else f"{check.time:.4f} s {check.place}"
+    verdict = "pass" if check.passed else "FAIL"
+    return (
+        check.name,
+        verdict,
+        check.kind,
+        _number(check.worst, check.unit),
+        _number(check.limit, check.unit),
+        place,
+        check.detail,
+    )
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "–" if value is None else f"{value:.6g} {unit}".rstrip()
