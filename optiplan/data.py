@@ -1,4 +1,4 @@
-"""Where the robots and problems that come with OptiPlan lie: beside the package in a checkout, inside it once installed."""
+"""Where robots and problems lie: beside the package in a checkout, inside it once installed."""
 
 from pathlib import Path
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +14,13 @@ from optiplan.model.joints import Reduced, open_endless_limits, planned_joints, 
 from optiplan.model.limits import Limits, build_limits
 from optiplan.model.link_geometry import treat
 from optiplan.model.robot_spec import PackageSource, RobotSpec
-from optiplan.model.srdf import Srdf, link_pair, read_srdf
+from optiplan.model.pairs import Kinematics, generate_allowed, joined_links, rigid_pairs, set_pairs
+from optiplan.model.srdf import LinkPair, Srdf, read_srdf, srdf_text
 from optiplan.model.urdf import UrdfSource, build_models, read_urdf
 from optiplan.yaml_lines import Document, read_yaml, validate
 from optiplan.yaml_words import choices
 
-__all__ = ["Limits", "Robot", "load_robot", "robot_file", "robot_names"]
+__all__ = ["Limits", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Robot:
     link_geometry: Mapping[str, str]
     notes: tuple[str, ...] = ()
     locked: Mapping[str, float] = field(default_factory=dict)
-    allowed: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    allowed: Mapping[LinkPair, str] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
 
     @property
@@ -109,8 +109,10 @@ def load_robot(ref: str, base: Path | None = None, locked: Mapping[str, float] |
     reduced = reduce_to(planned, wanted, urdf, full)
     limits, limit_notes = build_limits(spec.limits, document, reduced.model)
     link_geometry = treat(reduced.model, reduced.geometry, spec.collision)
-    srdf = Srdf({}, {}) if srdf_path is None else read_srdf(srdf_path)
-    allowed = _set_pairs(reduced, srdf)
+    srdf = None if srdf_path is None else read_srdf(srdf_path)
+    configurations = _configurations(spec, document, srdf, planned)
+    default = next(iter(configurations.values()), np.clip(np.zeros(len(planned)), limits.lower, limits.upper))
+    allowed = _allow(reduced, limits, srdf, default, urdf)
     return Robot(
         name=spec.name,
         source=path,
@@ -120,13 +122,18 @@ def load_robot(ref: str, base: Path | None = None, locked: Mapping[str, float] |
         limits=limits,
         joint_names=planned,
         tool_frame=_tool_frame(spec, document, reduced.model),
-        configurations=_configurations(spec, document, srdf, planned),
+        configurations=configurations,
         link_geometry=link_geometry,
         notes=(*urdf.notes, *reduced.notes, *limit_notes),
         locked=reduced.locked,
         allowed=allowed,
         files=(path, urdf_path, *((srdf_path,) if srdf_path else ()), *urdf.meshes),
     )
+
+
+def write_srdf(robot: Robot, path: Path) -> None:
+    """Write the pairs of links that are not checked as an SRDF."""
+    path.write_text(srdf_text(robot.name, robot.allowed), encoding="utf-8")
 
 
 def _sources(spec: RobotSpec, folder: Path) -> tuple[Path, Path | None]:
@@ -148,21 +155,18 @@ def _check_locked(wanted: Mapping[str, float], planned: tuple[str, ...], urdf: U
         raise InputError(issues)
 
 
-def _set_pairs(reduced: Reduced, srdf: Srdf) -> dict[tuple[str, str], str]:
-    """Check every pair of links that can move against each other and is not disabled; returns the reasons of the rest."""
-    allowed: dict[tuple[str, str], str] = {}
-    reduced.geometry.removeAllCollisionPairs()
-    objects = reduced.geometry.geometryObjects
-    for i, j in combinations(range(len(objects)), 2):
-        a, b = objects[i], objects[j]
-        pair = link_pair(reduced.model.frames[a.parentFrame].name, reduced.model.frames[b.parentFrame].name)
-        if a.parentJoint == b.parentJoint:
-            allowed[pair] = "Rigid"
-        elif pair in srdf.disabled:
-            allowed[pair] = srdf.disabled[pair]
-        else:
-            reduced.geometry.addCollisionPair(pin.CollisionPair(i, j))
-    return allowed
+def _allow(
+    reduced: Reduced, limits: Limits, srdf: Srdf | None, default: Array, urdf: UrdfSource
+) -> dict[LinkPair, str]:
+    """Set the pairs that are checked; returns those that are not, with their reasons."""
+    if srdf is not None:
+        allowed = {**srdf.disabled, **rigid_pairs(reduced.model, reduced.geometry)}
+        set_pairs(reduced.model, reduced.geometry, allowed)
+        return allowed
+    solid = frozenset(reduced.model.frames[item.parentFrame].name for item in reduced.geometry.geometryObjects)
+    joined = joined_links(urdf.edges, solid)
+    sampled = Kinematics(reduced.model, reduced.geometry, joined, limits.lower, limits.upper)
+    return generate_allowed(sampled, default, np.random.default_rng(0))
 
 
 def _tool_frame(spec: RobotSpec, document: Document, model: pin.Model) -> str:
@@ -175,9 +179,11 @@ def _tool_frame(spec: RobotSpec, document: Document, model: pin.Model) -> str:
     return spec.tool_frame
 
 
-def _configurations(spec: RobotSpec, document: Document, srdf: Srdf, planned: tuple[str, ...]) -> dict[str, Array]:
+def _configurations(
+    spec: RobotSpec, document: Document, srdf: Srdf | None, planned: tuple[str, ...]
+) -> dict[str, Array]:
     result: dict[str, Array] = {}
-    for name, values in srdf.states.items():
+    for name, values in ({} if srdf is None else srdf.states).items():
         if set(planned) <= set(values):
             result[name] = np.array([values[joint] for joint in planned])
     issues = []

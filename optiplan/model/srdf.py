@@ -8,15 +8,19 @@ from pathlib import Path
 from optiplan.errors import InputError, Issue
 
 
+LinkPair = tuple[str, str]
+"""Two link names in alphabetical order."""
+
+
 @dataclass(frozen=True)
 class Srdf:
     """What OptiPlan uses of an SRDF: reasons of disabled pairs by (sorted) link names, states by name."""
 
-    disabled: Mapping[tuple[str, str], str]
+    disabled: Mapping[LinkPair, str]
     states: Mapping[str, Mapping[str, float]]
 
 
-def link_pair(a: str, b: str) -> tuple[str, str]:
+def link_pair(a: str, b: str) -> LinkPair:
     """The two names in order: the key of an unordered pair."""
     return (a, b) if a < b else (b, a)
 
@@ -40,6 +44,15 @@ def read_srdf(path: Path) -> Srdf:
         for item in root.iter("disable_collisions")
     }
     return Srdf(disabled, dict(_states(root)))
+
+
+def srdf_text(name: str, allowed: Mapping[LinkPair, str]) -> str:
+    """An SRDF of the robot called `name` that disables the pairs in `allowed`, with their reasons."""
+    root = ET.Element("robot", name=name)
+    for (a, b), reason in sorted(allowed.items()):
+        ET.SubElement(root, "disable_collisions", link1=a, link2=b, reason=reason)
+    ET.indent(root)
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
 
 def _states(root: ET.Element) -> list[tuple[str, dict[str, float]]]:

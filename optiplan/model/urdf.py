@@ -35,6 +35,7 @@ class UrdfSource:
     xml: str
     joint_types: dict[str, str]
     mimics: dict[str, Mimic]
+    edges: tuple[tuple[str, str], ...]
     meshes: tuple[Path, ...]
     notes: tuple[str, ...]
 
@@ -67,7 +68,7 @@ def read_urdf(path: Path, folder: Path) -> UrdfSource:
     for joint in joints:
         _settle_joint(joint, path)
     xml = ET.tostring(root, encoding="unicode")
-    return UrdfSource(path, xml, types, mimics, tuple(finder.collision), tuple(notes))
+    return UrdfSource(path, xml, types, mimics, _edges(joints), tuple(finder.collision), tuple(notes))
 
 
 def build_models(source: UrdfSource) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
@@ -145,6 +146,12 @@ def _settle_collisions(link: ET.Element, finder: _MeshFinder) -> None:
                 raise InputError([Issue(str(finder.urdf), None, f"link {link.get('name')}", message, "a mesh file")])
             finder.collision.append(found)
             mesh.set("filename", str(found))
+
+
+def _edges(joints: list[ET.Element]) -> tuple[tuple[str, str], ...]:
+    """Names of parent and child link of every joint."""
+    ends = [(joint.find("parent"), joint.find("child")) for joint in joints]
+    return tuple((a.get("link", ""), b.get("link", "")) for a, b in ends if a is not None and b is not None)
 
 
 def _mimics(joints: list[ET.Element]) -> Iterator[tuple[str, Mimic]]:
