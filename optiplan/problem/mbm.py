@@ -86,7 +86,9 @@ class _Importer:
         try:
             robot = self._robot(scene, request, scene_file)
             converted = convert(scene, request, robot, number)
-        except (KeyError, TypeError, AttributeError) as error:
+        except CannotConvert:
+            raise
+        except (KeyError, TypeError, AttributeError, ValueError, IndexError) as error:  # files of another kind
             raise CannotConvert(f"not a MoveIt scene and request: {type(error).__name__} {error}") from error
         shipped = self.reference is None or self.reference in robot_names()
         reference = robot.source.parent.name if shipped else str(robot.source)

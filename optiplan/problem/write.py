@@ -49,7 +49,9 @@ def _flow(value: Any) -> str:
         return "[" + ", ".join(map(_flow, value)) + "]"
     if isinstance(value, str) and PLAIN_TEXT.fullmatch(value) and value.lower() not in NOT_TEXT:
         return value
-    escape = (
-        isinstance(value, str) and not value.isprintable()
-    )  # YAML knows no escapes of two halves, as JSON writes 😀
-    return json.dumps(value, allow_nan=False, ensure_ascii=escape)
+    return _quoted(value) if isinstance(value, str) else json.dumps(value, allow_nan=False)
+
+
+def _quoted(text: str) -> str:
+    text = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in text) + '"'
