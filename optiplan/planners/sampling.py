@@ -9,10 +9,11 @@ from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel, Contact
 from optiplan.model.robot import Limits
 from optiplan.planners.base import Budget, Failure
+from optiplan.planners.failures import contact_witness, end_collides, out_of_time
 from optiplan.planners.motion import MotionCheck
 from optiplan.planners.search import Search, SearchOptions, rrt_connect
 from optiplan.planners.shortcut import path_time, shorten
-from optiplan.planners.sweep import Touch, contact_witness, polyline_contact
+from optiplan.planners.sweep import Touch, polyline_contact
 
 _FINEST = 0.0125  # rad or m; the step is not halved below: blocked places do the rest
 _DETOUR_ITERATIONS = 100
@@ -65,9 +66,9 @@ def sample_path(
     """
     free_goals = [q for q in goals if not model.collides(q)]
     if model.collides(start):
-        return _end_collides(model, start, "start")
+        return end_collides(model, start, "start")
     if not free_goals:
-        return _end_collides(model, goals[0], "goal")
+        return end_collides(model, goals[0], "goal")
     sampler = _Sampler(model, limits, options)
     found = sampler.run(start, np.array(free_goals))
     if isinstance(found, Search):
@@ -127,18 +128,9 @@ class _Sampler:
         return np.vstack([path[:before], search.path, path[after + 1 :]])
 
 
-def _end_collides(model: CollisionModel, q: Array, name: str) -> Failure:
-    contact = model.clearance(q)
-    if contact is None:
-        raise AssertionError("a model without pairs does not collide")
-    pair, depth = contact.pair, max(0.0, -contact.distance)
-    detail = f"{name} configuration: '{pair.name_a}' and '{pair.name_b}' overlap by {depth * 1e3:.2g} mm"
-    return Failure(f"{name}-in-collision", detail, contact_witness(q, contact))
-
-
 def _no_path(model: CollisionModel, search: Search, limits: Limits, budget: Budget) -> Failure:
     if budget.cancelled:
-        return Failure("cancelled", "cancelled while searching for a path")
+        return out_of_time(budget, "searching for a path")
     a, b = _nearest(search.start_tree, search.goal_tree, limits.velocity)
     q, contact = _first_blocked(model, a, b)
     gap = float(np.abs(b - a).max())

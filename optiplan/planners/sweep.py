@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel, Contact
+from optiplan.planners.failures import contact_witness
 from optiplan.trajectory.trajectory import Trajectory
 
 Index = npt.NDArray[np.intp]
@@ -36,16 +37,6 @@ class Touch:
     def witness(self) -> dict[str, Any]:
         """JSON-ready form, as `Failure.witness` wants it."""
         return {"t": self.t, **contact_witness(self.q, self.contact)}
-
-
-def contact_witness(q: Array, contact: Contact) -> dict[str, Any]:
-    """JSON-ready place of a contact: configuration, bodies, nearest points (world, m) and distance (m)."""
-    return {
-        "q": q.tolist(),
-        "pair": [contact.pair.name_a, contact.pair.name_b],
-        "points": [contact.point_a.tolist(), contact.point_b.tolist()],
-        "distance": contact.distance,
-    }
 
 
 def first_contact(

@@ -1,0 +1,84 @@
+"""`quintic`: all joints move together along one polynomial of degree five. The planner to read first.
+
+With s = t / T from 0 to 1 and D = q_goal - q_start,
+
+    q(t) = q_start + D (10 s^3 - 15 s^4 + 6 s^5),
+
+which starts and ends at rest with no acceleration. Its largest velocity is 1.875 |D| / T, its largest acceleration
+(10 / sqrt(3)) |D| / T^2 and its largest jerk 60 |D| / T^3: T is the smallest that keeps all three within limits.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.model.collision import CollisionModel
+from optiplan.model.robot import Limits
+from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.failures import out_of_time
+from optiplan.planners.goals import ranked_goals
+from optiplan.planners.stopwatch import Stopwatch
+from optiplan.planners.sweep import Touch, first_contact
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.trajectory import Trajectory
+
+SHAPE = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])  # coefficients of s^0 … s^5
+SHORTEST = 1e-3  # s: a trajectory needs some duration, even one that goes nowhere
+
+
+@dataclass(frozen=True)
+class QuinticOptions:
+    """Options of `quintic`: `goals`, how many goal configurations to try, the quickest to reach first."""
+
+    goals: int = 8
+
+
+class Quintic:
+    """Straight lines in joint space, tried goal by goal until one is free at all times."""
+
+    def __init__(self, options: QuinticOptions | None = None) -> None:
+        self.options = options or QuinticOptions()
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan within the budget; see `planners.base.Planner`."""
+        watch, model = Stopwatch(), CollisionModel(problem.robot, problem.scene)
+        with watch.stage("goals"):
+            goals = ranked_goals(problem, model, budget, self.options.goals)
+        if isinstance(goals, Failure):
+            return PlanResult(None, goals, watch.seconds)
+        first_touch: Touch | None = None
+        for k, goal in enumerate(goals):
+            if budget.over:
+                return PlanResult(None, out_of_time(budget, "trying straight lines"), watch.seconds)
+            progress("straight lines", k / len(goals))
+            trajectory = straight(problem.start, goal, problem.limits, problem.robot.joint_names)
+            with watch.stage("collision"):
+                touch = first_contact(model, trajectory)
+            if touch is None:
+                return PlanResult(trajectory, None, watch.seconds, {"goal": k})
+            first_touch = first_touch or touch
+        return PlanResult(None, _blocked(first_touch, len(goals)), watch.seconds)
+
+
+def straight(start: Array, goal: Array, limits: Limits, joint_names: tuple[str, ...]) -> Trajectory:
+    """The polynomial above from start (n,) to goal (n,) in the shortest time that the limits allow."""
+    d = np.abs(goal - start)
+    velocity = 1.875 * d / limits.velocity
+    acceleration = np.sqrt(10.0 / np.sqrt(3.0) * d / limits.acceleration)
+    jerk = np.cbrt(60.0 * d / limits.jerk)
+    T = max(velocity.max(), acceleration.max(), jerk.max(), SHORTEST)
+    coefficients = np.outer(SHAPE / T ** np.arange(6), goal - start)
+    coefficients[0] = start
+    return Trajectory(joint_names, np.array([0.0, T]), coefficients[None])
+
+
+def _blocked(touch: Touch | None, count: int) -> Failure:
+    if touch is None:
+        raise ValueError("nothing was tried")
+    pair = touch.contact.pair
+    detail = (
+        f"none of {count} straight joint-space motions is free; on the first '{pair.name_a}' meets '{pair.name_b}' "
+        f"at t = {touch.t:.3f} s"
+    )
+    return Failure("collision", detail, touch.witness())

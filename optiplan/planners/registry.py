@@ -1,0 +1,110 @@
+"""Planners by name. They are imported when they are asked for: listing them costs nothing."""
+
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from importlib import import_module
+from typing import Any, cast, get_type_hints
+
+from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.planners.base import Planner
+
+
+@dataclass(frozen=True)
+class Option:
+    """One setting of a planner: its type in words (`float`), and its default."""
+
+    name: str
+    kind: str
+    default: Any
+
+
+@dataclass(frozen=True)
+class PlannerEntry:
+    """Where a planner lives: `planner` and `options` are `module:name` of its class and of its options dataclass."""
+
+    name: str
+    summary: str
+    planner: str
+    options: str
+
+    def option_list(self) -> tuple[Option, ...]:
+        """What can be set, with defaults; imports the options' module."""
+        cls = _load(self.options)
+        types = get_type_hints(cls)
+        return tuple(Option(f.name, types[f.name].__name__, f.default) for f in fields(cls) if f.default is not MISSING)
+
+
+PLANNERS: dict[str, PlannerEntry] = {
+    entry.name: entry
+    for entry in (
+        PlannerEntry(
+            "quintic",
+            "one polynomial of degree five a joint, straight to the goal; the shortest planner to read",
+            "optiplan.planners.quintic:Quintic",
+            "optiplan.planners.quintic:QuinticOptions",
+        ),
+        PlannerEntry(
+            "rrtconnect",
+            "sampled path (OMPL's RRT-Connect), shortened, with rounded corners, then timed",
+            "optiplan.planners.rrtconnect:RrtConnect",
+            "optiplan.planners.rrtconnect:RrtConnectOptions",
+        ),
+        PlannerEntry(
+            "trajopt",
+            "minimum-time B-spline by sequential quadratic programming with exact collision distances; the default",
+            "optiplan.planners.trajopt.planner:TrajOpt",
+            "optiplan.planners.trajopt.options:TrajOptOptions",
+        ),
+    )
+}
+
+
+def planner_entry(name: str) -> PlannerEntry:
+    """The entry of that name.
+
+    Raises:
+        UnknownChoiceError: there is none.
+    """
+    if name not in PLANNERS:
+        raise UnknownChoiceError("planner", name, PLANNERS)
+    return PLANNERS[name]
+
+
+def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner:
+    """The planner of that name with these options, the others at their defaults.
+
+    Raises:
+        UnknownChoiceError: no such planner, or no such option; lists the valid ones with their types.
+        InputError: values of the wrong type or out of range; holds all of them.
+    """
+    entry = planner_entry(name)
+    valid = {option.name: option for option in entry.option_list()}
+    values: dict[str, Any] = {}
+    issues = []
+    for key, value in (options or {}).items():
+        if key not in valid:
+            described = [f"{o.name} ({o.kind}, default {o.default})" for o in valid.values()]
+            raise UnknownChoiceError(f"option of planner '{name}'", key, described)
+        converted = _convert(value, valid[key].kind)
+        if converted is None:
+            issues.append(Issue(f"planner '{name}'", None, key, f"{value!r}", valid[key].kind))
+        values[key] = converted
+    if issues:
+        raise InputError(issues)
+    try:
+        made = _load(entry.options)(**values)
+    except ValueError as error:  # the dataclass checks ranges by itself
+        raise InputError([Issue(f"planner '{name}'", None, "options", str(error), "values in range")]) from None
+    return cast(Planner, _load(entry.planner)(made))
+
+
+def _convert(value: Any, kind: str) -> Any:
+    """The value as that kind, or None: an int may stand for a float, and nothing else for anything else."""
+    if kind == "float" and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    return value if type(value).__name__ == kind else None
+
+
+def _load(target: str) -> Any:
+    module, name = target.split(":")
+    return getattr(import_module(module), name)

@@ -1,0 +1,178 @@
+"""Goals as sets: how far a configuration is from them, and configurations that are in them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.model.collision import CollisionModel
+from optiplan.model.ik import IkOptions, IkResult, pose_error, random_seeds, solve_ik
+from optiplan.model.robot import Robot
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+
+_TURNS = (-1, 0, 1)
+_SHARE = 0.5  # of a tolerance that a solution may use up; the rest is for what planning does to it
+
+
+@dataclass(frozen=True)
+class GoalError:
+    """How far a configuration is from one alternative of the goal.
+
+    Attributes:
+        joint: largest joint error, rad or m, of a joint goal; None for a pose goal.
+        position: distance, m, of a pose goal; None for a joint goal.
+        orientation: angle, rad, of a pose goal; None for a joint goal.
+        reached: whether all of them are within tolerance.
+    """
+
+    joint: float | None
+    position: float | None
+    orientation: float | None
+    reached: bool
+
+
+@dataclass(frozen=True)
+class GoalOptions:
+    """How to look for configurations.
+
+    Attributes:
+        count: how many to return, at most.
+        solutions: of the inverse kinematics of a pose, before collisions are looked at.
+        attempts: random starts of the inverse kinematics of a pose.
+        stop: polled between starts.
+    """
+
+    count: int = 8
+    solutions: int = 24
+    attempts: int = 100
+    stop: Callable[[], bool] = field(default=lambda: False)
+
+
+@dataclass(frozen=True, eq=False)
+class GoalSet:
+    """Configurations in the goal, or why there are none.
+
+    Attributes:
+        configurations: free, within limits, distinct; nearest to the start first; each (n,).
+        kind: empty, or `goal-unreachable`, `goal-in-collision`.
+        reason: one sentence for a person when there are none.
+        witness: JSON-ready: the nearest miss, or the configuration in collision with bodies, points and depth.
+    """
+
+    configurations: list[Array]
+    kind: str = ""
+    reason: str = ""
+    witness: dict[str, Any] = field(default_factory=dict)
+
+
+def goal_residual(problem: Problem, q: Array) -> list[GoalError]:
+    """Errors of q (n,) with respect to every alternative of the goal, in their order."""
+    model = problem.robot.model
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    errors = []
+    for goal in problem.goal:
+        if isinstance(goal, JointGoal):
+            joint = float(np.abs(q - goal.q).max())
+            errors.append(GoalError(joint, None, None, joint <= goal.tolerance))
+        else:
+            position, angle = pose_error(data.oMf[model.getFrameId(goal.frame)], goal.X_WG)
+            errors.append(GoalError(None, position, angle, position <= goal.position and angle <= goal.orientation))
+    return errors
+
+
+def goal_configurations(
+    problem: Problem, model: CollisionModel, rng: np.random.Generator, options: GoalOptions | None = None
+) -> GoalSet:
+    """Distinct, collision-free configurations of all alternatives, ordered by the time at full speed from the start."""
+    options = options or GoalOptions()
+    free: list[Array] = []
+    refusals: list[GoalSet] = []
+    for goal in problem.goal:
+        candidates = [goal.q] if isinstance(goal, JointGoal) else _solve(problem, goal, rng, options)
+        if isinstance(candidates, GoalSet):
+            refusals.append(candidates)
+            continue
+        good = [q for q in candidates if not model.collides(q)]
+        if not good:
+            refusals.append(_all_collide(model, candidates))
+        for q in good:
+            images = [q] if isinstance(goal, JointGoal) else whole_turns(problem.robot, q, problem.start, options.count)
+            free += [image for image in images if not any(np.abs(image - other).max() < 1e-6 for other in free)]
+    if not free:
+        return refusals[0] if len(refusals) == 1 else _join(refusals)
+    free.sort(key=lambda q: float((np.abs(q - problem.start) / problem.limits.velocity).max()))
+    return GoalSet(free[: options.count])
+
+
+def whole_turns(robot: Robot, q: Array, near: Array, count: int) -> list[Array]:
+    """Up to `count` configurations that equal q (n,) up to whole turns of revolute joints, the nearest to `near` first.
+
+    Within the joint limits; a joint without limits may be one turn from the image nearest to `near`.
+    """
+    choices = []
+    for j in range(robot.n):
+        if robot.model.joints[j + 1].shortname().startswith("JointModelP"):
+            choices.append([float(q[j])])
+            continue
+        centre = q[j] + 2.0 * np.pi * np.round((near[j] - q[j]) / (2.0 * np.pi))
+        images = [float(centre + 2.0 * np.pi * turn) for turn in _TURNS]
+        inside = [x for x in images if robot.limits.lower[j] <= x <= robot.limits.upper[j]] or [float(q[j])]
+        choices.append(sorted(inside, key=lambda x, j=j: abs(x - near[j]))[:2])  # type: ignore[misc]
+    speed = robot.limits.velocity
+    every = [np.array(image) for image in product(*choices)]
+    return sorted(every, key=lambda image: float((np.abs(image - near) / speed).max()))[:count]
+
+
+def _solve(problem: Problem, goal: PoseGoal, rng: np.random.Generator, options: GoalOptions) -> list[Array] | GoalSet:
+    robot = problem.robot
+    seeds = [problem.start, *robot.configurations.values()]
+    seeds += random_seeds(robot, problem.start, rng, options.attempts)
+    tolerance = IkOptions(goal.position * _SHARE, goal.orientation * _SHARE, options.solutions, stop=options.stop)
+    if goal.orientation >= np.pi:
+        tolerance = replace(tolerance, orientation=goal.orientation)
+    found = solve_ik(robot, goal.frame, goal.X_WG, seeds, tolerance)
+    return found.solutions or _unreachable(goal, found)
+
+
+def _unreachable(goal: PoseGoal, found: IkResult) -> GoalSet:
+    reason = (
+        f"no configuration within the joint limits puts '{goal.frame}' at the goal pose; the nearest found misses by "
+        f"{found.position_error:.3g} m and {found.orientation_error:.3g} rad"
+    )
+    witness = {
+        "q": found.nearest.tolist(),
+        "position_error": found.position_error,
+        "orientation_error": found.orientation_error,
+    }
+    return GoalSet([], "goal-unreachable", reason, witness)
+
+
+def _all_collide(model: CollisionModel, candidates: list[Array]) -> GoalSet:
+    """Names the bodies of the candidate that overlaps least."""
+    contacts = [(q, contact) for q in candidates if (contact := model.clearance(q)) is not None]
+    q, contact = max(contacts, key=lambda item: item[1].distance)
+    names = [contact.pair.name_a, contact.pair.name_b]
+    many = "the goal configuration is" if len(candidates) == 1 else f"all {len(candidates)} goal configurations are"
+    reason = (
+        f"{many} in collision; the least of it: '{names[0]}' and '{names[1]}' overlap by "
+        f"{max(0.0, -contact.distance) * 1e3:.3g} mm"
+    )
+    witness = {
+        "q": q.tolist(),
+        "pair": names,
+        "points": [contact.point_a.tolist(), contact.point_b.tolist()],
+        "distance": contact.distance,
+    }
+    return GoalSet([], "goal-in-collision", reason, witness)
+
+
+def _join(refusals: list[GoalSet]) -> GoalSet:
+    kinds = {refusal.kind for refusal in refusals}
+    kind = "goal-in-collision" if "goal-in-collision" in kinds else "goal-unreachable"
+    reason = "; ".join(f"alternative {k}: {refusal.reason}" for k, refusal in enumerate(refusals))
+    return GoalSet([], kind, reason, {"alternatives": [refusal.witness for refusal in refusals]})
