@@ -1,44 +1,22 @@
 """The certificate: a proof that no two bodies touch at any time, or the time and place where it fails."""
 
 from dataclasses import dataclass, field, replace
-from math import comb
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.bodies import Bodies, Flags, Index
+from optiplan.verify.intervals import Intervals, boxes, middles, step_sizes
+from optiplan.verify.motion import Approach, Asked, Boxes, Motion
 from optiplan.verify.report import VerifyPolicy
-from optiplan.verify.separation import Index, PairDistances
+from optiplan.verify.separation import Distances, PairDistances
 
 ROUNDING = 1e-9  # m, subtracted from every proved clearance
+_EASY = 2e-3  # m, margin by which bounding volumes must clear a pair, so that the clearance reported is a true figure
 _FIRST_TRAVEL = 0.05  # rad or m, summed over joints: how coarse the first intervals may be
 _CHUNK = 256  # intervals handled by bounding volumes at a time, to bound memory
-
-
-@dataclass(frozen=True, eq=False)
-class Items:
-    """Open questions: is pair k clear on its interval? Intervals are dyadic parts of polynomial pieces.
-
-    Item k covers [i / 2^level, (i + 1) / 2^level] of piece `piece`, i = `index`. All arrays are (K,).
-    """
-
-    piece: Index
-    level: Index
-    index: Index
-    pair: Index
-
-    def take(self, chosen: Index) -> "Items":
-        """The items at these positions."""
-        return Items(self.piece[chosen], self.level[chosen], self.index[chosen], self.pair[chosen])
-
-    def split(self, halvings: Index) -> "Items":
-        """Every item k in 2^halvings[k] equal parts."""
-        parts = 2**halvings
-        parent = np.repeat(np.arange(len(parts)), parts)
-        offset = np.arange(len(parent)) - np.repeat(np.cumsum(parts) - parts, parts)
-        level, index = (self.level + halvings)[parent], (self.index * parts)[parent] + offset
-        return Items(self.piece[parent], level, index, self.pair[parent])
 
 
 @dataclass(frozen=True)
@@ -80,11 +58,12 @@ class Proof:
 def certify(model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy) -> Proof:
     """Prove that all pairs stay apart for all t in [0, duration].
 
-    On an interval with middle m a pair is clear if  distance(m) - travel > clearance + 1e-9 m, where travel bounds the
-    change of its distance while every joint j stays within D_j of q_j(m), and by Taylor's theorem for polynomials
-        |q_j(t) - q_j(m)| <= D_j = sum_k>=1 |q_j^(k)(m)| / k! h^k      for |t - m| <= h.
-    Where that fails the interval is divided for this pair alone. Bounding volumes answer most pairs, exact queries
-    confirmed by separating planes the rest.
+    On an interval with middle m and half width h, where a plane with normal w separates a pair by the gap g at m, the
+    pair is clear if the larger of two lower bounds of its distance exceeds the clearance asked for by 1e-9 m:
+        g - travel              how far the bodies can move in any direction;
+        linear - bend           the gap along w to first order in time, less what acceleration can take from it,
+    see `motion.Approach`. Where that fails the interval is divided for this pair alone. Bounding volumes answer most
+    pairs, exact queries confirmed by separating planes the rest.
 
     Holds at: all times of the closed interval [0, duration].
     """
@@ -107,67 +86,77 @@ class _Search:
     proof: Proof = field(default_factory=lambda: Proof(False))
 
     def __post_init__(self) -> None:
-        self.distances = PairDistances(self.model)
-        self.lengths = np.diff(self.trajectory.breakpoints)
-        jump = np.zeros((len(self.lengths) + 1, self.trajectory.n))
-        jump[1:-1] = np.minimum(np.abs(self.trajectory.jumps(0)), self.policy.jump_tolerance)
-        self.jump = np.maximum(jump[:-1], jump[1:])  # a tolerated step at a breakpoint widens both pieces beside it
+        self.bodies = Bodies(self.model)
+        self.distances, self.motion = PairDistances(self.model, self.bodies), Motion(self.bodies)
+        self.jump = step_sizes(self.trajectory, self.policy.jump_tolerance)
 
-    def begin(self) -> Items:
+    def boxes(self, items: Intervals) -> Boxes:
+        """What the joints do on these intervals."""
+        return boxes(self.trajectory, items, self.jump)
+
+    def begin(self) -> Intervals:
         """Intervals short enough for bounding volumes to tell something, with the pairs these leave open."""
-        piece = np.arange(len(self.lengths))
-        zero = np.zeros_like(piece)
-        _, D = self.boxes(Items(piece, zero, zero, zero))
-        halvings = np.clip(np.ceil(np.log2(np.maximum(D.sum(axis=1) / _FIRST_TRAVEL, 1.0))), 0, 12).astype(np.intp)
-        intervals = Items(piece, zero, zero, zero).split(halvings)
+        pieces = Intervals.whole(len(self.trajectory.coefficients))
+        parts = self.boxes(pieces).reach.sum(axis=1) / _FIRST_TRAVEL
+        intervals = pieces.split(np.clip(np.ceil(np.log2(np.maximum(parts, 1.0))), 0, 12).astype(np.intp))
         self.proof = replace(self.proof, intervals=len(intervals.piece))
         opened = []
         for first in range(0, len(intervals.piece), _CHUNK):
             chunk = intervals.take(np.arange(first, min(first + _CHUNK, len(intervals.piece))))
-            Q, D = self.boxes(chunk)
-            margin = self.model.lower_bounds(Q) - self.model.travel(Q, D) - ROUNDING
-            clear = margin > self.policy.clearance
+            b = self.boxes(chunk)
+            margin = self.model.lower_bounds(b.q) - self.model.travel(b.q, b.reach) - ROUNDING
+            clear = margin > self.policy.clearance + _EASY
             self.keep(margin[clear])
             rows, pairs = np.nonzero(~clear)
             opened.append(replace(chunk.take(rows), pair=pairs))
-        return Items(*(np.concatenate([getattr(o, a) for o in opened]) for a in ("piece", "level", "index", "pair")))
+        return Intervals.join(opened)
 
-    def advance(self, items: Items) -> Items:
+    def advance(self, items: Intervals) -> Intervals:
         """Ask the exact distance of every item; stop at a contact, divide what is not proved."""
-        policy = self.policy
-        self.proof = replace(self.proof, queries=self.proof.queries + len(items.pair))
-        intervals, rows = np.unique(np.stack([items.piece, items.level, items.index]), axis=1, return_inverse=True)
-        order = np.argsort(rows, kind="stable")
-        items, rows = items.take(order), rows[order]
-        unique = Items(intervals[0], intervals[1], intervals[2], intervals[0])
-        Q, D = self.boxes(unique)
-        found = self.distances.query(Q, rows, items.pair)
-        travel = self.model.bounds.travel_of(Q, D, rows, items.pair)
-        margin = found.bound - travel - ROUNDING
-        clear = margin > policy.clearance
-        self.keep(margin[clear])
-        count = self.proof.intervals + intervals.shape[1]
-        self.proof = replace(self.proof, intervals=count, believed=self.proof.believed + int(found.believed.sum()))
-        middle = self.times(unique)[rows]
+        items, unique, rows = items.grouped()
+        b = self.boxes(unique)
+        poses = self.bodies.kinematics.poses(b.q)
+        placed = self.bodies.place(poses, rows, items.pair)
+        found = self.distances.query(b.q, rows, items.pair, placed)
+        asked = Asked(rows, items.pair, placed, *self.bodies.kinematics.axes(poses))
+        near = self.motion.approach(b, asked, found.normals)
+        margin = np.maximum(found.bound - near.travel, near.linear - near.bend) - ROUNDING
         best = np.maximum(found.bound, found.measured)
-        self.see(best, middle, Q[rows], items.pair)
-        if (best <= policy.clearance + ROUNDING).any():
-            return self.stop(items, "bodies come too near" if policy.clearance > 0 else "bodies touch", contact=True)
+        self.see(best, middles(self.trajectory, unique)[rows], b.q[rows], items.pair)
+        self.count(unique, found)
+        if (best <= self.policy.clearance + ROUNDING).any():
+            reason = "bodies touch" if self.policy.clearance <= 0 else "bodies come too near"
+            return self.stop(items, reason, contact=True)
+        clear = margin > self.target()
+        self.keep(margin[clear])
         still = np.flatnonzero(~clear)
-        gap = np.maximum(found.bound[still] - policy.clearance - ROUNDING, 1e-300)
-        ratio = np.minimum(1.1 * travel[still] / gap, 16.0)
-        divided = items.take(still).split(np.clip(np.ceil(np.log2(ratio)), 1, 4).astype(np.intp))
-        return self.limit(divided)
+        return self.limit(items.take(still).split(_halvings(found, near, still, self.target())))
 
-    def limit(self, items: Items) -> Items:
+    def target(self) -> float:
+        """What must be proved, m: the clearance asked for, and half of the smallest distance, to tell a true figure."""
+        nearest = self.proof.nearest
+        asked = self.policy.clearance
+        return asked if nearest is None else asked + 0.5 * max(nearest.distance - asked, 0.0)
+
+    def count(self, unique: Intervals, found: Distances) -> None:
+        """Keep the books."""
+        proof = self.proof
+        self.proof = replace(
+            proof,
+            intervals=proof.intervals + len(unique.piece),
+            queries=proof.queries + len(found.bound),
+            believed=proof.believed + int(found.believed.sum()),
+        )
+
+    def limit(self, items: Intervals) -> Intervals:
         """Give up where intervals become shorter than the policy's or the queries too many."""
-        if len(items.pair) and (self.lengths[items.piece] * 0.5**items.level).min() < self.policy.min_interval:
+        if len(items.pair) and items.widths(self.trajectory).min() < self.policy.min_interval:
             return self.stop(items, f"clearance not proved on intervals of {self.policy.min_interval:g} s")
         if self.proof.queries + len(items.pair) > self.policy.max_queries:
             return self.stop(items, f"clearance not proved within {self.policy.max_queries} distance queries")
         return items
 
-    def stop(self, items: Items, reason: str, contact: bool = False) -> Items:
+    def stop(self, items: Intervals, reason: str, contact: bool = False) -> Intervals:
         """End the search with a reason."""
         self.proof = replace(self.proof, reason=reason, contact=contact)
         return items.take(np.empty(0, dtype=np.intp))
@@ -181,27 +170,16 @@ class _Search:
         """Remember the smallest distance measured, with its witness."""
         k = int(np.argmin(distance))
         if self.proof.nearest is None or distance[k] < self.proof.nearest.distance:
-            _, points = self.distances.witness(Q[k], int(pairs[k]))
+            points = self.distances.witness(Q[k], int(pairs[k]))
             pair = self.model.pairs[int(pairs[k])]
             nearest = Moment(float(distance[k]), float(times[k]), (pair.name_a, pair.name_b), points, Q[k].copy())
             self.proof = replace(self.proof, nearest=nearest)
 
-    def times(self, items: Items) -> Array:
-        """Middles of the intervals, s."""
-        start, length = self.trajectory.breakpoints[items.piece], self.lengths[items.piece]
-        return np.asarray(start + length * (items.index + 0.5) * 0.5**items.level)
 
-    def boxes(self, items: Items) -> tuple[Array, Array]:
-        """Configurations at the middles and the box each joint stays in about them: Q and D, (K, n)."""
-        c = self.trajectory.coefficients[items.piece]  # (K, degree + 1, n)
-        width = 0.5**items.level * self.lengths[items.piece]
-        middle, half = (items.index + 0.5) * width, 0.5 * width
-        degree = c.shape[1] - 1
-        D = self.jump[items.piece] + 1e-15
-        for k in range(degree, -1, -1):
-            shifted = comb(degree, k) * c[:, degree]  # q^(k)(m) / k!, by Horner's rule
-            for i in range(degree - 1, k - 1, -1):
-                shifted = shifted * middle[:, None] + comb(i, k) * c[:, i]
-            if k > 0:
-                D += np.abs(shifted) * half[:, None] ** k
-        return shifted, D
+def _halvings(found: Distances, near: Approach, still: Index, target: float) -> Index:
+    """How often to halve each item: the least of 1 to 4 times after which the bounds, scaled, would prove it."""
+    parts = 2.0 ** np.arange(1, 4)[:, None]
+    bound, linear = found.bound[still], np.maximum(near.linear[still], -1e9)
+    plane = bound + (linear - bound) / parts - near.bend[still] / parts**2
+    enough: Flags = np.maximum(bound - near.travel[still] / parts, plane) > 1.1 * target + ROUNDING
+    return np.asarray(4 - enough.sum(axis=0), dtype=np.intp)
