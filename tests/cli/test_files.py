@@ -1,0 +1,36 @@
+from pathlib import Path
+
+import pytest
+
+from optiplan.cli.files import find_problem
+from optiplan.errors import InputError
+
+
+@pytest.mark.parametrize("name", ["01_reach", "01_reach.yaml", "problems/01_reach.yaml"])
+def test_examples_are_found_from_any_folder(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert find_problem(name).name == "01_reach.yaml"
+
+
+def test_a_file_goes_before_an_example(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("01_reach").write_text("mine")
+    assert find_problem("01_reach").read_text() == "mine"
+
+
+def test_unknown_names_the_examples_and_the_nearest():
+    with pytest.raises(InputError) as caught:
+        find_problem("01_raech")
+    assert "no such file" in str(caught.value)
+    assert "did you mean '01_reach'?" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["elsewhere/01_reach.yaml", "01_reach.json"])
+def test_only_the_plain_name_means_an_example(name):
+    with pytest.raises(InputError, match="no such file"):
+        find_problem(name)
+
+
+def test_folder_is_no_problem(tmp_path):
+    with pytest.raises(InputError, match="is a folder"):
+        find_problem(str(tmp_path))

@@ -1,0 +1,65 @@
+import json
+import os
+import signal
+
+from optiplan.cli.output import interrupts_held, print_json, report_error, stdout_is_ours
+from optiplan.errors import InputError, Issue, UnknownChoiceError
+
+ISSUE = Issue("a.yaml", 3, "start.joints", "a list of 6 values", "7 values")
+
+
+def test_foreign_writes_to_stdout_go_to_stderr(capfd):
+    with stdout_is_ours():
+        os.write(1, b"noise of a library\n")
+    os.write(1, b"result\n")
+    out, err = capfd.readouterr()
+    assert (out, err) == ("result\n", "noise of a library\n")
+
+
+def test_stdout_comes_back_after_an_error(capfd):
+    try:
+        with stdout_is_ours():
+            raise ValueError
+    except ValueError:
+        os.write(1, b"still here")
+    assert capfd.readouterr().out == "still here"
+
+
+def test_one_line_one_object(capsys):
+    print_json({"a": [1, 2.5, None]})
+    assert capsys.readouterr().out == '{"a": [1, 2.5, null]}\n'
+
+
+def test_issues_in_words(capsys):
+    report_error(InputError([ISSUE]), as_json=False)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == "a.yaml:3: start.joints: a list of 6 values; expected 7 values\n"
+
+
+def test_issues_as_json(capsys):
+    report_error(InputError([ISSUE]), as_json=True)
+    out, err = capsys.readouterr()
+    data = json.loads(out)
+    assert err == ""
+    assert data["exit_code"] == 2
+    assert data["issues"] == [
+        {"file": "a.yaml", "line": 3, "field": "start.joints", "found": "a list of 6 values", "expected": "7 values"}
+    ]
+
+
+def test_other_errors_carry_their_choices(capsys):
+    report_error(UnknownChoiceError("planner", "rrt", ["quintic", "trajopt"]), as_json=False)
+    assert capsys.readouterr().err == "optiplan: unknown planner 'rrt'; choose from: quintic, trajopt\n"
+
+
+def test_interrupts_wait(monkeypatch):
+    seen = []
+    previous = signal.signal(signal.SIGINT, lambda *_: seen.append("interrupt"))
+    try:
+        with interrupts_held():
+            os.kill(os.getpid(), signal.SIGINT)
+            seen.append("saved")
+        assert seen == ["saved", "interrupt"]
+    finally:
+        signal.signal(signal.SIGINT, previous)

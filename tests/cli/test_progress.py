@@ -1,0 +1,49 @@
+import io
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from optiplan.cli import progress
+from optiplan.cli.progress import ProgressLine
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that the test sets."""
+    now = SimpleNamespace(seconds=100.0)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: now.seconds))
+    return now
+
+
+def test_short_work_says_nothing(clock, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    with ProgressLine() as line:
+        clock.seconds += 1.9
+        line("optimise", 0.5)
+    assert sys.stderr.getvalue() == ""
+
+
+def test_long_work_says_stage_and_fraction_and_cleans_up(clock, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    with ProgressLine() as line:
+        clock.seconds += 2.1
+        line("optimise", 0.5)
+        clock.seconds += 0.01  # too soon for another change
+        line("optimise", 0.6)
+        clock.seconds += 1.0
+        line("verify", 0.0)
+    assert sys.stderr.getvalue() == "\r\x1b[K  2.1 s  optimise  50%\r\x1b[K  3.1 s  verify\r\x1b[K"
+
+
+def test_no_line_into_a_file(clock, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with ProgressLine() as line:
+        clock.seconds += 9.0
+        line("optimise", 0.5)
+    assert sys.stderr.getvalue() == ""
