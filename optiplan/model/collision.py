@@ -41,6 +41,28 @@ class Contact:
     normal: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """K near pairs at N configurations, as arrays.
+
+    Attributes:
+        rows: (K,) which configuration.
+        pairs: (K,) index of the pair.
+        distance: (K,) m, negative when penetrating.
+        gradient: (K, n) of the distance with respect to the configuration (see `CollisionModel.gradient`).
+    """
+
+    rows: Index
+    pairs: Index
+    distance: Array
+    gradient: Array
+
+    @classmethod
+    def none(cls, n: int) -> "Contacts":
+        """No contact of n joints."""
+        return cls(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, n)))
+
+
 class CollisionModel:
     """A robot in a scene, with its own work space: use one object a thread.
 
@@ -102,6 +124,30 @@ class CollisionModel:
         found = [self.pair_distance(int(pair)) for pair in near]
         return [contact for contact in found if contact.distance < cutoff]
 
+    def near(self, Q: Array, cutoff: float) -> Contacts:
+        """Every pair nearer than `cutoff` (m) at each of many configurations Q (N, n), as arrays."""
+        candidates = self.lower_bounds(Q) < cutoff
+        geometry, data, results = self.geometry, self._geometry_data, self._geometry_data.distanceResults
+        found: list[tuple[int, int, float]] = []
+        vectors: list[Array] = []
+        for row in np.flatnonzero(candidates.any(axis=1)).tolist():
+            self.place(Q[row])
+            for pair in np.flatnonzero(candidates[row]).tolist():
+                pin.computeDistance(geometry, data, pair)
+                result = results[pair]
+                distance = result.min_distance
+                if distance < cutoff:
+                    found.append((row, pair, distance))
+                    vectors += [result.getNearestPoint1(), result.getNearestPoint2(), result.normal]
+        if not found:
+            return Contacts.none(self.robot.n)
+        rows, pairs = (np.array([entry[k] for entry in found], dtype=np.intp) for k in (0, 1))
+        distances = np.array([entry[2] for entry in found])
+        points = np.array(vectors).reshape(-1, 3, 3)
+        normals = _normals(distances, points)
+        gradients = self.bounds.witness_gradients(Q[rows], pairs, points[:, :2], normals)
+        return Contacts(rows, pairs, distances, gradients)
+
     def lower_bounds(self, Q: Array) -> Array:
         """Lower bounds, m, of the distance of every pair at Q (N, n), from bounding volumes alone: (N, P)."""
         return self.bounds.distances(Q)
@@ -110,28 +156,22 @@ class CollisionModel:
         """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j: Q and D (N, n), result (N, P)."""
         return self.bounds.travel(Q, D)
 
-    def gradients(self, Q: Array, rows: Index, contacts: list[Contact]) -> Array:
-        """Gradient of each contact's distance with respect to q: (K, n), m/rad or m/m.
+    def gradient(self, q: Array, contact: Contact) -> Array:
+        """Gradient (n,) of a contact's distance with respect to q (n,), m/rad or m/m.
 
-        Contact k was found at configuration Q[rows[k]]. For normal n and witness points a, b fixed to their bodies,
-        d(distance)/dq = n . (J_b - J_a), with J the linear Jacobian of the point; by the envelope theorem the motion of
-        the witness points on the surfaces adds nothing (away from parallel faces, where the distance has a kink).
+        For normal n and witness points a, b fixed to their bodies, d(distance)/dq = n . (J_b - J_a), with J the linear
+        Jacobian of the point; by the envelope theorem the motion of the witness points on the surfaces adds nothing
+        (away from parallel faces, where the distance has a kink).
         """
-        if not contacts:
-            return np.zeros((0, self.robot.n))
-        return self.bounds.witness_gradients(
-            Q[rows],
-            np.array([c.pair.index for c in contacts]),
-            np.array([[c.point_a, c.point_b] for c in contacts]),
-            np.array([c.normal for c in contacts]),
-        )
+        points = np.array([[contact.point_a, contact.point_b]])
+        pair = np.array([contact.pair.index])
+        return np.asarray(self.bounds.witness_gradients(q[None], pair, points, contact.normal[None])[0])
 
     def _read(self, pair: int) -> Contact:
         result = self._geometry_data.distanceResults[pair]
         a, b = np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
-        distance, gap = float(result.min_distance), b - a
-        # coal leaves the normal of two triangle meshes unset; where bodies are apart the points give it.
-        normal = gap / np.linalg.norm(gap) if distance > 1e-6 else np.array(result.normal)
+        distance = float(result.min_distance)
+        normal = _normals(np.array([distance]), np.array([[a, b, result.normal]]))[0]
         return Contact(self.pairs[pair], distance, a, b, normal)
 
     def _add_bodies(self) -> None:
@@ -171,3 +211,14 @@ class CollisionModel:
                 (a, b) for a, b in found if frozenset((self.names[a], self.names[b])) not in allowed
             )
         )
+
+
+def _normals(distances: Array, vectors: Array) -> Array:
+    """Unit normals (K, 3) from a to b; vectors (K, 3, 3) hold witness points a and b and coal's normal.
+
+    coal leaves the normal of two triangle meshes unset; where bodies are apart, the points give it.
+    """
+    gap = vectors[:, 1] - vectors[:, 0]
+    length = np.linalg.norm(gap, axis=1, keepdims=True)
+    apart = (distances > 1e-6)[:, None] & (length > 0.0)
+    return np.where(apart, gap / np.where(apart, length, 1.0), vectors[:, 2])

@@ -1,6 +1,5 @@
 """One attempt: from control points to a trajectory that is free between samples too, or not."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +28,6 @@ class Attempt:
     trajectory: Trajectory
     touch: Touch | None
     iterations: int
-    rounds: int
 
 
 class Optimiser:
@@ -39,13 +37,15 @@ class Optimiser:
         self.problem, self.model, self.options, self.budget = problem, model, options, budget
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
 
-    def run(self, seed: Callable[[SplineBasis], Array]) -> Attempt | None:
-        """Optimise, look between the samples, add samples where bodies touch there, and again; None if hopeless."""
-        control = seed(self.basis)
+    def run(self, control: Array) -> Attempt | None:
+        """Optimise from control points (K, n), look between the samples, add some where bodies touch there, and again.
+
+        None when the bodies stay far inside each other.
+        """
         transcription = Transcription(self.problem, self.model, self.basis, self._margins(control))
-        u = np.linspace(0.0, 1.0, self.options.samples + 2)[1:-1]
-        iterations = 0
-        for round_ in range(1, self.options.refinements + 2):
+        u = _instants(self.basis, self.options.samples)
+        iterations, attempt = 0, None
+        for _ in range(self.options.refinements + 1):
             transcription.set_samples(u)
             left = self.options.iterations - iterations
             point, used = optimise(transcription, self.options.solver, control, left, lambda: self.budget.over)
@@ -57,13 +57,14 @@ class Optimiser:
             if trajectory is None:
                 return None
             touch = first_contact(self.model, trajectory)
+            attempt = Attempt(trajectory, touch, iterations)
             if touch is None or self.budget.over or iterations >= self.options.iterations:
                 break
             u = np.concatenate([transcription.u, _around(transcription.u, touch.t / trajectory.duration)])
-        return Attempt(trajectory, touch, iterations, round_)
+        return attempt
 
     def timed(self, control: Array, duration: float) -> Trajectory | None:
-        """The curve at the least duration at which exact extrema and torques hold; None if gravity alone is too much."""
+        """The curve at the least duration at which exact extrema and torques hold; None when gravity is too much."""
         names = self.problem.robot.joint_names
         trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
         trajectory = trajectory.scaled(duration * speed_ratio(trajectory, self.problem.limits) * (1.0 + 1e-9))
@@ -76,6 +77,15 @@ class Optimiser:
         ends = [self.model.clearance(q) for q in (control[0], control[-1])]
         start, end = (np.inf if c is None else 0.6 * c.distance for c in ends)
         return Margins(min(start, self.options.margin), self.options.margin, min(end, self.options.margin))
+
+
+def _instants(basis: SplineBasis, count: int) -> Array:
+    """`count` equal steps of u, and the ends and middles of the short spans: torques peak within the first instants."""
+    edges = basis.breakpoints
+    short = np.diff(edges) < 1.0 / count
+    extra = np.concatenate([edges[1:][short], 0.5 * (edges[1:] + edges[:-1])[short]])
+    inside = np.linspace(0.0, 1.0, count + 2)[1:-1]
+    return np.concatenate([inside, extra[(extra > 0.0) & (extra < 1.0)]])
 
 
 def _around(u: Array, where: float) -> Array:

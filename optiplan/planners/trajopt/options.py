@@ -14,6 +14,7 @@ class TrajOptOptions:
         refinements: times that samples are added where bodies touch between them.
         iterations: steps of an attempt, at most.
         margin: clearance aimed at, m; less near a start or a goal that is closer to a body than that.
+        straight_goals: goal configurations tried along a straight line, at most.
         seeds: sampled paths tried, at most.
         good_enough: duration / lower bound at which no further seed is tried.
         solver: of the quadratic programs, any that qpsolvers knows and finds installed.
@@ -25,6 +26,7 @@ class TrajOptOptions:
     refinements: int = 10
     iterations: int = 80
     margin: float = 0.005
+    straight_goals: int = 3
     seeds: int = 4
-    good_enough: float = 1.02
+    good_enough: float = 1.05
     solver: str = "piqp"

@@ -1,7 +1,7 @@
 """Sequential quadratic programming with an l1 exact penalty and a trust region."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.subproblem import Subproblem
@@ -69,11 +69,19 @@ def optimise(
         gain = point.merit - trial.merit
         if gain <= 0.1 * step.promise:
             radius *= 0.35
+            point = _with_watched_torques(transcription, point)
             continue
-        settled = gain < 0.002 * point.duration and trial.contacts.violation() < 1e-4
+        small = gain < 0.002 * point.duration
+        settled = small and trial.contacts.violation() < 1e-4 and trial.torques.violation() < 0.01
         point = trial
         if gain > 0.7 * step.promise:
             radius *= 2.0
         if settled:
             return point, iteration + 1
     return point, iterations
+
+
+def _with_watched_torques(transcription: Transcription, point: Point) -> Point:
+    """The same point with rows for the torques that the refused trial, evaluated last, exceeded."""
+    transcription.watch_exceeded()
+    return replace(point, torques=transcription.torques(point.control, point.duration))

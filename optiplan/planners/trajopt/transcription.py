@@ -9,11 +9,11 @@ import pinocchio as pin
 import scipy.sparse as sp
 
 from optiplan.arrays import Array
-from optiplan.model.collision import CollisionModel, Contact
+from optiplan.model.collision import CollisionModel
 from optiplan.planners.trajopt.spline import FIXED, SplineBasis
 from optiplan.problem.problem import Problem
 
-CUTOFF = 0.06
+CUTOFF = 0.04
 """Pairs nearer than this, m, get a row in the quadratic program."""
 
 TORQUE_SHARE = 0.6
@@ -96,24 +96,14 @@ class Transcription:
         self.u = np.unique(u)
         self._at = [self.basis.at(self.u, order) for order in range(3)]
         self._margin = self.margins.at(self.u)
+        self._watched: npt.NDArray[np.bool_] = np.zeros((len(self.u), len(self._limited)), dtype=bool)
 
     def contacts(self, control: Array) -> SoftRows:
         """Rows of all pairs nearer than the cutoff."""
-        Q = self._at[0] @ control
-        candidates = self.model.lower_bounds(Q) < CUTOFF
-        rows: list[int] = []
-        found: list[Contact] = []
-        for row in np.flatnonzero(candidates.any(axis=1)):
-            self.model.place(Q[row])
-            for pair in np.flatnonzero(candidates[row]):
-                contact = self.model.pair_distance(int(pair))
-                if contact.distance < CUTOFF:
-                    rows.append(int(row))
-                    found.append(contact)
-        sample = np.array(rows, dtype=np.intp)
-        value = np.array([contact.distance for contact in found]) - self._margin[sample]
-        by_control = self._spread(self.model.gradients(Q, sample, found), self._at[0][sample])
-        return SoftRows(sample, value, by_control, np.zeros(len(sample)))
+        found = self.model.near(self._at[0] @ control, CUTOFF)
+        value = found.distance - self._margin[found.rows]
+        by_control = self._spread(found.gradient, self._at[0][found.rows])
+        return SoftRows(found.rows, value, by_control, np.zeros(len(value)))
 
     def jerk_cost(self, control: Array, duration: float) -> JerkCost:
         """The cost w * (integral of squared jerk) = w T^-5 C' H C, with w from the objective."""
@@ -125,34 +115,48 @@ class Transcription:
         return JerkCost(cost, hessian, 2.0 * scale * push[free].T.ravel(), -5.0 * cost / duration)
 
     def torques(self, control: Array, duration: float) -> SoftRows:
-        """Rows 1 - |tau_j| / limit_j >= 0 of all joints and samples above `TORQUE_SHARE` of the limit."""
+        """Rows 1 - |tau_j| / limit_j >= 0 of joints and samples above `TORQUE_SHARE` of the limit, or watched."""
         free = (self.basis.size - 2 * FIXED) * control.shape[1]
         if not len(self._limited):
             return SoftRows.none(free)
-        Q, V, A = (matrix @ control / duration**order for order, matrix in enumerate(self._at))
-        limit = self.limits.torque[self._limited]
-        sample, value, by_control, by_duration = [], [], [], []
-        for k in range(len(Q)):
-            share = pin.rnea(self._pin, self._data, Q[k], V[k], A[k])[self._limited] / limit
-            hot = np.flatnonzero(np.abs(share) > TORQUE_SHARE)
-            if not len(hot):
-                continue
-            joints, scale = self._limited[hot], -np.sign(share[hot]) / limit[hot]
-            tau_q, tau_v, tau_a = (m[joints] * scale[:, None] for m in self._derivatives(Q[k], V[k], A[k]))
-            sample += [k] * len(hot)
-            value += list(1.0 - np.abs(share[hot]))
-            by_duration += list(-(tau_v @ V[k] + 2.0 * tau_a @ A[k]) / duration)
-            basis = [matrix[k] / duration**order for order, matrix in enumerate(self._at)]
-            total = sum(np.einsum("rj,m->rjm", g, b) for g, b in zip((tau_q, tau_v, tau_a), basis, strict=True))
-            by_control.append(total[:, :, self.basis.free].reshape(len(hot), -1))
-        if not sample:
+        motion = [matrix @ control / duration**order for order, matrix in enumerate(self._at)]
+        tau = np.array([pin.rnea(self._pin, self._data, q, v, a) for q, v, a in zip(*motion, strict=True)])
+        share = tau[:, self._limited] / self.limits.torque[self._limited]
+        self._exceeded = np.abs(share) > 1.0
+        sample, which = np.nonzero((np.abs(share) > TORQUE_SHARE) | self._watched)
+        if not len(sample):
             return SoftRows.none(free)
-        return SoftRows(np.array(sample, dtype=np.intp), np.array(value), np.vstack(by_control), np.array(by_duration))
+        hot, back = np.unique(sample, return_inverse=True)
+        derivatives = self._torque_derivatives([part[hot] for part in motion])
+        sign, joint = np.sign(share[sample, which]), self._limited[which]
+        scale = -sign / self.limits.torque[joint]
+        rows = [matrix[back, joint] * scale[:, None] for matrix in derivatives]  # by q, v, a: (R, n) each
+        by_control = sum(
+            self._spread(row, matrix[sample] / duration**order)
+            for order, (row, matrix) in enumerate(zip(rows, self._at, strict=True))
+        )
+        by_duration = -np.einsum("rj,rj->r", rows[1], motion[1][sample])
+        by_duration -= 2.0 * np.einsum("rj,rj->r", rows[2], motion[2][sample])
+        value = 1.0 - np.abs(share[sample, which])
+        return SoftRows(sample, value, np.asarray(by_control), by_duration / duration)
 
-    def _derivatives(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-        pin.computeRNEADerivatives(self._pin, self._data, q, v, a)
-        mass = np.triu(self._data.M) + np.triu(self._data.M, 1).T
-        return self._data.dtau_dq, self._data.dtau_dv, mass
+    def _torque_derivatives(self, motion: list[Array]) -> list[Array]:
+        """Derivatives of inverse dynamics by q, v and a at (q, v, a) of shape (H, n) each: three arrays (H, n, n)."""
+        result: list[list[Array]] = [[], [], []]
+        for q, v, a in zip(*motion, strict=True):
+            pin.computeRNEADerivatives(self._pin, self._data, q, v, a)
+            for store, matrix in zip(result, (self._data.dtau_dq, self._data.dtau_dv, self._data.M), strict=True):
+                store.append(np.array(matrix))
+        by_q, by_v, upper = (np.array(matrices) for matrices in result)
+        strict = np.triu(upper, 1)  # pinocchio fills the upper half of the mass matrix only
+        return [by_q, by_v, np.triu(upper) + strict.transpose(0, 2, 1)]
+
+    def watch_exceeded(self) -> None:
+        """From now on give rows to the joints and samples whose torque was too large in the last call of `torques`.
+
+        A refused step showed that they matter, although they were far from their limit where the step began.
+        """
+        self._watched |= self._exceeded
 
     def _spread(self, gradient: Array, basis: Array) -> Array:
         """Chain rule q = B C: from d/dq (K, n) to d/dC of the free control points, joint by joint (K, n M)."""
