@@ -1,0 +1,54 @@
+"""A proved path of straight segments becomes a proved trajectory: corners as round as the obstacles allow."""
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.model.collision import CollisionModel
+from optiplan.model.robot import Limits
+from optiplan.planners.base import Budget
+from optiplan.planners.sweep import first_contact
+from optiplan.trajectory.blend import blend_path, time_blended
+from optiplan.trajectory.timing import stop_at_corners
+from optiplan.trajectory.trajectory import Trajectory
+
+_SHRINK = 0.5
+_SHARPEST = 0.01  # share of half a segment; below it a corner is not worth rounding
+
+
+def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory:
+    """The fastest found of: one run through rounded corners, and stops at every corner.
+
+    Args:
+        model: of the robot in its scene.
+        waypoints: (k, n), rad or m; the straight segments between them are free.
+        limits: of the n joints.
+        budget: once it is over, the stops are the answer.
+
+    Returns:
+        A trajectory that is free at all times because the path is.
+    """
+    stops = stop_at_corners(waypoints, limits, model.robot.joint_names)
+    distinct = np.any(np.diff(waypoints, axis=0) != 0.0, axis=1)
+    waypoints = waypoints[np.concatenate([[True], distinct])]
+    if len(waypoints) < 3:
+        return stops
+    blended = _blend(model, waypoints, limits, budget)
+    return stops if blended is None or blended.duration > stops.duration else blended
+
+
+def _blend(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory | None:
+    fractions, gentleness = np.ones(len(waypoints) - 2), 1.0
+    while not budget.over and fractions.min() > _SHARPEST and gentleness > 0.1:
+        path = blend_path(waypoints, fractions, limits, model.robot.joint_names)
+        touch = first_contact(model, path)
+        if touch is None:
+            trajectory = time_blended(path, limits, gentleness)
+            if trajectory is None:
+                return None
+            touch = first_contact(model, trajectory)
+            if touch is None:
+                return trajectory
+            gentleness *= _SHRINK  # the path was free: the spline left it too far
+        corner = int(np.argmin(np.linalg.norm((waypoints[1:-1] - touch.q) / limits.velocity, axis=1)))
+        fractions[corner] *= _SHRINK
+    return None
