@@ -1,0 +1,55 @@
+"""The page: our own template and scripts around meshcat's viewer, all in one HTML file that asks for nothing else."""
+
+import html
+import json
+import os
+import tempfile
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from string import Template
+
+from optiplan.problem.problem import Problem
+from optiplan.viewer.runs import RunLike
+from optiplan.viewer.scene import SceneData, build_scene
+
+
+def render_page(scene: SceneData) -> str:
+    """The whole page as text; names from the problem file are escaped, nothing is loaded from elsewhere."""
+    own = resources.files("optiplan.viewer")
+    bundle = resources.files("meshcat") / "viewer" / "dist"
+    licences = (bundle / "main.min.js.LICENSE.txt").read_text("utf-8")
+    licence = (resources.files("meshcat") / "viewer" / "LICENSE").read_text("utf-8")
+    return Template((own / "page.html").read_text("utf-8")).substitute(
+        title=html.escape(scene.name),
+        style=(own / "page.css").read_text("utf-8"),
+        data=json.dumps(scene.to_dict(), separators=(",", ":")).replace("<", "\\u003c"),
+        licences=f"meshcat: {licence}\n{licences}".replace("--", "- -"),
+        meshcat=_inline((bundle / "main.min.js").read_text("utf-8")),
+        shapes=(own / "shapes.js").read_text("utf-8"),
+        scene=(own / "scene.js").read_text("utf-8"),
+        player=(own / "player.js").read_text("utf-8"),
+    )
+
+
+def export_page(problem: Problem, runs: Sequence[RunLike], path: Path) -> None:
+    """Write one standalone HTML file that plays the runs from a disk, without a network.
+
+    `#t=0.6&paused` after its address shows one instant, standing still. The file appears whole or not at all.
+    """
+    text = render_page(build_scene(problem, runs))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _inline(script: str) -> str:
+    """A script that may stand between script tags: no text in it closes them."""
+    return script.replace("</script", "<\\/script")

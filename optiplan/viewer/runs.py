@@ -1,0 +1,133 @@
+"""What the page shows of one run: its motion sampled, its verdict in words, and where it failed."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.timing import lower_bound
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.viewer.surfaces import packed
+
+RATE = 100.0  # samples of the motion a second; the page interpolates between them
+MAX_SAMPLES = 6000
+
+
+class ViewedRun(NamedTuple):
+    """One run to show; a plain tuple of the first three does as well.
+
+    Attributes:
+        label: what the legend calls it.
+        trajectory: None when the planner failed.
+        report: `Report.to_dict()`, or None when nothing was verified.
+        failure: `kind`, `detail` and `witness` of a `Failure`, or None.
+    """
+
+    label: str
+    trajectory: Trajectory | None
+    report: Mapping[str, Any] | None = None
+    failure: Mapping[str, Any] | None = None
+
+
+RunLike = ViewedRun | tuple[str, Trajectory | None, Mapping[str, Any] | None]
+
+
+class Poses:
+    """Poses of the joints and the tool of a robot, as the page stores them."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._model = problem.robot.model
+        self._data = self._model.createData()
+        self._tool = self._model.getFrameId(problem.robot.tool_frame)
+
+    def of(self, Q: Array) -> tuple[Array, Array]:
+        """Poses at configurations Q (k, n): joints (k, n, 7), position (m) and quaternion xyzw; tool points (k, 3)."""
+        joints = np.empty((len(Q), self._model.njoints - 1, 7))
+        tool = np.empty((len(Q), 3))
+        for k, q in enumerate(Q):
+            pin.framesForwardKinematics(self._model, self._data, q)
+            joints[k] = [pin.SE3ToXYZQUAT(X) for X in list(self._data.oMi)[1:]]
+            tool[k] = self._data.oMf[self._tool].translation
+        return joints, tool
+
+
+def show_run(problem: Problem, poses: Poses, run: ViewedRun) -> dict[str, Any]:
+    """JSON-ready form of a run for the page."""
+    shown: dict[str, Any] = {"label": run.label, "facts": [], "problems": [], "duration": 0.0}
+    shown["badge"] = _badge(run)
+    if run.trajectory is not None:
+        shown |= _motion(poses, run.trajectory)
+        shown["facts"] = _facts(problem, run.trajectory, run.report)
+    failure = run.failure or {}
+    if failure:
+        shown["problems"].append(f"{failure.get('kind', 'failed')}: {failure.get('detail', '')}")
+    refused = [check for check in (run.report or {}).get("checks", ()) if not check.get("passed")]
+    shown["problems"] += [_words(check) for check in refused]
+    shown["witnesses"] = [
+        shown_witness
+        for source in (failure, *refused)
+        if (shown_witness := _witness(poses, problem.robot.n, source)) is not None
+    ]
+    return shown
+
+
+def _badge(run: ViewedRun) -> str:
+    if run.trajectory is None:
+        return "no plan"
+    if run.report is None:
+        return "not checked"
+    return "verified" if run.report.get("verified") else "not verified"
+
+
+def _motion(poses: Poses, trajectory: Trajectory) -> dict[str, Any]:
+    count = int(min(MAX_SAMPLES, max(2, np.ceil(trajectory.duration * RATE) + 1)))
+    joints, tool = poses.of(trajectory(np.linspace(0.0, trajectory.duration, count)))
+    return {
+        "duration": trajectory.duration,
+        "samples": count,
+        "poses": packed(joints),
+        "path": packed(tool),
+    }
+
+
+def _facts(problem: Problem, trajectory: Trajectory, report: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    ends = trajectory(np.array([0.0, trajectory.duration]))
+    bound = lower_bound(ends[0], ends[1], problem.limits)
+    facts = [("duration", f"{trajectory.duration:.3f} s")]
+    if bound > 1e-9:
+        facts.append(("× lower bound", f"{trajectory.duration / bound:.3f}"))
+    for check in (report or {}).get("checks", ()):
+        if check.get("name") == "collision" and check.get("worst") is not None:
+            facts.append(("worst clearance", f"{1e3 * check['worst']:.2f} mm"))
+    return facts
+
+
+def _words(check: Mapping[str, Any]) -> str:
+    detail = check.get("detail") or check.get("place") or "refused"
+    when = "" if check.get("time") is None else f" (at {check['time']:.3f} s)"
+    return f"{check.get('name')}: {detail}{when}"
+
+
+def _witness(poses: Poses, n: int, source: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Where something failed: the robot there, the nearest points of the two bodies (m), and their names."""
+    witness = source.get("witness") or {}
+    q, points = witness.get("q"), _points(witness.get("points"))
+    if q is None and not points:
+        return None
+    shown: dict[str, Any] = {"points": points, "pair": [str(name) for name in witness.get("pair") or ()]}
+    time = witness.get("t", source.get("time"))
+    if time is not None:
+        shown["time"] = float(time)
+    if q is not None and np.shape(q) == (n,) and np.all(np.isfinite(np.asarray(q, dtype=float))):
+        shown["poses"] = packed(poses.of(np.asarray([q], dtype=float))[0])
+    return shown
+
+
+def _points(points: Sequence[Any] | None) -> list[list[float]]:
+    if points is None:
+        return []
+    array = np.asarray(points, dtype=float)
+    return [] if array.size == 0 or array.size % 3 else array.reshape(-1, 3).tolist()

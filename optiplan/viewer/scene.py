@@ -1,0 +1,149 @@
+"""From a problem and its runs to `SceneData`: everything the page draws, as plain data."""
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from optiplan.errors import OptiPlanError
+from optiplan.model.robot import Robot
+from optiplan.model.scene import Shape
+from optiplan.model.shapes import build_geometry
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.viewer.runs import Poses, RunLike, ViewedRun, show_run
+from optiplan.viewer.surfaces import Colour, encode, packed, visual_surfaces
+
+_PLAIN: Colour = (0.93, 0.94, 0.95, 1.0)
+_COLLISION: Colour = (0.45, 0.62, 0.78, 1.0)
+_HELD: Colour = (0.90, 0.62, 0.25, 1.0)
+_OBSTACLE: Colour = (0.68, 0.60, 0.50, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneData:
+    """What the page draws; poses are [x, y, z, qx, qy, qz, qw], m, arrays are base64 of float32.
+
+    Attributes:
+        name: of the problem; the page's title.
+        geometries: each shape once.
+        parts: `{set, name, body, geometry, pose, colour}`; body 0 is the world, body j the robot's joint j.
+        bodies: how many joints move.
+        start: poses of the joints at the start, (1, bodies, 7).
+        goal: the same at the end to be reached, None when it is not known.
+        targets: poses that the goal names.
+        runs: what is played, see `runs.show_run`.
+    """
+
+    name: str
+    geometries: tuple[dict[str, Any], ...]
+    parts: tuple[dict[str, Any], ...]
+    bodies: int
+    start: str
+    goal: str | None
+    targets: tuple[list[float], ...]
+    runs: tuple[dict[str, Any], ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form."""
+        return asdict(self)
+
+
+class _Parts:
+    """Collects parts, and every geometry only once."""
+
+    def __init__(self) -> None:
+        self.geometries: list[dict[str, Any]] = []
+        self.parts: list[dict[str, Any]] = []
+        self._known: dict[Hashable, int] = {}
+
+    def geometry(self, key: Hashable, make: Callable[[], dict[str, Any]]) -> int:
+        """Index of the geometry that `make` gives, called once a key."""
+        if key not in self._known:
+            self._known[key] = len(self.geometries)
+            self.geometries.append(make())
+        return self._known[key]
+
+    def add(self, kind: str, name: str, body: int, X: pin.SE3, drawn: tuple[int, Colour]) -> None:
+        """A part of set `kind` at pose X in `body`, `drawn` as this geometry in this colour."""
+        pose = [round(float(x), 9) for x in pin.SE3ToXYZQUAT(X)]
+        geometry, colour = drawn
+        self.parts.append(
+            {"set": kind, "name": name, "body": body, "geometry": geometry, "pose": pose, "colour": list(colour)}
+        )
+
+
+def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
+    """Everything the page needs to draw a problem and play its runs together.
+
+    Raises:
+        OptiPlanError: a run whose trajectory moves another number of joints than the problem's robot has.
+    """
+    viewed = [ViewedRun(*run) for run in runs]
+    for run in viewed:
+        if run.trajectory is not None and len(run.trajectory.joint_names) != problem.robot.n:
+            found, n = len(run.trajectory.joint_names), problem.robot.n
+            raise OptiPlanError(f"run '{run.label}' moves {found} joints; robot '{problem.robot.name}' has {n}")
+    parts, poses = _Parts(), Poses(problem)
+    _add_robot(parts, problem.robot)
+    _add_objects(parts, problem)
+    ends = [run.trajectory for run in viewed if run.trajectory is not None]
+    goal = ends[0](np.array([ends[0].duration]))[0] if ends else None
+    for end in problem.goal:
+        if goal is None and isinstance(end, JointGoal):
+            goal = end.q
+    return SceneData(
+        name=problem.name,
+        geometries=tuple(parts.geometries),
+        parts=tuple(parts.parts),
+        bodies=problem.robot.model.njoints - 1,
+        start=packed(poses.of(problem.start[None])[0]),
+        goal=None if goal is None else packed(poses.of(goal[None])[0]),
+        targets=tuple(pin.SE3ToXYZQUAT(end.X_WG).tolist() for end in problem.goal if isinstance(end, PoseGoal)),
+        runs=tuple(show_run(problem, poses, run) for run in viewed),
+    )
+
+
+def _add_robot(parts: _Parts, robot: Robot) -> None:
+    """Collision geometry, and visual geometry of the links that have some: the others show what is checked."""
+    seen: set[int] = set()
+    for thing in robot.visual.geometryObjects:
+        seen.add(thing.parentFrame)
+        _add_visual(parts, thing)
+    for thing in robot.geometry.geometryObjects:
+        key = (thing.meshPath, tuple(thing.meshScale), thing.name)
+        drawn = parts.geometry(("collision", key), partial(encode, thing.geometry))
+        parts.add("collision", thing.name, thing.parentJoint, thing.placement, (drawn, _COLLISION))
+        if thing.parentFrame not in seen:
+            parts.add("visual", thing.name, thing.parentJoint, thing.placement, (drawn, _PLAIN))
+
+
+def _add_visual(parts: _Parts, thing: pin.GeometryObject) -> None:
+    given = tuple(float(c) for c in thing.meshColor)
+    own: Colour = _PLAIN if given[:3] in ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)) else (given[0], given[1], given[2], 1.0)
+    if not isinstance(thing.geometry, coal.BVHModelBase):
+        drawn = parts.geometry(("visual", thing.name), partial(encode, thing.geometry))
+        parts.add("visual", thing.name, thing.parentJoint, thing.placement, (drawn, own))
+        return
+    key = ("visual", thing.meshPath, tuple(thing.meshScale))
+    for i, surface in enumerate(visual_surfaces(thing)):
+        drawn = parts.geometry((*key, i), surface.encoded)
+        parts.add("visual", thing.name, thing.parentJoint, thing.placement, (drawn, surface.colour or own))
+
+
+def _add_objects(parts: _Parts, problem: Problem) -> None:
+    model = problem.robot.model
+    for held in problem.scene.attached:
+        frame = model.frames[model.getFrameId(held.link)]
+        drawn = parts.geometry(held.shape, partial(_encode_shape, held.shape))
+        parts.add("attached", held.name, frame.parentJoint, frame.placement * held.X_LO, (drawn, _HELD))
+    for obstacle in problem.scene.obstacles:
+        drawn = parts.geometry(obstacle.shape, partial(_encode_shape, obstacle.shape))
+        parts.add("obstacle", obstacle.name, 0, obstacle.X_WO, (drawn, _OBSTACLE))
+
+
+def _encode_shape(shape: Shape) -> dict[str, Any]:
+    return encode(build_geometry(shape))

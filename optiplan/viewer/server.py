@@ -1,0 +1,81 @@
+"""The page on a local port, until ctrl-C: one thread, no child process, nothing left behind."""
+
+from collections.abc import Callable, Sequence
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+from optiplan.errors import OptiPlanError
+from optiplan.problem.problem import Problem
+from optiplan.viewer.page import render_page
+from optiplan.viewer.runs import RunLike
+from optiplan.viewer.scene import build_scene
+
+FIRST_PORT = 7000
+PORTS_TRIED = 100
+
+
+class PageServer(ThreadingHTTPServer):
+    """Serves one page, made beforehand, at `/`; a busy port means the next free one, 0 any.
+
+    Raises:
+        OptiPlanError: none of the ports can be had.
+    """
+
+    daemon_threads = True
+    allow_reuse_address = False
+
+    def __init__(self, page: str, host: str = "127.0.0.1", port: int = FIRST_PORT) -> None:
+        self.page = page.encode("utf-8")
+        last = min(port + PORTS_TRIED, 65536) if port else 1
+        for candidate in range(port, last):
+            try:
+                super().__init__((host, candidate), _Handler)
+                return
+            except OSError as error:
+                reason = error
+        tried = f"port {port}" if last == port + 1 else f"ports {port} to {last - 1}"
+        raise OptiPlanError(f"cannot serve the page on {host}, {tried}: {reason}")
+
+    @property
+    def url(self) -> str:
+        """Where a browser finds the page."""
+        host, port = self.server_address[:2]
+        return f"http://{host!s}:{port}/"
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: PageServer
+
+    def do_GET(self) -> None:
+        """Answer with the page at `/`, and with 404 anywhere else."""
+        if self.path.split("?")[0] != "/":
+            self.send_error(404)
+            return
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.send_header("Content-Length", str(len(self.server.page)))
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        self.wfile.write(self.server.page)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Say nothing: standard error belongs to the command."""
+
+
+def serve(
+    problem: Problem,
+    runs: Sequence[RunLike],
+    host: str = "127.0.0.1",
+    port: int = FIRST_PORT,
+    on_ready: Callable[[str], None] = lambda url: None,
+) -> None:
+    """Serve the page of these runs until ctrl-C; `on_ready` is called with its address once it can be opened.
+
+    Raises:
+        OptiPlanError: no port can be had.
+    """
+    with PageServer(render_page(build_scene(problem, runs)), host, port) as server:
+        on_ready(server.url)
+        try:
+            server.serve_forever(poll_interval=0.2)
+        except KeyboardInterrupt:
+            return

@@ -1,0 +1,74 @@
+"use strict";
+// Turns the shapes of a page's data into three.js geometries, in metres, in the frame of the shape.
+const OptiPlanShapes = (() => {
+  const THREE = MeshCat.THREE;
+
+  function bytes(text) {
+    const raw = atob(text), out = new Uint8Array(raw.length);
+    for (let i = 0; i < raw.length; i++) out[i] = raw.charCodeAt(i);
+    return out.buffer;
+  }
+  const floats = (text) => new Float32Array(bytes(text));
+
+  // Smooth shading within `crease` radians, sharp edges beyond: normals are averaged over near-parallel neighbours only.
+  function creased(vertices, faces, crease) {
+    const count = faces.length / 3, normals = new Float32Array(faces.length), around = new Map();
+    const a = new THREE.Vector3(), b = new THREE.Vector3(), c = new THREE.Vector3();
+    for (let f = 0; f < count; f++) {
+      a.fromArray(vertices, 3 * faces[3 * f]);
+      b.fromArray(vertices, 3 * faces[3 * f + 1]).sub(a);
+      c.fromArray(vertices, 3 * faces[3 * f + 2]).sub(a);
+      b.cross(c).toArray(normals, 3 * f); // length: twice the area, the weight of the average
+      for (let k = 0; k < 3; k++) {
+        const v = faces[3 * f + k];
+        if (around.has(v)) around.get(v).push(f); else around.set(v, [f]);
+      }
+    }
+    const position = new Float32Array(3 * faces.length), normal = new Float32Array(3 * faces.length);
+    const limit = Math.cos(crease);
+    for (let i = 0; i < faces.length; i++) {
+      a.fromArray(normals, 3 * Math.floor(i / 3));
+      const size = a.length() || 1;
+      c.set(0, 0, 0);
+      for (const f of around.get(faces[i])) {
+        b.fromArray(normals, 3 * f);
+        if (a.dot(b) >= limit * size * b.length()) c.add(b);
+      }
+      c.normalize().toArray(normal, 3 * i);
+      for (let k = 0; k < 3; k++) position[3 * i + k] = vertices[3 * faces[i] + k];
+    }
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
+    geometry.setAttribute("normal", new THREE.BufferAttribute(normal, 3));
+    return geometry;
+  }
+
+  function capsule(radius, length) {
+    const profile = [];
+    for (let k = 0; k <= 24; k++) {
+      const turn = -Math.PI / 2 + (Math.PI * k) / 24;
+      profile.push(new THREE.Vector2(radius * Math.cos(turn), radius * Math.sin(turn) + (turn < 0 ? -0.5 : 0.5) * length));
+      if (k === 12) profile.push(new THREE.Vector2(radius, -0.5 * length), new THREE.Vector2(radius, 0.5 * length));
+    }
+    profile.sort((p, q) => p.y - q.y);
+    return new THREE.LatheGeometry(profile, 40).rotateX(Math.PI / 2);
+  }
+
+  function halfSpace(shape) {
+    const normal = new THREE.Vector3(...shape.normal).normalize();
+    const turn = new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 0, 1), normal);
+    return new THREE.PlaneGeometry(6, 6).applyQuaternion(turn).translate(...normal.multiplyScalar(shape.offset).toArray());
+  }
+
+  function makeGeometry(shape) {
+    switch (shape.kind) {
+      case "box": return new THREE.BoxGeometry(...shape.size).translate(...(shape.centre || [0, 0, 0]));
+      case "sphere": return new THREE.SphereGeometry(shape.radius, 40, 24);
+      case "cylinder": return new THREE.CylinderGeometry(shape.radius, shape.radius, shape.length, 48).rotateX(Math.PI / 2);
+      case "capsule": return capsule(shape.radius, shape.length);
+      case "plane": return halfSpace(shape);
+      default: return creased(floats(shape.vertices), new Uint32Array(bytes(shape.faces)), 0.6);
+    }
+  }
+  return { floats, makeGeometry };
+})();

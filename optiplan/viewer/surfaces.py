@@ -1,0 +1,135 @@
+"""What the page draws for a geometry: a primitive by its dimensions, anything else as triangles."""
+
+import base64
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from scipy.spatial import ConvexHull
+
+from optiplan.arrays import Array
+
+Colour = tuple[float, float, float, float]
+MAX_TRIANGLES = 20_000  # of one surface; more than that makes the page heavy and looks the same
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Triangles of one colour: vertices (k, 3) in m, faces (m, 3) indices into them; colour None when none is given."""
+
+    vertices: Array
+    faces: npt.NDArray[np.int64]
+    colour: Colour | None = None
+
+    def encoded(self) -> dict[str, Any]:
+        """JSON-ready: base64 of little-endian float32 vertices and uint32 faces."""
+        return {"kind": "mesh", "vertices": packed(self.vertices), "faces": packed(self.faces, "<u4")}
+
+
+def packed(array: npt.NDArray[Any], dtype: str = "<f4") -> str:
+    """Base64 of an array's numbers in C order, little-endian."""
+    return base64.b64encode(np.ascontiguousarray(array, dtype=dtype).tobytes()).decode("ascii")
+
+
+def encode(geometry: coal.CollisionGeometry) -> dict[str, Any]:
+    """JSON-ready form of a coal geometry in its own frame, lengths in m.
+
+    Shapes that the page cannot draw exactly are drawn as their bounding box.
+    """
+    match geometry:
+        case coal.Box():
+            return {"kind": "box", "size": (2.0 * geometry.halfSide).tolist()}
+        case coal.Sphere():
+            return {"kind": "sphere", "radius": geometry.radius}
+        case coal.Cylinder():
+            return {"kind": "cylinder", "radius": geometry.radius, "length": 2.0 * geometry.halfLength}
+        case coal.Capsule():
+            return {"kind": "capsule", "radius": geometry.radius, "length": 2.0 * geometry.halfLength}
+        case coal.Halfspace():
+            return {"kind": "plane", "normal": geometry.n.tolist(), "offset": geometry.d}
+        case coal.ConvexBase():
+            return _hull(np.asarray(geometry.points(), dtype=float)).encoded()
+        case coal.BVHModelBase():
+            return bounded(bvh_surface(geometry)).encoded()
+    geometry.computeLocalAABB()
+    box = geometry.aabb_local
+    centre, size = 0.5 * (box.min_ + box.max_), box.max_ - box.min_
+    return {"kind": "box", "size": size.tolist(), "centre": centre.tolist()}
+
+
+def visual_surfaces(thing: pin.GeometryObject) -> list[Surface]:
+    """Triangles of a visual mesh, one surface a material, in the frame of the object; scaled, at most MAX_TRIANGLES."""
+    if Path(thing.meshPath).suffix.lower() == ".obj":  # of what pinocchio loads, the one format with material files
+        try:
+            return [bounded(surface) for surface in _read_obj(thing)]
+        except Exception as error:  # readers raise whatever they like; the triangles pinocchio read are good enough
+            _log.warning("materials of %s not read: %s", thing.meshPath, error)
+    return [bounded(bvh_surface(thing.geometry))]
+
+
+def bvh_surface(model: coal.BVHModelBase) -> Surface:
+    """All triangles of a bounding-volume hierarchy, as they are."""
+    faces = np.empty((model.num_tris, 3), dtype=np.int64)
+    for i in range(model.num_tris):
+        triangle = model.tri_indices(i)
+        faces[i] = triangle[0], triangle[1], triangle[2]
+    return Surface(np.array(model.vertices(), dtype=float).reshape(-1, 3), faces)
+
+
+def bounded(surface: Surface) -> Surface:
+    """The surface with equal vertices merged and, above MAX_TRIANGLES, vertices merged on ever coarser grids."""
+    extent = float(np.ptp(surface.vertices, axis=0).max(initial=0.0))
+    cells = 1 << 22
+    merged = _merged(surface, extent / cells)
+    while len(merged.faces) > MAX_TRIANGLES:
+        cells = min(cells // 2, 512)
+        merged = _merged(surface, extent / cells)
+    return merged
+
+
+def _merged(surface: Surface, cell: float) -> Surface:
+    """One vertex (the mean) for all in one cell of a grid of width `cell` (m); faces that collapse are dropped."""
+    keys = np.round(surface.vertices / max(cell, 1e-12)).astype(np.int64)
+    _, index = np.unique(keys, axis=0, return_inverse=True)
+    index = index.reshape(-1)
+    count = np.bincount(index)[:, None]
+    sums = np.stack([np.bincount(index, weights=column) for column in surface.vertices.T], axis=1)
+    faces = index[surface.faces]
+    a, b, c = faces.T
+    return Surface(sums / count, faces[(a != b) & (b != c) & (c != a)], surface.colour)
+
+
+def _hull(points: Array) -> Surface:
+    """Triangles of the convex hull of points (k, 3), seen from outside counter-clockwise."""
+    hull = ConvexHull(points)
+    faces = hull.simplices.astype(np.int64)
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    faces[inward] = faces[inward][:, ::-1]
+    return Surface(points, faces)
+
+
+def _read_obj(thing: pin.GeometryObject) -> list[Surface]:
+    import trimesh
+
+    scale = np.asarray(thing.meshScale, dtype=float)
+    parts = trimesh.load_scene(thing.meshPath, process=False).geometry.values()
+    by_colour: dict[Colour | None, list[Surface]] = {}
+    for part in parts:
+        material = getattr(part.visual, "material", None)
+        rgba = None if material is None else tuple(float(c) / 255.0 for c in material.main_color)
+        colour = None if rgba is None else (rgba[0], rgba[1], rgba[2], 1.0)
+        by_colour.setdefault(colour, []).append(Surface(part.vertices * scale, np.asarray(part.faces, np.int64)))
+    return [_joined(surfaces, colour) for colour, surfaces in by_colour.items()]
+
+
+def _joined(surfaces: list[Surface], colour: Colour | None) -> Surface:
+    offsets = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
+    faces = np.concatenate([s.faces + k for s, k in zip(surfaces, offsets, strict=False)])
+    return Surface(np.concatenate([s.vertices for s in surfaces]), faces, colour)
