@@ -1,23 +1,161 @@
 """Convex stand-ins for meshes: the hull, or several pieces that together contain the mesh."""
 
+import io
+import logging
+from dataclasses import asdict, dataclass
+
 import coal
 import numpy as np
+import numpy.typing as npt
 
 from optiplan.arrays import Array
+from optiplan.model import cache
+from optiplan.model.shapes import convex_hull
+
+Triangles = npt.NDArray[np.int64]
+"""Vertex indices of triangles, shape (k, 3)."""
+
+FLAT = 1e-5
+"""Thickness (m) given to meshes that have none."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class PieceOptions:
+    """How finely a mesh is cut; the first seven go to CoACD, which scales every mesh to [-1, 1].
+
+    `longest_edge` (m): triangles across a cut are divided to this size before each goes to one piece.
+    """
+
+    threshold: float = 0.07
+    preprocess_resolution: int = 20
+    resolution: int = 800
+    mcts_iterations: int = 40
+    mcts_nodes: int = 8
+    mcts_max_depth: int = 1
+    max_convex_hull: int = 24
+    longest_edge: float = 0.003
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Convex pieces by their vertices, each of shape (k, 3) in m; `growth` (m) is what containing the mesh added."""
+
+    vertices: tuple[Array, ...]
+    growth: float
 
 
 def vertices_of(mesh: coal.BVHModelBase) -> Array:
     """Vertices of a mesh, shape (k, 3), in m."""
-    return np.asarray(mesh.vertices(), dtype=np.float64).reshape(-1, 3)
+    return np.array(mesh.vertices(), dtype=np.float64).reshape(-1, 3)
+
+
+def triangles_of(mesh: coal.BVHModelBase) -> Triangles:
+    """Triangles of a mesh."""
+    corners = (mesh.tri_indices(i) for i in range(mesh.num_tris))
+    return np.array([(t[0], t[1], t[2]) for t in corners], dtype=np.int64).reshape(-1, 3)
 
 
 def hull_of(points: Array) -> coal.ConvexBase:
-    """Convex hull of points of shape (k, 3), in m.
+    """Convex hull of points (k, 3), in m; points in one plane or on one line are first thickened by `FLAT`.
 
     Raises:
-        RuntimeError: the points lie in one plane.
+        ValueError: no points, or points that are not finite.
     """
-    cloud = coal.StdVec_Vec3s()
-    for point in np.unique(points, axis=0):
-        cloud.append(point)
-    return coal.Convex.convexHull(cloud, True, "Qt")
+    if len(points) == 0 or not np.isfinite(points).all():
+        raise ValueError("a mesh without finite vertices")
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if len(points) < 4 or spread[-1] <= FLAT:
+        corners = FLAT * np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+        points = (points[:, None, :] + corners).reshape(-1, 3)
+    return convex_hull(points)
+
+
+def pieces_of(mesh: coal.BVHModelBase, options: PieceOptions = PieceOptions()) -> Pieces:
+    """Convex pieces that together contain every triangle of a mesh; cached on disk.
+
+    CoACD's pieces cut corners of the mesh. So each triangle, divided where it spans several pieces, goes to the piece
+    that contains it best, and every piece becomes the hull of itself and its triangles: the union contains the mesh.
+    """
+    vertices, triangles = vertices_of(mesh), triangles_of(mesh)
+    key = cache.digest([vertices.tobytes(), triangles.tobytes(), repr(asdict(options)).encode()])
+    name = f"pieces/{key}.npz"
+    content = cache.load(name)
+    if content is None:
+        log.info("cutting a mesh of %d triangles into convex pieces, once", len(triangles))
+        content = _pack(_cut(vertices, triangles, options))
+        cache.store(name, content)
+    return _unpack(content)
+
+
+def protrusion(faces: Array, points: Array) -> Array:
+    """How far points stick out of a convex body, shape (k,), in m: max over its faces of n . p + d; negative inside.
+
+    Args:
+        faces: (f, 4) outward unit normals n and offsets d.
+        points: (k, 3), in m.
+    """
+    return np.asarray((points @ faces[:, :3].T + faces[:, 3]).max(axis=1))
+
+
+def faces_of(points: Array) -> Array:
+    """Faces of the convex hull of points (k, 3): (f, 4) outward unit normals and offsets, n . p + d <= 0 inside."""
+    from scipy.spatial import ConvexHull
+
+    return np.asarray(ConvexHull(points).equations)
+
+
+def _cut(vertices: Array, triangles: Triangles, options: PieceOptions) -> Pieces:
+    import coacd
+    from trimesh.remesh import subdivide_to_size
+
+    settings = asdict(options)
+    longest = settings.pop("longest_edge")
+    coacd.set_log_level("error")
+    rough = [np.asarray(piece[0]) for piece in coacd.run_coacd(coacd.Mesh(vertices, triangles), seed=0, **settings)]
+    bodies = [faces_of(piece) for piece in rough]
+    inside, _ = _best(bodies, vertices, triangles)
+    spanning = triangles[inside > 1e-9]
+    fine_vertices, fine = (
+        subdivide_to_size(vertices, spanning, longest, max_iter=20) if len(spanning) else (vertices, spanning)
+    )
+    worst, owner = _best(bodies, fine_vertices, fine)
+    grown = []
+    for index, piece in enumerate(rough):
+        added = fine_vertices[np.unique(fine[owner == index])]
+        grown.append(_corners(np.vstack([piece, added])))
+    return Pieces(tuple(grown), float(worst.max(initial=0.0)))
+
+
+def _best(bodies: list[Array], vertices: Array, triangles: Triangles) -> tuple[Array, npt.NDArray[np.int64]]:
+    """The least, over the bodies, of how far each triangle sticks out of one of them, and which body that is."""
+    best = np.full(len(triangles), np.inf)
+    owner = np.zeros(len(triangles), dtype=np.int64)
+    for index, faces in enumerate(bodies):
+        out = np.concatenate(
+            [protrusion(faces, chunk) for chunk in np.array_split(vertices, len(vertices) // 20_000 + 1)]
+        )
+        worst = out[triangles].max(axis=1) if len(triangles) else best
+        owner[worst < best] = index
+        best = np.minimum(best, worst)
+    return best, owner
+
+
+def _corners(points: Array) -> Array:
+    from scipy.spatial import ConvexHull
+
+    return np.asarray(points[ConvexHull(points).vertices], dtype=np.float64)
+
+
+def _pack(pieces: Pieces) -> bytes:
+    buffer = io.BytesIO()
+    sizes = np.array([len(piece) for piece in pieces.vertices])
+    np.savez_compressed(buffer, points=np.vstack(pieces.vertices), sizes=sizes, growth=pieces.growth)
+    return buffer.getvalue()
+
+
+def _unpack(content: bytes) -> Pieces:
+    with np.load(io.BytesIO(content)) as data:
+        parts = np.split(data["points"], np.cumsum(data["sizes"])[:-1])
+        return Pieces(tuple(parts), float(data["growth"]))

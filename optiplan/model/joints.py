@@ -1,14 +1,13 @@
 """Which joints are planned, where the others stand, and the model reduced to the planned ones."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import pinocchio as pin
 
-from optiplan.errors import InputError
+from optiplan.errors import InputError, Issue
 from optiplan.model.robot_spec import RobotSpec
-from optiplan.model.urdf import ENDLESS, UrdfSource
+from optiplan.model.urdf import UrdfSource, build_collisions, build_model, build_visuals
 from optiplan.yaml_lines import Document
 from optiplan.yaml_words import choices
 
@@ -17,28 +16,24 @@ MOVABLE = ("revolute", "continuous", "prismatic")
 
 @dataclass(frozen=True)
 class Reduced:
-    """The robot with every joint fixed that is not planned; `locked` holds where those stand."""
+    """The robot with every joint fixed that is not planned; `locked` holds where those stand (rad, m)."""
 
     model: pin.Model
     geometry: pin.GeometryModel
-    visual: pin.GeometryModel
+    build_visual: Callable[[], pin.GeometryModel]
     locked: Mapping[str, float]
     notes: tuple[str, ...]
 
 
-def open_endless_limits(model: pin.Model) -> None:
-    """Replace the number that stands for infinity in the XML by infinity."""
-    model.lowerPositionLimit = np.where(model.lowerPositionLimit <= -ENDLESS, -np.inf, model.lowerPositionLimit)
-    model.upperPositionLimit = np.where(model.upperPositionLimit >= ENDLESS, np.inf, model.upperPositionLimit)
-
-
-def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, model: pin.Model) -> tuple[str, ...]:
+def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource) -> tuple[str, ...]:
     """The planned joints, from base to tip: `group`, or all movable joints that follow no other.
 
     Raises:
         InputError: a name that is no joint, a joint that cannot be planned, another order than base to tip.
     """
-    movable = [name for name in model.names if urdf.joint_types.get(name) in MOVABLE and name not in urdf.mimics]
+    movable = [
+        name for name in build_model(urdf).names if urdf.joint_types.get(name) in MOVABLE and name not in urdf.mimics
+    ]
     place, group = _group(spec, document)
     if group is None:
         _refuse_wide_joints(list(urdf.joint_types), urdf)
@@ -79,34 +74,50 @@ def _refuse_wide_joints(names: Sequence[str], urdf: UrdfSource) -> None:
             raise urdf.error(name, f"a {urdf.joint_types[name]} joint", "a `group` of joints that leaves it out")
 
 
-def reduce_to(
-    planned: Sequence[str],
-    wanted: Mapping[str, float],
-    urdf: UrdfSource,
-    full: tuple[pin.Model, pin.GeometryModel, pin.GeometryModel],
-) -> Reduced:
-    """Fix every joint but the planned ones: at `wanted`, or where it follows, or at zero moved into its limits."""
-    model = full[0]
+def check_locked(wanted: Mapping[str, float], planned: Sequence[str], urdf: UrdfSource, document: Document) -> None:
+    """Refuse positions of joints that are planned or are not there.
+
+    Raises:
+        InputError: with an issue for each, in the field `locked.<joint>`.
+    """
+    names = list(urdf.joint_types)
+    issues: list[Issue] = []
+    for name in wanted:
+        if name not in names:
+            issues.append(document.issue(("locked", name), f"unknown joint '{name}'", choices(name, names)))
+        elif name in planned:
+            issues.append(document.issue(("locked", name), f"the planned joint '{name}'", "a joint outside the group"))
+    if issues:
+        raise InputError(issues)
+
+
+def reduce_to(planned: Sequence[str], wanted: Mapping[str, float], urdf: UrdfSource) -> Reduced:
+    """Fix every joint that is not planned: at `wanted`, where it follows another, or at zero moved into its limits."""
+    model = build_model(urdf)
     notes: list[str] = []
     reference = pin.neutral(model)
     locked: dict[str, float] = {}
-    free = [name for name in model.names[1:] if name not in planned]
-    for name in free:
+    fixed = [name for name in model.names[1:] if name not in planned]
+    for name in fixed:
         joint = model.joints[model.getJointId(name)]
         if joint.nq == 1:
             locked[name] = reference[joint.idx_q] = _rest(model, joint.idx_q, name, wanted.get(name), notes)
-    for name in (name for name in free if name in urdf.mimics and name not in wanted):
+    for name in (name for name in fixed if name in urdf.mimics and name not in wanted):
         mimic = urdf.mimics[name]
         value = mimic.multiplier * locked.get(mimic.source, 0.0) + mimic.offset
         locked[name] = reference[model.joints[model.getJointId(name)].idx_q] = value
         if mimic.source in planned:
             notes.append(f"joint {name} follows the planned joint {mimic.source}; it is fixed at {value:g}")
     for name in wanted:
-        if name in urdf.joint_types and not model.existJointName(name):
+        if not model.existJointName(name):
             notes.append(f"joint {name} is fixed in the URDF and stands where the URDF puts it")
-    ids = [model.getJointId(name) for name in free]
-    small, (geometry, visual) = pin.buildReducedModel(model, list(full[1:]), ids, reference)
-    return Reduced(small, geometry, visual, locked, tuple(notes))
+    ids = [model.getJointId(name) for name in fixed]
+
+    def build_visual() -> pin.GeometryModel:
+        return pin.buildReducedModel(model, build_visuals(urdf, model), ids, reference)[1]
+
+    small, geometry = pin.buildReducedModel(model, build_collisions(urdf, model), ids, reference)
+    return Reduced(small, geometry, build_visual, locked, tuple(notes))
 
 
 def _rest(model: pin.Model, index: int, name: str, wanted: float | None, notes: list[str]) -> float:

@@ -59,9 +59,9 @@ def set_pairs(model: pin.Model, geometry: pin.GeometryModel, allowed: Container[
 def generate_allowed(robot: Kinematics, default: Array, rng: np.random.Generator) -> dict[LinkPair, str]:
     """Pairs that need no check, with MoveIt's word for the reason.
 
-    Adjacent: joined by one joint. Default: touch in the `default` configuration, which is known to be free. Always: touch
-    in all samples. Never: farther apart than `MARGIN` in all samples and after the local search. Each reason is looked
-    for only where those before it do not hold. The geometry's collision pairs are set anew.
+    Adjacent: joined by one joint. Default: touch in the `default` configuration, which is known to be free.
+    Always: touch in all samples. Never: farther apart than `MARGIN` in all samples and after the local search.
+    Each reason is looked for only where those before it do not hold. The geometry's collision pairs are set anew.
 
     Args:
         robot: what is sampled.
@@ -73,9 +73,7 @@ def generate_allowed(robot: Kinematics, default: Array, rng: np.random.Generator
     allowed |= {pair: "Adjacent" for pair in sorted(links & robot.joined) if pair not in allowed}
     touching = _Distances(robot, allowed)
     allowed |= {pair: "Default" for pair, near in zip(touching.links, touching(default), strict=True) if near <= 0}
-    allowed |= _sampled(robot, allowed, rng)
-    set_pairs(robot.model, robot.geometry, allowed)
-    return allowed
+    return allowed | _sampled(robot, allowed, rng)
 
 
 def _links(model: pin.Model, a: pin.GeometryObject, b: pin.GeometryObject) -> LinkPair:
@@ -106,7 +104,7 @@ class _Distances:
         """Distance (m) of one pair of links at q."""
         pin.updateGeometryPlacements(self.robot.model, self.data, self.robot.geometry, self.results, q)
         pieces = np.flatnonzero(self.columns == column)
-        return min(pin.computeDistance(self.robot.geometry, self.results, int(i)).min_distance for i in pieces)
+        return float(min(pin.computeDistance(self.robot.geometry, self.results, int(i)).min_distance for i in pieces))
 
 
 def _sampled(robot: Kinematics, allowed: Mapping[LinkPair, str], rng: np.random.Generator) -> dict[LinkPair, str]:
@@ -175,7 +173,7 @@ def joined_links(edges: Sequence[tuple[str, str]], solid: frozenset[str]) -> fro
     for start in solid:
         seen, stack = {start}, [start]
         while stack:
-            for link in neighbours.get(stack.pop(), ()) - seen:
+            for link in neighbours.get(stack.pop(), set()) - seen:
                 seen.add(link)
                 if link in solid:
                     pairs.add(link_pair(start, link))

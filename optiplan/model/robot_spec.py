@@ -32,9 +32,9 @@ class CollisionSpec(Strict):
     """What is checked for the mesh of each link; links that are not named take the default."""
 
     default: Treatment = "hull"
-    hull: list[Name] = []
-    mesh: list[Name] = []
-    convex_pieces: list[Name] = []
+    hull: list[Name] = Field(default_factory=list)
+    mesh: list[Name] = Field(default_factory=list)
+    convex_pieces: list[Name] = Field(default_factory=list)
 
 
 class RobotSpec(Strict):
@@ -45,10 +45,10 @@ class RobotSpec(Strict):
     urdf: Name | PackageSource
     srdf: Name | None = None
     group: list[Name] | Name | None = None
-    groups: dict[Name, list[Name]] = {}
-    locked: dict[Name, Number] = {}
+    groups: dict[Name, list[Name]] = Field(default_factory=dict)
+    locked: dict[Name, Number] = Field(default_factory=dict)
     tool_frame: Name | None = None
-    configurations: dict[Name, list[Number]] = {}
+    configurations: dict[Name, list[Number]] = Field(default_factory=dict)
     limits: LimitsSpec = LimitsSpec()
     collision: Treatment | CollisionSpec = "hull"
 

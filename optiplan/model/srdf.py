@@ -7,7 +7,6 @@ from pathlib import Path
 
 from optiplan.errors import InputError, Issue
 
-
 LinkPair = tuple[str, str]
 """Two link names in alphabetical order."""
 

@@ -4,15 +4,19 @@ The XML is put in order before pinocchio reads it: mesh paths become absolute, v
 joints that turn without end become revolute ones without limits (so that nq = nv).
 """
 
+import logging
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import InputError, Issue
+
+log = logging.getLogger(__name__)
 
 ENDLESS = 1e30
 """Stands for infinity in the XML, which has no word for it; replaced by inf in the pinocchio model."""
@@ -71,20 +75,44 @@ def read_urdf(path: Path, folder: Path) -> UrdfSource:
     return UrdfSource(path, xml, types, mimics, _edges(joints), tuple(finder.collision), tuple(notes))
 
 
-def build_models(source: UrdfSource) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
-    """Pinocchio model, collision geometry and visual geometry of the whole robot.
+def build_model(source: UrdfSource) -> pin.Model:
+    """Pinocchio model of the whole robot; joints that turn without end have infinite position limits.
 
     Raises:
-        InputError: with the reason of the URDF parser or of the mesh reader.
+        InputError: with the reason of the URDF parser.
     """
     try:
         model = pin.buildModelFromXML(source.xml)
-        geometry = pin.buildGeomFromUrdfString(model, source.xml, pin.GeometryType.COLLISION)
-        visual = pin.buildGeomFromUrdfString(model, source.xml, pin.GeometryType.VISUAL)
     except (ValueError, RuntimeError) as error:
-        reason = " ".join(str(error).split())
-        raise InputError([Issue(str(source.path), None, "urdf", reason, "a URDF that pinocchio can read")]) from error
-    return model, geometry, visual
+        raise _unreadable(source, error, "a URDF that pinocchio can read") from error
+    model.lowerPositionLimit = np.where(model.lowerPositionLimit <= -ENDLESS, -np.inf, model.lowerPositionLimit)
+    model.upperPositionLimit = np.where(model.upperPositionLimit >= ENDLESS, np.inf, model.upperPositionLimit)
+    return model
+
+
+def build_collisions(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
+    """Collision geometry of the whole robot, meshes as triangles.
+
+    Raises:
+        InputError: with the reason of the mesh reader.
+    """
+    try:
+        return pin.buildGeomFromUrdfString(model, source.xml, pin.GeometryType.COLLISION)
+    except (ValueError, RuntimeError) as error:
+        raise _unreadable(source, error, "collision meshes that can be read") from error
+
+
+def build_visuals(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
+    """Visual geometry of the whole robot; the collision geometry where that cannot be read."""
+    try:
+        return pin.buildGeomFromUrdfString(model, source.xml, pin.GeometryType.VISUAL)
+    except (ValueError, RuntimeError) as error:
+        log.warning("%s: visual meshes cannot be read, collision shapes are shown: %s", source.path, error)
+        return build_collisions(source, model)
+
+
+def _unreadable(source: UrdfSource, error: Exception, expected: str) -> InputError:
+    return InputError([Issue(str(source.path), None, "urdf", " ".join(str(error).split()), expected)])
 
 
 def _parse(path: Path) -> ET.Element:
