@@ -8,6 +8,7 @@ from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.bodies import Bodies, Flags, Index
+from optiplan.verify.inside import swallowed
 from optiplan.verify.intervals import Intervals, boxes, middles, step_sizes
 from optiplan.verify.motion import Approach, Asked, Boxes, Motion
 from optiplan.verify.report import VerifyPolicy
@@ -68,6 +69,9 @@ def certify(model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy)
     Holds at: all times of the closed interval [0, duration].
     """
     search = _Search(model, trajectory, policy)
+    search.look_inside()
+    if search.proof.reason:
+        return search.proof
     items = search.begin()
     while len(items.pair):
         items = search.advance(items)
@@ -93,6 +97,15 @@ class _Search:
     def boxes(self, items: Intervals) -> Boxes:
         """What the joints do on these intervals."""
         return boxes(self.trajectory, items, self.jump)
+
+    def look_inside(self) -> None:
+        """Refuse at once if a body starts inside a mesh."""
+        q = self.trajectory.start
+        found = swallowed(self.bodies, self.bodies.kinematics.poses(q[None])[0])
+        if found is not None:
+            pair = self.model.pairs[found[0]]
+            where = Moment(0.0, 0.0, (pair.name_a, pair.name_b), np.array([found[1], found[1]]), q)
+            self.proof = replace(self.proof, reason="one body lies inside the other", nearest=where, contact=True)
 
     def begin(self) -> Intervals:
         """Intervals short enough for bounding volumes to tell something, with the pairs these leave open."""
