@@ -59,7 +59,7 @@ class Run:
 
     @property
     def ratio(self) -> float | None:
-        """The quotient duration / lower_bound, at least 1; None without a trajectory or when it need not move at all."""
+        """Duration / lower_bound, at least 1; None without a trajectory or when the robot need not move."""
         if self.duration is None or not self.lower_bound or self.lower_bound < 1e-9:
             return None
         return self.duration / self.lower_bound

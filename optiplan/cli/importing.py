@@ -7,7 +7,7 @@ import typer
 
 from optiplan.cli.output import messages, print_json, results, stdout_is_ours
 
-app = typer.Typer(help="Turn problems of other programs into problem files.")
+app = typer.Typer()
 LISTED = 20
 """Skipped files that are named on the terminal; --json names all."""
 

@@ -61,8 +61,9 @@ def run(arguments: Sequence[str]) -> int:
     except BrokenPipeError:  # the reader of our output has gone: nothing left to say, not even at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return Exit.BUG
-    except KeyboardInterrupt:
-        return 130
+    except OSError as error:  # a file that a person named cannot be read or written
+        report_error(OptiPlanError(f"{error.filename or 'file'}: {error.strerror or error}"), as_json)
+        return Exit.BAD_INPUT
     except Exception as error:
         if os.environ.get("OPTIPLAN_DEBUG"):
             raise

@@ -4,7 +4,7 @@ import math
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,13 +13,24 @@ from optiplan.cli.output import Exit, interrupts_held, print_json, results, stdo
 from optiplan.cli.progress import ProgressLine
 
 BUDGET = 20.0
+"""Seconds, when none are given."""
+PORT = 7000
+"""First port that --view tries."""
+
+
+def _positive(seconds: float) -> float:
+    if not 0.0 < seconds < math.inf:
+        raise typer.BadParameter("expected a number of seconds above 0")
+    return seconds
 
 
 def plan(
     file: Annotated[str, typer.Argument(metavar="FILE", help="a problem file, or the name of an example: 01_reach")],
     planner: Annotated[str | None, typer.Option(metavar="NAME", help="instead of the file's; see: planners")] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="instead of the file's")] = None,
-    budget: Annotated[float, typer.Option(metavar="S", help="seconds of wall time for the planner")] = BUDGET,
+    budget: Annotated[
+        float, typer.Option(callback=_positive, metavar="S", help="seconds of wall time for the planner")
+    ] = BUDGET,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="write run.json and trajectory.json there")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
     view: Annotated[bool, typer.Option("--view", help="then show it in the browser")] = False,
@@ -43,15 +54,12 @@ def plan(
     from optiplan.store import check_folder, save_run
     from optiplan.verify.report import jsonable
 
-    if not 0.0 < budget < math.inf:
-        raise typer.BadParameter("expected a number of seconds above 0", param_hint="'--budget'")
     path = find_problem(file)
     if out is not None:
         check_folder(out)
     with stdout_is_ours(), ProgressLine() as progress:
         began = time.perf_counter()
-        problem = load_problem(path)
-        problem = problem if seed is None else replace(problem, seed=seed)
+        problem = load_problem(path) if seed is None else replace(load_problem(path), seed=seed)
         loaded = time.perf_counter() - began
         chosen = planner or problem.planner
         options = problem.options if chosen == problem.planner else {}
@@ -66,5 +74,11 @@ def plan(
     else:
         show_run(results(), run)
     if view:
-        _serve(run)
+        _view(run)
     return code
+
+
+def _view(run: Any) -> None:
+    from optiplan.cli.viewing import serve_page, shown
+
+    serve_page(run.problem, [shown(run.to_dict(), run.trajectory)], PORT)

@@ -30,14 +30,15 @@ def show_run(console: Console, run: Run) -> None:
 def show_report(console: Console, report: Report) -> None:
     """Every check with its worst value, its limit, when and where; then the one word that counts."""
     table = Table(box=None, pad_edge=False, header_style="dim")
-    for heading, side in (("check", "left"), ("", "left"), ("worst", "right"), ("limit", "right")):
+    for heading, side in (("check", "left"), ("", "left"), ("worst", "right"), ("limit", "right"), ("", "left")):
         table.add_column(heading, justify="right" if side == "right" else "left", no_wrap=True)
     table.add_column("where", overflow="fold")
     table.add_column("how", no_wrap=True)
     for check in report.checks:
         verdict = "[green]pass[/]" if check.passed else "[bold red]FAIL[/]"
-        worst, limit = _value(check.worst, check.unit), _value(check.limit, check.unit)
-        table.add_row(check.name, verdict, worst, limit, escape(_where(check)), check.kind)
+        scale, unit = (1e3, "mm") if check.unit == "m" else (1.0, check.unit)
+        worst, limit = _number(check.worst, scale), _number(check.limit, scale)
+        table.add_row(check.name, verdict, worst, limit, unit, escape(_where(check)), check.kind)
     console.print(table)
     for check in report.checks:
         if check.detail and (not check.passed or check.kind == "continuous"):
@@ -55,12 +56,8 @@ def _where(check: Check) -> str:
     return " ".join([*moment, check.place])
 
 
-def _value(value: float | None, unit: str) -> str:
-    if value is None:
-        return "–"
-    if unit == "m":
-        value, unit = value * 1e3, "mm"
-    return f"{value:.4g} {unit}".rstrip()
+def _number(value: float | None, scale: float) -> str:
+    return "–" if value is None else f"{value * scale:.4g}"
 
 
 def _quality(run: Run) -> str:

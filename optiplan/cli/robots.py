@@ -8,14 +8,14 @@ from rich.table import Table
 
 from optiplan.cli.output import print_json, results, stdout_is_ours
 
-app = typer.Typer(help="List robots, show one, or write the SRDF of its allowed pairs.", invoke_without_command=True)
+app = typer.Typer(invoke_without_command=True)
 Name = Annotated[str, typer.Argument(metavar="NAME", help="a robot that comes along, or the path of a robot.yaml")]
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
 
 
 @app.callback()
 def robots(context: typer.Context, as_json: AsJson = False) -> int:
-    """List the robots that come with OptiPlan.
+    """List the robots that come with OptiPlan, show one, or write the SRDF of its pairs.
 
     Your own is as good: `robot: path/to/robot.yaml` in the problem file, with `version: 1`, `name:` and `urdf:` in it.
 
@@ -76,4 +76,12 @@ def srdf(name: Name, out: Annotated[Path, typer.Argument(metavar="OUT", help="th
 
       optiplan robots srdf my/robot.yaml my/robot.srdf
     """
+    from optiplan.model.robot import load_robot
+    from optiplan.model.srdf import srdf_text
+    from optiplan.problem.write import write_text
+
+    with stdout_is_ours():
+        robot = load_robot(name)
+    write_text(out, srdf_text(robot.name, robot.allowed))
+    results().print(f"{len(robot.allowed)} pairs that need no check written to {out}", markup=False, soft_wrap=True)
     return 0

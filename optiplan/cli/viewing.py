@@ -1,0 +1,52 @@
+"""From stored runs to the viewer."""
+
+import signal
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from optiplan.cli.output import results
+from optiplan.errors import InputError, Issue
+from optiplan.problem.load import problem_from_dict
+from optiplan.problem.problem import Problem
+from optiplan.store import StoredRun, load_run
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.viewer.runs import ViewedRun
+from optiplan.viewer.server import serve
+
+
+def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
+    """The problem that the runs were made from, rebuilt from the first one's record, and what to show of each.
+
+    Raises:
+        InputError: a run is broken, or was made from another problem than the first.
+    """
+    stored = [load_run(place) for place in places]
+    issues = []
+    for run in stored:
+        expected = f"a run of '{stored[0].record.get('name')}', as {places[0]}"
+        if "problem" not in run.record:
+            issues.append(Issue(str(run.place), None, "file", "a trajectory without its problem", "a run folder"))
+        elif run.record.get("hash") != stored[0].record.get("hash"):
+            issues.append(Issue(str(run.place), None, "hash", f"a run of '{run.record.get('name')}'", expected))
+    if issues:
+        raise InputError(issues)
+    return problem_from_dict(stored[0].record["problem"]), [
+        shown(run.record, run.trajectory, _label(run, len(stored) > 1)) for run in stored
+    ]
+
+
+def serve_page(problem: Problem, runs: Sequence[ViewedRun], port: int) -> None:
+    """Serve until ctrl-C, which then is the normal way to end."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    console = results()
+    serve(problem, runs, port=port, on_ready=lambda url: console.print(f"open {url} in a browser (ctrl-C ends)"))
+
+
+def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str = "") -> ViewedRun:
+    """One run as the viewer takes it, from what `run.json` holds of it."""
+    return ViewedRun(label or str(record["planner"]), trajectory, record["report"], record["failure"])
+
+
+def _label(run: StoredRun, several: bool) -> str:
+    return f"{run.record['planner']} ({run.place.name})" if several else ""

@@ -1,0 +1,73 @@
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from optiplan.cli import main
+
+
+@pytest.mark.parametrize("command", ["plan", "verify", "view", "check", "planners", "robots", "import"])
+def test_help_teaches(optiplan, command):
+    code, out, _ = optiplan(command, "--help")
+    assert code == 0
+    assert "Usage: optiplan" in out
+    if command not in ("planners", "import"):
+        assert "Example" in out
+
+
+def test_no_arguments_is_help(optiplan):
+    code, out, _ = optiplan()
+    assert code == 0
+    assert "Exit codes: 0 verified" in out
+
+
+@pytest.mark.parametrize("arguments", [["fly"], ["plan"], ["plan", "a", "--fast"], ["robots", "fly"], ["verify", "a"]])
+def test_wrong_usage_is_exit_code_2_and_points_to_help(optiplan, arguments):
+    code, out, err = optiplan(*arguments)
+    assert (code, out) == (2, "")
+    assert "--help" in err
+    assert "Traceback" not in err
+
+
+def test_wrong_usage_in_json_mode(optiplan_json):
+    code, data = optiplan_json("plan", "a", "--fast")
+    assert code == data["exit_code"] == 2
+    assert "--fast" in data["error"]
+
+
+def test_no_traceback_reaches_a_person(optiplan, optiplan_json, free, monkeypatch):
+    monkeypatch.setattr("optiplan.pipeline.run", lambda *_: 1 / 0)
+    code, out, err = optiplan("plan", free)
+    assert (code, out) == (1, "")
+    assert err.count("\n") == 1
+    log = re.search(r"traceback in (.+)\)", err)
+    assert log is not None
+    assert "ZeroDivisionError" in Path(log[1]).read_text()
+    Path(log[1]).unlink()
+    code, data = optiplan_json("plan", free)
+    assert code == data["exit_code"] == 1
+    Path(re.search(r"traceback in (.+)\)", data["error"])[1]).unlink()
+
+
+def test_debug_lets_it_through(free, monkeypatch):
+    monkeypatch.setenv("OPTIPLAN_DEBUG", "1")
+    monkeypatch.setattr("optiplan.pipeline.run", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        main.run(["plan", str(free)])
+
+
+def test_unwritable_output_is_bad_input(optiplan, tmp_path):
+    (tmp_path / "file").write_text("")
+    code, _, err = optiplan("robots", "srdf", "planar2r", tmp_path / "file" / "out.srdf")
+    assert code == 2
+    assert "file" in err
+
+
+def test_main_ends_the_process_with_the_code(monkeypatch, capfd):
+    monkeypatch.setattr(main.sys, "argv", ["optiplan", "planners", "--json"])
+    monkeypatch.setattr(main.signal, "signal", lambda *_: None)
+    with pytest.raises(SystemExit) as ended:
+        main.main()
+    assert ended.value.code == 0
+    assert set(json.loads(capfd.readouterr().out)["planners"]) == {"quintic", "rrtconnect", "trajopt"}

@@ -1,0 +1,129 @@
+import json
+
+import numpy as np
+import pytest
+
+from optiplan.trajectory.trajectory import Trajectory
+
+TOUCHING = """\
+version: 1
+robot: planar2r
+start: {joints: [0.5, 1.0]}
+goal: {joints: [-0.5, 1.2]}
+scene:
+  obstacles:
+    - {name: wall, shape: {box: [0.02, 0.6, 0.02]}, pose: {position: [0.74, 0.18, 0.05]}}
+"""
+
+
+def test_verified_is_exit_code_0(optiplan, free):
+    code, out, err = optiplan("plan", free)
+    assert code == 0
+    assert "\nverified\n" in out
+    assert "proved clear by more than" in out
+    assert "lower bound" in out
+    assert err == ""
+
+
+def test_json_is_one_object(optiplan_json, free):
+    code, data = optiplan_json("plan", free)
+    assert code == data["exit_code"] == 0
+    assert data["verified"] is data["report"]["verified"] is True
+    assert data["planner"] == "quintic"
+    assert data["ratio"] == pytest.approx(data["duration"] / data["lower_bound"])
+    assert data["ratio"] >= 1.0
+    assert {"load", "plan", "verify", "stages"} <= set(data["timings"])
+    assert {"optiplan", "python", "pin", "coal", "ompl"} <= set(data["versions"])
+
+
+def test_out_holds_run_and_trajectory(optiplan, free, tmp_path):
+    folder = tmp_path / "deep" / "run"
+    assert optiplan("plan", free, "--out", folder, "--seed", 5)[0] == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["run.json", "trajectory.json"]
+    run = json.loads((folder / "run.json").read_text())
+    assert run["seed"] == 5
+    assert run["problem"]["robot"] == "planar2r"
+    motion = json.loads((folder / "trajectory.json").read_text())
+    trajectory = Trajectory.from_dict(motion)
+    t = np.array(motion["t"])
+    assert np.diff(t).max() <= 0.01
+    assert trajectory.duration == run["duration"] == t[-1]
+    for order, key in enumerate("qva"):
+        np.testing.assert_array_equal(motion[key], trajectory(t, order))
+
+
+def test_seed_and_planner_do_not_change_the_identity_of_the_problem(optiplan_json, free):
+    plain, other = optiplan_json("plan", free)[1], optiplan_json("plan", free, "--seed", 9)[1]
+    assert plain["hash"] == other["hash"]
+
+
+def test_options_of_the_file_belong_to_its_planner(optiplan_json, free):
+    free.write_text(free.read_text().replace("planner: quintic", "planner: {name: rrtconnect, attempts: 7}"))
+    assert optiplan_json("plan", free, "--planner", "quintic")[1]["options"] == {}
+
+
+def test_no_plan_is_exit_code_3_with_reason_and_witness(optiplan, optiplan_json, tmp_path):
+    path = tmp_path / "touching.yaml"
+    path.write_text(TOUCHING)
+    code, out, _ = optiplan("plan", path, "--planner", "quintic", "--out", tmp_path / "run")
+    assert code == 3
+    assert "no plan (collision)" in out
+    assert "verified" not in out
+    assert [file.name for file in (tmp_path / "run").iterdir()] == ["run.json"]
+    code, data = optiplan_json("plan", path, "--planner", "quintic")
+    assert code == data["exit_code"] == 3
+    assert "wall" in str(data["failure"]["witness"])
+    assert data["report"] is data["duration"] is data["ratio"] is None
+
+
+def test_a_failed_run_takes_the_place_of_an_older_one(optiplan, free, tmp_path):
+    folder, path = tmp_path / "run", tmp_path / "touching.yaml"
+    path.write_text(TOUCHING)
+    assert optiplan("plan", free, "--out", folder)[0] == 0
+    assert optiplan("plan", path, "--planner", "quintic", "--out", folder)[0] == 3
+    assert [file.name for file in folder.iterdir()] == ["run.json"]
+
+
+def test_found_but_not_verified_is_exit_code_4(optiplan, free, monkeypatch):
+    def hasty(self, problem, budget, progress):
+        result = plan(self, problem, budget, progress)
+        fast = result.trajectory.scaled(result.trajectory.duration / 2)
+        return type(result)(fast, None, result.timings)
+
+    from optiplan.planners.quintic import Quintic
+
+    plan = Quintic.plan
+    monkeypatch.setattr(Quintic, "plan", hasty)
+    code, out, _ = optiplan("plan", free)
+    assert code == 4
+    assert "FAIL" in out
+    assert "\nnot verified\n" in out
+
+
+@pytest.mark.parametrize("budget", ["0", "-1", "nan", "inf", "soon"])
+def test_budget_is_a_positive_number(optiplan, free, budget):
+    code, out, err = optiplan("plan", free, f"--budget={budget}")
+    assert (code, out) == (2, "")
+    assert "--budget" in err
+
+
+def test_unknown_planner_lists_the_known(optiplan, free):
+    code, _, err = optiplan("plan", free, "--planner", "rrt")
+    assert code == 2
+    assert "unknown planner 'rrt'; choose from: quintic, rrtconnect, trajopt" in err
+
+
+def test_broken_file_is_told_with_its_line(optiplan, optiplan_json, free):
+    free.write_text(free.read_text().replace("[0.5, 1.0]", "[0.5, .nan]"))
+    code, out, err = optiplan("plan", free)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"{free}:4: start.joints[1]: NaN; expected a finite number")
+    code, data = optiplan_json("plan", free)
+    assert code == 2
+    assert data["issues"][0]["line"] == 4
+
+
+def test_out_that_is_a_file_is_refused_before_the_work(optiplan, free):
+    code, _, err = optiplan("plan", free, "--out", free)
+    assert code == 2
+    assert "is a file; expected a folder" in err
