@@ -194,8 +194,7 @@ def primitive(spec: ShapeSpec) -> Shape:
         return Cylinder(spec.cylinder.radius, spec.cylinder.length)
     if spec.capsule is not None:
         return Capsule(spec.capsule.radius, spec.capsule.length)
-    if spec.half_space is None:
-        raise ValueError("not a primitive")
+    assert spec.half_space is not None  # the schema holds exactly one shape, and meshes need a folder
     normal = unit(spec.half_space.normal)
     return HalfSpace((float(normal[0]), float(normal[1]), float(normal[2])), spec.half_space.offset)
 

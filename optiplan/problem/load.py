@@ -111,15 +111,15 @@ def _assemble(
     parts: tuple[Robot, Scene, Array, tuple[JointGoal | PoseGoal, ...]],
 ) -> Problem:
     robot, scene, start, goal = parts
-    data = spec.model_dump(mode="json", exclude_none=True)
-    data["name"] = spec.name or document.path.stem.strip("<>")
-    source = spec.model_dump(mode="json", exclude_none=True) | {"name": data["name"]}
+    source = spec.model_dump(mode="json", exclude_none=True)
+    source["name"] = spec.name or document.path.stem.strip("<>")
+    digest = problem_hash(source, base, robot)
     if spec.robot not in robot_names():
         source["robot"] = str(robot.source)
     for mesh in meshes_of(source):
         mesh["file"] = str((base / mesh["file"]).resolve())
     return Problem(
-        name=data["name"],
+        name=source["name"],
         robot=robot,
         scene=scene,
         start=start,
@@ -130,7 +130,7 @@ def _assemble(
         options=dict(spec.planner.model_extra or {}),
         seed=spec.seed,
         source=source,
-        hash=problem_hash(data, base, robot),
+        hash=digest,
     )
 
 

@@ -11,12 +11,13 @@ from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.errors import InputError, Issue
 from optiplan.model.robot import Robot, load_robot, robot_names
 from optiplan.problem.moveit import convert, merged_state
 from optiplan.problem.moveit_objects import CannotConvert
 from optiplan.problem.spec import ProblemSpec
 from optiplan.problem.write import problem_text, write_text
+from optiplan.yaml_words import choices
 
 FILE_NAME = re.compile(r"(?P<before>.*?)(?P<kind>scene|request)(?P<after>.*)\.ya?ml", re.IGNORECASE)
 """`scene0001.yaml` and `request0001.yaml`, `0001_scene.yaml` and `0001_request.yaml`, …: alike but for the one word."""
@@ -40,8 +41,9 @@ def import_mbm(directory: Path | str, out: Path | str, robot: str | None = None)
         robot: a name of `robots/` or the path of a robot file; without it, the `robot_model_name` of each scene.
 
     Raises:
-        InputError: `directory` is no folder or holds no pair, or the robot file cannot be used.
-        UnknownChoiceError: no robot of that name.
+        InputError: `directory` is no folder or holds no pair, the robot file cannot be used, or no robot is given and a
+            scene is of an unknown one.
+        UnknownChoiceError: no robot of the name given.
     """
     root, target = Path(directory), Path(out)
     pairs, skipped = find_pairs(root)
@@ -108,7 +110,8 @@ class _Importer:
         name = str(scene.get("robot_model_name", ""))
         reference = self.reference or name.lower()
         if self.reference is None and reference not in robot_names():
-            raise UnknownChoiceError("robot", f"{name} (named by {scene_file})", robot_names())
+            expected = f"{choices(reference, robot_names())}, or the robot to be used instead (--robot)"
+            raise InputError([Issue(str(scene_file), None, "robot_model_name", f"'{name}'", expected)])
         plain = self._loaded(reference, {})
         state = merged_state(scene, request)
         return self._loaded(reference, {joint: state[joint] for joint in state if joint in plain.locked})

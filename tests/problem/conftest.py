@@ -20,16 +20,10 @@ seed: 0
 """
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def arm() -> Path:
     """A robot file: two planned joints about z, links of 0.5 m along x, a locked finger."""
     return ARM
-
-
-@pytest.fixture
-def problem_text() -> str:
-    """A valid problem file, one key or body a line."""
-    return PROBLEM
 
 
 @pytest.fixture

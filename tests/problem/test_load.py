@@ -2,6 +2,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from optiplan.errors import InputError
 from optiplan.model.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
@@ -251,3 +253,37 @@ def test_problem_is_frozen(write):
     problem = load_problem(write())
     with pytest.raises(dataclasses.FrozenInstanceError):
         problem.seed = 1
+
+
+JUNK = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just(10**400)
+JUNK = JUNK | st.lists(JUNK, max_size=4) | st.dictionaries(st.sampled_from(["joints", "pose", "box", "mesh"]), JUNK)
+
+
+def places(value, place=()):
+    yield place
+    for key, item in value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ():
+        yield from places(item, (*place, key))
+
+
+@settings(max_examples=200)
+@given(st.data(), JUNK)
+def test_any_junk_anywhere_is_told_not_raised(arm, data, junk):
+    pose = {"position": [0.5, 0.5, 0.0], "quaternion": [0, 0, 0, 1], "tolerance": {"position": 0.01}}
+    body = {"name": "ball", "shape": {"half_space": {"normal": [0, 0, 1], "offset": -1}}, "pose": {"rpy": [0, 0, 1]}}
+    held = {"name": "part", "shape": {"mesh": {"file": "a", "scale": 2}}, "link": "hand", "touch": ["tip"]}
+    scene = {"obstacles": [body], "attached": [held], "allowed_collisions": [["ball", "tip"]]}
+    goal = {"any_of": [{"joints": [0.0, 1.0]}, {"pose": pose}]}
+    root = {"version": 1, "robot": str(arm), "locked": {"finger": 0.01}, "start": {"joints": [0, 0]}, "goal": goal}
+    root |= {"scene": scene, "limits": {"jerk": 1}, "planner": {"name": "x", "option": [1]}, "seed": 1, "via": []}
+    place = data.draw(st.sampled_from([place for place in places(root) if place]))
+    target = root
+    for key in place[:-1]:
+        target = target[key]
+    target[place[-1]] = junk
+    issues = ()
+    try:
+        attached = problem_from_dict(root).scene.attached
+    except InputError as error:
+        issues = error.issues
+    assert all(issue.found and issue.expected for issue in issues)
+    assert issues or not attached  # the mesh of what is attached does not exist
