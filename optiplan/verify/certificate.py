@@ -15,7 +15,7 @@ from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.separation import Distances, PairDistances
 
 ROUNDING = 1e-9  # m, subtracted from every proved clearance
-_EASY = 2e-3  # m, margin by which bounding volumes must clear a pair, so that the clearance reported is a true figure
+_EASY = 5e-3  # m, margin by which bounding volumes must clear a pair, so that the clearance reported is a true figure
 _FIRST_TRAVEL = 0.05  # rad or m, summed over joints: how coarse the first intervals may be
 _CHUNK = 256  # intervals handled by bounding volumes at a time, to bound memory
 
