@@ -33,6 +33,10 @@ class QuinticOptions:
 
     goals: int = 8
 
+    def __post_init__(self) -> None:
+        if self.goals < 1:
+            raise ValueError(f"goals = {self.goals} is not positive")
+
 
 class Quintic:
     """Straight lines in joint space, tried goal by goal until one is free at all times."""
@@ -47,7 +51,7 @@ class Quintic:
             goals = ranked_goals(problem, model, budget, self.options.goals)
         if isinstance(goals, Failure):
             return PlanResult(None, goals, watch.seconds)
-        first_touch: Touch | None = None
+        touches: list[Touch] = []
         for k, goal in enumerate(goals):
             if budget.over:
                 return PlanResult(None, out_of_time(budget, "trying straight lines"), watch.seconds)
@@ -57,8 +61,10 @@ class Quintic:
                 touch = first_contact(model, trajectory)
             if touch is None:
                 return PlanResult(trajectory, None, watch.seconds, {"goal": k})
-            first_touch = first_touch or touch
-        return PlanResult(None, _blocked(first_touch, len(goals)), watch.seconds)
+            touches.append(touch)
+        pair, t = touches[0].contact.pair, touches[0].t
+        detail = f"no straight motion to {len(goals)} goals is free: '{pair.name_a}' meets '{pair.name_b}' at {t:.3f} s"
+        return PlanResult(None, Failure("collision", detail, touches[0].witness()), watch.seconds)
 
 
 def straight(start: Array, goal: Array, limits: Limits, joint_names: tuple[str, ...]) -> Trajectory:
@@ -71,14 +77,3 @@ def straight(start: Array, goal: Array, limits: Limits, joint_names: tuple[str, 
     coefficients = np.outer(SHAPE / T ** np.arange(6), goal - start)
     coefficients[0] = start
     return Trajectory(joint_names, np.array([0.0, T]), coefficients[None])
-
-
-def _blocked(touch: Touch | None, count: int) -> Failure:
-    if touch is None:
-        raise ValueError("nothing was tried")
-    pair = touch.contact.pair
-    detail = (
-        f"none of {count} straight joint-space motions is free; on the first '{pair.name_a}' meets '{pair.name_b}' "
-        f"at t = {touch.t:.3f} s"
-    )
-    return Failure("collision", detail, touch.witness())

@@ -106,7 +106,7 @@ class _Sampler:
         seed = int(self._rng.integers(1, 2**31))
         options = SearchOptions(self._options.reach, seed, iterations)
         search = rrt_connect(self._check, (start, goals), self._limits, self._options.budget, options)
-        self.info["states"] += len(search.start_tree) + len(search.goal_tree)
+        self.info["states"] += sum(search.sizes)
         return search
 
     def _shorten(self, path: Array) -> Array:
@@ -135,8 +135,8 @@ def _no_path(model: CollisionModel, search: Search, limits: Limits, budget: Budg
     q, contact = _first_blocked(model, a, b)
     gap = float(np.abs(b - a).max())
     detail = (
-        f"no path within {budget.seconds:.3g} s: the tree from the start ({len(search.start_tree)} states) and that "
-        f"from the goal ({len(search.goal_tree)} states) stay {gap:.3g} rad or m apart (largest joint)"
+        f"no path within {budget.seconds:.3g} s: the tree from the start ({search.sizes[0]} states) and that "
+        f"from the goal ({search.sizes[1]} states) stay {gap:.3g} rad or m apart (largest joint)"
     )
     if contact is None:
         return Failure("no-path", detail, {"q": q.tolist(), "q_goal_side": b.tolist()})
@@ -145,8 +145,8 @@ def _no_path(model: CollisionModel, search: Search, limits: Limits, budget: Budg
 
 
 def _nearest(A: Array, B: Array, velocity: Array) -> tuple[Array, Array]:
-    """The states of two trees (s, n), (g, n) nearest to each other in time at full speed; at most 2000 of each."""
-    A, B = (tree[:: len(tree) // 2000 + 1] / velocity for tree in (A, B))
+    """The states of two trees (s, n), (g, n) nearest to each other in time at full speed."""
+    A, B = A / velocity, B / velocity
     a = A[np.argmin([np.abs(B - x).max(axis=1).min() for x in A])]
     return a * velocity, B[np.argmin(np.abs(B - a).max(axis=1))] * velocity
 

@@ -13,6 +13,8 @@ from optiplan.planners.base import Budget
 from optiplan.planners.motion import MotionCheck
 
 _TURN = np.pi  # rad beyond start and goals that a joint without bounds may go
+_START, _GOAL = 1, 2  # OMPL's tags of the two trees
+_SAMPLE = 500  # states of a tree that are reported
 _OMPL = threading.Lock()  # OMPL's random numbers start from one seed of the whole process
 
 
@@ -22,13 +24,15 @@ class Search:
 
     Attributes:
         path: (k, n) waypoints from the start to one of the goals, rad or m; None when the trees did not meet.
-        start_tree: (s, n) states reached from the start.
-        goal_tree: (g, n) states from which a goal is reached.
+        start_tree: (s, n) states reached from the start, at most some hundreds of them.
+        goal_tree: (g, n) states from which a goal is reached, likewise.
+        sizes: number of states of the two trees.
     """
 
     path: Array | None
     start_tree: Array
     goal_tree: Array
+    sizes: tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ def rrt_connect(
 
     while not _OMPL.acquire(timeout=0.02):
         if budget.over:
-            return Search(None, ends[0][None], ends[1])
+            return Search(None, ends[0][None], ends[1], (1, len(ends[1])))
     try:
         util.setLogLevel(util.LogLevel.LOG_NONE)
         util.RNG.setSeed(options.seed)
@@ -110,17 +114,19 @@ def _collect(planner: Any, problem: Any, information: Any, ends: tuple[Array, Ar
     n, speed = len(ends[0]), limits.velocity
     data = base.PlannerData(information)
     planner.getPlannerData(data)
-    trees: dict[int, list[Array]] = {}
-    for i in range(data.numVertices()):
-        vertex = data.getVertex(i)
-        trees.setdefault(vertex.getTag(), []).append(_read(vertex.getState(), n) * speed)
-    start_tree, goal_tree = (np.array(trees.get(tag, default)) for tag, default in ((1, [ends[0]]), (2, ends[1])))
+    tags = np.array([data.getVertex(i).getTag() for i in range(data.numVertices())])
+    trees, sizes = [], []
+    for tag, roots in ((_START, ends[0][None]), (_GOAL, ends[1])):
+        members = np.flatnonzero(tags == tag)
+        some = members[:: len(members) // _SAMPLE + 1].tolist()
+        trees.append(np.array([_read(data.getVertex(i).getState(), n) * speed for i in some]) if some else roots)
+        sizes.append(len(members))
     path = None
     if problem.hasExactSolution():
         path = np.array([_read(x, n) for x in problem.getSolutionPath().getStates()]) * speed
         path[0] = ends[0]
         path[-1] = ends[1][np.argmin(np.abs(ends[1] - path[-1]).max(axis=1))]
-    return Search(path, start_tree, goal_tree)
+    return Search(path, trees[0], trees[1], (sizes[0], sizes[1]))
 
 
 def _read(state: Any, n: int) -> Array:

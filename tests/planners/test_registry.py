@@ -1,0 +1,45 @@
+import pytest
+
+from optiplan.errors import InputError, UnknownChoiceError
+from optiplan.planners.registry import PLANNERS, make_planner
+
+
+@pytest.mark.parametrize("name", sorted(PLANNERS))
+def test_every_entry_loads_and_lists_its_options(name):
+    planner = make_planner(name)
+    options = PLANNERS[name].option_list()
+    assert options
+    assert all(type(option.default).__name__ == option.kind for option in options)
+    assert type(planner).__module__ == PLANNERS[name].planner.split(":")[0]
+
+
+def test_unknown_planner_lists_the_choices():
+    with pytest.raises(UnknownChoiceError, match="unknown planner 'rrt'; choose from: quintic, rrtconnect, trajopt"):
+        make_planner("rrt")
+
+
+def test_unknown_option_lists_options_with_types():
+    with pytest.raises(UnknownChoiceError, match=r"goals \(int, default 8\), reach \(float, default 0.4\)"):
+        make_planner("rrtconnect", {"raech": 1.0})
+
+
+def test_all_wrong_types_are_reported_at_once():
+    with pytest.raises(InputError) as caught:
+        make_planner("rrtconnect", {"reach": "far", "goals": 2.5, "step": True})
+    assert [(issue.field, issue.found, issue.expected) for issue in caught.value.issues] == [
+        ("reach", "'far'", "float"),
+        ("goals", "2.5", "int"),
+        ("step", "True", "float"),
+    ]
+
+
+def test_an_int_stands_for_a_float():
+    assert make_planner("rrtconnect", {"reach": 1}).options.reach == 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "options"), [("rrtconnect", {"step": 0.0}), ("rrtconnect", {"attempts": -1}), ("quintic", {"goals": 0})]
+)
+def test_values_out_of_range_are_input_errors(name, options):
+    with pytest.raises(InputError, match=next(iter(options))):
+        make_planner(name, options)

@@ -1,0 +1,83 @@
+"""The sweep against constructed grazes and against dense sampling."""
+
+import numpy as np
+import pytest
+
+from optiplan.model.collision import CollisionModel
+from optiplan.model.scene import Obstacle, Scene, Sphere
+from optiplan.planners.sweep import first_contact, polyline_contact, trajectory_curve
+from optiplan.trajectory.timing import stop_at_corners
+from tests.planners import cases
+
+
+def swing(n=1):
+    arm = cases.robot("planar2r")
+    return arm, stop_at_corners(np.array([[0.0, 0.0], [-1.5, 0.0]]), arm.limits, arm.joint_names)
+
+
+def ball_beside_the_tip(gap):
+    """A ball of 2 mm in the plane of the tip, `gap` away from the circle that the tip's ball sweeps, half-way."""
+    import pinocchio as pin
+
+    arm, trajectory = swing()
+    model, data = arm.model, arm.model.createData()
+    q = np.array([-0.75, 0.0])
+    pin.framesForwardKinematics(model, data, q)
+    tip, tool = (data.oMf[model.getFrameId(name)] for name in ("tip", "tool"))
+    outward = tool.rotation[:, 0]
+    centre = tip.translation + (0.06 + 0.04 + 0.002 + gap) * outward
+    pose = pin.SE3(np.eye(3), centre)
+    return CollisionModel(arm, Scene((Obstacle("ball", Sphere(0.002), pose),))), trajectory
+
+
+def test_a_graze_shorter_than_any_sampling_step_is_found():
+    model, trajectory = ball_beside_the_tip(-50e-6)
+    coarse = trajectory(np.linspace(0.0, trajectory.duration, 100))  # an even number misses the middle
+    assert not any(model.collides(q) for q in coarse)
+    touch = first_contact(model, trajectory)
+    assert touch is not None
+    assert {touch.contact.pair.name_a, touch.contact.pair.name_b} == {"tip", "ball"}
+    assert touch.q == pytest.approx(trajectory(np.array([touch.t]))[0])
+    assert polyline_contact(model, np.stack([trajectory.start, trajectory.end])) is not None
+
+
+def test_a_gap_of_the_same_size_is_proved_free():
+    model, trajectory = ball_beside_the_tip(50e-6)
+    assert first_contact(model, trajectory) is None
+    assert polyline_contact(model, np.stack([trajectory.start, trajectory.end])) is None
+
+
+def test_margin_is_kept():
+    model, trajectory = ball_beside_the_tip(5e-3)
+    assert first_contact(model, trajectory, margin=4e-3) is None
+    assert first_contact(model, trajectory, margin=6e-3) is not None
+
+
+def test_agrees_with_dense_sampling():
+    rng = np.random.default_rng(3)
+    model = CollisionModel(cases.robot("panda"), cases.wall().scene)
+    limits = model.robot.limits
+    free = touching = 0
+    for _ in range(25):
+        ends = rng.uniform(limits.lower, limits.upper, (2, 7))
+        ends[1] = ends[0] + 0.3 * (ends[1] - ends[0])
+        trajectory = stop_at_corners(ends, limits, model.robot.joint_names)
+        seen = any(model.collides(q) for q in trajectory(np.linspace(0.0, trajectory.duration, 400)))
+        found = [first_contact(model, trajectory), polyline_contact(model, ends)]
+        assert not seen or all(touch is not None for touch in found)
+        assert (found[0] is None) == (found[1] is None)
+        free += found[0] is None
+        touching += seen
+    assert free > 3
+    assert touching > 3
+
+
+def test_curve_bounds_hold_within_each_interval():
+    _, trajectory = swing()
+    rng = np.random.default_rng(0)
+    half = rng.uniform(0.0, 0.4, 20) * np.diff(trajectory.breakpoints).min()
+    piece = rng.integers(0, len(trajectory.breakpoints) - 1, 20)
+    middle = 0.5 * (trajectory.breakpoints[piece] + trajectory.breakpoints[piece + 1])
+    Q, D = trajectory_curve(trajectory)(middle, half)
+    for offset in (-1.0, -0.3, 0.0, 0.5, 1.0):
+        assert (np.abs(trajectory(middle + offset * half) - Q) <= D + 1e-12).all()
