@@ -11,7 +11,7 @@ from optiplan.errors import InputError
 from optiplan.model.scene import Attachment, Box, Capsule, HalfSpace, Obstacle, Scene, Sphere
 from optiplan.problem.problem import JointGoal, PoseGoal
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.report import VerifyPolicy
+from optiplan.verify.report import VerifyPolicy, jsonable
 from optiplan.verify.verify import verify
 from tests.verify.motions import problem_of, quintic, smooth, unchecked, within_limits
 
@@ -220,3 +220,8 @@ def test_read_back_from_json_the_verdict_is_the_same(planar, swing):
     again = Trajectory.from_dict(json.loads(json.dumps(swing.to_dict(rate=100.0))))
     problem = problem_of(planar, swing, Scene())
     assert verify(problem, again).to_dict() == verify(problem, swing).to_dict()
+
+
+def test_numbers_of_any_kind_become_json():
+    mixed = {"a": np.float64(1.5), "b": np.array([1.0, np.nan]), "c": (np.int64(2), np.inf), 3: np.bool_(True)}
+    assert jsonable(mixed) == {"a": 1.5, "b": [1.0, None], "c": [2, None], "3": True}
