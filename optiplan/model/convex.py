@@ -25,17 +25,19 @@ log = logging.getLogger(__name__)
 class PieceOptions:
     """How finely a mesh is cut; the first seven go to CoACD, which scales every mesh to [-1, 1].
 
-    `longest_edge` (m): triangles across a cut are divided to this size before each goes to one piece.
+    `longest_edge` (m): triangles across a cut are divided to this size before each goes to one piece. Pieces that fill
+    more than `enough` of the hull's volume are not worth their number: the hull is taken.
     """
 
-    threshold: float = 0.07
-    preprocess_resolution: int = 20
-    resolution: int = 800
-    mcts_iterations: int = 40
-    mcts_nodes: int = 8
+    threshold: float = 0.08
+    preprocess_resolution: int = 15
+    resolution: int = 400
+    mcts_iterations: int = 20
+    mcts_nodes: int = 5
     mcts_max_depth: int = 1
-    max_convex_hull: int = 24
+    max_convex_hull: int = 16
     longest_edge: float = 0.003
+    enough: float = 0.88
 
 
 @dataclass(frozen=True)
@@ -111,10 +113,12 @@ def _cut(vertices: Array, triangles: Triangles, options: PieceOptions) -> Pieces
     from trimesh.remesh import subdivide_to_size
 
     settings = asdict(options)
-    longest = settings.pop("longest_edge")
+    longest, enough = settings.pop("longest_edge"), settings.pop("enough")
     coacd.set_log_level("error")
     rough = [np.asarray(piece[0]) for piece in coacd.run_coacd(coacd.Mesh(vertices, triangles), seed=0, **settings)]
     bodies = [faces_of(piece) for piece in rough]
+    if _filling(bodies, vertices) > enough:
+        return Pieces((_corners(vertices),), 0.0)
     inside, _ = _best(bodies, vertices, triangles)
     spanning = triangles[inside > 1e-9]
     fine_vertices, fine = (
@@ -126,6 +130,13 @@ def _cut(vertices: Array, triangles: Triangles, options: PieceOptions) -> Pieces
         added = fine_vertices[np.unique(fine[owner == index])]
         grown.append(_corners(np.vstack([piece, added])))
     return Pieces(tuple(grown), float(worst.max(initial=0.0)))
+
+
+def _filling(bodies: list[Array], vertices: Array) -> float:
+    """Volume of the union of convex bodies as a part of that of the vertices' hull, from samples."""
+    samples = np.random.default_rng(0).uniform(vertices.min(axis=0), vertices.max(axis=0), (20_000, 3))
+    samples = samples[protrusion(faces_of(vertices), samples) <= 0]
+    return float(np.any([protrusion(faces, samples) <= 0 for faces in bodies], axis=0).mean())
 
 
 def _best(bodies: list[Array], vertices: Array, triangles: Triangles) -> tuple[Array, npt.NDArray[np.int64]]:
