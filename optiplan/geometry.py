@@ -1,5 +1,6 @@
 """Poses from and to plain data (YAML, JSON), over `pinocchio.SE3`."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -19,7 +20,7 @@ def unit(values: Sequence[float]) -> Array:
         ValueError: its length is not 1 within `UNIT_TOLERANCE`.
     """
     vector = np.asarray(values, float)
-    length = float(np.linalg.norm(vector))
+    length = math.hypot(*vector)  # no overflow for numbers that are huge by mistake
     if not abs(length - 1.0) <= UNIT_TOLERANCE:  # written so that NaN is refused too
         raise ValueError(f"found length {length:.6g}; expected unit length (1 ± {UNIT_TOLERANCE:g})")
     return vector / length

@@ -49,7 +49,10 @@ def test_nearly_unit_is_normalised():
     assert np.allclose(X.rotation.T @ X.rotation, np.eye(3), atol=1e-14)
 
 
-@pytest.mark.parametrize(("values", "length"), [([0, 0, 0, 2], "2"), ([0, 0, 0, 0], "0"), ([1, np.nan], "nan")])
+@pytest.mark.parametrize(
+    ("values", "length"),
+    [([0, 0, 0, 2], "2"), ([0, 0, 0, 0], "0"), ([1, np.nan], "nan"), ([1e200, 1e200], "1.41421e\\+200")],
+)
 def test_length_must_be_one(values, length):
     with pytest.raises(ValueError, match=f"found length {length}; expected unit length"):
         unit(values)

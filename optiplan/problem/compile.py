@@ -90,7 +90,7 @@ class Compiler:
 
     def _pose_goal(self, robot: Robot, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
         frame = robot.tool_frame if spec.frame is None else spec.frame
-        if not robot.model.existFrame(frame):
+        if frame != robot.tool_frame and frame not in frame_names(robot):
             self.unknown((*place, "frame"), "frame", frame, frame_names(robot))
             return None
         return PoseGoal(frame, _pose(spec), spec.tolerance.position, spec.tolerance.orientation)
