@@ -43,9 +43,9 @@ def convert(scene: Mapping[str, Any], request: Mapping[str, Any], robot: Robot, 
     start = _planned(robot, state, "the start state", notes)
     frames = Frames(robot, np.array(start), scene, request)
     bodies = Bodies(robot, frames, prefix)
+    for state_message in (request.get("start_state"), scene.get("robot_state")):
+        bodies.add_attached(state_message)
     bodies.add_world(scene)
-    for source in (request.get("start_state"), scene.get("robot_state")):
-        bodies.add_attached(source)
     allowed = bodies.allowed_collisions(scene.get("allowed_collision_matrix") or {})
     data = {
         "version": 1,

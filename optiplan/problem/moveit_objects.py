@@ -1,6 +1,6 @@
 """MoveIt's collision objects, frames and allowed pairs, as YAML data, into the bodies of a problem file."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -94,14 +94,17 @@ class Bodies:
         self._parts: dict[str, list[str]] = {}
 
     def add_world(self, scene: Data) -> None:
-        """Every collision object of the scene."""
+        """Every collision object of the scene but those that are attached: taking an object takes it from the world."""
+        held = set(self._parts)
         for item in (scene.get("world") or {}).get("collision_objects") or []:
+            if str(item["id"]) in held:
+                continue
             X_WO = self.frames.pose(item.get("header")) * pose(item.get("pose"))
             self.frames.add(str(item["id"]), X_WO)
             self.obstacles += self._bodies(item, X_WO)
 
     def add_attached(self, state: Data | None) -> None:
-        """Every object that a robot state holds; one that is known by its name already is left out."""
+        """Every object that a robot state holds, unless it is attached already."""
         for item in (state or {}).get("attached_collision_objects") or []:
             held, link = item["object"], str(item["link_name"])
             if str(held["id"]) in self._parts:
@@ -117,39 +120,31 @@ class Bodies:
                 self.attached.append({**body, "link": link, "touch": touch})
 
     def _bodies(self, item: Data, X_FO: pin.SE3) -> list[dict[str, Any]]:
-        """One body for each shape of an object whose pose is X_FO; MoveIt's shapes have poses in the object."""
-        shapes = [
-            (shape, X_FO * pose(placement))
-            for kind, place, build in self._kinds()
-            for shape, placement in self._each(item, kind, place, build, X_FO)
-        ]
+        """One body for each shape of an object whose pose is X_FO."""
+        shapes = list(self._shapes(item, X_FO))
         if not shapes:
             raise CannotConvert(f"object '{item['id']}' has no shape")
         names = [self._name(str(item["id"]), i) for i in range(len(shapes))]
         self._parts[str(item["id"])] = names
         return [
-            {"name": name, "shape": shape, "pose": pose_to_data(X)}
-            for name, (shape, X) in zip(names, shapes, strict=True)
+            {"name": name, "shape": shape, "pose": pose_to_data(X_FS)}
+            for name, (shape, X_FS) in zip(names, shapes, strict=True)
         ]
 
-    def _kinds(self) -> Iterable[tuple[str, str, Callable[[Data, Data, pin.SE3], dict[str, Any]]]]:
-        yield "primitives", "primitive_poses", self._primitive
-        yield "meshes", "mesh_poses", self._mesh
-        yield "planes", "plane_poses", self._plane
-
-    def _each(
-        self,
-        item: Data,
-        kind: str,
-        place: str,
-        build: Callable[[Data, Data, pin.SE3], dict[str, Any]],
-        X_FO: pin.SE3,
-    ) -> list[tuple[dict[str, Any], Data | None]]:
-        shapes, poses = item.get(kind) or [], item.get(place) or []
-        if poses and len(poses) != len(shapes):
-            raise CannotConvert(f"object '{item['id']}' has {len(shapes)} {kind} and {len(poses)} {place}")
-        placed = list(zip(shapes, poses or [None] * len(shapes), strict=True))
-        return [(build(item, shape, X_FO * pose(X)), X) for shape, X in placed]
+    def _shapes(self, item: Data, X_FO: pin.SE3) -> Iterator[tuple[dict[str, Any], pin.SE3]]:
+        """The shapes of an object and their poses; MoveIt gives each shape a pose in the object."""
+        kinds = (
+            ("primitives", "primitive_poses", self._primitive),
+            ("meshes", "mesh_poses", self._mesh),
+            ("planes", "plane_poses", self._plane),
+        )
+        for key, key_of_poses, build in kinds:
+            shapes, poses = item.get(key) or [], item.get(key_of_poses) or []
+            if poses and len(poses) != len(shapes):
+                raise CannotConvert(f"object '{item['id']}' has {len(shapes)} {key} and {len(poses)} {key_of_poses}")
+            for shape, placement in zip(shapes, poses or [None] * len(shapes), strict=True):
+                X_FS = X_FO * pose(placement)
+                yield build(item, shape, X_FS), X_FS
 
     def _primitive(self, item: Data, shape: Data, X_FS: pin.SE3) -> dict[str, Any]:
         kind = {"1": "box", "2": "sphere", "3": "cylinder", "4": "cone"}.get(str(shape["type"]), str(shape["type"]))

@@ -120,11 +120,13 @@ def test_attached_object_is_held_by_its_link(robot):
     }
     state = request_()
     state["start_state"]["attached_collision_objects"] = [item]
-    (held,) = convert(scene(robot_state={"attached_collision_objects": [item]}), state, robot, "1").data["scene"][
-        "attached"
-    ]
+    still_there = {"id": "tool", "primitives": [BOX]}
+    world = scene(still_there, robot_state={"attached_collision_objects": [item]})
+    bodies = convert(world, state, robot, "1").data["scene"]
+    (held,) = bodies["attached"]
     assert (held["link"], held["touch"]) == ("hand", ["tip"])
     assert np.allclose(held["pose"]["position"], [0.1, 0, 0])
+    assert bodies["obstacles"] == []
 
 
 def test_allowed_pairs_are_those_that_would_be_checked(robot):
