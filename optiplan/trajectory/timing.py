@@ -46,7 +46,7 @@ def lower_bounds(start: Array, goals: Array, limits: Limits) -> Array:
         (k,) in s.
     """
     t_j, t_a, t_v = _phases(np.abs(goals - start), limits.velocity, limits.acceleration, limits.jerk)
-    times: Array = (4.0 * t_j + 2.0 * t_a + t_v).max(axis=1)
+    times: Array = np.where(goals == start, 0.0, 4.0 * t_j + 2.0 * t_a + t_v).max(axis=1)
     return times
 
 

@@ -36,6 +36,7 @@ def test_lower_bounds_takes_the_slowest_joint_of_each_goal():
     bounds = lower_bounds(np.zeros(2), np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 0.0]]), limits)
     expected = [ruckig_duration(1.0, 1.0, 5.0, 50.0), ruckig_duration(1.0, 0.1, 5.0, 50.0), 0.0]
     assert bounds == pytest.approx(expected, abs=1e-12)
+    assert bounds[2] == 0.0
 
 
 def test_a_straight_line_takes_exactly_the_bound_of_its_slowest_joint():

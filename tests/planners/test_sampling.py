@@ -1,0 +1,139 @@
+"""Sampled paths: proved, repeatable, through several goals, with reasons when there are none."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from optiplan.model.collision import CollisionModel
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.motion import MotionCheck
+from optiplan.planners.sampling import SamplingOptions, sample_path
+from optiplan.planners.shortcut import path_time, shorten
+from optiplan.planners.sweep import polyline_contact
+from optiplan.planners.timed import timed_path
+from tests.planners import cases
+
+
+def sample(problem, goals=None, **options):
+    model = CollisionModel(problem.robot, problem.scene)
+    options = {"budget": Budget(20.0)} | options
+    goals = [goal.q for goal in problem.goal] if goals is None else goals
+    return sample_path(model, problem.start, goals, problem.limits, SamplingOptions(**options))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_path_is_proved_and_ends_exactly(seed):
+    problem = cases.wall()
+    path = sample(problem, seed=seed)
+    assert np.array_equal(path.waypoints[0], problem.start)
+    assert np.array_equal(path.waypoints[-1], cases.LEFT)
+    assert polyline_contact(CollisionModel(problem.robot, problem.scene), path.waypoints) is None
+    assert path.cost == pytest.approx(path_time(path.waypoints, problem.limits.velocity).sum())
+    assert path.goal_index == 0
+
+
+def test_same_seed_same_path_and_another_seed_another():
+    first, again, other = (sample(cases.wall(), seed=seed).waypoints for seed in (5, 5, 6))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_blocked_goals_are_passed_over():
+    problem = cases.goal_in_wall()
+    path = sample(problem, goals=[cases.LEFT, cases.READY + 0.2])
+    assert path.goal_index == 1
+    assert np.array_equal(path.waypoints[-1], cases.READY + 0.2)
+
+
+def test_a_joint_without_bounds_may_turn_either_way():
+    from dataclasses import replace
+
+    problem = cases.planar()
+    endless = replace(problem.limits, lower=np.array([-np.inf, -2.8]), upper=np.array([np.inf, 2.8]))
+    path = sample(replace(problem, limits=endless), goals=[np.array([-9.0, 0.3])])
+    assert path.waypoints[-1][0] == -9.0
+
+
+def test_no_path_names_bodies_and_tree_sizes():
+    failure = sample(cases.barred(), budget=Budget(0.5))
+    assert isinstance(failure, Failure)
+    assert failure.kind == "no-path"
+    assert "states) stay" in failure.detail
+    assert failure.witness["pair"][1].startswith("bar")
+    assert failure.witness["distance"] <= 0.0
+
+
+def test_cancel_is_seen_within_a_fifth_of_a_second():
+    cancel = threading.Event()
+    threading.Timer(0.3, cancel.set).start()
+    began = time.perf_counter()
+    failure = sample(cases.barred(), budget=Budget(30.0, cancel))
+    assert failure.kind == "cancelled"
+    assert time.perf_counter() - began < 0.7
+
+
+def test_two_threads_get_what_one_would():
+    alone = [sample(cases.wall(), seed=seed).waypoints for seed in (1, 2)]
+    together = {}
+    threads = [
+        threading.Thread(target=lambda seed=seed: together.update({seed: sample(cases.wall(), seed=seed).waypoints}))
+        for seed in (1, 2)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(np.array_equal(together[seed], alone[seed - 1]) for seed in (1, 2))
+
+
+def test_a_thin_plate_between_the_steps_is_gone_around():
+    """At steps of half a radian the quick check sees nothing of a plate that the proof finds."""
+    plate = cases.box("plate", (0.4, 0.001, 0.1), (0.5, 0.25, 0.55))
+    problem = cases.problem("panda", cases.READY, cases.free().goal, plate)
+    model = CollisionModel(problem.robot, problem.scene)
+    straight = np.array([cases.READY, cases.LEFT])
+    assert MotionCheck(model, 1.5).polyline_free(straight)
+    assert polyline_contact(model, straight) is not None
+    path = sample(problem, step=1.5)
+    assert path.info["repairs"] > 0
+    assert polyline_contact(model, path.waypoints) is None
+
+
+def test_blocked_places_are_refused_however_fine_the_step():
+    model = CollisionModel(cases.robot("planar2r"), cases.planar().scene)
+    check = MotionCheck(model, 0.1)
+    assert check.free(np.zeros(2), np.ones(2))
+    check.block(np.array([0.5, 0.51]), 0.02)
+    assert not check.free(np.zeros(2), np.ones(2))
+    assert check.free(np.zeros(2), np.array([1.0, 0.0]))
+
+
+def test_shortcuts_never_lengthen_and_keep_the_ends():
+    model = CollisionModel(cases.robot("panda"), cases.wall().scene)
+    limits = model.robot.limits
+    rng = np.random.default_rng(0)
+    path = cases.READY + np.cumsum(np.vstack([np.zeros(7), rng.uniform(-0.15, 0.15, (8, 7))]), axis=0)
+    check = MotionCheck(model, 0.05)
+    assert check.polyline_free(path)
+    shorter = shorten(check, path, limits.velocity, rng.uniform(size=(100, 3)), Budget(10.0))
+    assert np.array_equal(shorter[[0, -1]], path[[0, -1]])
+    assert path_time(shorter, limits.velocity).sum() < 0.9 * path_time(path, limits.velocity).sum()
+    assert check.polyline_free(shorter)
+
+
+def test_timed_path_is_free_and_faster_than_stops():
+    problem = cases.wall()
+    model = CollisionModel(problem.robot, problem.scene)
+    path = sample(problem, seed=1).waypoints
+    names = problem.robot.joint_names
+    from optiplan.planners.sweep import first_contact
+    from optiplan.trajectory.timing import stop_at_corners
+
+    stops = stop_at_corners(path, problem.limits, names)
+    trajectory = timed_path(model, path, problem.limits, Budget(20.0))
+    assert trajectory.duration < stops.duration
+    assert first_contact(model, trajectory) is None
+    hurried = timed_path(model, path, problem.limits, Budget(0.0))
+    assert hurried.duration == stops.duration

@@ -1,0 +1,87 @@
+"""Goal configurations: free, distinct, ranked; reasons where there are none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from optiplan.model.collision import CollisionModel
+from optiplan.planners.base import Budget
+from optiplan.planners.goals import ranked_goals
+from optiplan.problem.goals import GoalOptions, goal_configurations, goal_residual, whole_turns
+from optiplan.problem.problem import JointGoal, PoseGoal
+from optiplan.trajectory.timing import lower_bounds
+from tests.planners import cases
+
+
+def find(problem, **options):
+    model = CollisionModel(problem.robot, problem.scene)
+    return goal_configurations(problem, model, np.random.default_rng(0), GoalOptions(**options))
+
+
+def test_pose_gives_distinct_free_configurations_that_reach_it():
+    problem = cases.pose()
+    found = find(problem).configurations
+    assert len(found) == 8
+    model = CollisionModel(problem.robot, problem.scene)
+    for q in found:
+        assert not model.collides(q)
+        assert goal_residual(problem, q)[0].reached
+
+
+def test_ranked_by_lower_bound_and_repeatable():
+    problem = cases.pose()
+    model = CollisionModel(problem.robot, problem.scene)
+    goals, again = (np.array(ranked_goals(problem, model, Budget(20.0))) for _ in range(2))
+    assert np.array_equal(goals, again)
+    assert (np.diff(lower_bounds(problem.start, goals, problem.limits)) >= 0.0).all()
+
+
+def test_any_of_collects_all_alternatives():
+    problem = cases.any_of()
+    assert [tuple(q) for q in find(problem).configurations] == [tuple(problem.goal[1].q), tuple(problem.goal[0].q)]
+
+
+def test_a_blocked_alternative_does_not_hide_a_free_one():
+    problem = cases.goal_in_wall()
+    both = replace(problem, goal=(*problem.goal, JointGoal(cases.READY + 0.1)))
+    assert [tuple(q) for q in find(both).configurations] == [tuple(cases.READY + 0.1)]
+
+
+def test_all_alternatives_refused_are_all_named():
+    problem = cases.goal_in_wall()
+    far = cases.too_far().goal[0]
+    found = find(replace(problem, goal=(*problem.goal, far)))
+    assert found.kind == "goal-in-collision"
+    assert "alternative 0: " in found.reason
+    assert "alternative 1: no configuration" in found.reason
+    assert len(found.witness["alternatives"]) == 2
+
+
+def test_residuals_measure_what_their_goals_ask():
+    problem = cases.pose()
+    goal = problem.goal[0]
+    both = replace(problem, goal=(JointGoal(cases.LEFT, tolerance=0.01), PoseGoal(goal.frame, goal.X_WG, 1e-4, 1e-3)))
+    near = cases.LEFT + np.array([0, 0, 0, 0, 0, 0, 0.005])
+    joint, pose = goal_residual(both, near)
+    assert joint.joint == pytest.approx(0.005)
+    assert joint.reached
+    assert pose.orientation == pytest.approx(0.005, rel=1e-6)
+    assert pose.position < 1e-9
+    assert not pose.reached
+
+
+def test_whole_turns_stay_within_limits_and_prefer_the_near_ones():
+    robot = cases.robot("ur5")
+    q = np.array([3.0, -1.0, 1.0, 0.2, 0.3, -3.0])
+    near = np.array([-3.0, -1.0, 1.0, 0.2, 0.3, 3.0])
+    images = whole_turns(robot, q, near, 16)
+    turns = (np.array(images) - q) / (2 * np.pi)
+    assert turns == pytest.approx(np.round(turns), abs=1e-12)
+    assert ((np.array(images) >= robot.limits.lower) & (np.array(images) <= robot.limits.upper)).all()
+    assert images[0] == pytest.approx(q + 2 * np.pi * np.array([-1, 0, 0, 0, 0, 1]))
+    assert len({tuple(image) for image in images}) == len(images)
+
+
+def test_stop_is_obeyed():
+    assert find(cases.too_far(), stop=lambda: True).kind == "goal-unreachable"
