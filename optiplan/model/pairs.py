@@ -20,7 +20,7 @@ MARGIN = 0.01
 REACH = 0.1
 """Pairs nearer than this (m) in some sample are searched for a nearer place."""
 
-FIRST, SAMPLES = 500, 5000
+FIRST, SAMPLES = 200, 5000
 """Samples that sort out the pairs which touch now and then, and samples for the rest."""
 
 STARTS, STEPS = 4, 60
@@ -117,7 +117,7 @@ def _sampled(robot: Kinematics, allowed: Mapping[LinkPair, str], rng: np.random.
     rest = _Distances(robot, {*allowed, *sometimes})
     if not rest.links:
         return {}
-    count = min(SAMPLES, max(FIRST, 1_500_000 // len(rest.columns)))  # keeps robots of a thousand pairs in seconds
+    count = min(SAMPLES, max(FIRST, 500_000 // len(rest.columns)))  # keeps robots of a thousand pairs in seconds
     samples = rng.uniform(lower, upper, (count, len(lower)))
     distances = _over(rest, samples)
     reasons = {links: "Always" for links in rest.links if links in always and (distances[links] <= 0).all()}
