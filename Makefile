@@ -12,7 +12,7 @@ RUN := $(VENV)/.run-stamp
 TEST := $(VENV)/.test-stamp
 DEV := $(VENV)/.dev-stamp
 DEMO_PROBLEM ?= 02_shelf
-PORT ?= 0
+PORT ?= 7000
 export OMP_NUM_THREADS ?= 1
 
 .PHONY: help demo test lint format clean
@@ -24,8 +24,8 @@ demo: $(RUN) ## plan a shelf problem, print the report, serve the viewer (DEMO_E
 	$(BIN)/optiplan plan $(DEMO_PROBLEM) --out demo/run
 ifeq ($(DEMO_EXIT),1)
 	$(BIN)/optiplan view demo/run --export demo/view.html
-	$(BIN)/optiplan view demo/run --export demo/screenshot.html --at 0.5
-	@echo "open demo/view.html in a browser; demo/screenshot.html stands still, ready for a picture"
+	@echo '<!doctype html><meta http-equiv="refresh" content="0; url=view.html#t=0.4&amp;paused">' > demo/screenshot.html
+	@echo "demo/view.html plays in any browser; demo/screenshot.html stands still at 0.4 s, ready for a picture"
 else
 	$(BIN)/optiplan view demo/run --port $(PORT)
 endif
@@ -55,7 +55,7 @@ $(BIN)/python:
 	  else echo "$(PYTHON) has no working venv module (on Debian: apt-get install python3-venv)" >&2; exit 1; fi; fi
 
 $(RUN): pyproject.toml setup.py constraints.txt | $(BIN)/python
-	@echo "installing optiplan and its libraries (about 250 MB at the first time)"
+	@echo "installing optiplan and its libraries (about 300 MB the first time)"
 	$(PIP) --editable .
 	@touch $@
 
