@@ -6,9 +6,11 @@ import os
 import tempfile
 from collections.abc import Sequence
 from importlib import resources
+from importlib.util import find_spec
 from pathlib import Path
 from string import Template
 
+from optiplan.errors import OptiPlanError
 from optiplan.problem.problem import Problem
 from optiplan.viewer.runs import RunLike
 from optiplan.viewer.scene import SceneData, build_scene
@@ -17,9 +19,10 @@ from optiplan.viewer.scene import SceneData, build_scene
 def render_page(scene: SceneData) -> str:
     """The whole page as text; names from the problem file are escaped, nothing is loaded from elsewhere."""
     own = resources.files("optiplan.viewer")
-    bundle = resources.files("meshcat") / "viewer" / "dist"
+    meshcat = _meshcat()
+    bundle = meshcat / "dist"
     licences = (bundle / "main.min.js.LICENSE.txt").read_text("utf-8")
-    licence = (resources.files("meshcat") / "viewer" / "LICENSE").read_text("utf-8")
+    licence = (meshcat / "LICENSE").read_text("utf-8")
     return Template((own / "page.html").read_text("utf-8")).substitute(
         title=html.escape(scene.name),
         style=(own / "page.css").read_text("utf-8"),
@@ -48,6 +51,18 @@ def export_page(problem: Problem, runs: Sequence[RunLike], path: Path) -> None:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+def _meshcat() -> Path:
+    """Folder of meshcat's JavaScript; located without importing it, which costs much time.
+
+    Raises:
+        OptiPlanError: meshcat is not installed.
+    """
+    found = find_spec("meshcat")
+    if found is None or not found.origin:
+        raise OptiPlanError("the viewer needs the package meshcat: pip install meshcat")
+    return Path(found.origin).parent / "viewer"
 
 
 def _inline(script: str) -> str:

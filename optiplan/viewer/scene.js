@@ -127,7 +127,10 @@ const OptiPlanScene = (() => {
       if (line.length < 2) return new THREE.Group();
       const curve = new THREE.CatmullRomCurve3(line);
       const geometry = new THREE.TubeGeometry(curve, Math.min(600, 3 * line.length), 0.004, 8);
-      return new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ color: named(colour) }));
+      const path = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ color: named(colour) }));
+      const hidden = { color: named(colour), depthTest: false, transparent: true, opacity: 0.22 };
+      path.add(new THREE.Mesh(geometry, new THREE.MeshBasicMaterial(hidden))); // faintly through what stands before it
+      return path;
     }
 
     // Depth first, colour second: a ghost shows its outer skin only, not the parts inside.

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from optiplan.errors import OptiPlanError
 from optiplan.model.robot import Robot
-from optiplan.model.scene import Shape
+from optiplan.model.scene import HalfSpace, Shape
 from optiplan.model.shapes import build_geometry
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.viewer.runs import Poses, RunLike, ViewedRun, show_run
@@ -20,7 +20,9 @@ from optiplan.viewer.surfaces import Colour, encode, packed, visual_surfaces
 _PLAIN: Colour = (0.93, 0.94, 0.95, 1.0)
 _COLLISION: Colour = (0.45, 0.62, 0.78, 1.0)
 _HELD: Colour = (0.90, 0.62, 0.25, 1.0)
-_OBSTACLE: Colour = (0.68, 0.60, 0.50, 1.0)
+_FURNITURE: Colour = (0.70, 0.63, 0.54, 1.0)
+_THING: Colour = (0.42, 0.60, 0.60, 1.0)
+_THING_SIZE = 0.35  # m; obstacles smaller than this in every direction are coloured as things, the others as furniture
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +144,15 @@ def _add_objects(parts: _Parts, problem: Problem) -> None:
         parts.add("attached", held.name, frame.parentJoint, frame.placement * held.X_LO, (drawn, _HELD))
     for obstacle in problem.scene.obstacles:
         drawn = parts.geometry(obstacle.shape, partial(_encode_shape, obstacle.shape))
-        parts.add("obstacle", obstacle.name, 0, obstacle.X_WO, (drawn, _OBSTACLE))
+        parts.add("obstacle", obstacle.name, 0, obstacle.X_WO, (drawn, _obstacle_colour(obstacle.shape)))
 
 
 def _encode_shape(shape: Shape) -> dict[str, Any]:
     return encode(build_geometry(shape))
+
+
+def _obstacle_colour(shape: Shape) -> Colour:
+    if isinstance(shape, HalfSpace):
+        return _FURNITURE
+    box = build_geometry(shape).aabb_local
+    return _THING if float(np.max(box.max_ - box.min_)) < _THING_SIZE else _FURNITURE

@@ -74,8 +74,8 @@ def serve(
         OptiPlanError: no port can be had.
     """
     with PageServer(render_page(build_scene(problem, runs)), host, port) as server:
-        on_ready(server.url)
         try:
+            on_ready(server.url)
             server.serve_forever(poll_interval=0.2)
         except KeyboardInterrupt:
             return

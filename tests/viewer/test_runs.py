@@ -1,0 +1,83 @@
+import base64
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from optiplan.viewer.runs import RATE, Poses, ViewedRun, show_run
+
+REPORT = {"verified": True, "checks": [{"name": "collision", "passed": True, "worst": 0.0123, "time": 0.4}]}
+
+
+def floats(text: str, *shape: int) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), "<f4").reshape(*shape)
+
+
+def test_poses_are_those_of_pinocchio(shelf, panda):
+    q = np.linspace(-0.4, 0.5, 7)
+    joints, tool = Poses(shelf).of(np.array([shelf.start, q]))
+    data = panda.model.createData()
+    pin.framesForwardKinematics(panda.model, data, q)
+    for j in range(1, panda.model.njoints):
+        assert pin.XYZQUATToSE3(joints[1, j - 1]).isApprox(data.oMi[j], 1e-9)
+    assert np.allclose(tool[1], data.oMf[panda.model.getFrameId(panda.tool_frame)].translation)
+
+
+def test_motion_is_sampled_from_start_to_end(shelf, motion):
+    shown = show_run(shelf, Poses(shelf), ViewedRun("quintic", motion(shelf), REPORT))
+    poses = floats(shown["poses"], shown["samples"], 7, 7)
+    assert shown["samples"] - 1 >= RATE * shown["duration"]
+    ends = Poses(shelf).of(np.array([shelf.start, shelf.goal[0].q]))[0]
+    assert np.allclose(poses[[0, -1]], ends, atol=1e-6)
+
+
+def test_facts_of_a_verified_run(shelf, motion):
+    shown = show_run(shelf, Poses(shelf), ViewedRun("quintic", motion(shelf), REPORT))
+    facts = dict(shown["facts"])
+    assert shown["badge"] == "verified"
+    assert facts["duration"] == "1.600 s"
+    assert facts["worst clearance"] == "12.30 mm"
+    assert float(facts["× lower bound"]) > 1.0
+    assert shown["problems"] == shown["witnesses"] == []
+
+
+def test_a_run_is_verified_only_when_its_report_says_so(shelf, motion):
+    trajectory, poses = motion(shelf), Poses(shelf)
+    runs = [ViewedRun("a", trajectory), ViewedRun("b", trajectory, {"verified": False}), ViewedRun("c", None)]
+    assert [show_run(shelf, poses, run)["badge"] for run in runs] == ["not checked", "not verified", "no plan"]
+
+
+def test_refused_check_is_shown_with_its_witness(shelf, motion):
+    witness = {"q": shelf.start.tolist(), "points": [[0.1, 0.2, 0.3], [0.1, 0.2, 0.4]], "pair": ["panda_hand", "board"]}
+    check = {
+        "name": "collision",
+        "passed": False,
+        "worst": -0.004,
+        "time": 1.1,
+        "detail": "they touch",
+        "witness": witness,
+    }
+    shown = show_run(shelf, Poses(shelf), ViewedRun("bad", motion(shelf), {"verified": False, "checks": [check]}))
+    assert shown["problems"] == ["collision: they touch (at 1.100 s)"]
+    (found,) = shown["witnesses"]
+    assert (found["points"], found["pair"], found["time"]) == (witness["points"], witness["pair"], 1.1)
+    assert np.allclose(floats(found["poses"], 7, 7), Poses(shelf).of(shelf.start[None])[0][0], atol=1e-6)
+
+
+def test_failure_without_a_trajectory_is_shown(shelf):
+    failure = {"kind": "no-path", "detail": "the goal is walled in", "witness": {"points": [[0.0, 0.0, 1.0]], "t": 0.5}}
+    shown = show_run(shelf, Poses(shelf), ViewedRun("rrt", None, None, failure))
+    assert shown["problems"] == ["no-path: the goal is walled in"]
+    assert shown["witnesses"] == [{"points": [[0.0, 0.0, 1.0]], "pair": [], "time": 0.5}]
+
+
+@pytest.mark.parametrize("witness", [{}, {"q": None}, {"points": []}, {"points": [1.0, 2.0]}])
+def test_witness_without_a_place_draws_nothing(shelf, witness):
+    failure = {"kind": "budget", "detail": "", "witness": witness}
+    assert show_run(shelf, Poses(shelf), ViewedRun("rrt", None, None, failure))["witnesses"] == []
+
+
+def test_witness_of_another_robot_draws_no_robot(shelf):
+    failure = {"kind": "collision", "detail": "", "witness": {"q": [0.0, float("nan")], "points": [[0, 0, 0]]}}
+    (found,) = show_run(shelf, Poses(shelf), ViewedRun("rrt", None, None, failure))["witnesses"]
+    assert "poses" not in found

@@ -1,0 +1,79 @@
+import copy
+import dataclasses
+import json
+from collections import Counter
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from optiplan.errors import OptiPlanError
+from optiplan.model.scene import Box, Obstacle, Scene
+from optiplan.problem.problem import PoseGoal, Problem
+from optiplan.viewer.scene import build_scene
+
+
+def named(scene, name, kind):
+    (part,) = [p for p in scene.parts if p["name"] == name and p["set"] == kind]
+    return part
+
+
+def test_everything_is_drawn(shelf, motion):
+    scene = build_scene(shelf, [("quintic", motion(shelf), None)])
+    count = Counter(part["set"] for part in scene.parts)
+    assert count["obstacle"] == len(shelf.scene.obstacles)
+    assert count["attached"] == 1
+    assert count["collision"] == len(shelf.robot.geometry.geometryObjects)
+    assert count["visual"] >= len(shelf.robot.visual.geometryObjects) > 0
+    assert {part["geometry"] for part in scene.parts} == set(range(len(scene.geometries)))
+    json.dumps(scene.to_dict(), allow_nan=False)
+
+
+def test_equal_shapes_are_sent_once(shelf):
+    boxes = tuple(Obstacle(f"box{k}", Box((0.1, 0.1, 0.1)), pin.SE3.Random()) for k in range(1000))
+    crowd = dataclasses.replace(shelf, scene=Scene(boxes))
+    scene = build_scene(crowd, [])
+    assert sum(part["set"] == "obstacle" for part in scene.parts) == 1000
+    assert len({part["geometry"] for part in scene.parts if part["set"] == "obstacle"}) == 1
+
+
+def test_parts_stand_where_the_problem_puts_them(shelf, panda):
+    scene = build_scene(shelf, [])
+    can = named(scene, "can", "obstacle")
+    assert (can["body"], can["pose"]) == (0, pytest.approx([0.7, 0.2, 0.37, 0, 0, 0, 1]))
+    part = named(scene, "part", "attached")
+    data = panda.model.createData()
+    pin.framesForwardKinematics(panda.model, data, shelf.start)
+    drawn = data.oMi[part["body"]] * pin.XYZQUATToSE3(np.array(part["pose"]))
+    held = shelf.scene.attached[0]
+    assert drawn.isApprox(data.oMf[panda.model.getFrameId(held.link)] * held.X_LO, 1e-6)
+
+
+def test_small_obstacles_have_another_colour(shelf):
+    scene = build_scene(shelf, [])
+    assert named(scene, "board", "obstacle")["colour"] == named(scene, "ground", "obstacle")["colour"]
+    assert named(scene, "board", "obstacle")["colour"] != named(scene, "can", "obstacle")["colour"]
+
+
+def test_links_without_visual_geometry_show_their_collision_geometry(shelf, panda):
+    blind = copy.copy(panda)
+    blind.__dict__["visual"] = pin.GeometryModel()
+    scene = build_scene(dataclasses.replace(shelf, robot=blind), [])
+    drawn = [(p["name"], p["geometry"]) for p in scene.parts if p["set"] == "visual"]
+    assert drawn == [(p["name"], p["geometry"]) for p in scene.parts if p["set"] == "collision"]
+
+
+def test_goal_ghost_stands_at_the_end_of_the_motion_or_at_the_goal(shelf, motion, planar):
+    goal = build_scene(shelf, []).goal
+    assert goal is not None
+    assert goal == build_scene(shelf, [("quintic", motion(shelf), None)]).goal
+    pose = PoseGoal(planar.tool_frame, pin.SE3.Identity())
+    sought = Problem("pose", planar, Scene(), np.zeros(2), (pose,), planar.limits)
+    scene = build_scene(sought, [("none", None, None)])
+    assert (scene.goal, scene.targets) == (None, ([0, 0, 0, 0, 0, 0, 1],))
+
+
+def test_run_of_another_robot_is_refused(shelf, motion, planar):
+    other = Problem("flat", planar, Scene(), np.zeros(2), (), planar.limits)
+    with pytest.raises(OptiPlanError, match="run 'quintic' moves 7 joints; robot 'planar2r' has 2"):
+        build_scene(other, [("quintic", motion(shelf), None)])
