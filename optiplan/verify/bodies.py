@@ -12,6 +12,7 @@ from optiplan.model.kinematics import BatchKinematics
 
 Index = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
+_KNOWN = (coal.Box, coal.Sphere, coal.Capsule, coal.Cylinder, coal.Halfspace)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,15 @@ class Bodies:
             carries[j, robot.joints[j].idx_v] = True
         carried = carries[self.joints[self.pairs]]
         self.moves: Flags = carried & ~carried[:, ::-1]
+
+    def unsupported(self) -> int | None:
+        """A body of some pair for which no bound is known: a half-space that moves, or a shape unknown here."""
+        for body in np.unique(self.pairs):
+            shape = self.shapes[body]
+            moving_plane = isinstance(shape, coal.Halfspace) and self.joints[body] != 0
+            if moving_plane or not (len(self.vertices[body]) or isinstance(shape, _KNOWN)):
+                return int(body)
+        return None
 
     def kind(self, kind: type) -> Flags:
         """Which side of each pair is of this class of coal: (P, 2)."""

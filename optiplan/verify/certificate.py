@@ -9,15 +9,17 @@ from optiplan.model.collision import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.bodies import Bodies, Flags, Index
 from optiplan.verify.inside import swallowed
-from optiplan.verify.intervals import Intervals, boxes, middles, step_sizes
+from optiplan.verify.intervals import Intervals, blocks, boxes, middles, step_sizes
 from optiplan.verify.motion import Approach, Asked, Boxes, Motion
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.separation import Distances, PairDistances
 
 ROUNDING = 1e-9  # m, subtracted from every proved clearance
 _EASY = 5e-3  # m, margin by which bounding volumes must clear a pair, so that the clearance reported is a true figure
-_FIRST_TRAVEL = 0.05  # rad or m, summed over joints: how coarse the first intervals may be
-_CHUNK = 256  # intervals handled by bounding volumes at a time, to bound memory
+_FIRST_TRAVEL = 0.1  # rad or m, summed over joints: how coarse the first intervals may be
+_FARTHEST = 1e4  # rad or m; beyond, rounding of sines and cosines would eat up ROUNDING
+_MOST_HALVINGS = 12  # of a piece before the first look
+_CHUNK = 256  # blocks of intervals handled by bounding volumes at a time, to bound memory
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ def certify(model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy)
     Holds at: all times of the closed interval [0, duration].
     """
     search = _Search(model, trajectory, policy)
-    search.look_inside()
+    search.look_first()
     if search.proof.reason:
         return search.proof
     items = search.begin()
@@ -98,8 +100,16 @@ class _Search:
         """What the joints do on these intervals."""
         return boxes(self.trajectory, items, self.jump)
 
-    def look_inside(self) -> None:
-        """Refuse at once if a body starts inside a mesh."""
+    def look_first(self) -> None:
+        """Refuse at once what cannot be proved: absurd positions, bodies without bounds, bodies inside a mesh."""
+        if not np.abs(np.stack(self.trajectory.extrema(0))).max() <= _FARTHEST:
+            self.proof = replace(self.proof, reason=f"positions beyond {_FARTHEST:g} leave no digits for a proof")
+            return
+        unsupported = self.bodies.unsupported()
+        if unsupported is not None:
+            name = self.model.names[unsupported]
+            self.proof = replace(self.proof, reason=f"'{name}' has a shape of which no motion can be bounded")
+            return
         q = self.trajectory.start
         found = swallowed(self.bodies, self.bodies.kinematics.poses(q[None])[0])
         if found is not None:
@@ -108,20 +118,32 @@ class _Search:
             self.proof = replace(self.proof, reason="one body lies inside the other", nearest=where, contact=True)
 
     def begin(self) -> Intervals:
-        """Intervals short enough for bounding volumes to tell something, with the pairs these leave open."""
-        pieces = Intervals.whole(len(self.trajectory.coefficients))
-        parts = self.boxes(pieces).reach.sum(axis=1) / _FIRST_TRAVEL
-        intervals = pieces.split(np.clip(np.ceil(np.log2(np.maximum(parts, 1.0))), 0, 12).astype(np.intp))
+        """Intervals on which joints move little, with the pairs that bounding volumes leave open there.
+
+        Neighbouring intervals are looked at together where they are shorter than that.
+        """
+        intervals = Intervals.whole(len(self.trajectory.coefficients))
+        for _ in range(_MOST_HALVINGS):
+            b = self.boxes(intervals)
+            long = b.reach.sum(axis=1) > _FIRST_TRAVEL
+            if not long.any():
+                break
+            intervals = intervals.split(long.astype(np.intp))
         self.proof = replace(self.proof, intervals=len(intervals.piece))
+        b = self.boxes(intervals)
+        first, last = blocks(b.reach.sum(axis=1), _FIRST_TRAVEL)
+        low, high = np.minimum.reduceat(b.q - b.reach, first), np.maximum.reduceat(b.q + b.reach, first)
         opened = []
-        for first in range(0, len(intervals.piece), _CHUNK):
-            chunk = intervals.take(np.arange(first, min(first + _CHUNK, len(intervals.piece))))
-            b = self.boxes(chunk)
-            margin = self.model.lower_bounds(b.q) - self.model.travel(b.q, b.reach) - ROUNDING
+        for k in range(0, len(first), _CHUNK):
+            Q, D = 0.5 * (low + high)[k : k + _CHUNK], 0.5 * (high - low)[k : k + _CHUNK] + 1e-15
+            margin = self.model.lower_bounds(Q) - self.model.travel(Q, D) - ROUNDING
             clear = margin > self.policy.clearance + _EASY
             self.keep(margin[clear])
             rows, pairs = np.nonzero(~clear)
-            opened.append(replace(chunk.take(rows), pair=pairs))
+            many = (last - first)[k + rows]
+            within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+            chosen = np.repeat(first[k + rows], many) + within
+            opened.append(replace(intervals.take(chosen), pair=np.repeat(pairs, many)))
         return Intervals.join(opened)
 
     def advance(self, items: Intervals) -> Intervals:

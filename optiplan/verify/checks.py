@@ -12,6 +12,7 @@ from optiplan.verify.report import Check, VerifyPolicy
 
 _ORDERS = ("position", "velocity", "acceleration", "jerk")
 _UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
+_MOST_SAMPLES = 200_000  # of torque, to bound memory; more than six minutes at 500 Hz
 _ROUNDING = 1e-9  # m or rad, on top of the tolerances of a goal
 
 
@@ -128,7 +129,8 @@ def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Ch
     limits = problem.limits.torque
     if not np.isfinite(limits).any():
         return Check("torque", "sampled", True, detail="the robot gives no torque limits")
-    grid = np.linspace(0.0, trajectory.duration, int(np.ceil(trajectory.duration * policy.torque_rate)) + 1)
+    samples = np.ceil(min(trajectory.duration * policy.torque_rate, _MOST_SAMPLES))
+    grid = np.linspace(0.0, trajectory.duration, int(samples) + 1)
     t = np.union1d(grid, trajectory.breakpoints)
     model, data = problem.robot.model, problem.robot.model.createData()
     q, v, a = (trajectory(t, order) for order in range(3))

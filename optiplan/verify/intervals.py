@@ -74,6 +74,13 @@ def step_sizes(trajectory: Trajectory, tolerance: float) -> Array:
     return np.maximum(jump[:-1], jump[1:])
 
 
+def blocks(length: Array, most: float) -> tuple[Index, Index]:
+    """Consecutive items in blocks whose lengths (K,) add up to about `most`: first item of each, one past its last."""
+    block = np.floor((np.cumsum(length) - 0.5 * length) / most)
+    first = np.flatnonzero(np.concatenate([[True], np.diff(block) > 0]))
+    return first, np.append(first[1:], len(length))
+
+
 def boxes(trajectory: Trajectory, items: Intervals, jump: Array) -> Boxes:
     """What the joints do on these intervals, by Taylor's theorem, which for polynomials ends.
 

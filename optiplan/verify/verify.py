@@ -28,13 +28,19 @@ def verify(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEF
     found = [checks.form(trajectory)]
     if found[0].passed:
         found.append(checks.joints(problem, trajectory))
-    notes = list(problem.robot.notes)
+    notes = [*problem.robot.notes, *_allowed(problem)]
     if all(check.passed for check in found):
         found += _motion(problem, trajectory, policy)
         found.append(collision(problem, trajectory, policy))
     else:
         notes.append("nothing else was checked: the trajectory cannot be read as a motion of this robot")
     return Report(policy, tuple(found), dict(problem.robot.link_geometry), tuple(notes))
+
+
+def _allowed(problem: Problem) -> list[str]:
+    """Which contacts the problem waves through, if any."""
+    pairs = sorted(" – ".join(sorted(pair)) for pair in problem.scene.allowed)
+    return [f"contacts allowed by the problem, not checked: {', '.join(pairs)}"] if pairs else []
 
 
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from optiplan.model.collision import CollisionModel
-from optiplan.model.scene import Box, Capsule, Cylinder, Mesh, Obstacle, Scene, Sphere
+from optiplan.model.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
 from optiplan.verify.certificate import certify
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.verify import collision
@@ -188,6 +188,17 @@ def test_a_body_inside_a_mesh_is_refused(planar, tmp_path):
 def certify_inside(planar, path, trajectory):
     shell = Obstacle("shell", Mesh(path), pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5])))
     return collision(problem_of(planar, trajectory, Scene((shell,))), trajectory, VerifyPolicy()).detail
+
+
+def test_a_half_space_that_moves_is_refused(planar):
+    """Its points are infinitely far from the joints: nothing bounds how far they travel."""
+    held = Attachment("wall", HalfSpace((0.0, 0.0, 1.0), -1.0), "tip", pin.SE3.Identity())
+    ball = Obstacle("ball", Sphere(0.02), pin.SE3(np.eye(3), np.array([0.0, 2.0, 0.5])))
+    trajectory = quintic(planar.joint_names, [0.3, 0.4], [0.4, 0.5], 1.0)
+    proof = certify(CollisionModel(planar, Scene((ball,), (held,))), trajectory, VerifyPolicy())
+    assert not proof.proved
+    assert "'wall'" in proof.reason
+    assert proof.queries == 0
 
 
 def test_it_is_fast(panda):

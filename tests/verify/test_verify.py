@@ -197,6 +197,26 @@ def test_what_is_not_a_trajectory_is_refused_without_an_exception(planar, swing,
     assert report.notes
 
 
+@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
+@pytest.mark.parametrize("scale", [1e3, 1e6, 1e100, 1e300])
+def test_absurd_numbers_are_refused_without_an_exception(planar, swing, scale):
+    wild = Trajectory(swing.joint_names, swing.breakpoints, swing.coefficients * scale)
+    report = verify(problem_of(planar, swing, Scene()), wild)
+    assert {"start", "goal", "position", "velocity"} <= set(failed(report))
+    json.dumps(report.to_dict(), allow_nan=False)
+    slow = Trajectory(swing.joint_names, swing.breakpoints * scale, swing.coefficients * scale)
+    assert not verify(problem_of(planar, swing, Scene()), slow).verified
+
+
+def test_contacts_that_the_problem_allows_are_told(planar, swing):
+    ball = Obstacle("ball", Sphere(0.1), pin.SE3(np.eye(3), np.add(AXIS, [1.0, 0, 0])))
+    known = [frozenset({"ball", link}) for link in ("tip", "forearm")]
+    for allowed, verdict in ((known, True), (known[:1], False)):
+        report = verify(problem_of(planar, swing, Scene((ball,), allowed=frozenset(allowed))), swing)
+        assert report.verified is verdict
+        assert "ball – tip" in report.notes[-1]
+
+
 def test_nan_in_a_file_is_an_input_error(swing):
     data = swing.to_dict()
     data["pieces"]["coefficients"][0][0][0] = float("nan")
