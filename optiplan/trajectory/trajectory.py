@@ -62,9 +62,7 @@ class Trajectory:
             raise ValueError(f"{problem[0]}: found {problem[1]}; expected {problem[2]}")
 
     @classmethod
-    def from_bspline(
-        cls, joint_names: Sequence[str], knots: Array, control_points: Array, degree: int
-    ) -> "Trajectory":
+    def from_bspline(cls, joint_names: Sequence[str], knots: Array, control_points: Array, degree: int) -> "Trajectory":
         """The B-spline with these knots (N + degree + 1,) in s and control points (N, n), exactly; time starts at 0.
 
         Raises:
