@@ -1,5 +1,6 @@
 """Collision queries of a robot in a scene: contacts, clearance, its gradient, and bounds that need no query."""
 
+import warnings
 from dataclasses import dataclass
 
 import coal
@@ -49,18 +50,15 @@ class Contacts:
         rows: (K,) which configuration.
         pairs: (K,) index of the pair.
         distance: (K,) m, negative when penetrating.
-        gradient: (K, n) of the distance with respect to the configuration (see `CollisionModel.gradient`).
+        points: (K, 2, 3) nearest points on bodies a and b, m, world.
+        normals: (K, 3) unit vectors from a to b, world.
     """
 
     rows: Index
     pairs: Index
     distance: Array
-    gradient: Array
-
-    @classmethod
-    def none(cls, n: int) -> "Contacts":
-        """No contact of n joints."""
-        return cls(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, n)))
+    points: Array
+    normals: Array
 
 
 class CollisionModel:
@@ -85,9 +83,7 @@ class CollisionModel:
             self.geometry.addCollisionPair(pin.CollisionPair(pair.a, pair.b))
         self.bounds = PairBounds(robot.model, self.geometry, [(p.a, p.b) for p in self.pairs])
         self._data, self._geometry_data = robot.model.createData(), self.geometry.createData()
-        for request in self._geometry_data.distanceRequests:
-            # Guesses remembered from call to call would make results depend on what was asked before.
-            request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
+        _forget_guesses(self._geometry_data)
         self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
             robot.model, self.geometry, self._geometry_data
         )
@@ -138,15 +134,12 @@ class CollisionModel:
                 distance = result.min_distance
                 if distance < cutoff:
                     found.append((row, pair, distance))
-                    vectors += [result.getNearestPoint1(), result.getNearestPoint2(), result.normal]
-        if not found:
-            return Contacts.none(self.robot.n)
+                    # Copies: these are views of memory that the pair's next query overwrites.
+                    vectors.append(np.array([result.getNearestPoint1(), result.getNearestPoint2(), result.normal]))
         rows, pairs = (np.array([entry[k] for entry in found], dtype=np.intp) for k in (0, 1))
         distances = np.array([entry[2] for entry in found])
         points = np.array(vectors).reshape(-1, 3, 3)
-        normals = _normals(distances, points)
-        gradients = self.bounds.witness_gradients(Q[rows], pairs, points[:, :2], normals)
-        return Contacts(rows, pairs, distances, gradients)
+        return Contacts(rows, pairs, distances, points[:, :2], _normals(distances, points))
 
     def lower_bounds(self, Q: Array) -> Array:
         """Lower bounds, m, of the distance of every pair at Q (N, n), from bounding volumes alone: (N, P)."""
@@ -156,16 +149,14 @@ class CollisionModel:
         """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j: Q and D (N, n), result (N, P)."""
         return self.bounds.travel(Q, D)
 
-    def gradient(self, q: Array, contact: Contact) -> Array:
-        """Gradient (n,) of a contact's distance with respect to q (n,), m/rad or m/m.
+    def gradients(self, Q: Array, contacts: Contacts) -> Array:
+        """Gradient (K, n) of the distances of contacts at Q (N, n) with respect to the configuration, m/rad or m/m.
 
         For normal n and witness points a, b fixed to their bodies, d(distance)/dq = n . (J_b - J_a), with J the linear
         Jacobian of the point; by the envelope theorem the motion of the witness points on the surfaces adds nothing
         (away from parallel faces, where the distance has a kink).
         """
-        points = np.array([[contact.point_a, contact.point_b]])
-        pair = np.array([contact.pair.index])
-        return np.asarray(self.bounds.witness_gradients(q[None], pair, points, contact.normal[None])[0])
+        return self.bounds.witness_gradients(Q[contacts.rows], contacts.pairs, contacts.points, contacts.normals)
 
     def _read(self, pair: int) -> Contact:
         result = self._geometry_data.distanceResults[pair]
@@ -222,3 +213,11 @@ def _normals(distances: Array, vectors: Array) -> Array:
     length = np.linalg.norm(gap, axis=1, keepdims=True)
     apart = (distances > 1e-6)[:, None] & (length > 0.0)
     return np.where(apart, gap / np.where(apart, length, 1.0), vectors[:, 2])
+
+
+def _forget_guesses(data: pin.GeometryData) -> None:
+    """Start every query afresh: guesses kept from call to call make a result depend on what was asked before."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # the old switch is the one that pinocchio turns on
+        for request in (*data.distanceRequests, *data.collisionRequests):
+            request.enable_cached_gjk_guess = False

@@ -1,6 +1,6 @@
 """What a curve costs and violates at its samples, and how that changes with the control points."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +9,7 @@ import pinocchio as pin
 import scipy.sparse as sp
 
 from optiplan.arrays import Array
-from optiplan.model.collision import CollisionModel
+from optiplan.model.collision import CollisionModel, Contacts
 from optiplan.planners.trajopt.spline import FIXED, SplineBasis
 from optiplan.problem.problem import Problem
 
@@ -100,9 +100,10 @@ class Transcription:
 
     def contacts(self, control: Array) -> SoftRows:
         """Rows of all pairs nearer than the cutoff."""
-        found = self.model.near(self._at[0] @ control, CUTOFF)
+        Q = self._at[0] @ control
+        found = _pushed_one_way(self.model.near(Q, CUTOFF))
         value = found.distance - self._margin[found.rows]
-        by_control = self._spread(found.gradient, self._at[0][found.rows])
+        by_control = self._spread(self.model.gradients(Q, found), self._at[0][found.rows])
         return SoftRows(found.rows, value, by_control, np.zeros(len(value)))
 
     def jerk_cost(self, control: Array, duration: float) -> JerkCost:
@@ -162,3 +163,22 @@ class Transcription:
         """Chain rule q = B C: from d/dq (K, n) to d/dC of the free control points, joint by joint (K, n M)."""
         product = gradient[:, :, None] * basis[:, None, self.basis.free]
         return np.asarray(product.reshape(len(gradient), product.shape[1] * product.shape[2]))
+
+
+def _pushed_one_way(contacts: Contacts) -> Contacts:
+    """The same contacts, but a pair that penetrates at consecutive samples gets the mean of its normals at all of them.
+
+    Deep inside each other, bodies find their nearest way out on different sides from sample to sample, and pushing a
+    curve both ways at once leaves it where it is. Where bodies are apart the normals are left as they are.
+    """
+    inside = np.flatnonzero(contacts.distance < 0.0)
+    inside = inside[np.lexsort((contacts.rows[inside], contacts.pairs[inside]))]
+    pairs, rows = contacts.pairs[inside], contacts.rows[inside]
+    breaks = np.flatnonzero((np.diff(pairs) != 0) | (np.diff(rows) > 1)) + 1
+    normals = contacts.normals.copy()
+    for run in np.split(inside, breaks):
+        mean = normals[run].sum(axis=0)
+        length = float(np.linalg.norm(mean))
+        if length > 0.0:
+            normals[run] = mean / length
+    return replace(contacts, normals=normals)

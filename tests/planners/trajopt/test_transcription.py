@@ -1,0 +1,146 @@
+"""Rows of the main planner against finite differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from optiplan.model.collision import CollisionModel, Contacts
+from optiplan.model.robot import load_robot
+from optiplan.model.scene import Box, Obstacle, Scene, Sphere
+from optiplan.planners.trajopt.seeds import along_path
+from optiplan.planners.trajopt.spline import SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.sqp import evaluate, optimise
+from optiplan.planners.trajopt.subproblem import Subproblem
+from optiplan.planners.trajopt.transcription import Margins, SoftRows, Transcription, _pushed_one_way
+from optiplan.problem.problem import JointGoal, Objective, Problem
+
+GOAL = np.array([1.2, 0.3, 0.4, -1.6, 0.3, 1.9, -0.4])
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    robot = load_robot("panda")
+    start = robot.configurations["ready"]
+    ball = Obstacle("ball", Sphere(0.08), pin.SE3(np.eye(3), np.array([0.45, 0.25, 0.62])))
+    board = Obstacle("board", Box((0.6, 0.6, 0.02)), pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.1])))
+    # Slow joints and weak motors: the torque rows are there to be looked at.
+    limits = replace(robot.limits, torque=0.4 * robot.limits.torque)
+    return Problem("t", robot, Scene((ball, board)), start, (JointGoal(GOAL),), limits, Objective(1.0, 1e-6))
+
+
+@pytest.fixture(scope="module")
+def transcription(problem: Problem) -> Transcription:
+    basis = SplineBasis(bunched_breakpoints(14, 0.6))
+    made = Transcription(problem, CollisionModel(problem.robot, problem.scene), basis, Margins(0.005, 0.005, 0.005))
+    made.set_samples(np.linspace(0.02, 0.98, 30))
+    return made
+
+
+@pytest.fixture(scope="module")
+def control(problem: Problem, transcription: Transcription) -> np.ndarray:
+    way = np.array([problem.start, 0.5 * (problem.start + GOAL) + 0.1, GOAL])
+    return along_path(transcription.basis, way, problem.limits.velocity)
+
+
+def moved(control: np.ndarray, transcription: Transcription, change: np.ndarray) -> np.ndarray:
+    result = control.copy()
+    result[transcription.basis.free] += change.reshape(control.shape[1], -1).T
+    return result
+
+
+def direction(transcription: Transcription, n: int, seed: int) -> np.ndarray:
+    free = transcription.basis.size - 6
+    return np.random.default_rng(seed).normal(size=free * n) * 1e-4
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_contact_rows_equal_differences(transcription: Transcription, control: np.ndarray, seed: int) -> None:
+    change = direction(transcription, 7, seed)
+    here = transcription.contacts(control)
+    plus = transcription.contacts(moved(control, transcription, change))
+    minus = transcription.contacts(moved(control, transcription, -change))
+    assert len(here.value) == len(plus.value) == len(minus.value) > 10
+    expected = 0.5 * (plus.value - minus.value)
+    error = np.abs(here.by_control @ change - expected)
+    assert np.median(error) < 1e-8
+    assert np.quantile(error, 0.8) < 1e-6  # the rest: kinks where faces are parallel
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_torque_rows_equal_differences(transcription: Transcription, control: np.ndarray, seed: int) -> None:
+    change, T, dT = direction(transcription, 7, seed) * 0.01, 1.1, 1e-6
+    here = transcription.torques(control, T)
+    plus = transcription.torques(moved(control, transcription, change), T + dT)
+    minus = transcription.torques(moved(control, transcription, -change), T - dT)
+    assert len(here.value) == len(plus.value) == len(minus.value) > 10
+    expected = 0.5 * (plus.value - minus.value)
+    predicted = here.by_control @ change + here.by_duration * dT
+    np.testing.assert_allclose(predicted, expected, rtol=1e-4, atol=1e-9)
+
+
+def test_jerk_cost_equals_differences(transcription: Transcription, control: np.ndarray) -> None:
+    change, T, dT = direction(transcription, 7, 0), 1.1, 1e-6
+    here = transcription.jerk_cost(control, T)
+    plus = transcription.jerk_cost(moved(control, transcription, change), T)
+    minus = transcription.jerk_cost(moved(control, transcription, -change), T)
+    assert here.gradient @ change == pytest.approx(0.5 * (plus.cost - minus.cost), rel=1e-6)
+    assert change @ (here.hessian @ change) == pytest.approx(plus.cost + minus.cost - 2 * here.cost, rel=1e-4)
+    later, earlier = (transcription.jerk_cost(control, T + s * dT).cost for s in (1, -1))
+    assert here.by_duration == pytest.approx((later - earlier) / (2 * dT), rel=1e-6)
+
+
+def test_watched_torques_get_rows(transcription: Transcription, control: np.ndarray) -> None:
+    transcription.set_samples(transcription.u)
+    before = len(transcription.torques(control, 5.0).value)
+    assert transcription.torques(control, 0.5).violation() > 0.0
+    transcription.watch_exceeded()
+    assert len(transcription.torques(control, 5.0).value) > before
+    transcription.set_samples(transcription.u)
+
+
+def test_violation_takes_the_worst_row_of_each_sample() -> None:
+    rows = SoftRows(np.array([0, 0, 2]), np.array([-0.1, -0.3, -0.2]), np.zeros((3, 1)), np.zeros(3))
+    assert rows.violation() == pytest.approx(0.5)
+
+
+def test_margins_rise_from_the_ends() -> None:
+    at = Margins(0.001, 0.005, 0.0).at(np.array([0.0, 0.1, 0.5, 1.0]))
+    np.testing.assert_allclose(at, [0.001, 0.0035, 0.005, 0.0])
+
+
+def test_a_small_step_keeps_its_promise(transcription: Transcription, control: np.ndarray) -> None:
+    point = evaluate(transcription, control, 0.0)
+    step = Subproblem(transcription, "piqp").solve(point.control, point.duration, point.soft, 1e-4)
+    assert step is not None
+    assert np.abs(step.control - control).max() <= 1e-4 + 1e-9
+    gain = point.merit - evaluate(transcription, step.control, step.duration).merit
+    assert step.promise > 0
+    assert gain > 0.2 * step.promise
+
+
+def test_optimise_reaches_a_curve_without_violation(transcription: Transcription, control: np.ndarray) -> None:
+    point, steps = optimise(transcription, "piqp", control, 60, lambda: False)
+    assert 0 < steps <= 60
+    assert point.contacts.violation() < 1e-3
+    assert point.torques.violation() < 0.02
+    assert point.merit < evaluate(transcription, control, 0.0).merit
+    limits = transcription.limits
+    assert (point.control >= limits.lower - 1e-9).all()
+    assert (point.control <= limits.upper + 1e-9).all()
+
+
+def test_optimise_stops_when_told(transcription: Transcription, control: np.ndarray) -> None:
+    point, steps = optimise(transcription, "piqp", control, 60, lambda: True)
+    assert steps == 0
+    np.testing.assert_array_equal(point.control, control)
+
+
+def test_one_pair_inside_at_consecutive_samples_is_pushed_one_way() -> None:
+    rows, pairs = np.array([0, 1, 2, 4, 1]), np.array([7, 7, 7, 7, 8])
+    normals = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 0], [0, 0, 1]])
+    distance = np.array([-0.1, -0.1, 0.01, -0.1, -0.1])
+    pushed = _pushed_one_way(Contacts(rows, pairs, distance, np.zeros((5, 2, 3)), normals)).normals
+    np.testing.assert_allclose(pushed[:2], [[0.5**0.5, 0.5**0.5, 0]] * 2)
+    np.testing.assert_array_equal(pushed[2:], normals[2:])
