@@ -19,6 +19,7 @@ _EASY = 5e-3  # m, margin by which bounding volumes must clear a pair, so that t
 _FIRST_TRAVEL = 0.1  # rad or m, summed over joints: how coarse the first intervals may be
 _FARTHEST = 1e4  # rad or m; beyond, rounding of sines and cosines would eat up ROUNDING
 _MOST_HALVINGS = 12  # of a piece before the first look
+_MOST_ITEMS = 20_000  # answered at once, to bound memory
 _CHUNK = 256  # blocks of intervals handled by bounding volumes at a time, to bound memory
 
 
@@ -76,7 +77,8 @@ def certify(model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy)
         return search.proof
     items = search.begin()
     while len(items.pair):
-        items = search.advance(items)
+        head, tail = np.split(np.arange(len(items.pair)), [_MOST_ITEMS])
+        items = Intervals.join([search.advance(items.take(head)), items.take(tail)])
         if search.proof.reason:
             return search.proof
     return replace(search.proof, proved=True)
@@ -84,7 +86,7 @@ def certify(model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy)
 
 @dataclass(eq=False)
 class _Search:
-    """Breadth-first over intervals: `advance` answers all open items at once and returns those still open, divided."""
+    """`advance` answers many open items at once and returns those still open, divided."""
 
     model: CollisionModel
     trajectory: Trajectory

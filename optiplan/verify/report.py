@@ -100,10 +100,6 @@ class Report:
             "notes": list(self.notes),
         }
 
-    def summary(self) -> list[tuple[str, str, str, str, str, str, str]]:
-        """Rows of a table: check, verdict, kind, worst, limit, time and place, what happened."""
-        return [_row(check) for check in self.checks]
-
 
 def jsonable(value: Any) -> Any:
     """Plain lists, dicts and finite numbers; NaN and infinities become None."""
@@ -116,21 +112,3 @@ def jsonable(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
-
-
-def _row(check: Check) -> tuple[str, str, str, str, str, str, str]:
-    place = check.place if check.time is None else f"{check.time:.4f} s {check.place}"
-    verdict = "pass" if check.passed else "FAIL"
-    return (
-        check.name,
-        verdict,
-        check.kind,
-        _number(check.worst, check.unit),
-        _number(check.limit, check.unit),
-        place,
-        check.detail,
-    )
-
-
-def _number(value: float | None, unit: str) -> str:
-    return "–" if value is None else f"{value:.6g} {unit}".rstrip()

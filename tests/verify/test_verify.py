@@ -34,7 +34,7 @@ def swing(planar):
 
 def test_a_free_motion_is_verified(planar, swing):
     report = verify(problem_of(planar, swing, Scene()), swing)
-    assert report.verified, report.summary()
+    assert report.verified, report.failures
     assert {check.kind for check in report.checks} == {"exact", "sampled", "continuous"}
     assert report.link_geometry["upper_arm"] == "primitive"
 
@@ -45,7 +45,7 @@ def test_a_ball_of_2_mm_grazed_for_half_a_millisecond(planar, swing, depth, verd
     tip = Attachment("finger", Sphere(0.001), "tip", pin.SE3(np.eye(3), np.array([0.12, 0, 0])), frozenset({"forearm"}))
     ball = Obstacle("ball", Sphere(0.001), pin.SE3(np.eye(3), np.add(AXIS, [1.12 + 0.002 - depth, 0, 0])))
     report = verify(problem_of(planar, swing, Scene((ball,), (tip,))), swing)
-    assert report.verified is verdict, report.summary()
+    assert report.verified is verdict, report.failures
     check = named(report, "collision")
     assert check.place == "finger – ball"
     assert check.time == pytest.approx(swing.duration / 2, abs=1e-3)
@@ -63,7 +63,7 @@ def test_a_thin_tool_crossing_a_plate_of_10_um(planar, swing, reach, verdict):
     edge = 1.0 + 0.125 + 0.025 + 1e-4 - reach
     plate = Obstacle("plate", Box((0.1, 0.3, 1e-5)), pin.SE3(np.eye(3), np.add(AXIS, [edge + 0.05, 0, 0])))
     report = verify(problem_of(planar, swing, Scene((plate,), (needle,))), swing)
-    assert report.verified is verdict, report.summary()
+    assert report.verified is verdict, report.failures
     assert named(report, "collision").place == "needle – plate"
 
 
@@ -72,7 +72,7 @@ def test_a_floor(planar, swing, gap, verdict):
     lowest = 0.5 - 1.06 * np.sin(1.0) - 0.04  # of the ball at the tool's end; the forearm stays above
     floor = Obstacle("floor", HalfSpace((0.0, 0.0, 1.0), lowest - gap), pin.SE3.Identity())
     report = verify(problem_of(planar, swing, Scene((floor,))), swing)
-    assert report.verified is verdict, report.summary()
+    assert report.verified is verdict, report.failures
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])
@@ -224,15 +224,14 @@ def test_nan_in_a_file_is_an_input_error(swing):
         Trajectory.from_dict(json.loads(json.dumps(data)))
 
 
-def test_reports_are_json_and_tables(planar, swing):
+def test_reports_are_json(planar, swing):
     ball = Obstacle("ball", Sphere(0.1), pin.SE3(np.eye(3), np.add(AXIS, [1.0, 0, 0])))
     policy = VerifyPolicy(clearance=1e-3)
     report = verify(problem_of(planar, swing, Scene((ball,))), swing, policy)
     data = json.loads(json.dumps(report.to_dict(), allow_nan=False))
     assert data["verified"] is False
     assert data["policy"]["clearance"] == 1e-3
-    assert [check["name"] for check in data["checks"]] == [row[0] for row in report.summary()]
-    assert {row[1] for row in report.summary()} == {"pass", "FAIL"}
+    assert [check["name"] for check in data["checks"] if not check["passed"]] == ["collision"]
     json.dumps(verify(problem_of(planar, swing, Scene()), swing).to_dict(), allow_nan=False)
 
 
