@@ -83,40 +83,43 @@ class _Sampler:
     def __init__(self, model: CollisionModel, limits: Limits, options: SamplingOptions) -> None:
         self._model, self._limits, self._options = model, limits, options
         self._check = MotionCheck(model, options.step)
+        self._fine = options.step  # for shortcuts and detours; whole searches stay coarse, as they cost the most
         self._rng = np.random.default_rng(options.seed)
         self.info: dict[str, Any] = {"states": 0, "repairs": 0}
 
     def run(self, start: Array, goals: Array) -> Array | Search:
         """Proved waypoints (k, n), or the search that failed."""
         straight = self._check.free(start, goals[0])  # the best goal lies straight ahead
-        path = np.array([start, goals[0]]) if straight else None
+        path, attempts = (np.array([start, goals[0]]), 0) if straight else (None, 0)
         while True:
             if path is None:
                 search = self._search(start, goals)
                 if search.path is None:
                     return search
-                path = search.path
-            path = self._shorten(path)
+                path, attempts = search.path, self._options.attempts
+            path = self._shorten(path, attempts)
             touch = polyline_contact(self._model, path)
             if touch is None:
                 return path
-            path = self._go_around(path, touch)
+            path, attempts = self._go_around(path, touch), self._options.attempts // 4
 
     def _search(self, start: Array, goals: Array, iterations: int | None = None) -> Search:
+        self._check.step = self._options.step if iterations is None else self._fine
         seed = int(self._rng.integers(1, 2**31))
         options = SearchOptions(self._options.reach, seed, iterations)
         search = rrt_connect(self._check, (start, goals), self._limits, self._options.budget, options)
         self.info["states"] += sum(search.sizes)
         return search
 
-    def _shorten(self, path: Array) -> Array:
-        draws = self._rng.uniform(size=(self._options.attempts, 3))
+    def _shorten(self, path: Array, attempts: int) -> Array:
+        self._check.step = self._fine
+        draws = self._rng.uniform(size=(attempts, 3))
         return shorten(self._check, path, self._limits.velocity, draws, self._options.budget)
 
     def _go_around(self, path: Array, touch: Touch) -> Array | None:
         """The path with a detour, or None where a short search finds none: then begin afresh."""
         self.info["repairs"] += 1
-        self._check.step = max(self._check.step / 2.0, _FINEST)
+        self._fine = max(self._fine / 2.0, _FINEST)
         radius = min(_DETOUR, 0.5 * float(np.linalg.norm(path[[0, -1]] - touch.q, axis=1).min()))
         self._check.block(touch.q, radius)
         outside = np.linalg.norm(path - touch.q, axis=1) >= radius
