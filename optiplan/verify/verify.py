@@ -64,9 +64,11 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
         "intervals": proof.intervals,
         "queries": proof.queries,
         "believed": proof.believed,
-        "proved_clearance": proof.clearance,
+        "proved_clearance": proof.clearance if proof.proved and model.pairs else None,
         "contact": proof.contact,
     }
+    if not model.pairs:
+        return Check("collision", "continuous", proof.proved, detail="no two bodies can meet", witness=witness)
     verdict = Check(
         "collision", "continuous", proof.proved, limit=policy.clearance, unit="m", detail=_words(proof), witness=witness
     )

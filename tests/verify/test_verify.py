@@ -37,6 +37,7 @@ def test_a_free_motion_is_verified(planar, swing):
     assert report.verified, report.failures
     assert {check.kind for check in report.checks} == {"exact", "sampled", "continuous"}
     assert report.link_geometry["upper_arm"] == "primitive"
+    assert named(report, "collision").detail == "no two bodies can meet"
 
 
 @pytest.mark.parametrize(("depth", "verdict"), [(50e-6, False), (-50e-6, True), (1e-7, False), (-1e-7, True)])
