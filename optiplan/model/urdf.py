@@ -43,15 +43,17 @@ class UrdfSource:
     meshes: tuple[Path, ...]
     notes: tuple[str, ...]
 
-    def line(self, name: str) -> int | None:
-        """Line of the first element of that name in the file."""
-        text = self.path.read_text(encoding="utf-8", errors="replace")
-        match = re.search(rf"name\s*=\s*[\"']{re.escape(name)}[\"']", text)
-        return None if match is None else text.count("\n", 0, match.start()) + 1
-
     def error(self, name: str, found: str, expected: str) -> InputError:
         """An `InputError` about the element called `name`."""
-        return InputError([Issue(str(self.path), self.line(name), name, found, expected)])
+        return element_error(self.path, name, found, expected)
+
+
+def element_error(path: Path, name: str, found: str, expected: str) -> InputError:
+    """An `InputError` about the element called `name` of an XML file, with the line where that name first stands."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    match = re.search(rf"name\s*=\s*[\"']{re.escape(name)}[\"']", text)
+    line = None if match is None else text.count("\n", 0, match.start()) + 1
+    return InputError([Issue(str(path), line, name, found, expected)])
 
 
 def read_urdf(path: Path, folder: Path) -> UrdfSource:
@@ -170,8 +172,8 @@ def _settle_collisions(link: ET.Element, finder: _MeshFinder) -> None:
             found = finder.find(name)
             if found is None:
                 tried = ", ".join(map(str, finder.candidates(name)))
-                message = f"collision mesh {name} is missing; tried {tried}"
-                raise InputError([Issue(str(finder.urdf), None, f"link {link.get('name')}", message, "a mesh file")])
+                message = f"collision mesh {name}, which is missing (tried {tried})"
+                raise element_error(finder.urdf, link.get("name", ""), message, "a mesh file")
             finder.collision.append(found)
             mesh.set("filename", str(found))
 
@@ -200,7 +202,7 @@ def _settle_joint(joint: ET.Element, path: Path) -> None:
         limit.set("lower", str(-ENDLESS))
         limit.set("upper", str(ENDLESS))
     elif kind in ("revolute", "prismatic") and limit is None:
-        raise InputError([Issue(str(path), None, f"joint {name}", f"a {kind} joint without <limit>", "its limits")])
+        raise element_error(path, name, f"a {kind} joint without <limit>", "its limits")
     if limit is not None:
         for key in ("effort", "velocity"):
             limit.set(key, limit.get(key) or "0")
