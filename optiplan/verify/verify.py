@@ -67,7 +67,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
         "proved_clearance": proof.clearance if proof.proved and model.pairs else None,
         "contact": proof.contact,
     }
-    if not model.pairs:
+    if proof.proved and not model.pairs:
         return Check("collision", "continuous", proof.proved, detail="no two bodies can meet", witness=witness)
     verdict = Check(
         "collision", "continuous", proof.proved, limit=policy.clearance, unit="m", detail=_words(proof), witness=witness
