@@ -1,0 +1,57 @@
+"""Every example of `problems/` ends verified, and the README says what is true."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from optiplan.pipeline import run
+from optiplan.planners.base import Budget
+from optiplan.problem.load import load_problem
+
+ROOT = Path(__file__).parent.parent
+EXAMPLES = sorted((ROOT / "problems").glob("*.yaml"))
+BUDGET = 60.0
+"""Seconds; three times the command line's, since other tests run beside these."""
+
+
+def test_there_are_a_dozen_numbered_from_one():
+    assert len(EXAMPLES) >= 12
+    assert [int(path.stem.split("_")[0]) for path in EXAMPLES] == list(range(1, len(EXAMPLES) + 1))
+
+
+def test_the_first_is_the_smallest():
+    lines = [len(path.read_text().splitlines()) for path in EXAMPLES]
+    assert lines[0] == min(lines) <= 12
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_example_is_verified(path):
+    problem = load_problem(path)
+    result = run(problem, problem.planner, problem.options, Budget(BUDGET), lambda stage, fraction: None)
+    assert result.failure is None, result.failure
+    assert result.verified, [check for check in result.report.failures]
+    assert result.ratio >= 1.0 - 1e-9
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_example_says_what_it_shows(path):
+    assert path.read_text().startswith("# ")
+
+
+def snippets(language):
+    text = (ROOT / "README.md").read_text()
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("code", snippets("python"))
+def test_readme_python_runs(code, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "README.md", "exec"), {})
+
+
+@pytest.mark.parametrize("text", [text for text in snippets("yaml") if "start:" in text])
+def test_readme_problem_can_be_planned(text, tmp_path):
+    path = tmp_path / "problem.yaml"
+    path.write_text(text)
+    assert load_problem(path).robot.name == "panda"
