@@ -161,6 +161,7 @@
     KEYS[event.key]();
   });
 
+  byId("card").addEventListener("toggle", () => scene.resize(byId("pane")));
   new ResizeObserver(() => scene.resize(byId("pane"))).observe(byId("pane"));
   setSpeed(SPEEDS.includes(Number(wish.get("speed"))) ? Number(wish.get("speed")) : 1);
   if (wish.has("t") || wish.has("paused")) state.playing = false;

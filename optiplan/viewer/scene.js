@@ -1,26 +1,9 @@
 "use strict";
 // Builds the three.js objects of a page's data inside a meshcat viewer. World frame: metres, z up.
 const OptiPlanScene = (() => {
-  const THREE = MeshCat.THREE, { floats, makeGeometry } = OptiPlanShapes;
+  const THREE = MeshCat.THREE, { floats, makeGeometry, rgb, named, place, palette } = OptiPlanShapes;
   const RUN_COLOURS = ["#1769aa", "#d1701f", "#7b3fa0", "#2a8c5a", "#b8336a", "#6b7a0f"];
   const START = "#2f9e5b", GOAL = "#2374c6", RED = "#d3261f";
-
-  const rgb = ([r, g, b]) => new THREE.Color(r, g, b).convertSRGBToLinear();
-  const named = (text) => new THREE.Color(text).convertSRGBToLinear();
-
-  function place(object, pose, offset = 0) {
-    object.position.fromArray(pose, offset);
-    object.quaternion.fromArray(pose, offset + 3);
-  }
-
-  // Materials are shared by colour, so that a thousand obstacles cost one.
-  function palette() {
-    const known = new Map();
-    return (key, make) => {
-      if (!known.has(key)) known.set(key, make());
-      return known.get(key);
-    };
-  }
 
   class Scene {
     constructor(data, pane) {
@@ -47,7 +30,9 @@ const OptiPlanScene = (() => {
 
     resize(pane) {
       const width = Math.max(1, pane.clientWidth), height = Math.max(1, pane.clientHeight), viewer = this.viewer;
+      const card = document.getElementById("card"), aside = width > 760 && card.open ? 0.5 * card.offsetWidth : 0;
       viewer.camera.aspect = width / height;
+      viewer.camera.setViewOffset(width, height, -aside, 0, width, height); // the middle of what the card leaves free
       viewer.camera.updateProjectionMatrix();
       viewer.renderer.setSize(width, height);
       viewer.set_dirty();
@@ -70,9 +55,9 @@ const OptiPlanScene = (() => {
     addObstacles() {
       for (const part of this.data.parts.filter((p) => p.set === "obstacle")) {
         const plane = this.data.geometries[part.geometry].kind === "plane";
-        const mesh = this.mesh(part, this.surface(part.colour, plane ? { transparent: true, opacity: 0.35, depthWrite: false } : {}));
+        const mesh = this.mesh(part, this.surface(part.colour, plane ? { transparent: true, opacity: 0.28, depthWrite: false } : {}));
         mesh.castShadow = !plane;
-        mesh.userData.plane = plane;
+        mesh.userData.plane = plane && this.data.geometries[part.geometry];
         this.layers.obstacle.add(mesh);
       }
     }
@@ -111,7 +96,8 @@ const OptiPlanScene = (() => {
       const shown = { figure, poses, samples: run.samples || 1, duration: run.duration || 0, colour, path: null };
       this.pose(figure, poses);
       if (run.path) {
-        shown.path = this.tube(floats(run.path), colour);
+        shown.tool = floats(run.path);
+        shown.path = this.tube(shown.tool, colour);
         this.layers.path.add(shown.path);
       }
       for (const witness of run.witnesses) this.addWitness(witness);
@@ -211,8 +197,20 @@ const OptiPlanScene = (() => {
       scene.updateMatrixWorld(true);
       this.box = this.bounds();
       const centre = this.box.getCenter(new THREE.Vector3()), radius = 0.5 * this.box.getSize(new THREE.Vector3()).length();
+      for (const mesh of this.layers.obstacle.children) if (mesh.userData.plane) this.spreadPlane(mesh, scene.worldToLocal(centre.clone()), 1.2 * radius);
       this.addLights(scene, centre, radius);
       this.addFloor(scene, centre, radius);
+    }
+
+    // A half-space has no end: what is drawn is the piece of its surface nearest to the scene.
+    spreadPlane(mesh, centre, size) {
+      const { normal, offset } = mesh.userData.plane, n = new THREE.Vector3(...normal).normalize();
+      const foot = n.clone().multiplyScalar(offset).applyQuaternion(mesh.quaternion).add(mesh.position);
+      n.applyQuaternion(mesh.quaternion);
+      mesh.position.copy(centre).addScaledVector(n, n.dot(foot.sub(centre)));
+      mesh.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), n);
+      mesh.scale.set(size, size, 1);
+      mesh.add(new THREE.LineSegments(new THREE.EdgesGeometry(mesh.geometry), new THREE.LineBasicMaterial({ color: named("#a79a88") })));
     }
 
     addLights(scene, centre, radius) {
@@ -237,7 +235,7 @@ const OptiPlanScene = (() => {
       const low = this.box.min.y - 0.002, cell = radius > 2.5 ? 0.5 : 0.25, half = cell * Math.ceil((2.6 * radius) / cell);
       const middle = scene.worldToLocal(centre.clone());
       const x = cell * Math.round(middle.x / cell), y = cell * Math.round(middle.y / cell);
-      const shade = new THREE.Mesh(new THREE.PlaneGeometry(8 * half, 8 * half), new THREE.ShadowMaterial({ opacity: 0.14 }));
+      const shade = new THREE.Mesh(new THREE.PlaneGeometry(8 * half, 8 * half), new THREE.ShadowMaterial({ opacity: 0.14, depthWrite: false }));
       shade.receiveShadow = true;
       shade.position.set(x, y, low - 1e-3);
       const grid = new THREE.GridHelper(2 * half, Math.round((2 * half) / cell), named("#b9c2c8"), named("#d3dade"));
@@ -251,21 +249,21 @@ const OptiPlanScene = (() => {
     // The first view: of some directions around, the one from which obstacles hide least of the motion.
     bestDirection(centre, distance) {
       const targets = [], rays = new THREE.Raycaster(), solid = this.layers.obstacle.children.filter((m) => !m.userData.plane);
-      for (const run of this.runs) {
-        for (let k = 0; k < 5; k++) {
-          const s = Math.round((k / 4) * (run.samples - 1));
-          for (let j = 1; j < this.data.bodies; j += 2) {
-            targets.push(this.root.localToWorld(new THREE.Vector3().fromArray(run.poses, 7 * (s * this.data.bodies + j))));
-          }
+      const aim = (array, offset) => targets.push(this.root.localToWorld(new THREE.Vector3().fromArray(array, offset)));
+      for (const run of this.runs.slice(0, 2)) {
+        for (let k = 0; k < 9; k++) {
+          const s = Math.round((k / 8) * (run.samples - 1));
+          if (run.tool) aim(run.tool, 3 * s);
+          if (k % 2 === 0) for (let j = this.data.bodies; j > 0; j -= 3) aim(run.poses, 7 * (s * this.data.bodies + j - 1));
         }
       }
       let best = null, least = Infinity;
-      for (const [azimuth, elevation] of [[-40, 24], [40, 24], [-75, 24], [75, 24], [-40, 45], [40, 45], [-110, 28], [110, 28], [-150, 32], [150, 32]]) {
+      for (const [azimuth, elevation] of [[-40, 24], [40, 24], [-75, 24], [75, 24], [-40, 45], [40, 45], [-110, 26], [110, 26], [-130, 26], [130, 26], [-150, 32], [150, 32]]) {
         const a = (azimuth * Math.PI) / 180, e = (elevation * Math.PI) / 180;
         const toward = new THREE.Vector3(Math.cos(a) * Math.cos(e), Math.sin(e), -Math.sin(a) * Math.cos(e));
         const eye = centre.clone().addScaledVector(toward, distance);
         let hidden = 0;
-        for (const target of targets.slice(0, 24)) {
+        for (const target of targets) {
           const ray = target.clone().sub(eye);
           rays.far = ray.length();
           rays.set(eye, ray.normalize());

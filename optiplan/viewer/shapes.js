@@ -1,5 +1,5 @@
 "use strict";
-// Turns the shapes of a page's data into three.js geometries, in metres, in the frame of the shape.
+// Turns the shapes, colours and poses of a page's data into those of three.js; lengths in metres, in the frame of the shape.
 const OptiPlanShapes = (() => {
   const THREE = MeshCat.THREE;
 
@@ -54,21 +54,32 @@ const OptiPlanShapes = (() => {
     return new THREE.LatheGeometry(profile, 40).rotateX(Math.PI / 2);
   }
 
-  function halfSpace(shape) {
-    const normal = new THREE.Vector3(...shape.normal).normalize();
-    const turn = new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 0, 1), normal);
-    return new THREE.PlaneGeometry(6, 6).applyQuaternion(turn).translate(...normal.multiplyScalar(shape.offset).toArray());
-  }
-
   function makeGeometry(shape) {
     switch (shape.kind) {
       case "box": return new THREE.BoxGeometry(...shape.size).translate(...(shape.centre || [0, 0, 0]));
       case "sphere": return new THREE.SphereGeometry(shape.radius, 40, 24);
       case "cylinder": return new THREE.CylinderGeometry(shape.radius, shape.radius, shape.length, 48).rotateX(Math.PI / 2);
       case "capsule": return capsule(shape.radius, shape.length);
-      case "plane": return halfSpace(shape);
+      case "plane": return new THREE.PlaneGeometry(2, 2); // turned and sized by Scene.spreadPlane
       default: return creased(floats(shape.vertices), new Uint32Array(bytes(shape.faces)), 0.6);
     }
   }
-  return { floats, makeGeometry };
+  const rgb = ([r, g, b]) => new THREE.Color(r, g, b).convertSRGBToLinear();
+  const named = (text) => new THREE.Color(text).convertSRGBToLinear();
+
+  function place(object, pose, offset = 0) {
+    object.position.fromArray(pose, offset);
+    object.quaternion.fromArray(pose, offset + 3);
+  }
+
+  // Materials are shared by colour, so that a thousand obstacles cost one.
+  function palette() {
+    const known = new Map();
+    return (key, make) => {
+      if (!known.has(key)) known.set(key, make());
+      return known.get(key);
+    };
+  }
+
+  return { floats, makeGeometry, rgb, named, place, palette };
 })();
