@@ -1,6 +1,7 @@
 from pathlib import Path
 
 import pytest
+from pydantic import Field
 
 from optiplan.errors import InputError
 from optiplan.yaml_lines import Number, Strict, Whole, read_yaml, validate
@@ -19,7 +20,7 @@ class Outer(Strict):
     version: Whole
     name: str
     limits: Inner | None = None
-    items: list[Item] = []
+    items: list[Item] = Field(default_factory=list)
 
 
 def write(folder: Path, text: str | bytes) -> Path:

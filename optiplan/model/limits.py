@@ -46,9 +46,11 @@ def build_limits(spec: LimitsSpec, document: Document, model: pin.Model) -> tupl
             values[key] = _from_urdf(key, own.get(key), names, notes)
         else:
             values[key] = _from_yaml(key, given, document, issues, len(names))
+    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+    for name in (name for name, room in zip(names, upper - lower, strict=True) if room < 0):
+        issues.append(document.issue(("urdf",), f"joint {name} with a lower limit above the upper", "lower <= upper"))
     if issues:
         raise InputError(issues)
-    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
     stuck = [name for name, room in zip(names, upper - lower, strict=True) if room <= 0]
     if stuck:
         notes.append(f"the URDF's position limits leave no room to {', '.join(stuck)}")

@@ -120,7 +120,7 @@ def load_robot(ref: str, base: Path | None = None, locked: Mapping[str, float] |
     spec = validate(RobotSpec, document)
     urdf_path, srdf_path = find_sources(spec, document)
     urdf = read_urdf(urdf_path, document.path.parent)
-    srdf = None if srdf_path is None else read_srdf(srdf_path)
+    srdf = None if srdf_path is None else read_srdf(srdf_path, urdf.renamed)
     planned = planned_joints(spec, document, urdf)
     wanted = {**spec.locked, **(locked or {})}
     check_locked(wanted, planned, urdf, document)

@@ -24,8 +24,8 @@ def link_pair(a: str, b: str) -> LinkPair:
     return (a, b) if a < b else (b, a)
 
 
-def read_srdf(path: Path) -> Srdf:
-    """Read `disable_collisions` and `group_state` of an SRDF.
+def read_srdf(path: Path, renamed: Mapping[str, str]) -> Srdf:
+    """Read `disable_collisions` and `group_state` of an SRDF; links in `renamed` get their new names.
 
     Raises:
         InputError: a missing file or broken XML.
@@ -38,10 +38,10 @@ def read_srdf(path: Path) -> Srdf:
     except (ET.ParseError, ValueError, LookupError) as error:
         line = error.position[0] if isinstance(error, ET.ParseError) else None
         raise InputError([Issue(str(path), line, "srdf", str(error), "well-formed XML")]) from error
-    disabled = {
-        link_pair(item.get("link1", ""), item.get("link2", "")): item.get("reason") or "User"
-        for item in root.iter("disable_collisions")
-    }
+    disabled = {}
+    for item in root.iter("disable_collisions"):
+        a, b = (renamed.get(name, name) for name in (item.get("link1", ""), item.get("link2", "")))
+        disabled[link_pair(a, b)] = item.get("reason") or "User"
     return Srdf(disabled, dict(_states(root)))
 
 

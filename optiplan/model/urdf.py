@@ -7,7 +7,7 @@ joints that turn without end become revolute ones without limits (so that nq = n
 import logging
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,12 +33,13 @@ class Mimic:
 
 @dataclass(frozen=True)
 class UrdfSource:
-    """A URDF put in order."""
+    """A URDF put in order; `renamed` holds the new names of links that shared theirs with a joint."""
 
     path: Path
     xml: str
-    joint_types: dict[str, str]
-    mimics: dict[str, Mimic]
+    renamed: Mapping[str, str]
+    joint_types: Mapping[str, str]
+    mimics: Mapping[str, Mimic]
     edges: tuple[tuple[str, str], ...]
     meshes: tuple[Path, ...]
     notes: tuple[str, ...]
@@ -69,12 +70,14 @@ def read_urdf(path: Path, folder: Path) -> UrdfSource:
         _settle_visuals(link, finder, notes)
         _settle_collisions(link, finder)
     joints = [joint for joint in root.findall("joint") if joint.find("parent") is not None]
+    renamed = _rename_links(root, joints)
+    notes += [f"link {old} is called {new}, since a joint is called {old} too" for old, new in renamed.items()]
     types = {joint.get("name", ""): joint.get("type", "") for joint in joints}
-    mimics = dict(_mimics(joints))
+    mimics = dict(_mimics(joints, path))
     for joint in joints:
         _settle_joint(joint, path)
     xml = ET.tostring(root, encoding="unicode")
-    return UrdfSource(path, xml, types, mimics, _edges(joints), tuple(finder.collision), tuple(notes))
+    return UrdfSource(path, xml, renamed, types, mimics, _edges(joints), tuple(finder.collision), tuple(notes))
 
 
 def build_model(source: UrdfSource) -> pin.Model:
@@ -178,18 +181,36 @@ def _settle_collisions(link: ET.Element, finder: _MeshFinder) -> None:
             mesh.set("filename", str(found))
 
 
+def _rename_links(root: ET.Element, joints: list[ET.Element]) -> dict[str, str]:
+    """Give links another name that share theirs with a joint: pinocchio cannot tell such frames apart."""
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    taken = {*links, *(joint.get("name", "") for joint in joints)}
+    renamed: dict[str, str] = {}
+    for name in (joint.get("name", "") for joint in joints):
+        if name in links:
+            renamed[name] = next(new for count in range(1, 99) if (new := name + "_link" * count) not in taken)
+            links[name].set("name", renamed[name])
+    for end in (end for joint in joints for end in (joint.find("parent"), joint.find("child")) if end is not None):
+        end.set("link", renamed.get(end.get("link", ""), end.get("link", "")))
+    return renamed
+
+
 def _edges(joints: list[ET.Element]) -> tuple[tuple[str, str], ...]:
     """Names of parent and child link of every joint."""
     ends = [(joint.find("parent"), joint.find("child")) for joint in joints]
     return tuple((a.get("link", ""), b.get("link", "")) for a, b in ends if a is not None and b is not None)
 
 
-def _mimics(joints: list[ET.Element]) -> Iterator[tuple[str, Mimic]]:
+def _mimics(joints: list[ET.Element], path: Path) -> Iterator[tuple[str, Mimic]]:
     for joint in joints:
         mimic = joint.find("mimic")
         if mimic is not None:
-            multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
-            yield joint.get("name", ""), Mimic(mimic.get("joint", ""), multiplier, offset)
+            name, numbers = joint.get("name", ""), (mimic.get("multiplier", "1"), mimic.get("offset", "0"))
+            try:
+                multiplier, offset = map(float, numbers)
+            except ValueError as error:
+                raise element_error(path, name, f"<mimic> with {' and '.join(numbers)}", "numbers") from error
+            yield name, Mimic(mimic.get("joint", ""), multiplier, offset)
             joint.remove(mimic)
 
 

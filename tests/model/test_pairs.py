@@ -113,7 +113,7 @@ def test_only_what_the_srdf_names_is_left_out(tmp_path):
 def test_a_broken_srdf(tmp_path):
     (tmp_path / "r.srdf").write_text("<robot>\n<oops")
     with pytest.raises(InputError, match=r"r\.srdf:2: srdf: .*expected well-formed XML"):
-        read_srdf(tmp_path / "r.srdf")
+        read_srdf(tmp_path / "r.srdf", {})
 
 
 def test_links_without_geometry_join_their_neighbours():

@@ -15,7 +15,9 @@ def touching(robot, q):
     data, results = robot.model.createData(), robot.geometry.createData()
     pin.computeCollisions(robot.model, data, robot.geometry, results, q, False)
     hits = [
-        pair for pair, result in zip(robot.geometry.collisionPairs, results.collisionResults) if result.isCollision()
+        pair
+        for pair, result in zip(robot.geometry.collisionPairs, results.collisionResults, strict=False)
+        if result.isCollision()
     ]
     return [(robot.link_of(pair.first), robot.link_of(pair.second)) for pair in hits]
 
@@ -182,7 +184,7 @@ def test_references(tmp_path):
     path = write_robot(tmp_path, TWO)
     assert robot_file(".", tmp_path) == path
     assert robot_file("robot.yaml", tmp_path) == path
-    with pytest.raises(UnknownChoiceError, match="unknown robot 'pamda'; choose from: .*panda"):
+    with pytest.raises(UnknownChoiceError, match=r"unknown robot .pamda.; choose from: .*panda"):
         robot_file("pamda")
     assert "No such file" in issues_of(tmp_path / "other.yaml")
 

@@ -42,7 +42,7 @@ def test_without_the_package(tmp_path, monkeypatch):
 
 def test_another_package(tmp_path):
     (tmp_path / "robot.yaml").write_text("version: 1\nname: r\nurdf: {package: robots, robot: panda}\n")
-    with pytest.raises(InputError, match="urdf.package: 'robots'; expected 'example-robot-data'"):
+    with pytest.raises(InputError, match=r"urdf\.package: 'robots'; expected 'example-robot-data'"):
         load_robot(str(tmp_path))
 
 

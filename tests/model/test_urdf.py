@@ -7,6 +7,8 @@ from optiplan.errors import InputError
 from optiplan.model.robot import load_robot
 from tests.model.robots import BARE, LINK, chain, joint, write_robot
 
+BACKWARDS = '<limit lower="1" upper="-1" velocity="3" effort="4"/>'
+ODD_MIMIC = '<limit lower="-1" upper="1" velocity="3" effort="4"/><mimic joint="j" multiplier="x"/>'
 MESH = '<link name="m"><{0}><geometry><mesh filename="{1}" scale="2 2 2"/></geometry></{0}></link>'
 
 
@@ -104,6 +106,16 @@ def test_links_without_mass_or_with_shapes_of_one_name_load(tmp_path):
     assert robot.link_geometry == {"b": "primitive"}
 
 
+def test_a_link_and_a_joint_of_one_name(tmp_path):
+    path = write_robot(tmp_path, chain(joint("b", "a", "b"), joint("j2", "b", "c")), "srdf: r.srdf\n")
+    (tmp_path / "r.srdf").write_text('<robot name="r"><disable_collisions link1="b" link2="c"/></robot>')
+    robot = load_robot(str(path))
+    assert robot.joint_names == ("b", "j2")
+    assert [robot.link_of(index) for index in range(3)] == ["a", "b_link", "c"]
+    assert ("b_link", "c") in robot.allowed
+    assert [note for note in robot.notes if "link b is called b_link" in note]
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [
@@ -113,6 +125,11 @@ def test_links_without_mass_or_with_shapes_of_one_name_load(tmp_path):
         (f"<robot name='r'>{''.join(chain(joint('j', 'a', 'b', inside='')))}</robot>", "without <limit>"),
         (f"<robot name='r'>{''.join(chain(joint('j', 'a', 'z')))}</robot>", "expected a URDF that pinocchio can read"),
         (f"<robot name='r'>{LINK.format('a')}</robot>", "without movable joints"),
+        (
+            f"<robot name='r'>{''.join(chain(joint('j', 'a', 'b', inside=BACKWARDS)))}</robot>",
+            "j with a lower limit above",
+        ),
+        (f"<robot name='r'>{''.join(chain(joint('j', 'a', 'b', inside=ODD_MIMIC)))}</robot>", "<mimic> with x and 0"),
     ],
 )
 def test_broken_urdfs(tmp_path, content, words):
