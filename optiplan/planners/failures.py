@@ -27,6 +27,11 @@ def end_collides(model: CollisionModel, q: Array, end: str) -> Failure:
     return Failure(f"{end}-in-collision", detail, contact_witness(q, contact))
 
 
+def too_heavy() -> Failure:
+    """The path is free, but holding the arm on it takes more torque than the limits allow."""
+    return Failure("unsupported", "a free path was found, but gravity alone exceeds the torque limits on it")
+
+
 def out_of_time(budget: Budget, doing: str) -> Failure:
     """The budget ended, or somebody cancelled, while `doing` something."""
     if budget.cancelled:

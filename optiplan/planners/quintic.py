@@ -16,10 +16,11 @@ from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
 from optiplan.model.robot import Limits
 from optiplan.planners.base import Budget, Failure, PlanResult, Progress
-from optiplan.planners.failures import out_of_time
+from optiplan.planners.failures import out_of_time, too_heavy
 from optiplan.planners.goals import ranked_goals
 from optiplan.planners.stopwatch import Stopwatch
 from optiplan.planners.sweep import Touch, first_contact
+from optiplan.planners.timed import within_torque
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -56,11 +57,13 @@ class Quintic:
             if budget.over:
                 return PlanResult(None, out_of_time(budget, "trying straight lines"), watch.seconds)
             progress("straight lines", k / len(goals))
-            trajectory = straight(problem.start, goal, problem.limits, problem.robot.joint_names)
+            motion = straight(problem.start, goal, problem.limits, problem.robot.joint_names)
             with watch.stage("collision"):
-                touch = first_contact(model, trajectory)
+                touch = first_contact(model, motion)
             if touch is None:
-                return PlanResult(trajectory, None, watch.seconds, {"goal": k})
+                trajectory = within_torque(model, problem.limits, motion)
+                failure = too_heavy() if trajectory is None else None
+                return PlanResult(trajectory, failure, watch.seconds, {"goal": k})
             touches.append(touch)
         pair, t = touches[0].contact.pair, touches[0].t
         detail = f"no straight motion to {len(goals)} goals is free: '{pair.name_a}' meets '{pair.name_b}' at {t:.3f} s"
@@ -70,10 +73,8 @@ class Quintic:
 def straight(start: Array, goal: Array, limits: Limits, joint_names: tuple[str, ...]) -> Trajectory:
     """The polynomial above from start (n,) to goal (n,) in the shortest time that the limits allow."""
     d = np.abs(goal - start)
-    velocity = 1.875 * d / limits.velocity
     acceleration = np.sqrt(10.0 / np.sqrt(3.0) * d / limits.acceleration)
-    jerk = np.cbrt(60.0 * d / limits.jerk)
-    T = max(velocity.max(), acceleration.max(), jerk.max(), SHORTEST)
+    T = max((1.875 * d / limits.velocity).max(), acceleration.max(), np.cbrt(60.0 * d / limits.jerk).max(), SHORTEST)
     coefficients = np.outer(SHAPE / T ** np.arange(6), goal - start)
     coefficients[0] = start
     return Trajectory(joint_names, np.array([0.0, T]), coefficients[None])

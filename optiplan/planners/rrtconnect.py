@@ -6,6 +6,7 @@ import numpy as np
 
 from optiplan.model.collision import CollisionModel
 from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.failures import too_heavy
 from optiplan.planners.goals import ranked_goals
 from optiplan.planners.sampling import SamplingOptions, sample_path
 from optiplan.planners.stopwatch import Stopwatch
@@ -63,5 +64,7 @@ class RrtConnect:
         progress("timing", 0.7)
         with watch.stage("timing"):
             trajectory = timed_path(model, path.waypoints, problem.limits, budget)
+        if trajectory is None:
+            return PlanResult(None, too_heavy(), watch.seconds)
         info = {"goal": path.goal_index, "waypoints": len(path.waypoints), **path.info}
         return PlanResult(trajectory, None, watch.seconds, info)

@@ -7,16 +7,18 @@ from optiplan.model.collision import CollisionModel
 from optiplan.model.robot import Limits
 from optiplan.planners.base import Budget
 from optiplan.planners.sweep import first_contact
+from optiplan.planners.torque import torque_scale
 from optiplan.trajectory.blend import blend_path, time_blended
 from optiplan.trajectory.timing import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
 _SHRINK = 0.5
 _SHARPEST = 0.01  # share of half a segment; below it a corner is not worth rounding
+_GENTLEST = 0.1
 
 
-def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory:
-    """The fastest found of: one run through rounded corners, and stops at every corner.
+def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory | None:
+    """The faster of a run through rounded corners and one that stops at every corner.
 
     Args:
         model: of the robot in its scene.
@@ -25,30 +27,39 @@ def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: 
         budget: once it is over, the stops are the answer.
 
     Returns:
-        A trajectory that is free at all times because the path is.
+        A trajectory within all limits that is free at all times because the path is; None where gravity alone takes
+        more torque than allowed.
     """
-    stops = stop_at_corners(waypoints, limits, model.robot.joint_names)
+    robot = model.robot
+    stops = within_torque(model, limits, stop_at_corners(waypoints, limits, robot.joint_names))
     distinct = np.any(np.diff(waypoints, axis=0) != 0.0, axis=1)
-    waypoints = waypoints[np.concatenate([[True], distinct])]
-    if len(waypoints) < 3:
+    if stops is None or not distinct.any():
         return stops
-    blended = _blend(model, waypoints, limits, budget)
+    blended = _blend(model, waypoints[np.concatenate([[True], distinct])], limits, budget)
     return stops if blended is None or blended.duration > stops.duration else blended
+
+
+def within_torque(model: CollisionModel, limits: Limits, trajectory: Trajectory) -> Trajectory | None:
+    """The trajectory, slowed down where its torques ask for it; None where even standing still takes too much."""
+    slower = torque_scale(model.robot, limits.torque, trajectory)
+    return trajectory.scaled(trajectory.duration * slower) if np.isfinite(slower) else None
 
 
 def _blend(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory | None:
     fractions, gentleness = np.ones(len(waypoints) - 2), 1.0
-    while not budget.over and fractions.min() > _SHARPEST and gentleness > 0.1:
+    while not budget.over and fractions.min(initial=1.0) > _SHARPEST and gentleness > _GENTLEST:
         path = blend_path(waypoints, fractions, limits, model.robot.joint_names)
         touch = first_contact(model, path)
         if touch is None:
-            trajectory = time_blended(path, limits, gentleness)
+            trajectory = time_blended(path, model.robot, limits, gentleness)
             if trajectory is None:
                 return None
             touch = first_contact(model, trajectory)
             if touch is None:
-                return trajectory
+                return within_torque(model, limits, trajectory)
             gentleness *= _SHRINK  # the path was free: the spline left it too far
+        if not len(fractions):
+            return None
         corner = int(np.argmin(np.linalg.norm((waypoints[1:-1] - touch.q) / limits.velocity, axis=1)))
         fractions[corner] *= _SHRINK
     return None

@@ -12,14 +12,16 @@ _RESERVE = 1e-3  # share of the limit kept free for what happens between samples
 
 
 def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
-    """Factor s >= 1 on the duration at which |tau| <= limit (n,) at samples 1 ms apart; inf where gravity exceeds it.
+    """Factor s >= 1 on the duration at which |tau| <= limit (n,); inf where gravity exceeds it.
 
+    Holds at: breakpoints and samples 1 ms apart.
     Run s times slower, the same path needs tau(s) = g(q) + (tau(1) - g(q)) / s^2: inertial and Coriolis torques scale
     alike (Hollerbach 1984, Dynamic scaling of manipulator trajectories). Friction and carried loads are not modelled.
     """
     if not np.isfinite(limit).any():
         return 1.0
     t = np.linspace(0.0, trajectory.duration, max(2, int(np.ceil(trajectory.duration / _STEP)) + 1))
+    t = np.union1d(t, trajectory.breakpoints)  # where the acceleration of cubic pieces peaks
     Q, V, A = (trajectory(t, order) for order in range(3))
     data = robot.model.createData()
     tau = np.array([pin.rnea(robot.model, data, q, v, a) for q, v, a in zip(Q, V, A, strict=True)])

@@ -4,14 +4,16 @@ import logging
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.model.robot import Limits
+from optiplan.model.robot import Limits, Robot
 from optiplan.trajectory.timing import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
 
 _GRID = 0.01  # s at full joint speed between the points where TOPP-RA looks at the path
 _FINEST = 4e-3  # s: shortest span of the spline
+_TORQUE_SHARE = 0.98  # of the limits; the rest is for what the spline does between the points of the grid
 _INWARD = np.array([1.0, 0.6, 0.2])  # where the control points of a blend lie along its two legs
 
 
@@ -47,23 +49,25 @@ def blend_path(waypoints: Array, fractions: Array, limits: Limits, joint_names: 
     return Trajectory(joint_names, np.concatenate([[0.0], np.cumsum(sizes)]), np.array(pieces))
 
 
-def time_blended(path: Trajectory, limits: Limits, gentleness: float = 1.0) -> Trajectory | None:
-    """Run along a path from rest to rest, nearly as fast as velocity and acceleration allow; jerk limits hold exactly.
+def time_blended(path: Trajectory, robot: Robot, limits: Limits, gentleness: float = 1.0) -> Trajectory | None:
+    """Run along a path from rest to rest nearly as fast as its limits allow.
 
-    TOPP-RA gives the fastest motion p(t) under the velocity and acceleration limits. Its samples p(k h) are the control
-    points of a uniform cubic B-spline, whose derivatives are bounded by divided differences of the samples: at most the
-    velocity and acceleration of p and, with h = max_j 2 a_j / j_j, at most the jerk limits. The spline leaves the path
-    by about h^2 |acceleration| / 6, in curves only. Exact extrema scale it to the limits. Holds at: all times.
+    TOPP-RA gives the fastest motion p(t) under velocity, acceleration and torque limits. Its samples p(k h) are the
+    control points of a uniform cubic B-spline, whose derivatives are bounded by divided differences of the samples: at
+    most the velocity and acceleration of p and, with h = max_j 2 a_j / j_j, at most the jerk limits. The spline leaves
+    the path by about h^2 |acceleration| / 6, in curves only. Exact extrema scale it to velocity, acceleration and jerk
+    limits: these hold at all times. Torque limits hold nearly, at the points of the grid.
 
     Args:
         path: q over a parameter s, continuous up to its second derivative.
+        robot: gives the torques.
         limits: of the n joints.
         gentleness: in (0, 1]: share of the acceleration to use; the distance to the path falls with its third power.
 
     Returns:
-        None where TOPP-RA finds no solution.
+        None where TOPP-RA finds no solution: gravity needs more torque than allowed.
     """
-    fast = _toppra(path, limits, gentleness)
+    fast = _toppra(path, robot, limits, gentleness)
     if fast is None:
         return None
     h = max(gentleness * float((2.0 * limits.acceleration / limits.jerk).max()), _FINEST * gentleness)
@@ -85,14 +89,13 @@ def _bezier_coefficients(control: Array, size: float) -> Array:
     return np.array(result)
 
 
-def _toppra(path: Trajectory, limits: Limits, gentleness: float) -> Any:
+def _toppra(path: Trajectory, robot: Robot, limits: Limits, gentleness: float) -> Any:
     """Time-optimal parametrisation from rest to rest, a callable with `duration`; None when there is none.
 
     With the constant-acceleration parametrizer: the default one exceeds the acceleration limits by several per cent.
     """
     logging.getLogger("toppra").addHandler(logging.NullHandler())
     from toppra.algorithm import TOPPRA
-    from toppra.constraint import DiscretizationType, JointAccelerationConstraint, JointVelocityConstraint
     from toppra.interpolator import AbstractGeometricPath
 
     class Path(AbstractGeometricPath):  # type: ignore[misc]  # toppra has no types
@@ -104,15 +107,40 @@ def _toppra(path: Trajectory, limits: Limits, gentleness: float) -> Any:
             values = path(np.atleast_1d(s), order)
             return values if np.ndim(s) else values[0]
 
-    acceleration = gentleness * limits.acceleration
-    constraints = [
-        JointVelocityConstraint(np.column_stack([-limits.velocity, limits.velocity])),
-        JointAccelerationConstraint(
-            np.column_stack([-acceleration, acceleration]), discretization_scheme=DiscretizationType.Interpolation
-        ),
-    ]
     parts = np.maximum(4, np.ceil(np.diff(path.breakpoints) / _GRID)).astype(int)
     pairs = zip(path.breakpoints[:-1], path.breakpoints[1:], parts, strict=True)
     grid = np.concatenate([[0.0], *(np.linspace(a, b, k + 1)[1:] for a, b, k in pairs)])
-    instance = TOPPRA(constraints, Path(), gridpoints=grid, parametrizer="ParametrizeConstAccel")
+    instance = TOPPRA(
+        _constraints(robot, limits, gentleness), Path(), gridpoints=grid, parametrizer="ParametrizeConstAccel"
+    )
     return instance.compute_trajectory(0.0, 0.0)
+
+
+def _constraints(robot: Robot, limits: Limits, gentleness: float) -> list[Any]:
+    """Velocity, acceleration and, of the joints that have a limit, torque: |rnea(q, v, a)| <= limit."""
+    from toppra.constraint import (
+        DiscretizationType,
+        JointAccelerationConstraint,
+        JointVelocityConstraint,
+        SecondOrderConstraint,
+    )
+
+    acceleration = gentleness * limits.acceleration
+    scheme = DiscretizationType.Interpolation  # holds at the grid's far end of each step too
+    constraints = [
+        JointVelocityConstraint(np.column_stack([-limits.velocity, limits.velocity])),
+        JointAccelerationConstraint(np.column_stack([-acceleration, acceleration]), discretization_scheme=scheme),
+    ]
+    limited = np.isfinite(limits.torque)
+    if limited.any():
+        data = robot.model.createData()
+        rows = np.vstack([np.eye(robot.n)[limited], -np.eye(robot.n)[limited]])
+        bounds = np.tile(limits.torque[limited], 2) * _TORQUE_SHARE
+
+        def torque(q: Array, v: Array, a: Array) -> Array:
+            return np.array(pin.rnea(robot.model, data, q, v, a))
+
+        constraints.append(
+            SecondOrderConstraint(torque, lambda _: rows, lambda _: bounds, robot.n, discretization_scheme=scheme)
+        )
+    return constraints

@@ -4,6 +4,7 @@ import threading
 import time
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from optiplan.model.collision import CollisionModel
@@ -58,6 +59,11 @@ def test_answer_joins_start_and_goal_at_rest(name, case):
         limit = getattr(problem.limits, bound)
         low, high = trajectory.extrema(order)
         assert (np.maximum(-low, high) <= limit * (1.0 + 1e-6)).all(), bound
+    t = np.linspace(0.0, trajectory.duration, 500)
+    data = problem.robot.model.createData()
+    motion = zip(*(trajectory(t, order) for order in range(3)), strict=True)
+    torques = [pin.rnea(problem.robot.model, data, q, v, a) for q, v, a in motion]
+    assert (np.abs(torques) <= problem.limits.torque * (1.0 + 1e-6)).all()
 
 
 @pytest.mark.parametrize("case", sorted(cases.SOLVABLE))

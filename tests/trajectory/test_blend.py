@@ -9,11 +9,12 @@ from optiplan.trajectory.timing import lower_bound, speed_ratio, stop_at_corners
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, -0.2], [1.2, 1.5, 0.4], [0.1, 1.0, 1.0]])
 NAMES = ("a", "b", "c")
+WEIGHTLESS = None  # the robot is asked for its torques only where there are limits to them
 
 
 def limits_with(jerk):
-    ones = np.ones(3)
-    return Limits(-9 * ones, 9 * ones, np.array([2.0, 2.5, 1.5]), np.array([10.0, 15.0, 12.0]), jerk * ones, ones)
+    wide = np.full(3, np.inf)
+    return Limits(-wide, wide, np.array([2.0, 2.5, 1.5]), np.array([10.0, 15.0, 12.0]), np.full(3, jerk), wide)
 
 
 @pytest.mark.parametrize("fractions", [[1.0, 1.0], [0.1, 0.7]])
@@ -38,7 +39,7 @@ def test_path_leaves_a_corner_by_the_distance_documented():
 @pytest.mark.parametrize("jerk", [5000.0, 500.0, 100.0])
 def test_timing_holds_every_limit_and_ends_at_rest(jerk):
     limits = limits_with(jerk)
-    trajectory = time_blended(blend_path(CORNERS, np.ones(2), limits, NAMES), limits)
+    trajectory = time_blended(blend_path(CORNERS, np.ones(2), limits, NAMES), WEIGHTLESS, limits)
     assert speed_ratio(trajectory, limits) == pytest.approx(1.0, abs=1e-9)
     ends = np.array([0.0, trajectory.duration])
     assert trajectory(ends) == pytest.approx(CORNERS[[0, -1]], abs=1e-12)
@@ -59,7 +60,7 @@ def test_gentleness_brings_the_motion_nearer_to_the_path():
     curve = path(np.linspace(0.0, path.duration, 4000))
     gaps = []
     for gentleness in (1.0, 0.5):
-        trajectory = time_blended(path, limits, gentleness)
+        trajectory = time_blended(path, WEIGHTLESS, limits, gentleness)
         gaps.append(distance_to_curve(trajectory(np.linspace(0.0, trajectory.duration, 300)), curve))
     assert gaps[1] < 0.3 * gaps[0] < 0.05
 
@@ -68,5 +69,5 @@ def test_it_is_nearly_as_fast_as_the_path_allows():
     """On a straight path the fastest motion is known: one S-curve."""
     limits = limits_with(5000.0)
     ends = np.array([[0.0, 0.0, 0.0], [0.5, 0.5, 0.5], [1.0, 1.0, 1.0]])
-    trajectory = time_blended(blend_path(ends, np.ones(1), limits, NAMES), limits)
+    trajectory = time_blended(blend_path(ends, np.ones(1), limits, NAMES), WEIGHTLESS, limits)
     assert trajectory.duration < 1.02 * stop_at_corners(ends[[0, 2]], limits, NAMES).duration
