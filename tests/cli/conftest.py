@@ -12,6 +12,7 @@ name: free
 robot: planar2r
 start: {joints: [0.5, 1.0]}
 goal: {joints: [-0.5, 1.2]}
+scene: {obstacles: [{name: far, shape: {sphere: 0.1}, pose: {position: [-1, 0.18, 1]}}]}
 planner: quintic
 """
 
@@ -23,17 +24,24 @@ start: {joints: [0.9, 0.5]}
 goal: {joints: [-1.5708, 0]}
 scene:
   obstacles:
-    - {name: beam, shape: {box: [3.0, 0.4, 0.04]}, pose: {position: [0, 0.18, 0.75]}}
-  allowed_collisions: [[beam, upper_arm]]
+    - {name: ceiling, shape: {box: [3.0, 0.1, 0.04]}, pose: {position: [0, 0.2, 0.75]}}
 planner: rrtconnect
 """
 
 
 @pytest.fixture
 def free(tmp_path):
-    """A problem with nothing in the way."""
+    """A problem with nothing in the way of the straight motion."""
     path = tmp_path / "free.yaml"
     path.write_text(FREE)
+    return path
+
+
+@pytest.fixture
+def shut_in(tmp_path):
+    """A problem without a solution, whose search does not end by itself."""
+    path = tmp_path / "shut-in.yaml"
+    path.write_text(SHUT_IN)
     return path
 
 

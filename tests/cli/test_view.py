@@ -1,0 +1,55 @@
+import shutil
+
+import pytest
+
+from optiplan.cli import viewing
+
+
+@pytest.fixture
+def run(optiplan, free, tmp_path):
+    assert optiplan("plan", free, "--out", tmp_path / "run")[0] == 0
+    return tmp_path / "run"
+
+
+def test_export_writes_one_page(optiplan, run, tmp_path):
+    page = tmp_path / "pages" / "view.html"
+    code, out, _ = optiplan("view", run, "--export", page)
+    assert code == 0
+    assert str(page) in out
+    assert "<html" in page.read_text()
+    assert "quintic" in page.read_text()
+
+
+def test_runs_of_one_problem_go_side_by_side(optiplan, run, tmp_path):
+    shutil.copytree(run, tmp_path / "again")
+    problem, shown = viewing.open_runs([run, tmp_path / "again"])
+    assert problem.name == "free"
+    assert [one.label for one in shown] == ["quintic (run)", "quintic (again)"]
+
+
+def test_runs_of_different_problems_are_refused(optiplan, run, free, tmp_path):
+    free.write_text(free.read_text().replace("name: free", "name: other"))
+    assert optiplan("plan", free, "--out", tmp_path / "other")[0] == 0
+    code, _, err = optiplan("view", run, tmp_path / "other")
+    assert code == 2
+    assert "a run of 'other'; expected a run of 'free'" in err
+
+
+def test_a_lone_trajectory_cannot_be_shown(optiplan, run, tmp_path):
+    shutil.copy(run / "trajectory.json", tmp_path / "mine.json")
+    code, _, err = optiplan("view", tmp_path / "mine.json")
+    assert code == 2
+    assert "expected a run folder" in err
+
+
+@pytest.mark.parametrize("command", ["plan", "view"])
+def test_serving_prints_the_address(optiplan, run, free, monkeypatch, command):
+    def serve(problem, runs, port, on_ready):
+        assert [one.label for one in runs] == ["quintic"]
+        on_ready(f"http://127.0.0.1:{port}/")
+
+    monkeypatch.setattr(viewing, "serve", serve)
+    monkeypatch.setattr(viewing.signal, "signal", lambda *_: None)
+    code, out, _ = optiplan("plan", free, "--view") if command == "plan" else optiplan("view", run)
+    assert code == 0
+    assert "open http://127.0.0.1:7000/ in a browser" in out
