@@ -1,0 +1,120 @@
+"""The main planner as a whole: near the bound in the open, around obstacles, back to the sampled path, reasons."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from optiplan.model.robot import Robot, load_robot
+from optiplan.model.scene import Box, Obstacle, Scene
+from optiplan.planners.base import Budget, PlanResult
+from optiplan.planners.trajopt.attempt import Optimiser
+from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.planner import TrajOpt
+from optiplan.problem.problem import JointGoal, Problem
+from optiplan.trajectory.timing import lower_bound
+from optiplan.verify.verify import verify
+
+GOAL = np.array([1.2, 0.3, 0.4, -1.6, 0.3, 1.9, 0.4])
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("panda")
+
+
+def box(name: str, size: tuple[float, float, float], *position: float) -> Obstacle:
+    return Obstacle(name, Box(size), pin.SE3(np.eye(3), np.array(position)))
+
+
+def make(robot: Robot, *obstacles: Obstacle, goal: np.ndarray = GOAL) -> Problem:
+    start = robot.configurations["ready"]
+    return Problem("t", robot, Scene(obstacles), start, (JointGoal(goal),), robot.limits)
+
+
+def plan(problem: Problem, budget: float = 20.0, **options: float) -> PlanResult:
+    planner = TrajOpt(TrajOptOptions(**options))  # type: ignore[arg-type]
+    return planner.plan(problem, Budget(budget), lambda stage, fraction: None)
+
+
+def test_free_space_is_within_two_percent_of_the_physical_limit(robot: Robot) -> None:
+    problem = make(robot)
+    problem = replace(problem, limits=replace(problem.limits, torque=np.full(7, np.inf)))
+    result = plan(problem)
+    assert result.trajectory is not None
+    assert verify(problem, result.trajectory).verified
+    assert 1.0 <= result.trajectory.duration / lower_bound(problem.start, GOAL, problem.limits) < 1.02
+
+
+def test_torque_limits_bind_and_hold(robot: Robot) -> None:
+    problem = make(robot)
+    free = plan(problem).trajectory
+    assert free is not None
+    peak = next(check for check in verify(problem, free).checks if check.name == "torque").worst
+    assert peak is not None
+    limits = replace(problem.limits, torque=np.where(problem.limits.torque > 20, 0.8 * peak, problem.limits.torque))
+    weak = replace(problem, limits=limits)
+    bound = plan(weak).trajectory
+    assert bound is not None
+    assert verify(weak, bound).verified
+    assert not verify(weak, free).verified
+
+
+def test_goes_around_a_wall(robot: Robot) -> None:
+    problem = make(
+        robot, box("wall", (0.5, 0.04, 0.7), 0.55, 0.3, 0.35), goal=np.array([1.4, 0.3, 0, -1.9, 0, 2.1, 0.8])
+    )
+    result = plan(problem)
+    assert result.trajectory is not None
+    report = verify(problem, result.trajectory)
+    assert report.verified
+    assert set(result.timings) >= {"set-up", "goals", "optimisation"}
+
+
+def test_jerk_weight_makes_the_motion_gentler(robot: Robot) -> None:
+    problem = make(robot)
+    gentle = replace(problem, objective=replace(problem.objective, jerk=1e-6))
+    fast, smooth = plan(problem).trajectory, plan(gentle).trajectory
+    assert fast is not None
+    assert smooth is not None
+    assert verify(gentle, smooth).verified
+    t = np.linspace(0.0, 1.0, 2001)
+    cost = [
+        trajectory.duration * float(np.mean(trajectory(t * trajectory.duration, 3) ** 2))
+        for trajectory in (fast, smooth)
+    ]
+    assert cost[1] < 0.5 * cost[0]
+    assert smooth.duration > fast.duration
+
+
+def test_the_sampled_path_is_the_answer_when_no_optimised_curve_is_free(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Optimiser, "run", lambda self, control: None)
+    goal = np.array([1.4, 0.3, 0, -1.9, 0, 2.1, 0.8])
+    problem = make(robot, box("wall", (0.5, 0.04, 0.7), 0.55, 0.3, 0.35), goal=goal)
+    result = plan(problem, seeds=1)
+    assert result.trajectory is not None
+    assert "fallback" in result.info
+    assert verify(problem, result.trajectory).verified
+
+
+def test_start_equal_to_goal_rests(robot: Robot) -> None:
+    problem = make(robot, goal=robot.configurations["ready"])
+    result = plan(problem)
+    assert result.trajectory is not None
+    assert verify(problem, result.trajectory).verified
+
+
+def test_no_way_through_fails_within_the_budget_and_says_where() -> None:
+    planar = load_robot("planar2r")
+    posts = (box("over", (0.05, 1.0, 0.05), 0.0, 0.0, 0.3), box("under", (0.05, 1.0, 0.05), 0.0, 0.0, -0.3))
+    goal = JointGoal(np.array([2.9, 0.0]))  # the first link points the other way, and cannot pass either post
+    problem = Problem("t", planar, Scene(posts), np.zeros(2), (goal,), planar.limits)
+    result = plan(problem, budget=1.5)
+    assert result.trajectory is None
+    assert result.failure is not None
+    assert result.failure.kind == "no-path"
+    assert {"over", "under"} & set(result.failure.witness["pair"])
+    assert sum(result.timings.values()) < 2.5
