@@ -12,7 +12,7 @@ from optiplan.planners.goals import ranked_goals
 from optiplan.planners.sampling import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.stopwatch import Stopwatch
 from optiplan.planners.sweep import Touch
-from optiplan.planners.torque import torque_scale
+from optiplan.planners.timed import timed_path
 from optiplan.planners.trajopt.attempt import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.seeds import along_path
@@ -100,13 +100,9 @@ class _Run:
 
     def _time_path(self, waypoints: Array) -> None:
         """No optimised curve is free, but the sampled path is: time it as it is."""
-        robot, limits = self.problem.robot, self.problem.limits
         with self.watch.stage("timing of the sampled path"):
-            trajectory = stop_at_corners(waypoints, limits, robot.joint_names)
-            slower = torque_scale(robot, limits.torque, trajectory)
-            if np.isfinite(slower):
-                self.best = trajectory.scaled(trajectory.duration * slower)
-        self.info["fallback"] = "sampled path, timed with a stop at each corner"
+            self.best = timed_path(self.model, waypoints, self.problem.limits, self.budget)
+        self.info["fallback"] = "sampled path"
 
     def _attempt(self, kind: str, waypoints: Array) -> None:
         self.progress("optimisation", len(self.info["attempts"]) / (self.options.seeds + self.options.straight_goals))
