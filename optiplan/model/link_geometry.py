@@ -52,9 +52,11 @@ def _parts(item: pin.GeometryObject, kind: str, notes: list[str]) -> Iterator[pi
         yield _copy(item, item.name, hull_of(vertices_of(item.geometry)))
     elif kind == "convex_pieces":
         pieces = pieces_of(item.geometry)
-        notes.append(
-            f"{item.name}: {len(pieces.vertices)} convex pieces, grown by at most {pieces.growth * 1e3:.2g} mm"
+        count, growth = len(pieces.vertices), f"{pieces.growth * 1e3:.2g} mm"
+        made = (
+            f"{count} convex pieces, grown by at most {growth}" if count > 1 else "its hull, which pieces nearly fill"
         )
+        notes.append(f"{item.name}: {made}")
         for index, vertices in enumerate(pieces.vertices):
             yield _copy(item, f"{item.name}_piece{index}", hull_of(vertices))
     else:

@@ -81,6 +81,14 @@ def test_a_convex_mesh_is_one_piece(tmp_path):
     assert len(pieces_of(load(tmp_path / "ball.stl")).vertices) == 1
 
 
+def test_a_robot_file_may_ask_for_pieces_of_a_convex_mesh(tmp_path):
+    trimesh.creation.icosphere(subdivisions=1, radius=0.1).export(tmp_path / "ball.stl")
+    mesh = f'<link name="m"><collision><geometry><mesh filename="{tmp_path}/ball.stl"/></geometry></collision></link>'
+    parts = [LINK.format("a"), mesh, joint("j1", "a", "m")]
+    robot = load_robot(str(write_robot(tmp_path / "r", parts, "collision: convex_pieces\n")))
+    assert "m_0: its hull, which pieces nearly fill" in robot.notes
+
+
 def test_pieces_are_kept_by_mesh_and_options(angle, own_cache, monkeypatch):
     first = pieces_of(load(angle))
     assert len(list(own_cache.glob("pieces/*.npz"))) == 1
