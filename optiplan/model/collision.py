@@ -101,6 +101,11 @@ class CollisionModel:
         pin.computeDistance(self.geometry, self._geometry_data, pair)
         return self._read(pair)
 
+    def pair_gap(self, pair: int) -> float:
+        """The distance alone, m, of one pair where `place` put the bodies; several times faster than its points."""
+        pin.computeDistance(self.geometry, self._geometry_data, pair)
+        return float(self._geometry_data.distanceResults[pair].min_distance)
+
     def distance(self, q: Array, pair: int) -> Contact:
         """Nearest points of one pair at q (n,)."""
         self.place(q)

@@ -134,11 +134,10 @@ def _gaps(
                 break
             model.place(Q[row])
             placed = row
-        contact = model.pair_distance(pair)
-        gap[k] = contact.distance - margin - _TOLERANCE
-        if gap[k] <= 0.0 and (worst is None or contact.distance < worst[1].distance):
-            worst = (row, contact)
-    return gap, worst
+        gap[k] = model.pair_gap(pair) - margin - _TOLERANCE
+        if gap[k] <= 0.0 and (worst is None or gap[k] < gap[worst]):
+            worst = k
+    return gap, None if worst is None else (int(rows[worst]), model.distance(Q[rows[worst]], int(pairs[worst])))
 
 
 def _cut(middle: Array, half: Array, rows: Index, pairs: Index, ratio: Array) -> tuple[Array, Array, Index, Index]:
