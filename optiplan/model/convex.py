@@ -74,19 +74,23 @@ def hull_of(points: Array) -> coal.ConvexBase:
     return convex_hull(points)
 
 
-def pieces_of(mesh: coal.BVHModelBase, options: PieceOptions = PieceOptions()) -> Pieces:
+def pieces_of(mesh: coal.BVHModelBase, identity: bytes, options: PieceOptions = PieceOptions()) -> Pieces:
     """Convex pieces that together contain every triangle of a mesh; cached on disk.
 
     CoACD's pieces cut corners of the mesh. So each triangle, divided where it spans several pieces, goes to the piece
     that contains it best, and every piece becomes the hull of itself and its triangles: the union contains the mesh.
+
+    Args:
+        mesh: triangles, in m.
+        identity: bytes that tell this mesh from any other, such as those of its file and its scale.
+        options: how finely it is cut.
     """
-    vertices, triangles = vertices_of(mesh), triangles_of(mesh)
-    key = cache.digest([vertices.tobytes(), triangles.tobytes(), repr(asdict(options)).encode()])
+    key = cache.digest([identity, repr(asdict(options)).encode()])
     name = f"pieces/{key}.npz"
     content = cache.load(name)
     if content is None:
-        log.info("cutting a mesh of %d triangles into convex pieces, once", len(triangles))
-        content = _pack(_cut(vertices, triangles, options))
+        log.info("cutting a mesh of %d triangles into convex pieces, once", mesh.num_tris)
+        content = _pack(_cut(vertices_of(mesh), triangles_of(mesh), options))
         cache.store(name, content)
     return _unpack(content)
 

@@ -1,8 +1,10 @@
 """What is checked for each link: its mesh, the mesh's hull, or convex pieces."""
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 import coal
+import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import InputError, Issue
@@ -51,7 +53,8 @@ def _parts(item: pin.GeometryObject, kind: str, notes: list[str]) -> Iterator[pi
     if kind == "hull":
         yield _copy(item, item.name, hull_of(vertices_of(item.geometry)))
     elif kind == "convex_pieces":
-        pieces = pieces_of(item.geometry)
+        identity = Path(item.meshPath).read_bytes() + np.asarray(item.meshScale).tobytes()
+        pieces = pieces_of(item.geometry, identity)
         count, growth = len(pieces.vertices), f"{pieces.growth * 1e3:.2g} mm"
         made = (
             f"{count} convex pieces, grown by at most {growth}" if count > 1 else "its hull, which pieces nearly fill"
