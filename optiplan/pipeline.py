@@ -16,7 +16,7 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
 from optiplan.verify.verify import verify
 
-LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "proxsuite", "qpsolvers", "toppra", "trimesh", "coacd")
+LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "toppra", "trimesh", "coacd")
 """Distributions whose version can change a result; recorded with every run."""
 
 
