@@ -24,6 +24,8 @@ far every joint moves away from them within the interval."""
 
 _TOLERANCE = 2e-6  # m; coal's distances are good to 1e-6
 _MOST_CUTS = 12
+_FIRST_STEP = 0.1  # rad or m, summed over joints: length of an interval to begin with
+_CHUNK = 256  # intervals proved together: bounds the memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +42,16 @@ class Touch:
 
 
 def first_contact(
-    model: CollisionModel, trajectory: Trajectory, margin: float = 0.0, resolution: float = 1e-4
+    model: CollisionModel, trajectory: Trajectory, margin: float = 0.0, resolution: float = 1e-6
 ) -> Touch | None:
     """Earliest place found where a trajectory's bodies come nearer than `margin` (m), or None: free at all times.
 
     Holds at: everywhere; None is a proof up to coal's tolerance. An interval shorter than `resolution` (s) that is
     neither proved free nor seen to touch counts as a touch.
     """
-    parts = np.ceil(np.diff(trajectory.breakpoints) / 0.02)
-    intervals = _subdivide(trajectory.breakpoints, parts)
-    return sweep(model, trajectory_curve(trajectory), intervals, margin, resolution)
+    curve, edges = trajectory_curve(trajectory), trajectory.breakpoints
+    _, D = curve(0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
+    return sweep(model, curve, _subdivide(edges, np.ceil(2.0 * D.sum(axis=1) / _FIRST_STEP)), margin, resolution)
 
 
 def trajectory_curve(trajectory: Trajectory) -> Curve:
@@ -72,14 +74,15 @@ def trajectory_curve(trajectory: Trajectory) -> Curve:
 def polyline_contact(model: CollisionModel, waypoints: Array, margin: float = 0.0) -> Touch | None:
     """Like `first_contact` for straight segments between waypoints (k, n); t is segment index plus fraction."""
     start, step = waypoints[:-1], np.diff(waypoints, axis=0)
-    intervals = _subdivide(np.arange(len(waypoints), dtype=float), np.ceil(np.abs(step).sum(axis=1) / 0.1))
+    parts = np.ceil(np.abs(step).sum(axis=1) / _FIRST_STEP)
+    intervals = _subdivide(np.arange(len(waypoints), dtype=float), parts)
 
     def curve(middle: Array, half: Array) -> tuple[Array, Array]:
         segment = np.floor(middle).astype(int)
         fraction = (middle - segment)[:, None]
         return start[segment] + fraction * step[segment], half[:, None] * np.abs(step[segment])
 
-    return sweep(model, curve, intervals, margin, 1e-4)
+    return sweep(model, curve, intervals, margin, 1e-6)
 
 
 def sweep(
@@ -87,12 +90,25 @@ def sweep(
 ) -> Touch | None:
     """Earliest touch found on the intervals (middles (N,), half widths (N,)) of a curve, or None: all proved free."""
     middle, half = intervals
-    Q, D = curve(middle, half)
     if margin <= 0.0:  # a plain collision query is ten times cheaper than a proof: refuse early
-        for t, q in zip(middle, Q, strict=True):
+        for t, q in zip(middle, curve(middle, half)[0], strict=True):
             contact = model.clearance(q) if model.collides(q) else None
             if contact is not None and contact.distance <= margin:
                 return Touch(float(t), q, contact)
+    for k in range(0, len(middle), _CHUNK):
+        part = slice(k, k + _CHUNK)
+        touch = _prove(model, curve, (middle[part], half[part]), margin, resolution)
+        if touch is not None:
+            return touch
+    return None
+
+
+def _prove(
+    model: CollisionModel, curve: Curve, intervals: tuple[Array, Array], margin: float, resolution: float
+) -> Touch | None:
+    """Cut the intervals until each is proved free, or one is seen to touch or grows too small."""
+    middle, half = intervals
+    Q, D = curve(middle, half)
     bounds, travel = model.lower_bounds(Q) - margin, model.travel(Q, D)
     rows, pairs = np.nonzero(bounds <= travel)
     travel = travel[rows, pairs]
