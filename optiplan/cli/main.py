@@ -6,11 +6,13 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Sequence
+from typing import Annotated
 
 import typer
 
+import optiplan
 from optiplan.cli import check, importing, plan, planners, robots, verify, view
-from optiplan.cli.output import Exit, print_error, print_json, report_error
+from optiplan.cli.output import Exit, print_error, print_json, report_error, results
 from optiplan.errors import OptiPlanError
 
 HELP = """One YAML file in, one trajectory out that is [bold]proved[/] collision-free and within limits.
@@ -23,12 +25,28 @@ Exit codes: 0 verified · 2 bad input · 3 no plan found within the budget · 4 
 
 app = typer.Typer(
     name="optiplan",
-    help=HELP,
     add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        results().print(f"optiplan {optiplan.__version__}")
+        raise typer.Exit
+
+
+@app.callback(help=HELP)
+def _program(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """What stands before the command."""
+
+
 app.command("plan")(plan.plan)
 app.command("verify")(verify.verify)
 app.command("view")(view.view)

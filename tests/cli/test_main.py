@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from optiplan import __version__
 from optiplan.cli import main
 
 
@@ -14,6 +15,10 @@ def test_help_teaches(optiplan, command):
     assert "Usage: optiplan" in out
     if command not in ("planners", "import"):
         assert "Example" in out
+
+
+def test_version(optiplan):
+    assert optiplan("--version") == (0, f"optiplan {__version__}\n", "")
 
 
 def test_no_arguments_is_help(optiplan):
