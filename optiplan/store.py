@@ -47,7 +47,7 @@ def save_run(run: Run, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         _write_all(folder, files)
     except OSError as error:
-        raise _unusable(folder, error) from error
+        raise _unusable(folder, error, "a folder that can be written") from error
 
 
 def check_folder(folder: Path) -> None:
@@ -115,7 +115,7 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise _unusable(path, error) from error
+        raise _unusable(path, error, "a run folder or file") from error
     except json.JSONDecodeError as error:
         raise InputError([Issue(str(path), error.lineno, "file", f"broken JSON ({error.msg})", "JSON")]) from error
     except (UnicodeDecodeError, RecursionError) as error:
@@ -125,5 +125,5 @@ def _read(path: Path) -> dict[str, Any]:
     return data
 
 
-def _unusable(path: Path, error: OSError) -> InputError:
-    return InputError([Issue(str(path), None, "file", (error.strerror or str(error)).lower(), "a run folder or file")])
+def _unusable(path: Path, error: OSError, expected: str) -> InputError:
+    return InputError([Issue(str(path), None, "file", (error.strerror or str(error)).lower(), expected)])

@@ -23,4 +23,4 @@ def find_problem(name: str) -> Path:
     hint = f" (did you mean '{near[0]}'?)" if near else ""
     found = "is a folder" if path.is_dir() else "no such file"
     expected = f"a problem file, or one of the examples: {', '.join(examples)}{hint}"
-    raise InputError([Issue(name, None, "file", found, expected)])
+    raise InputError([Issue(name or "''", None, "file", found, expected)])
