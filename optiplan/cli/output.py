@@ -69,9 +69,15 @@ def stdout_is_ours() -> Iterator[None]:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Ctrl-C waits meanwhile: it may end the process between two runs, not between the two files of one."""
-    held = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    """Ctrl-C waits meanwhile: it may end the process between two runs, not between the two files of one.
+
+    By a handler, not by a signal mask: libraries have threads of their own, which would take the signal.
+    """
+    pressed: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: pressed.append(number))
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, held)
+        signal.signal(signal.SIGINT, handler)
+        for number in pressed[:1]:
+            signal.raise_signal(number)
