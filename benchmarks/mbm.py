@@ -39,6 +39,7 @@ STEP = 0.01  # rad, largest joint step of the second look
 
 
 def parse() -> argparse.Namespace:
+    """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robot", default="panda", help="panda (default) or ur5")
     parser.add_argument("--planner", default="trajopt")
@@ -50,6 +51,7 @@ def parse() -> argparse.Namespace:
 
 
 def main() -> None:
+    """Import, plan, print."""
     arguments = parse()
     source = SHARED / "robots" / f"mbm_{arguments.robot}" / "robot.yaml"
     with tempfile.TemporaryDirectory() as folder:
@@ -57,7 +59,9 @@ def main() -> None:
         sets: dict[str, list[Path]] = defaultdict(list)
         for file in sorted(written):
             sets[file.parent.name].append(file)
-        files = [f for name, group in sets.items() if name in (arguments.sets or sets) for f in group[: arguments.count]]
+        files = [
+            f for name, group in sets.items() if name in (arguments.sets or sets) for f in group[: arguments.count]
+        ]
         meshes = mesh_robot(source, Path(folder))
         solve(files[0], arguments, meshes)  # pays for imports; not counted
         console = Console(stderr=True)
@@ -138,7 +142,7 @@ def print_tables(rows: list[dict[str, Any]]) -> None:
             f"{s['verify_s']['50']:.2f}",
             " / ".join(f"{s['ratio'][p]:.3f}" for p in ("50", "90")),
         )
-    console = Console()
+    console = Console(width=120)
     console.print(table)
     for row in rows:
         if not row["verified"]:

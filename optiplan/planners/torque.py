@@ -1,5 +1,7 @@
 """Slow a trajectory down until its joint torques hold."""
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 
@@ -8,20 +10,21 @@ from optiplan.model.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 
 _STEP = 1e-3  # s, at most, between samples
+_LEAST = 33  # samples in a piece
 _RESERVE = 1e-3  # share of the limit kept free for what happens between samples
 
 
 def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
     """Factor s >= 1 on the duration at which |tau| <= limit (n,); inf where gravity exceeds it.
 
-    Holds at: breakpoints and samples 1 ms apart.
+    Holds at: samples at most 1 ms apart, and 33 in every polynomial piece, however short.
+
     Run s times slower, the same path needs tau(s) = g(q) + (tau(1) - g(q)) / s^2: inertial and Coriolis torques scale
     alike (Hollerbach 1984, Dynamic scaling of manipulator trajectories). Friction and carried loads are not modelled.
     """
     if not np.isfinite(limit).any():
         return 1.0
-    t = np.linspace(0.0, trajectory.duration, max(2, int(np.ceil(trajectory.duration / _STEP)) + 1))
-    t = np.union1d(t, trajectory.breakpoints)  # where the acceleration of cubic pieces peaks
+    t = np.concatenate([_grid(a, b) for a, b in pairwise(trajectory.breakpoints)])
     Q, V, A = (trajectory(t, order) for order in range(3))
     data = robot.model.createData()
     tau = np.array([pin.rnea(robot.model, data, q, v, a) for q, v, a in zip(Q, V, A, strict=True)])
@@ -32,3 +35,8 @@ def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         squared = np.abs(motion) / (allowed - np.sign(motion) * gravity)
     return max(1.0, float(np.sqrt(np.nanmax(squared, initial=0.0))))
+
+
+def _grid(a: float, b: float) -> Array:
+    """Samples of one piece and its ends: torques peak at breakpoints, or within the short pieces at the ends."""
+    return np.linspace(a, b, max(_LEAST, int(np.ceil((b - a) / _STEP)) + 1))

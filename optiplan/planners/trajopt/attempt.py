@@ -8,13 +8,13 @@ from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.sweep import Touch, first_contact
-from optiplan.planners.torque import torque_scale
+from optiplan.planners.timed import within_torque
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.spline import DEGREE, SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.sqp import optimise
 from optiplan.planners.trajopt.transcription import Margins, Transcription
 from optiplan.problem.problem import Problem
-from optiplan.trajectory.timing import speed_ratio
+from optiplan.trajectory.timing import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
 
 HOPELESS = 0.05
@@ -67,11 +67,7 @@ class Optimiser:
         """The curve at the least duration at which exact extrema and torques hold; None when gravity is too much."""
         names = self.problem.robot.joint_names
         trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
-        trajectory = trajectory.scaled(duration * speed_ratio(trajectory, self.problem.limits) * (1.0 + 1e-9))
-        slower = torque_scale(self.problem.robot, self.problem.limits.torque, trajectory)
-        if not np.isfinite(slower):
-            return None
-        return trajectory.scaled(trajectory.duration * slower)
+        return within_torque(self.model, self.problem.limits, scale_to_limits(trajectory, self.problem.limits))
 
     def _margins(self, control: Array) -> Margins:
         ends = [self.model.clearance(q) for q in (control[0], control[-1])]

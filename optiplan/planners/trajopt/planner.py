@@ -23,6 +23,9 @@ from optiplan.trajectory.trajectory import Trajectory
 _PATIENCE = 0.05
 """With every sampled seed tried, this much more of the lower bound is good enough."""
 
+_SAME, _FAMILIAR = 1.01, 0.1
+"""Durations within 1 % are one local optimum; found again, it is good enough at 10 % more of the lower bound."""
+
 
 class TrajOpt:
     """Minimum-time B-splines by sequential quadratic programming, from straight lines and sampled paths.
@@ -83,7 +86,7 @@ class _Run:
         shortest: SampledPath | None = None
         failure: Failure | None = None
         for number in range(self.options.seeds):
-            if self._done(self.least * (self.options.good_enough + _PATIENCE * number)):
+            if self._done(self.least * (self.options.good_enough + _PATIENCE * number + _FAMILIAR * self._repeats())):
                 break
             with self.watch.stage("sampling"):
                 options = SamplingOptions(self.budget, seed=self.problem.seed * 1000 + number)
@@ -119,6 +122,12 @@ class _Run:
             self.touching = attempt.touch
         elif self.best is None or attempt.trajectory.duration < self.best.duration:
             self.best = attempt.trajectory
+
+    def _repeats(self) -> int:
+        """How often the best local optimum was found again."""
+        best = self.best.duration if self.best is not None else np.inf
+        found = [a["duration"] for a in self.info["attempts"] if a["free"] and a["duration"] <= _SAME * best]
+        return max(0, len(found) - 1)
 
     def _done(self, enough: float) -> bool:
         """Out of time, or there is a trajectory of at most `enough` s."""
