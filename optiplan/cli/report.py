@@ -23,7 +23,7 @@ def show_run(console: Console, run: Run) -> None:
     if run.failure is not None:
         _show_failure(console, run.failure)
     console.print(_times(run), markup=False, style="dim")
-    for note in run.problem.robot.notes:
+    for note in run.problem.robot.notes if run.report is None else ():  # the report holds them as well
         console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
 
 

@@ -1,4 +1,4 @@
-"""What every planner is: the protocol, its result, its budget, and the registry by name."""
+"""What every planner is: the protocol, its result, its budget."""
 
 import threading
 import time
