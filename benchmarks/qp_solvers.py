@@ -1,4 +1,4 @@
-"""Which solver for the programs of `trajopt`? Every one that qpsolvers finds, on the same programs.
+"""Which solver for the programs of `trajopt`? Those of `SOLVERS` that are installed, on the same programs.
 
     python benchmarks/qp_solvers.py
 
@@ -26,6 +26,7 @@ from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.problem.load import load_problem
 
+SOLVERS = ("piqp", "clarabel", "daqp", "proxqp", "osqp")  # only piqp comes with optiplan; pip installs the others
 EXAMPLES = ("01_reach", "02_shelf", "05_cage", "09_ur5")
 EVERY = 25
 PATIENCE = 10.0  # s
@@ -74,7 +75,7 @@ def measure(solver: str, programs: list[qpsolvers.Problem]) -> tuple[np.ndarray,
 def main() -> None:
     """Record, measure, print."""
     programs = record()
-    figures = {name: measure(name, programs) for name in qpsolvers.available_solvers}
+    figures = {name: measure(name, programs) for name in SOLVERS if name in qpsolvers.available_solvers}
     reference = figures["piqp"][0]
     table = Table("solver", "solved", "time / PIQP (median)", "ms (median)")
     result = {}
