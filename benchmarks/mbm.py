@@ -25,6 +25,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from optiplan.errors import InputError
 from optiplan.model.collision import CollisionModel
 from optiplan.model.robot import Robot, load_robot
 from optiplan.pipeline import run
@@ -35,6 +36,12 @@ from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
 SHARED = Path(os.environ.get("OPTIPLAN_SHARED", Path(__file__).parents[2] / "shared"))
+UNPLANNED: dict[str, Any] = {
+    **dict.fromkeys(("planned", "verified", "confirmed"), False),
+    **dict.fromkeys(("plan_s", "verify_s"), 0.0),
+    **dict.fromkeys(("duration", "ratio"), None),
+    "refused": [],
+}
 STEP = 0.01  # rad, largest joint step of the second look
 
 
@@ -72,11 +79,14 @@ def main() -> None:
 
 def solve(file: Path, arguments: argparse.Namespace, meshes: Robot) -> dict[str, Any]:
     """One problem planned, verified and looked at a second time."""
-    problem = load_problem(file, seed=arguments.seed)
+    row: dict[str, Any] = {"set": file.parent.name, "problem": file.stem}
+    try:
+        problem = load_problem(file, seed=arguments.seed)
+    except InputError as error:  # a start or a goal that touches something under this robot's geometry
+        return {**row, **UNPLANNED, "failure": f"bad input: {error.issues[0].found}"}
     done = run(problem, arguments.planner, {}, Budget(arguments.budget), lambda stage, fraction: None)
     return {
-        "set": file.parent.name,
-        "problem": file.stem,
+        **row,
         "planned": done.trajectory is not None,
         "verified": done.verified,
         "confirmed": done.trajectory is not None and confirmed(problem, done.trajectory, meshes),
@@ -116,8 +126,8 @@ def confirmed(problem: Problem, trajectory: Trajectory, meshes: Robot) -> bool:
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Shares of all problems; times of all; ratios of the verified ones."""
-    times = np.array([row["plan_s"] for row in rows])
-    proofs = np.array([row["verify_s"] for row in rows])
+    times = np.array([row["plan_s"] for row in rows if row["plan_s"]] or [np.nan])
+    proofs = np.array([row["verify_s"] for row in rows if row["verify_s"]] or [np.nan])
     ratios = np.array([row["ratio"] for row in rows if row["verified"] and row["ratio"] is not None] or [np.nan])
     return {
         "problems": len(rows),
