@@ -27,6 +27,9 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
 """A whole number: no text, no true or false."""
 
+TEXT_TAGS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
+"""What a key can be: text, or `<<`."""
+
 LARGEST = 1_000_000
 """Values allowed in one document, aliases expanded: stops a file that grows without end through its aliases."""
 
@@ -162,11 +165,22 @@ def _lines(root: Node | None, path: Path) -> dict[Place, int]:
             raise InputError([Issue(str(path), line + 1, "file", "a document that is too large", "fewer values")])
         if isinstance(node, MappingNode):
             for key, value in node.value:
-                name = key.value if isinstance(key, ScalarNode) else "?"
-                stack.append(((*place, name), value, key.start_mark.line))
+                stack.append(((*place, _key(key, path)), value, key.start_mark.line))
         elif isinstance(node, SequenceNode):
             stack.extend(((*place, i), value, value.start_mark.line) for i, value in enumerate(node.value))
     return lines
+
+
+def _key(node: Node, path: Path) -> str:
+    """The text of a key.
+
+    Raises:
+        InputError: a key that is a number, a list, nothing or the like, which no file of ours has.
+    """
+    if isinstance(node, ScalarNode) and node.tag in TEXT_TAGS:
+        return str(node.value)
+    found = f"the key {describe(node.value)}, which is no text" if isinstance(node, ScalarNode) else "a key of keys"
+    raise InputError([Issue(str(path), node.start_mark.line + 1, "file", found, "keys that are text")])
 
 
 def _syntax_issue(path: Path, error: MarkedYAMLError) -> Issue:

@@ -1,12 +1,16 @@
 """From the shapes of a scene to coal geometry."""
 
 from functools import lru_cache
+from pathlib import Path
 
 import coal
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.model.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
+
+FARTHEST = 1e6
+"""Largest coordinate of a mesh, m: beyond it distances lose the micrometres that they are trusted to."""
 
 
 def build_geometry(shape: Shape) -> coal.CollisionGeometry:
@@ -40,10 +44,21 @@ def _load_mesh(shape: Mesh) -> coal.CollisionGeometry:
     try:
         mesh = coal.MeshLoader(coal.BV_OBBRSS).load(str(shape.file), np.asarray(shape.scale, float))
     except Exception as error:  # assimp raises whatever it likes
-        raise ValueError(f"cannot read mesh {shape.file}: {error}") from error
-    geometry = convex_hull(np.asarray(mesh.vertices())) if shape.convex else mesh
+        raise ValueError(f"cannot read mesh {shape.file}: {_reason(str(error), shape.file)}") from error
+    vertices = np.asarray(mesh.vertices())
+    if not (np.abs(vertices) <= FARTHEST).all():  # written so that NaN is refused too
+        raise ValueError(f"mesh {shape.file} has a vertex that is no number or beyond {FARTHEST:g} m")
+    geometry = convex_hull(vertices) if shape.convex else mesh
     geometry.computeLocalAABB()
     return geometry
+
+
+def _reason(message: str, file: Path) -> str:
+    """What is wrong with the file in one line, without the lines of coal about its own sources."""
+    ours = ("From file:", "in function:", "at line:", "Hint:", "message: Could not load resource")
+    lines = [line.strip() for line in message.splitlines()]
+    told = " ".join(line.removeprefix("message: ") for line in lines if line and not line.startswith(ours))
+    return told.replace(str(file), file.name) or "no reason given"
 
 
 def convex_hull(vertices: Array) -> coal.ConvexBase:

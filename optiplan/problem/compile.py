@@ -9,7 +9,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.geometry import pose_from_data, unit
-from optiplan.model.robot import Robot, load_robot
+from optiplan.model.robot import Robot, load_robot, robot_file
 from optiplan.model.scene import (
     Attachment,
     Box,
@@ -34,7 +34,7 @@ from optiplan.problem.spec import (
     StartSpec,
 )
 from optiplan.yaml_lines import Document, Place
-from optiplan.yaml_words import choices
+from optiplan.yaml_words import choices, describe
 
 
 class Compiler:
@@ -53,10 +53,18 @@ class Compiler:
         if self.draft.robot is None:
             return None
         try:
+            file = robot_file(self.draft.robot, self.base)
+            if not file.is_file():
+                found = f"'{self.draft.robot}', but there is no file {file}"
+                self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
+                return None
             return load_robot(self.draft.robot, self.base, self.draft.locked)
         except UnknownChoiceError as error:
             place = ("locked",) if error.kind != "robot" else ("robot",)
             self.report(place, f"unknown {error.kind} '{error.found}'", choices(error.found, error.choices))
+        except OSError as error:  # a name that no file can have
+            found = f"{describe(self.draft.robot)} ({(error.strerror or str(error)).lower()})"
+            self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
         except InputError as error:
             self.issues.extend(map(self._relocated, error.issues))
         return None
@@ -145,8 +153,14 @@ class Compiler:
         return primitive(spec)
 
     def _mesh(self, place: Place, spec: MeshSpec) -> Mesh | None:
-        file = (self.base / spec.file).resolve()
-        if not file.is_file():
+        try:
+            file = (self.base / spec.file).resolve()
+            there = file.is_file()
+        except (OSError, ValueError) as error:  # a name that no file can have
+            reason = getattr(error, "strerror", None) or str(error)
+            self.report(place, f"{describe(spec.file)} ({reason.lower()})", "a mesh file (STL, OBJ, DAE)")
+            return None
+        if not there:
             self.report(place, f"'{spec.file}', but there is no file {file}", "a mesh file (STL, OBJ, DAE)")
             return None
         mesh = Mesh(file, (spec.scale[0], spec.scale[1], spec.scale[2]), spec.convex)

@@ -12,12 +12,26 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 from optiplan.geometry import unit
 from optiplan.yaml_lines import Number, Strict, Whole
 
-Length = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
-"""A finite number > 0, m."""
+FARTHEST = 1e6
+"""Largest length and coordinate, m: nothing that an arm can meet, and squares of it are still exact enough."""
+
+Length = Annotated[float, Field(strict=True, gt=0.0, le=FARTHEST, allow_inf_nan=False)]
+"""A number > 0, m."""
+
+Coordinate = Annotated[float, Field(strict=True, ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+"""A number of either sign, m (or rad, or of a unit vector)."""
 
 NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
-Fraction = Annotated[float, Field(strict=True, gt=0.0, le=1.0, allow_inf_nan=False)]
-Name = Annotated[str, Field(strict=True, min_length=1)]
+Fraction = Annotated[float, Field(strict=True, ge=1e-6, le=1.0, allow_inf_nan=False)]
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():  # they would rule the terminal that the name is printed to
+        raise ValueError(f"found {text[:60]!r}; expected text of one line without control characters")
+    return text
+
+
+Name = Annotated[str, Field(strict=True, min_length=1), AfterValidator(_printable)]
 
 
 def _sized(count: int, words: str) -> AfterValidator:
@@ -64,7 +78,7 @@ def _schema_size(count: int) -> Callable[[dict[str, Any]], None]:
     return add
 
 
-Vector = Annotated[tuple[Number, ...], _sized(3, "[x, y, z]"), Field(json_schema_extra=_schema_size(3))]
+Vector = Annotated[tuple[Coordinate, ...], _sized(3, "[x, y, z]"), Field(json_schema_extra=_schema_size(3))]
 Size = Annotated[tuple[Length, ...], _sized(3, "[x, y, z]"), Field(json_schema_extra=_schema_size(3))]
 Scale = Annotated[Size, BeforeValidator(_repeated, json_schema_input_type=Length | Size)]
 Direction = Annotated[Vector, AfterValidator(_unit_length)]
@@ -87,8 +101,11 @@ class ExactlyOne(Strict):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        if len(self.model_fields_set) != 1 or getattr(self, next(iter(self.model_fields_set))) is None:
-            raise ValueError(f"exactly one of: {', '.join(type(self).model_fields)}")
+        valid = f"exactly one of: {', '.join(type(self).model_fields)}"
+        if len(self.model_fields_set) != 1:
+            raise ValueError(valid)
+        if getattr(self, self.kind) is None:
+            raise ValueError(f"found '{self.kind}' without a value; expected {valid}")
         return self
 
     @property
@@ -122,7 +139,7 @@ class HalfSpaceSpec(Strict):
     """All points p with normal . p <= offset are solid; `normal` has unit length, `offset` in m."""
 
     normal: Direction
-    offset: Number = 0.0
+    offset: Coordinate = 0.0
 
 
 class MeshSpec(Strict):
@@ -152,11 +169,17 @@ class ObstacleSpec(Strict):
     pose: PoseSpec = PoseSpec()
 
 
+def _bounded(shape: ShapeSpec) -> ShapeSpec:
+    if shape.half_space is not None:
+        raise ValueError("found a half_space; expected a shape that ends somewhere: no robot can carry a half-space")
+    return shape
+
+
 class AttachedSpec(Strict):
     """A shape held by `link`; `pose` in the link's frame; it may touch the links of `touch`, and `link`."""
 
     name: Name
-    shape: ShapeSpec
+    shape: Annotated[ShapeSpec, AfterValidator(_bounded)]
     link: Name
     pose: PoseSpec = PoseSpec()
     touch: tuple[Name, ...] = ()

@@ -102,7 +102,8 @@ def test_unknown_robot_lists_the_choices(write, arm):
 
 def test_missing_robot_file_is_named(write, arm):
     (issue,) = check_file(write(str(arm), "no/such/robot.yaml"))
-    assert "no/such/robot.yaml" in issue.file
+    assert (issue.line, issue.field) == (2, "robot")
+    assert "no/such/robot.yaml" in issue.found
 
 
 def test_missing_mesh_names_the_path_tried(write, tmp_path):

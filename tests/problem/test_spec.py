@@ -92,7 +92,7 @@ BAD = [
     ("seed: 0", "via: [1]", 12, "via", "a list of 1 value", "via points are not supported in this release"),
     ("seed: 0", "path_constraints: [1]", 12, "path_constraints", "a list of 1", "not supported in this release"),
     ("seed: 0", "limits: {velocity: 1.5}", 12, "limits.velocity", "1.5", "a number ≤ 1"),
-    ("seed: 0", "limits: {jerk: 0}", 12, "limits.jerk", "0", "a number > 0"),
+    ("seed: 0", "limits: {jerk: 0}", 12, "limits.jerk", "0", "a number ≥ 1e-06"),
     ("seed: 0", "objective: {time: 0}", 12, "objective", "all weights 0", "at least one weight > 0"),
     ("seed: 0", "objective: {jerk: -1}", 12, "objective.jerk", "-1", "≥ 0"),
     ("seed: 0", "planner: {name: 3}", 12, "planner.name", "3", "text"),
