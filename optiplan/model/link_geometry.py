@@ -10,6 +10,7 @@ import pinocchio as pin
 from optiplan.errors import InputError, Issue
 from optiplan.model.convex import hull_of, pieces_of, vertices_of
 from optiplan.model.robot_spec import CollisionSpec, Treatment
+from optiplan.model.shapes import FARTHEST
 from optiplan.yaml_lines import Document
 from optiplan.yaml_words import choices
 
@@ -41,8 +42,9 @@ def treat(
         try:
             for part in _parts(item, kind, notes):
                 result.addGeometryObject(part)
-        except ValueError as error:
-            found = f"{error} ({item.meshPath})"
+        except (ValueError, RuntimeError) as error:  # qhull has errors of its own
+            reason = str(error).splitlines()[0]
+            found = f"{reason} ({item.meshPath})"
             raise InputError(
                 [document.issue(("collision",), f"link {link}: {found}", "a mesh with vertices")]
             ) from error
@@ -50,6 +52,8 @@ def treat(
 
 
 def _parts(item: pin.GeometryObject, kind: str, notes: list[str]) -> Iterator[pin.GeometryObject]:
+    if kind != PRIMITIVE and not (np.abs(vertices_of(item.geometry)) <= FARTHEST).all():  # NaN is refused too
+        raise ValueError(f"a mesh without finite vertices, or with one beyond {FARTHEST:g} m")
     if kind == "hull":
         yield _copy(item, item.name, hull_of(vertices_of(item.geometry)))
     elif kind == "convex_pieces":

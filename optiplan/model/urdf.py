@@ -5,6 +5,7 @@ joints that turn without end become revolute ones without limits (so that nq = n
 """
 
 import logging
+import math
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
@@ -15,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import InputError, Issue
+from optiplan.model.urdf_faults import faults
 
 log = logging.getLogger(__name__)
 
@@ -70,6 +72,8 @@ def read_urdf(path: Path, folder: Path) -> UrdfSource:
         _settle_visuals(link, finder, notes)
         _settle_collisions(link, finder)
     joints = [joint for joint in root.findall("joint") if joint.find("parent") is not None]
+    for fault in faults(root, joints):
+        raise element_error(path, *fault)
     renamed = _rename_links(root, joints)
     notes += [f"link {old} is called {new}, since a joint is called {old} too" for old, new in renamed.items()]
     types = {joint.get("name", ""): joint.get("type", "") for joint in joints}
@@ -102,9 +106,14 @@ def build_collisions(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
         InputError: with the reason of the mesh reader.
     """
     try:
-        return pin.buildGeomFromUrdfString(model, source.xml, pin.GeometryType.COLLISION)
+        geometry = pin.buildGeomFromUrdfString(model, source.xml, pin.GeometryType.COLLISION)
     except (ValueError, RuntimeError) as error:
         raise _unreadable(source, error, "collision meshes that can be read") from error
+    given = len(ET.fromstring(source.xml).findall("link/collision"))
+    if geometry.ngeoms != given:  # the parser drops what it cannot read, and what is dropped would never be checked
+        found = f"{given} collision shapes, of which the parser could read {geometry.ngeoms} (see its messages above)"
+        raise InputError([Issue(str(source.path), None, "urdf", found, "shapes and origins of plain numbers")])
+    return geometry
 
 
 def build_visuals(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
@@ -208,6 +217,8 @@ def _mimics(joints: list[ET.Element], path: Path) -> Iterator[tuple[str, Mimic]]
             name, numbers = joint.get("name", ""), (mimic.get("multiplier", "1"), mimic.get("offset", "0"))
             try:
                 multiplier, offset = map(float, numbers)
+                if not math.isfinite(multiplier + offset):
+                    raise ValueError
             except ValueError as error:
                 raise element_error(path, name, f"<mimic> with {' and '.join(numbers)}", "numbers") from error
             yield name, Mimic(mimic.get("joint", ""), multiplier, offset)

@@ -1,0 +1,44 @@
+"""What the URDF parser would drop without a word must be refused: a link without its shape is never checked."""
+
+import pytest
+
+from optiplan.errors import InputError
+from optiplan.model.robot import load_robot
+
+URDF = """<robot name="x"><link name="a"/>
+<link name="b"><collision><origin xyz="0 0 0"/><geometry><box size="1 1 1"/></geometry></collision></link>
+<joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "name", "found"),
+    [
+        ('size="1 1 1"', 'size="nan 1 1"', "b", "nan 1 1"),
+        ('size="1 1 1"', 'size="-1 1 1"', "b", "-1 1 1"),
+        ('size="1 1 1"', 'size="1 1"', "b", "1 1"),
+        ('<box size="1 1 1"/>', "", "b", "0 shapes"),
+        ('<box size="1 1 1"/>', '<sphere radius="abc"/>', "b", "abc"),
+        ('<origin xyz="0 0 0"/>', '<origin xyz="nan 0 0"/>', "urdf", "1 collision shapes, of which"),
+        ('xyz="0 0 1"', 'xyz="0 0 0"', "j", "0 0 0"),
+        ("</robot>", '<joint name="k" type="fixed"><parent link="a"/><child link="b"/></joint></robot>', "b", "two"),
+    ],
+)
+def test_what_the_parser_would_drop_is_refused(tmp_path, old, new, name, found):
+    assert old in URDF
+    (tmp_path / "x.urdf").write_text(URDF.replace(old, new))
+    (tmp_path / "robot.yaml").write_text("version: 1\nname: x\nurdf: x.urdf\n")
+    with pytest.raises(InputError) as caught:
+        load_robot(str(tmp_path / "robot.yaml"))
+    (issue,) = caught.value.issues
+    assert issue.field == name
+    assert found in issue.found
+
+
+def test_a_mesh_with_nan_is_refused_whatever_stands_for_it(tmp_path):
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 nan 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
+    (tmp_path / "x.urdf").write_text(URDF.replace('<box size="1 1 1"/>', '<mesh filename="m.obj"/>'))
+    for kind in ("hull", "mesh"):
+        (tmp_path / "robot.yaml").write_text(f"version: 1\nname: x\nurdf: x.urdf\ncollision: {kind}\n")
+        with pytest.raises(InputError, match="finite"):
+            load_robot(str(tmp_path / "robot.yaml"))
