@@ -13,6 +13,9 @@ from optiplan.planners.stopwatch import Stopwatch
 from optiplan.planners.timed import timed_path
 from optiplan.problem.problem import Problem
 
+FINEST = 1e-4
+"""Smallest step of the collision checks, rad or m."""
+
 
 @dataclass(frozen=True)
 class RrtConnectOptions:
@@ -37,6 +40,8 @@ class RrtConnectOptions:
         for name in ("goals", "reach", "step"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise ValueError(f"{name} = {getattr(self, name)} is not positive and finite")
+        if self.step < FINEST:
+            raise ValueError(f"step = {self.step} is below {FINEST}: one edge would take longer than any budget")
         if self.attempts < 0:
             raise ValueError(f"attempts = {self.attempts} is negative")
 

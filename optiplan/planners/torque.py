@@ -11,20 +11,22 @@ from optiplan.trajectory.trajectory import Trajectory
 
 _STEP = 1e-3  # s, at most, between samples
 _LEAST = 33  # samples in a piece
+_MOST = 100_000  # samples in all, but for the least: a motion of hours is slow, so its torque changes slowly
 _RESERVE = 1e-3  # share of the limit kept free for what happens between samples
 
 
 def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
     """Factor s >= 1 on the duration at which |tau| <= limit (n,); inf where gravity exceeds it.
 
-    Holds at: samples at most 1 ms apart, and 33 in every polynomial piece, however short.
+    Holds at: samples at most 1 ms apart (in motions of up to 100 s), and 33 in every polynomial piece, however short.
 
     Run s times slower, the same path needs tau(s) = g(q) + (tau(1) - g(q)) / s^2: inertial and Coriolis torques scale
     alike (Hollerbach 1984, Dynamic scaling of manipulator trajectories). Friction and carried loads are not modelled.
     """
     if not np.isfinite(limit).any():
         return 1.0
-    t = np.concatenate([_grid(a, b) for a, b in pairwise(trajectory.breakpoints)])
+    step = max(_STEP, trajectory.duration / _MOST)
+    t = np.concatenate([_grid(a, b, step) for a, b in pairwise(trajectory.breakpoints)])
     Q, V, A = (trajectory(t, order) for order in range(3))
     data = robot.model.createData()
     tau = np.array([pin.rnea(robot.model, data, q, v, a) for q, v, a in zip(Q, V, A, strict=True)])
@@ -37,6 +39,6 @@ def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
     return max(1.0, float(np.sqrt(np.nanmax(squared, initial=0.0))))
 
 
-def _grid(a: float, b: float) -> Array:
+def _grid(a: float, b: float, step: float) -> Array:
     """Samples of one piece and its ends: torques peak at breakpoints, or within the short pieces at the ends."""
-    return np.linspace(a, b, max(_LEAST, int(np.ceil((b - a) / _STEP)) + 1))
+    return np.linspace(a, b, max(_LEAST, int(np.ceil((b - a) / step)) + 1))

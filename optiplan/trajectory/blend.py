@@ -12,6 +12,7 @@ from optiplan.trajectory.timing import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
 
 _GRID = 0.01  # s at full joint speed between the points where TOPP-RA looks at the path
+_MOST_PARTS = 5000  # of that grid and of the spline, so that a motion of hours is timed in seconds as well
 _FINEST = 4e-3  # s: shortest span of the spline
 _TORQUE_SHARE = 0.98  # of the limits; the rest is for what the spline does between the points of the grid
 _INWARD = np.array([1.0, 0.6, 0.2])  # where the control points of a blend lie along its two legs
@@ -71,7 +72,7 @@ def time_blended(path: Trajectory, robot: Robot, limits: Limits, gentleness: flo
     if fast is None:
         return None
     h = max(gentleness * float((2.0 * limits.acceleration / limits.jerk).max()), _FINEST * gentleness)
-    count = int(np.ceil(fast.duration / h))
+    count = int(np.ceil(min(fast.duration / h, _MOST_PARTS)))
     h = fast.duration / count
     samples = np.asarray(fast(np.linspace(0.0, fast.duration, count + 1)))
     samples[[0, -1]] = path.start, path.end
@@ -107,7 +108,8 @@ def _toppra(path: Trajectory, robot: Robot, limits: Limits, gentleness: float) -
             values = path(np.atleast_1d(s), order)
             return values if np.ndim(s) else values[0]
 
-    parts = np.maximum(4, np.ceil(np.diff(path.breakpoints) / _GRID)).astype(int)
+    step = max(_GRID, path.duration / _MOST_PARTS)
+    parts = np.maximum(4, np.ceil(np.diff(path.breakpoints) / step)).astype(int)
     pairs = zip(path.breakpoints[:-1], path.breakpoints[1:], parts, strict=True)
     grid = np.concatenate([[0.0], *(np.linspace(a, b, k + 1)[1:] for a, b, k in pairs)])
     instance = TOPPRA(

@@ -111,7 +111,7 @@ def _segment(q: Array, d: Array, limits: Limits) -> tuple[Array, Array]:
         j = sign * jerk
         scalar[i] = s, v, a / 2.0, j / 6.0
         s, v, a = s + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0), a + h * j
-    kept = times > 1e-9 * times.sum()
+    kept = times > 1e-12 * times.sum()
     pieces = scalar[kept][:, :, None] * d
     pieces[:, 0] += q
     return times[kept], pieces

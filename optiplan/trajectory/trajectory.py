@@ -13,6 +13,8 @@ from optiplan.trajectory import bspline, polynomial
 
 _OUTSIDE = 1e-9  # s; how far outside [0, duration] rounding may put a time
 
+_MOST_SAMPLES = 60_000  # in a dictionary
+
 
 @dataclass(frozen=True)
 class Extrema:
@@ -161,12 +163,13 @@ class Trajectory:
         """JSON-ready form that `from_dict` reproduces without loss.
 
         Args:
-            rate: if given, samples `t`, `q`, `v`, `a` at least this often, Hz, are added for other programs to read.
+            rate: if given, samples `t`, `q`, `v`, `a` at least this often, Hz, are added for other programs to read;
+                60 000 at most, so fewer of a motion that takes hours.
         """
         pieces = {"breakpoints": self.breakpoints.tolist(), "coefficients": self.coefficients.tolist()}
         data: dict[str, Any] = {"joint_names": list(self.joint_names), "pieces": pieces}
         if rate is not None:
-            t = np.linspace(0.0, self.duration, int(np.ceil(self.duration * rate)) + 1)
+            t = np.linspace(0.0, self.duration, int(np.ceil(min(self.duration * rate, _MOST_SAMPLES - 1))) + 1)
             data |= {"t": t.tolist()} | {key: self(t, k).tolist() for k, key in enumerate("qva")}
         return data
 
@@ -186,7 +189,7 @@ class Trajectory:
             raise InputError([Issue(file, None, "pieces", "nothing", "{breakpoints, coefficients}")])
         names = data.get("joint_names")
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-            raise InputError([Issue(file, None, "joint_names", repr(names), "a list of names")])
+            raise InputError([Issue(file, None, "joint_names", f"{names!r:.120}", "a list of names")])
         breakpoints = _numbers(pieces.get("breakpoints"), file, "pieces.breakpoints")
         coefficients = _numbers(pieces.get("coefficients"), file, "pieces.coefficients")
         problem = defect(tuple(names), breakpoints, coefficients)
@@ -206,7 +209,7 @@ def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array
     if m < 1:
         return "breakpoints", f"shape {breakpoints.shape}", "two times or more"
     if n < 1 or len(set(joint_names)) < n:
-        return "joint_names", f"{joint_names}", "one or more different names"
+        return "joint_names", f"{joint_names!r:.120}", "one or more different names"
     if coefficients.ndim != 3 or coefficients.shape[::2] != (m, n) or coefficients.shape[1] < 1:
         expected = f"({m}, degree + 1, {n}) for {m} pieces and {n} joints"
         return "coefficients", f"shape {coefficients.shape}", expected

@@ -2,6 +2,19 @@
 
 from dataclasses import dataclass
 
+RANGES = {
+    "spans": (4, 1000),
+    "bunching": (0.0, 0.99),
+    "samples": (2, 10_000),
+    "refinements": (0, 1000),
+    "iterations": (1, 100_000),
+    "margin": (0.0, 1.0),
+    "straight_goals": (0, 1000),
+    "seeds": (0, 1000),
+    "good_enough": (0.0, 1e9),
+}
+"""Smallest and largest value of each number; beyond them nothing is planned, or memory ends."""
+
 
 @dataclass(frozen=True)
 class TrajOptOptions:
@@ -18,6 +31,9 @@ class TrajOptOptions:
         seeds: sampled paths tried, at most.
         good_enough: duration / lower bound at which no further seed is tried.
         solver: of the quadratic programs, any that qpsolvers knows and finds installed.
+
+    Raises:
+        ValueError: a value out of range, or a solver that is not there.
     """
 
     spans: int = 22
@@ -30,3 +46,13 @@ class TrajOptOptions:
     seeds: int = 4
     good_enough: float = 1.05
     solver: str = "piqp"
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in RANGES.items():
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(f"{name} = {getattr(self, name)} is not within {low} to {high}")
+        if self.solver != "piqp":  # the default is there: looking up all takes a quarter of a second
+            import qpsolvers
+
+            if self.solver not in qpsolvers.available_solvers:
+                raise ValueError(f"solver = '{self.solver}' is not one of {', '.join(qpsolvers.available_solvers)}")
