@@ -11,6 +11,7 @@ from optiplan.errors import InputError, Issue
 from optiplan.pipeline import Run
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
+from optiplan.yaml_words import describe
 
 RUN, TRAJECTORY = "run.json", "trajectory.json"
 RATE = 200.0
@@ -57,11 +58,18 @@ def check_folder(folder: Path) -> None:
         InputError: it is a file, or it or its nearest parent cannot be written.
     """
     parent = folder.absolute()
-    while not parent.exists():
+    while not (parent.exists() or parent.is_symlink()):
         parent = parent.parent
-    if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
-        found = "is a file" if not parent.is_dir() else "cannot be written"
-        raise InputError([Issue(str(folder), None, "out", f"{parent} {found}", "a folder that can be written")])
+    found = None
+    if not parent.is_dir():
+        found = f"{parent} is {'a file' if parent.exists() else 'a link to nothing'}"
+    elif not os.access(parent, os.W_OK | os.X_OK):
+        found = f"{parent} cannot be written"
+    for name in (RUN, TRAJECTORY):
+        if (folder / name).is_dir():
+            found = f"{folder / name} is a folder"
+    if found is not None:
+        raise InputError([Issue(str(folder), None, "out", found, "a folder that can be written")])
 
 
 def load_run(place: Path | str) -> StoredRun:
@@ -73,7 +81,7 @@ def load_run(place: Path | str) -> StoredRun:
     place = Path(place)
     folder = place if place.is_dir() else place.parent
     if place.is_dir() or place.name == RUN:
-        record = _read(folder / RUN)
+        record = _read_record(folder / RUN)
         trajectory = folder / TRAJECTORY
         if record.get("failure") is None or trajectory.exists():
             return StoredRun(place, record, Trajectory.from_dict(_read(trajectory), str(trajectory)))
@@ -81,7 +89,24 @@ def load_run(place: Path | str) -> StoredRun:
     trajectory_data = _read(place)
     beside = folder / RUN
     own = place.name == TRAJECTORY and beside.exists()
-    return StoredRun(place, _read(beside) if own else {}, Trajectory.from_dict(trajectory_data, str(place)))
+    return StoredRun(place, _read_record(beside) if own else {}, Trajectory.from_dict(trajectory_data, str(place)))
+
+
+def _read_record(path: Path) -> dict[str, Any]:
+    """Content of a `run.json`; what it has of `planner`, `problem`, `failure` and `report` is of the right kind."""
+    record = _read(path)
+    issues = []
+    for key, kind in {"planner": str, "problem": dict, "failure": dict, "report": dict}.items():
+        value = record.get(key)
+        absent = key not in record or (value is None and key in ("failure", "report"))
+        if not (absent or isinstance(value, kind)):
+            issues.append(Issue(str(path), None, key, describe(value), "what `optiplan plan --out` writes there"))
+    checks = [] if issues else (record.get("report") or {}).get("checks", [])
+    if not isinstance(checks, list) or not all(isinstance(check, dict) for check in checks):
+        issues.append(Issue(str(path), None, "report.checks", describe(checks), "a list of JSON objects"))
+    if issues:
+        raise InputError(issues)
+    return record
 
 
 def _write_all(folder: Path, files: Mapping[str, Mapping[str, Any]]) -> None:
@@ -113,12 +138,12 @@ def _aside(folder: Path, name: str) -> Path:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise _unusable(path, error, "a run folder or file") from error
     except json.JSONDecodeError as error:
         raise InputError([Issue(str(path), error.lineno, "file", f"broken JSON ({error.msg})", "JSON")]) from error
-    except (UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # no UTF-8, or a number of thousands of digits
         raise InputError([Issue(str(path), None, "file", "not readable as JSON text", "JSON")]) from error
     if not isinstance(data, dict):
         raise InputError([Issue(str(path), None, "file", f"a {type(data).__name__}", "a JSON object")])

@@ -6,6 +6,7 @@ import typer
 
 from optiplan.cli.files import find_problem
 from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.planner_choice import planner_issues
 from optiplan.errors import InputError, Issue
 
 
@@ -42,6 +43,10 @@ def _issues(file: str) -> list[Issue]:
     from optiplan.problem.load import check_file
 
     try:
-        return check_file(find_problem(file))
+        path = find_problem(file)
     except InputError as error:
         return list(error.issues)
+    found = check_file(path)
+    told = {issue.field for issue in found}
+    found += [issue for issue in planner_issues(path) if issue.field not in told]
+    return sorted(found, key=lambda issue: issue.line or 0)

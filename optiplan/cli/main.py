@@ -1,10 +1,12 @@
 """The program `optiplan`: its commands, and what becomes of errors."""
 
+import errno
 import os
 import signal
 import sys
 import tempfile
 import traceback
+import warnings
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -22,6 +24,9 @@ Every command takes --help.
 
 Exit codes: 0 verified · 2 bad input · 3 no plan found within the budget · 4 found but not verified.
 """
+
+STDOUT_LOST = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EFBIG, errno.EDQUOT)
+"""Errors without a file name by which writing to stdout fails: a full disk, a terminal that is gone."""
 
 app = typer.Typer(
     name="optiplan",
@@ -63,7 +68,21 @@ def main() -> None:
     Nothing is lost by that, since files only ever appear whole.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    _open_streams()
+    if not os.environ.get("OPTIPLAN_DEBUG"):
+        warnings.simplefilter("ignore", RuntimeWarning)  # numbers that overflow are judged by the checks
     sys.exit(run(sys.argv[1:]))
+
+
+def _open_streams() -> None:
+    """Stands in for a stdout or stderr that was closed before we began (`>&-`): what is written there goes nowhere."""
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:
+            opened = os.open(os.devnull, os.O_WRONLY)
+            if opened != number:
+                os.dup2(opened, number)
+                os.close(opened)
+            setattr(sys, name, os.fdopen(number, "w"))
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -79,7 +98,12 @@ def run(arguments: Sequence[str]) -> int:
     except BrokenPipeError:  # the reader of our output has gone: nothing left to say, not even at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return Exit.BUG
-    except OSError as error:  # a file that a person named cannot be read or written
+    except OSError as error:
+        if error.filename is None and error.errno in STDOUT_LOST:
+            print_error(f"optiplan: the output cannot be written: {error.strerror or error}")
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            return Exit.BUG
+        # a file that a person named cannot be read or written
         report_error(OptiPlanError(f"{error.filename or 'file'}: {error.strerror or error}"), as_json)
         return Exit.BAD_INPUT
     except Exception as error:

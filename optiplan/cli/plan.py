@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,7 +11,9 @@ import typer
 
 from optiplan.cli.files import find_problem
 from optiplan.cli.output import Exit, interrupts_held, print_json, results, stdout_is_ours
+from optiplan.cli.planner_choice import planner_issues
 from optiplan.cli.progress import ProgressLine
+from optiplan.errors import InputError
 
 BUDGET = 20.0
 """Seconds, when none are given."""
@@ -61,8 +64,7 @@ def plan(
         began = time.perf_counter()
         problem = load_problem(path) if seed is None else replace(load_problem(path), seed=seed)
         loaded = time.perf_counter() - began
-        chosen = planner or problem.planner
-        options = problem.options if chosen == problem.planner else {}
+        chosen, options = _choice(path, problem, planner)
         run = pipeline.run(problem, chosen, options, Budget(budget), progress)
     run = replace(run, timings={"load": loaded, **run.timings})
     code = Exit.VERIFIED if run.verified else Exit.NO_PLAN if run.trajectory is None else Exit.NOT_VERIFIED
@@ -76,6 +78,16 @@ def plan(
     if view:
         _view(run)
     return code
+
+
+def _choice(path: Path, problem: Any, planner: str | None) -> tuple[str, Mapping[str, Any]]:
+    """The planner's name and options: the file's, unless another one is asked for."""
+    if planner is not None and planner != problem.planner:
+        return planner, {}
+    issues = planner_issues(path)
+    if issues:
+        raise InputError(issues)
+    return problem.planner, problem.options
 
 
 def _view(run: Any) -> None:

@@ -31,6 +31,7 @@ def robots(context: typer.Context, as_json: AsJson = False) -> int:
     from optiplan.yaml_lines import read_yaml, validate
 
     if context.invoked_subcommand is not None:
+        context.obj = as_json  # `robots --json show` means the same as `robots show --json`
         return 0
     specs = {name: validate(RobotSpec, read_yaml(robots_dir() / name / "robot.yaml")) for name in robot_names()}
     if as_json:
@@ -46,7 +47,7 @@ def robots(context: typer.Context, as_json: AsJson = False) -> int:
 
 
 @app.command("show")
-def show(name: Name, as_json: AsJson = False) -> int:
+def show(context: typer.Context, name: Name, as_json: AsJson = False) -> int:
     """Show joints, limits, frames, named configurations and checked pairs of a robot.
 
     [bold]Examples[/]
@@ -61,7 +62,7 @@ def show(name: Name, as_json: AsJson = False) -> int:
     with stdout_is_ours():
         robot = load_robot(name)
     data = describe(robot)
-    if as_json:
+    if as_json or context.obj:
         print_json(data)
     else:
         show_robot(results(), data)
@@ -69,7 +70,12 @@ def show(name: Name, as_json: AsJson = False) -> int:
 
 
 @app.command("srdf")
-def srdf(name: Name, out: Annotated[Path, typer.Argument(metavar="OUT", help="the SRDF file to write")]) -> int:
+def srdf(
+    context: typer.Context,
+    name: Name,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="the SRDF file to write")],
+    as_json: AsJson = False,
+) -> int:
     """Write the pairs of links that need no check as an SRDF file, for other programs or for `srdf:` of a robot.yaml.
 
     [bold]Example[/]
@@ -83,5 +89,8 @@ def srdf(name: Name, out: Annotated[Path, typer.Argument(metavar="OUT", help="th
     with stdout_is_ours():
         robot = load_robot(name)
     write_text(out, srdf_text(robot.name, robot.allowed))
+    if as_json or context.obj:
+        print_json({"written": str(out), "pairs": len(robot.allowed)})
+        return 0
     results().print(f"{len(robot.allowed)} pairs that need no check written to {out}", markup=False, soft_wrap=True)
     return 0

@@ -47,9 +47,12 @@ def verify(
     code = Exit.VERIFIED if report is not None and report.verified else Exit.NOT_VERIFIED
     if as_json:
         judged = None if report is None else report.to_dict()
-        print_json(jsonable({"verified": code == 0, "same_problem": same, "report": judged, "exit_code": int(code)}))
+        failure = stored.record.get("failure") if stored.trajectory is None else None
+        verdict = {"verified": code == 0, "same_problem": same, "report": judged, "failure": failure}
+        print_json(jsonable({**verdict, "exit_code": int(code)}))
     elif report is None:
-        results().print(f"[red]not verified[/]: the run has no trajectory ({stored.record['failure']['detail']})")
+        reason = (stored.record.get("failure") or {}).get("detail", "no reason given")
+        results().print(f"not verified: the run has no trajectory ({reason})", style="red", markup=False)
     else:
         show_report(results(), report)
     return code

@@ -1,5 +1,7 @@
 """`optiplan view`: runs in the browser, or as a page to send."""
 
+import errno
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +28,8 @@ def view(
     from optiplan.cli.viewing import open_runs, serve_page
     from optiplan.viewer.page import export_page
 
+    if export is not None and export.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(export))
     problem, shown = open_runs(runs)
     if export is None:
         serve_page(problem, shown, port)

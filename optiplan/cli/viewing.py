@@ -45,8 +45,9 @@ def serve_page(problem: Problem, runs: Sequence[ViewedRun], port: int) -> None:
 
 def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str = "") -> ViewedRun:
     """One run as the viewer takes it, from what `run.json` holds of it."""
-    return ViewedRun(label or str(record["planner"]), trajectory, record["report"], record["failure"])
+    label = label or str(record.get("planner", "run"))
+    return ViewedRun(label, trajectory, record.get("report"), record.get("failure"))
 
 
 def _label(run: StoredRun, several: bool) -> str:
-    return f"{run.record['planner']} ({run.place.name})" if several else ""
+    return f"{run.record.get('planner', 'run')} ({run.place.name})" if several else ""

@@ -1,5 +1,6 @@
 """Problem files as text, written in one stroke."""
 
+import errno
 import json
 import os
 import re
@@ -34,6 +35,8 @@ def problem_text(data: Mapping[str, Any], comment: str = "") -> str:
 def write_text(path: Path, text: str) -> None:
     """Write a file so that it is never seen half-written; missing folders are made."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.write_text(text, encoding="utf-8")

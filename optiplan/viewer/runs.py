@@ -79,7 +79,7 @@ def _badge(run: ViewedRun) -> str:
         return "no plan"
     if run.report is None:
         return "not checked"
-    return "verified" if run.report.get("verified") else "not verified"
+    return "verified" if run.report.get("verified") is True else "not verified"
 
 
 def _motion(poses: Poses, trajectory: Trajectory) -> dict[str, Any]:
