@@ -11,12 +11,15 @@ from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.store import StoredRun, load_run
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.verify import verify
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.server import serve
 
 
 def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
     """The problem that the runs were made from, rebuilt from the first one's record, and what to show of each.
+
+    Trajectories are judged afresh: a file that was changed since must not wear the old verdict.
 
     Raises:
         InputError: a run is broken, or was made from another problem than the first.
@@ -31,9 +34,8 @@ def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
             issues.append(Issue(str(run.place), None, "hash", f"a run of '{run.record.get('name')}'", expected))
     if issues:
         raise InputError(issues)
-    return problem_from_dict(stored[0].record["problem"]), [
-        shown(run.record, run.trajectory, _label(run, len(stored) > 1)) for run in stored
-    ]
+    problem = problem_from_dict(stored[0].record["problem"])
+    return problem, [shown(_judged(problem, run), run.trajectory, _label(run, len(stored) > 1)) for run in stored]
 
 
 def serve_page(problem: Problem, runs: Sequence[ViewedRun], port: int) -> None:
@@ -47,6 +49,12 @@ def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str =
     """One run as the viewer takes it, from what `run.json` holds of it."""
     label = label or str(record.get("planner", "run"))
     return ViewedRun(label, trajectory, record.get("report"), record.get("failure"))
+
+
+def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:
+    if run.trajectory is None:
+        return run.record
+    return {**run.record, "report": verify(problem, run.trajectory).to_dict()}
 
 
 def _label(run: StoredRun, several: bool) -> str:

@@ -1,3 +1,4 @@
+import json
 import shutil
 
 import pytest
@@ -53,3 +54,11 @@ def test_serving_prints_the_address(optiplan, run, free, monkeypatch, command):
     code, out, _ = optiplan("plan", free, "--view") if command == "plan" else optiplan("view", run)
     assert code == 0
     assert "open http://127.0.0.1:7000/ in a browser" in out
+
+
+def test_a_trajectory_changed_since_does_not_wear_the_old_verdict(run):
+    assert viewing.open_runs([run])[1][0].report["verified"]
+    motion = json.loads((run / "trajectory.json").read_text())
+    motion["pieces"]["breakpoints"] = [0.5 * t for t in motion["pieces"]["breakpoints"]]
+    (run / "trajectory.json").write_text(json.dumps(motion))
+    assert not viewing.open_runs([run])[1][0].report["verified"]
