@@ -85,18 +85,22 @@ def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Chec
 
 
 def continuity(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
-    """Position, velocity and acceleration do not jump at breakpoints."""
+    """Position, velocity and acceleration hardly jump: the steps at all breakpoints together stay within tolerance.
+
+    Together, because many steps, each within a tolerance, would make a staircase that passes any limit unseen.
+    """
     limits, tolerance = problem.limits, policy.rest_tolerance
     n = trajectory.n
     if len(trajectory.breakpoints) == 2:
         return Check("continuity", "exact", True, detail="one piece")
     jumps = np.abs(np.stack([trajectory.jumps(order) for order in range(3)]))  # (order, m - 1, n)
     steps = [np.full(n, policy.jump_tolerance), tolerance * limits.velocity, tolerance * limits.acceleration]
-    allowed = np.broadcast_to(np.stack(steps)[:, None], jumps.shape)
-    order, i, j = _worst(jumps, allowed)
+    total, allowed = jumps.sum(axis=1), np.stack(steps)
+    order, j = _worst(total, allowed)
+    i = int(np.argmax(jumps[order, :, j]))
     time, name = float(trajectory.breakpoints[i + 1]), problem.robot.joint_names[j]
-    worst, limit = float(jumps[order, i, j]), float(allowed[order, i, j])
-    passed, detail = bool((jumps <= allowed).all()), f"largest step is one of {_ORDERS[order]}"
+    worst, limit = float(total[order, j]), float(allowed[order, j])
+    passed, detail = bool((total <= allowed).all()), f"sum of all steps of {_ORDERS[order]}"
     return Check("continuity", "exact", passed, worst, limit, _UNITS[order], time, name, detail)
 
 

@@ -16,8 +16,8 @@ class VerifyPolicy:
         clearance: bodies must stay farther apart than this at all times, m.
         limit_tolerance: fraction of a velocity, acceleration, jerk or torque limit by which it may be passed.
         position_tolerance: how far the start and the position limits may be missed, rad or m.
-        jump_tolerance: largest step of position at a breakpoint, rad or m; the certificate covers such a step.
-        rest_tolerance: largest velocity and acceleration at both ends, and largest step of them at a breakpoint, as a
+        jump_tolerance: sum of all steps of position at breakpoints, rad or m; the certificate covers such steps.
+        rest_tolerance: largest velocity and acceleration at both ends, and sum of all their steps at breakpoints, as a
             fraction of their limits.
         torque_rate: samples of torque a second, Hz.
         min_interval: an interval shorter than this, s, on which clearance cannot be proved is a refusal.

@@ -91,6 +91,21 @@ def test_a_jump_is_refused(planar, swing, order):
     assert verify(problem_of(planar, swing, Scene()), halves).verified
 
 
+@pytest.mark.parametrize("order", [0, 1])
+def test_a_staircase_of_tolerated_steps_is_refused(planar, order):
+    """Every step is within tolerance and every piece within the limits; together they outrun any limit."""
+    heights = np.concatenate([np.arange(10_000), np.arange(10_000)[::-1] if order else []]) * 5e-8
+    c = np.zeros((len(heights), 2, 2))
+    c[:, order, 0] = heights
+    c[1:, 0, 0] += np.cumsum(heights * 1e-7 * order)[:-1]
+    report = verify_own(planar, Trajectory(planar.joint_names, np.arange(len(c) + 1) * 1e-7, c))
+    assert [check.name for check in report.failures] == ["continuity"]
+
+
+def verify_own(robot, trajectory):
+    return verify(problem_of(robot, trajectory, Scene()), trajectory)
+
+
 def split(trajectory, fractions):
     """The same motion in more pieces."""
     starts = np.concatenate([[0.0], fractions]) * trajectory.duration
