@@ -32,6 +32,7 @@ class Bodies:
         moves: (P, 2, n) whether joint j moves that side of the pair against the other; a joint that carries both does
             not change their distance.
         centre: (G, 3) in the body's frame, m; `radius` (G,): a ball about it holds the body.
+        extent: (G,) bound on the coordinates in which a body is given, in the frame of its joint, m.
     """
 
     def __init__(self, model: CollisionModel) -> None:
@@ -45,6 +46,10 @@ class Bodies:
         balls = [_ball(shape, vertices) for shape, vertices in zip(self.shapes, self.vertices, strict=True)]
         self.centre = np.array([centre for centre, _ in balls]).reshape(-1, 3)
         self.radius = np.array([radius for _, radius in balls])
+        planes = [abs(shape.d) if isinstance(shape, coal.Halfspace) else 0.0 for shape in self.shapes]
+        own = np.where(np.isinf(self.radius), planes, self.radius)
+        offset = np.linalg.norm(self.placements[:, :3, 3], axis=1) + np.linalg.norm(self.centre, axis=1)
+        self.extent = offset + own
         carries = np.zeros((robot.njoints, robot.nv), dtype=bool)
         for j in range(1, robot.njoints):
             carries[j] = carries[robot.parents[j]]

@@ -17,7 +17,7 @@ from optiplan.verify.separation import Distances, PairDistances
 ROUNDING = 1e-9  # m, subtracted from every proved clearance
 _EASY = 5e-3  # m, margin by which bounding volumes must clear a pair, so that the clearance reported is a true figure
 _FIRST_TRAVEL = 0.1  # rad or m, summed over joints: how coarse the first intervals may be
-_FARTHEST = 1e4  # rad or m; beyond, rounding of sines and cosines would eat up ROUNDING
+_LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up ROUNDING
 _MOST_HALVINGS = 12  # of a piece before the first look
 _MOST_ITEMS = 20_000  # answered at once, to bound memory
 _CHUNK = 256  # blocks of intervals handled by bounding volumes at a time, to bound memory
@@ -103,9 +103,10 @@ class _Search:
         return boxes(self.trajectory, items, self.jump)
 
     def look_first(self) -> None:
-        """Refuse at once what cannot be proved: absurd positions, bodies without bounds, bodies inside a mesh."""
-        if not np.abs(np.stack(self.trajectory.extrema(0))).max() <= _FARTHEST:
-            self.proof = replace(self.proof, reason=f"positions beyond {_FARTHEST:g} leave no digits for a proof")
+        """Refuse at once what cannot be proved: absurd numbers, bodies without bounds, bodies inside a mesh."""
+        absurd = self.absurd()
+        if absurd:
+            self.proof = replace(self.proof, reason=f"{absurd} beyond {_LARGEST:g} leaves no digits for a proof")
             return
         unsupported = self.bodies.unsupported()
         if unsupported is not None:
@@ -118,6 +119,15 @@ class _Search:
             pair = self.model.pairs[found[0]]
             where = Moment(0.0, 0.0, (pair.name_a, pair.name_b), np.array([found[1], found[1]]), q)
             self.proof = replace(self.proof, reason="one body lies inside the other", nearest=where, contact=True)
+
+    def absurd(self) -> str:
+        """What has numbers too large for a proof, or nothing: terms |c_k| h^k of positions, bodies."""
+        c = self.trajectory.coefficients
+        powers = np.diff(self.trajectory.breakpoints)[:, None, None] ** np.arange(c.shape[1])[:, None]
+        if not (np.abs(c) * powers).max() <= _LARGEST:
+            return "a trajectory with terms"
+        far = np.flatnonzero(~(self.bodies.extent <= _LARGEST))
+        return f"'{self.model.names[far[0]]}', a body" if len(far) else ""
 
     def begin(self) -> Intervals:
         """Intervals on which joints move little, with the pairs that bounding volumes leave open there.

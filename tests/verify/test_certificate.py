@@ -190,6 +190,38 @@ def certify_inside(planar, path, trajectory):
     return collision(problem_of(planar, trajectory, Scene((shell,))), trajectory, VerifyPolicy()).detail
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_every_part_of_a_mesh_is_looked_for_inside(planar, tmp_path, first):
+    """A held hollow box around one of two dice of a single mesh, whichever the file has first."""
+    dice = [trimesh.creation.box((0.02, 0.02, 0.02)) for _ in range(2)]
+    dice[1].apply_translation([5.0, 5.0, 5.0])
+    trimesh.util.concatenate([dice[first], dice[1 - first]]).export(tmp_path / "dice.stl")
+    trimesh.creation.box((0.3, 0.3, 0.3)).export(tmp_path / "hollow.stl")
+    trajectory = quintic(planar.joint_names, [0.3, 0.4], [0.35, 0.45], 1.0)
+    data = planar.model.createData()
+    pin.framesForwardKinematics(planar.model, data, trajectory.start)
+    offset = pin.SE3(np.eye(3), np.array([0.0, 0.4, 0.0]))
+    held = Attachment("hollow", Mesh(tmp_path / "hollow.stl"), "tip", offset)
+    X_WO = data.oMf[planar.model.getFrameId("tip")] * offset
+    scene = Scene((Obstacle("dice", Mesh(tmp_path / "dice.stl"), X_WO),), (held,))
+    proof = certify(CollisionModel(planar, scene), trajectory, VerifyPolicy())
+    assert not proof.proved
+    assert "inside" in proof.reason
+
+
+def test_numbers_that_leave_no_digits_are_refused(planar):
+    """A box of a million km leaves gaps of nanometres to rounding; so do polynomials whose huge terms cancel."""
+    trajectory = quintic(planar.joint_names, [0.3, 0.4], [0.35, 0.45], 1.0)
+    far = Obstacle("moon", Box((1e9, 1e9, 1e9)), pin.SE3(np.eye(3), np.array([0.0, 0.0, -5e8 - 1.0])))
+    proof = certify(CollisionModel(planar, Scene((far,))), trajectory, VerifyPolicy())
+    assert "'moon'" in proof.reason
+    c = np.zeros((1, 9, 2))
+    c[0, :6] = trajectory.coefficients[0]
+    c[0, 3:, 0] += 1e6 * np.array([1.0, -5.0, 10.0, -10.0, 5.0, -1.0])  # 1e6 s^3 (1 - s)^5
+    wild = type(trajectory)(trajectory.joint_names, trajectory.breakpoints, c)
+    assert "no digits" in certify(CollisionModel(planar, Scene()), wild, VerifyPolicy()).reason
+
+
 def test_a_half_space_that_moves_is_refused(planar):
     """Its points are infinitely far from the joints: nothing bounds how far they travel."""
     held = Attachment("wall", HalfSpace((0.0, 0.0, 1.0), -1.0), "tip", pin.SE3.Identity())
