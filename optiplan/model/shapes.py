@@ -19,7 +19,7 @@ def build_geometry(shape: Shape) -> coal.CollisionGeometry:
     Meshes become a bounding-volume hierarchy of their triangles or, with `convex`, their convex hull.
 
     Raises:
-        ValueError: a mesh file that cannot be read or has no volume to hull.
+        ValueError: a mesh file that cannot be read, holds NaN or infinity, or has no volume to hull.
     """
     match shape:
         case Box(size):
@@ -46,8 +46,8 @@ def _load_mesh(shape: Mesh) -> coal.CollisionGeometry:
     except Exception as error:  # assimp raises whatever it likes
         raise ValueError(f"cannot read mesh {shape.file}: {_reason(str(error), shape.file)}") from error
     vertices = np.asarray(mesh.vertices())
-    if not (np.abs(vertices) <= FARTHEST).all():  # written so that NaN is refused too
-        raise ValueError(f"mesh {shape.file} has a vertex that is no number or beyond {FARTHEST:g} m")
+    if not (len(vertices) and (np.abs(vertices) <= FARTHEST).all()):  # written so that NaN is refused too
+        raise ValueError(f"mesh {shape.file} has no vertices, or one that is no number or beyond {FARTHEST:g} m")
     geometry = convex_hull(vertices) if shape.convex else mesh
     geometry.computeLocalAABB()
     return geometry

@@ -11,6 +11,7 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.trajectory import bspline, polynomial
 
+_MOST_DEGREE = 31  # powers of time beyond that leave no digits
 _OUTSIDE = 1e-9  # s; how far outside [0, duration] rounding may put a time
 
 _MOST_SAMPLES = 60_000  # in a dictionary
@@ -213,6 +214,8 @@ def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array
     if coefficients.ndim != 3 or coefficients.shape[::2] != (m, n) or coefficients.shape[1] < 1:
         expected = f"({m}, degree + 1, {n}) for {m} pieces and {n} joints"
         return "coefficients", f"shape {coefficients.shape}", expected
+    if coefficients.shape[1] > _MOST_DEGREE + 1:
+        return "coefficients", f"degree {coefficients.shape[1] - 1}", f"at most {_MOST_DEGREE}"
     if not np.isfinite(breakpoints).all():
         return "breakpoints", f"{breakpoints[~np.isfinite(breakpoints)][0]}", "finite numbers"
     if not np.isfinite(coefficients).all():

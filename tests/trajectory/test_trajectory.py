@@ -237,6 +237,8 @@ def test_other_json_is_refused():
 def test_construction_refuses_what_is_not_a_trajectory():
     with pytest.raises(ValueError, match="coefficients"):
         Trajectory(("a",), np.array([0.0, 1.0]), np.full((1, 2, 1), np.nan))
+    with pytest.raises(ValueError, match="degree 32"):
+        Trajectory(("a",), np.array([0.0, 1.0]), np.zeros((1, 33, 1)))
 
 
 def test_arrays_are_copies_and_read_only():
