@@ -128,6 +128,37 @@ def test_plane_bounds_meet_the_measured_distance(model, panda, seed):
     assert (found.bound <= 1e-6)[~apart].all()
 
 
+def test_cylinders_almost_touching_get_a_tight_plane(planar):
+    """Two links of a Baxter, 24 um apart, where coal's normals cost every third plane up to 0.4 mm."""
+    poses = np.array(
+        [
+            [
+                [0.99275661503, -0.11317011427, 0.04033396265, 0.11400639806],
+                [0.07987718654, 0.87250160296, 0.48203795276, 0.58671886119],
+                [-0.08974373726, -0.47532460284, 0.87522144829, 0.73990692380],
+            ],
+            [
+                [0.07213696006, -0.99660291718, 0.03973517909, 0.07938536802],
+                [0.87293332369, 0.08235669653, 0.48083758893, 0.44487693870],
+                [-0.48247660191, 0.0, 0.87590885862, 0.61325980707],
+            ],
+        ]
+    )
+    X_WA, X_WB = (pin.SE3(pose[:, :3], pose[:, 3]) for pose in poses)
+    data = planar.model.createData()
+    pin.framesForwardKinematics(planar.model, data, np.zeros(2))
+    X_WL = data.oMf[planar.model.getFrameId("tip")]
+    held = Attachment("held", Cylinder(0.06, 0.088), "tip", X_WL.actInv(X_WA))
+    model = CollisionModel(planar, Scene((Obstacle("other", Cylinder(0.06, 0.273), X_WB),), (held,)))
+    bodies = Bodies(model)
+    Q = np.linspace(-3e-6, 3e-6, 300)[:, None] * np.ones(2)
+    rows = np.arange(len(Q))
+    pairs = np.full(len(Q), next(p.index for p in model.pairs if {p.name_a, p.name_b} == {"held", "other"}))
+    found = PairDistances(model, bodies).query(Q, rows, pairs, bodies.place(bodies.kinematics.poses(Q), rows, pairs))
+    assert found.measured.min() > 1e-5
+    assert (found.bound >= found.measured - 1e-6).all()
+
+
 @settings(max_examples=15)
 @given(seeds)
 def test_a_positive_bound_is_confirmed_by_linear_programming(model, panda, seed):
