@@ -38,7 +38,16 @@ def test_an_int_stands_for_a_float():
 
 
 @pytest.mark.parametrize(
-    ("name", "options"), [("rrtconnect", {"step": 0.0}), ("rrtconnect", {"attempts": -1}), ("quintic", {"goals": 0})]
+    ("name", "options"),
+    [
+        ("rrtconnect", {"step": 0.0}),
+        ("rrtconnect", {"attempts": -1}),
+        ("quintic", {"goals": 0}),
+        ("trajopt", {"spans": 2}),
+        ("trajopt", {"bunching": 1.0}),
+        ("trajopt", {"good_enough": 0.5}),
+        ("trajopt", {"solver": "abacus"}),
+    ],
 )
 def test_values_out_of_range_are_input_errors(name, options):
     with pytest.raises(InputError, match=next(iter(options))):

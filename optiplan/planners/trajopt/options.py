@@ -10,8 +10,8 @@ RANGES = {
     "iterations": (1, 100_000),
     "margin": (0.0, 1.0),
     "straight_goals": (0, 1000),
-    "seeds": (0, 1000),
-    "good_enough": (0.0, 1e9),
+    "seeds": (1, 1000),
+    "good_enough": (1.0, 1e9),
 }
 """Smallest and largest value of each number; beyond them nothing is planned, or memory ends."""
 
