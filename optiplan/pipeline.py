@@ -95,7 +95,7 @@ def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budg
         problem: its own `planner` and `options` are not looked at.
         planner: name in the registry.
         options: of that planner.
-        budget: already running.
+        budget: counted from the planner's start; loading its libraries is not part of it.
         progress: told the planner's stages, then `verify`.
 
     Raises:
@@ -103,6 +103,7 @@ def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budg
         InputError: an option has a value that it cannot have.
     """
     chosen = make_planner(planner, options)
+    budget.start()
     began = time.perf_counter()
     result = chosen.plan(problem, budget, progress)
     timings = {"plan": time.perf_counter() - began}

@@ -28,7 +28,11 @@ class Failure:
 
 @dataclass(frozen=True)
 class PlanResult:
-    """A trajectory or the reason why there is none, with the seconds spent by named stage."""
+    """A trajectory or the reason why there is none, with the seconds spent by named stage.
+
+    `info` is JSON-ready; its `cut_short` says that the clock ended some of the work, so that another run of the same
+    problem may give another answer.
+    """
 
     trajectory: Trajectory | None
     failure: Failure | None
@@ -40,9 +44,17 @@ class Budget:
     """Wall-clock deadline and cancellation, polled by planners."""
 
     def __init__(self, seconds: float, cancel: threading.Event | None = None) -> None:
-        self.seconds = seconds
-        self._end = time.perf_counter() + seconds
         self._cancel = cancel or threading.Event()
+        self.seconds = seconds
+        self.start()
+
+    def start(self) -> None:
+        """Count the seconds from now on."""
+        self._end = time.perf_counter() + self.seconds
+
+    def share(self, fraction: float) -> "Budget":
+        """A budget of that fraction of what is left, cancelled together with this one."""
+        return Budget(fraction * self.remaining, self._cancel)
 
     @property
     def remaining(self) -> float:

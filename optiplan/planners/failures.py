@@ -1,10 +1,15 @@
 """Reasons that several planners give in the same words."""
 
+from itertools import pairwise
 from typing import Any
+
+import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel, Contact
+from optiplan.model.robot import Limits, Robot
 from optiplan.planners.base import Budget, Failure
+from optiplan.planners.torque import Gravity
 
 
 def contact_witness(q: Array, contact: Contact) -> dict[str, Any]:
@@ -27,9 +32,23 @@ def end_collides(model: CollisionModel, q: Array, end: str) -> Failure:
     return Failure(f"{end}-in-collision", detail, contact_witness(q, contact))
 
 
-def too_heavy() -> Failure:
-    """The path is free, but holding the arm on it takes more torque than the limits allow."""
-    return Failure("unsupported", "a free path was found, but gravity alone exceeds the torque limits on it")
+def too_heavy(robot: Robot, limits: Limits, waypoints: Array) -> Failure:
+    """A free path of straight segments between waypoints (k, n), but holding the arm on it takes too much torque."""
+    Q = np.vstack([waypoints[:1], *(np.linspace(a, b, 50) for a, b in pairwise(waypoints))])
+    return _heavy(Gravity(robot, limits.torque), Q, "on the free path that was found")
+
+
+def end_too_heavy(gravity: Gravity, Q: Array, end: str) -> Failure:
+    """Holding the arm takes too much torque at the `start`, or at every `goal`: configurations Q (N, n)."""
+    return _heavy(gravity, Q, f"at the {end}")
+
+
+def _heavy(gravity: Gravity, Q: Array, where: str) -> Failure:
+    torques = np.array([gravity.torque(q) for q in Q])
+    k, j = np.unravel_index(int(np.argmax(torques / gravity.limit)), torques.shape)
+    name, torque, limit = gravity.joint_names[j], float(torques[k, j]), float(gravity.limit[j])
+    detail = f"gravity alone exceeds the torque limits {where}: {name} takes {torque:.4g} of {limit:.4g} N·m"
+    return Failure("unsupported", detail, {"q": Q[k].tolist(), "joint": name, "torque": torque})
 
 
 def out_of_time(budget: Budget, doing: str) -> Failure:

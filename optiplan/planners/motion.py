@@ -7,17 +7,19 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
+from optiplan.planners.torque import Gravity
 
 
 class MotionCheck:
     """Is the straight segment from a to b free at steps of `step` (rad or m, largest joint), ends included?
 
-    It proves nothing between the steps. Where a proof failed there, `block` remembers the place: later motions that
-    pass it are refused, whatever their step.
+    With `gravity`, configurations in which the motors cannot hold the arm count as blocked too. It proves nothing
+    between the steps. Where a proof failed there, `block` remembers the place: later motions that pass it are refused,
+    whatever their step.
     """
 
-    def __init__(self, model: CollisionModel, step: float) -> None:
-        self.model, self.step = model, step
+    def __init__(self, model: CollisionModel, step: float, gravity: Gravity | None = None) -> None:
+        self.model, self.step, self.gravity = model, step, gravity
         self._blocked = np.zeros((0, model.robot.n))
         self._radius = np.zeros(0)
 
@@ -26,14 +28,17 @@ class MotionCheck:
         self._blocked = np.vstack([self._blocked, q])
         self._radius = np.append(self._radius, radius)
 
+    def blocked(self, q: Array) -> bool:
+        """Whether q (n,) collides, or is too heavy to hold."""
+        return self.model.collides(q) or (self.gravity is not None and self.gravity.too_much(q))
+
     def free(self, a: Array, b: Array) -> bool:
         """Whether no step of the segment collides and no blocked place is passed; a, b (n,), `a` known to be free."""
         d = b - a
         if len(self._radius) and self._passes_blocked(a, d):
             return False
-        collides = self.model.collides
         parts = max(1, int(np.ceil(np.abs(d).max() / self.step)))
-        return not any(collides(a + d * fraction) for fraction in _far_apart_first(parts))
+        return not any(self.blocked(a + d * fraction) for fraction in _far_apart_first(parts))
 
     def polyline_free(self, waypoints: Array) -> bool:
         """The same for every segment between waypoints (k, n)."""

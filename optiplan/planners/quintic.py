@@ -53,6 +53,7 @@ class Quintic:
         if isinstance(goals, Failure):
             return PlanResult(None, goals, watch.seconds)
         touches: list[Touch] = []
+        heavy: Failure | None = None
         for k, goal in enumerate(goals):
             if budget.over:
                 return PlanResult(None, out_of_time(budget, "trying straight lines"), watch.seconds)
@@ -62,9 +63,13 @@ class Quintic:
                 touch = first_contact(model, motion)
             if touch is None:
                 trajectory = within_torque(model, problem.limits, motion)
-                failure = too_heavy() if trajectory is None else None
-                return PlanResult(trajectory, failure, watch.seconds, {"goal": k})
-            touches.append(touch)
+                if trajectory is not None:
+                    return PlanResult(trajectory, None, watch.seconds, {"goal": k})
+                heavy = too_heavy(model.robot, problem.limits, np.array([problem.start, goal]))
+            else:
+                touches.append(touch)
+        if heavy is not None:
+            return PlanResult(None, heavy, watch.seconds)
         pair, t = touches[0].contact.pair, touches[0].t
         detail = f"no straight motion to {len(goals)} goals is free: '{pair.name_a}' meets '{pair.name_b}' at {t:.3f} s"
         return PlanResult(None, Failure("collision", detail, touches[0].witness()), watch.seconds)

@@ -70,6 +70,6 @@ class RrtConnect:
         with watch.stage("timing"):
             trajectory = timed_path(model, path.waypoints, problem.limits, budget)
         if trajectory is None:
-            return PlanResult(None, too_heavy(), watch.seconds)
-        info = {"goal": path.goal_index, "waypoints": len(path.waypoints), **path.info}
+            return PlanResult(None, too_heavy(problem.robot, problem.limits, path.waypoints), watch.seconds)
+        info = {"goal": path.goal_index, "waypoints": len(path.waypoints), "cut_short": budget.over, **path.info}
         return PlanResult(trajectory, None, watch.seconds, info)

@@ -14,10 +14,12 @@ from optiplan.planners.motion import MotionCheck
 from optiplan.planners.search import Search, SearchOptions, rrt_connect
 from optiplan.planners.shortcut import path_time, shorten
 from optiplan.planners.sweep import Touch, polyline_contact
+from optiplan.planners.torque import Gravity
 
 _FINEST = 0.0125  # rad or m; the step is not halved below: blocked places do the rest
 _DETOUR_ITERATIONS = 100
 _DETOUR = 0.02  # rad or m (2-norm): how far to stay from a place where the proof failed
+_RESERVE = 3e-3  # share of the torque limits kept free for gravity between the steps
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ class _Sampler:
 
     def __init__(self, model: CollisionModel, limits: Limits, options: SamplingOptions) -> None:
         self._model, self._limits, self._options = model, limits, options
-        self._check = MotionCheck(model, options.step)
+        self._check = MotionCheck(model, options.step, Gravity(model.robot, limits.torque, _RESERVE))
         self._fine = options.step  # for shortcuts and detours; whole searches stay coarse, as they cost the most
         self._rng = np.random.default_rng(options.seed)
         self.info: dict[str, Any] = {"states": 0, "repairs": 0}

@@ -85,7 +85,7 @@ def _describe(check: MotionCheck, ends: tuple[Array, Array], limits: Limits) -> 
         bounds.setHigh(j, float(high[j]))
     space.setBounds(bounds)
     information = base.SpaceInformation(space)
-    information.setStateValidityChecker(lambda state: not check.model.collides(_read(state, n) * speed))
+    information.setStateValidityChecker(lambda state: not check.blocked(_read(state, n) * speed))
 
     class Validator(base.MotionValidator):  # type: ignore[misc]  # ompl has no types
         def checkMotion(self, a: Any, b: Any) -> bool:

@@ -1,4 +1,4 @@
-"""Slow a trajectory down until its joint torques hold."""
+"""Joint torques: can the motors hold the arm, and how slowly must a trajectory run for its torques to hold?"""
 
 from itertools import pairwise
 
@@ -13,6 +13,24 @@ _STEP = 1e-3  # s, at most, between samples
 _LEAST = 33  # samples in a piece
 _MOST = 100_000  # samples in all, but for the least: a motion of hours is slow, so its torque changes slowly
 _RESERVE = 1e-3  # share of the limit kept free for what happens between samples
+
+
+class Gravity:
+    """Can the motors hold the arm still? The limits (n,) are in N·m or N; one object a thread."""
+
+    def __init__(self, robot: Robot, limit: Array, reserve: float = _RESERVE) -> None:
+        self.joint_names, self.limit, self._allowed = robot.joint_names, limit, limit * (1.0 - reserve)
+        self._model, self._data = robot.model, robot.model.createData()
+        self._limited = bool(np.isfinite(limit).any())
+
+    def too_much(self, q: Array) -> bool:
+        """Whether holding the arm at q (n,) takes more than the limits, less the reserve (a share of them)."""
+        return self._limited and bool((self.torque(q) > self._allowed).any())
+
+    def torque(self, q: Array) -> Array:
+        """|g(q)|, (n,), at q (n,)."""
+        torque: Array = np.abs(pin.computeGeneralizedGravity(self._model, self._data, q))
+        return torque
 
 
 def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:

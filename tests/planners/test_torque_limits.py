@@ -1,13 +1,19 @@
 """Torque limits as the simple planners meet them: slower motion, or a reason."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
+from optiplan.planners.torque import Gravity
+from optiplan.problem.problem import JointGoal
 from tests.planners import cases
+
+SWING = np.linspace(-3.0, 3.0, 61)  # rad, of the shoulder
 
 
 def plan(name, share):
@@ -22,9 +28,31 @@ def test_weaker_motors_are_slower(name):
     assert weak.duration > 1.03 * strong.duration
 
 
-@pytest.mark.parametrize("name", ["quintic", "rrtconnect"])
+@pytest.mark.parametrize("name", ["quintic", "rrtconnect", "trajopt"])
 def test_an_arm_too_heavy_for_its_motors_is_told(name):
-    result = plan(name, 0.1)
-    assert result.trajectory is None
-    assert result.failure.kind == "unsupported"
-    assert "gravity" in result.failure.detail
+    """At once, with the place and the joint: no search can help."""
+    began = time.perf_counter()
+    failure = plan(name, 0.1).failure
+    assert time.perf_counter() - began < 5.0
+    assert failure.kind == "unsupported"
+    assert "gravity" in failure.detail
+    limit = cases.free().limits.torque[cases.robot("panda").joint_names.index(failure.witness["joint"])]
+    robot, q = cases.robot("panda"), np.array(failure.witness["q"])
+    torque = np.abs(pin.computeGeneralizedGravity(robot.model, robot.model.createData(), q))
+    assert torque.max() == pytest.approx(failure.witness["torque"])
+    assert failure.witness["torque"] > 0.1 * limit
+
+
+@pytest.mark.parametrize("name", ["rrtconnect", "trajopt"])
+def test_a_way_is_found_around_what_is_too_heavy(name):
+    """An arm in a vertical plane that can hang and stand, but not be stretched to the side: it must fold first."""
+    arm = cases.robot("planar2r")
+    data = arm.model.createData()
+    weight = lambda q: np.abs(pin.computeGeneralizedGravity(arm.model, data, np.array(q)))  # noqa: E731
+    limits = replace(arm.limits, torque=np.array([0.8, 1.1]) * np.max([weight([x, 0.0]) for x in SWING], axis=0))
+    problem = replace(cases.problem("planar2r", [-1.55, 0.1], [JointGoal(np.array([1.55, 0.1]))]), limits=limits)
+    assert Gravity(arm, limits.torque).too_much(np.array([0.0, 0.1]))
+    result = make_planner(name).plan(problem, Budget(10.0), lambda stage, fraction: None)
+    assert result.failure is None
+    t = np.linspace(0.0, result.trajectory.duration, 2000)
+    assert all((weight(q) <= limits.torque).all() for q in result.trajectory(t))

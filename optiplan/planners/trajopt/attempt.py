@@ -33,14 +33,14 @@ class Attempt:
 class Optimiser:
     """Optimises curves of one problem from any seed; what depends only on the problem is built once."""
 
-    def __init__(self, problem: Problem, model: CollisionModel, options: TrajOptOptions, budget: Budget) -> None:
-        self.problem, self.model, self.options, self.budget = problem, model, options, budget
+    def __init__(self, problem: Problem, model: CollisionModel, options: TrajOptOptions) -> None:
+        self.problem, self.model, self.options = problem, model, options
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
 
-    def run(self, control: Array) -> Attempt | None:
+    def run(self, control: Array, budget: Budget) -> Attempt | None:
         """Optimise from control points (K, n), look between the samples, add some where bodies touch there, and again.
 
-        None when the bodies stay far inside each other.
+        None when the bodies stay far inside each other, the arm is too heavy, or somebody cancelled.
         """
         transcription = Transcription(self.problem, self.model, self.basis, self._margins(control))
         u = _instants(self.basis, self.options.samples)
@@ -48,17 +48,17 @@ class Optimiser:
         for _ in range(self.options.refinements + 1):
             transcription.set_samples(u)
             left = self.options.iterations - iterations
-            point, used = optimise(transcription, self.options.solver, control, left, lambda: self.budget.over)
+            point, used = optimise(transcription, self.options.solver, control, left, lambda: budget.over)
             iterations += used
             control = point.control
-            if point.contacts.violation() > HOPELESS:
+            if point.contacts.violation() > HOPELESS or budget.cancelled:
                 return None
             trajectory = self.timed(control, point.duration)
             if trajectory is None:
                 return None
             touch = first_contact(self.model, trajectory)
             attempt = Attempt(trajectory, touch, iterations)
-            if touch is None or self.budget.over or iterations >= self.options.iterations:
+            if touch is None or budget.over or iterations >= self.options.iterations:
                 break
             u = np.concatenate([transcription.u, _around(transcription.u, touch.t / trajectory.duration)])
         return attempt

@@ -7,7 +7,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
 from optiplan.planners.base import Budget, Failure, PlanResult, Progress
-from optiplan.planners.failures import out_of_time
+from optiplan.planners.failures import out_of_time, too_heavy
 from optiplan.planners.goals import ranked_goals
 from optiplan.planners.sampling import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.stopwatch import Stopwatch
@@ -22,6 +22,9 @@ from optiplan.trajectory.trajectory import Trajectory
 
 _PATIENCE = 0.05
 """With every sampled seed tried, this much more of the lower bound is good enough."""
+
+_EARLY = 1.0 / 3.0
+"""Share of the budget after which straight lines that led to nothing must leave the rest to sampled paths."""
 
 _SAME, _FAMILIAR = 1.01, 0.1
 """Durations within 1 % are one local optimum; found again, it is good enough at 10 % more of the lower bound."""
@@ -49,17 +52,18 @@ class _Run:
     def __init__(self, problem: Problem, budget: Budget, progress: Progress, options: TrajOptOptions) -> None:
         self.problem, self.budget, self.progress, self.options = problem, budget, progress, options
         self.watch = Stopwatch()
-        self.info: dict[str, Any] = {"attempts": []}
+        self.info: dict[str, Any] = {"attempts": [], "cut_short": False}
         self.best: Trajectory | None = None
         self.touching: Touch | None = None
         self.least = 0.0
         with self.watch.stage("set-up"):
             self.model = CollisionModel(problem.robot, problem.scene)
-            self.optimiser = Optimiser(problem, self.model, options, budget)
+            self.optimiser = Optimiser(problem, self.model, options)
 
     def result(self) -> PlanResult:
         """Search, and put what came of it into words."""
         failure = self._search()
+        self.info["cut_short"] |= self.budget.over
         if self.best is not None:
             return PlanResult(self.best, None, self.watch.seconds, self.info)
         if self.budget.cancelled:
@@ -79,10 +83,12 @@ class _Run:
         if bounds[0] == 0.0:
             self.best = stop_at_corners(np.array([start, goals[0]]), problem.limits, problem.robot.joint_names)
             return None
-        self.least = float(bounds[0])
+        self.least, early = float(bounds[0]), self.budget.share(_EARLY)
         for goal, bound in list(zip(goals, bounds, strict=True))[: self.options.straight_goals]:
-            if not self._done(max(float(bound), self.options.good_enough * self.least)):
-                self._attempt("straight", np.array([start, goal]))
+            budget = early if self.best is None else self.budget
+            if not budget.over and not self._done(max(float(bound), self.options.good_enough * self.least)):
+                self._attempt("straight", np.array([start, goal]), budget)
+        self.info["cut_short"] = early.over
         return self._from_sampled_paths(goals)
 
     def _from_sampled_paths(self, goals: list[Array]) -> Failure | None:
@@ -99,22 +105,23 @@ class _Run:
                 break
             if shortest is None or path.cost < shortest.cost:
                 shortest = path
-            self._attempt("sampled", path.waypoints)
+            self._attempt("sampled", path.waypoints, self.budget)
         if self.best is None and shortest is not None:
-            self._time_path(shortest.waypoints)
+            return self._time_path(shortest.waypoints)
         return failure if failure is not None else self._why_not()
 
-    def _time_path(self, waypoints: Array) -> None:
+    def _time_path(self, waypoints: Array) -> Failure | None:
         """No optimised curve is free, but the sampled path is: time it as it is."""
         with self.watch.stage("timing of the sampled path"):
             self.best = timed_path(self.model, waypoints, self.problem.limits, self.budget)
         self.info["fallback"] = "sampled path"
+        return too_heavy(self.problem.robot, self.problem.limits, waypoints) if self.best is None else None
 
-    def _attempt(self, kind: str, waypoints: Array) -> None:
+    def _attempt(self, kind: str, waypoints: Array, budget: Budget) -> None:
         self.progress("optimisation", len(self.info["attempts"]) / (self.options.seeds + self.options.straight_goals))
         with self.watch.stage("optimisation"):
             velocity = self.problem.limits.velocity
-            attempt = self.optimiser.run(along_path(self.optimiser.basis, waypoints, velocity))
+            attempt = self.optimiser.run(along_path(self.optimiser.basis, waypoints, velocity), budget)
         entry: dict[str, Any] = {"seed": kind, "free": attempt is not None and attempt.touch is None}
         if attempt is not None:
             entry |= {"duration": attempt.trajectory.duration, "iterations": attempt.iterations}

@@ -1,0 +1,44 @@
+"""The budget: one clock, shares of it, one cancellation."""
+
+import threading
+import time
+
+import pytest
+
+from optiplan import pipeline
+from optiplan.planners.base import Budget
+from tests.planners import cases
+
+
+def test_a_share_ends_sooner_and_is_cancelled_together():
+    cancel = threading.Event()
+    whole = Budget(30.0, cancel)
+    part = whole.share(0.25)
+    assert part.remaining == pytest.approx(7.5, abs=0.1)
+    cancel.set()
+    assert part.over
+    assert whole.share(0.5).over
+
+
+def test_loading_a_planner_is_not_counted(monkeypatch):
+    made = pipeline.make_planner
+
+    def slow(name, options):
+        time.sleep(0.3)
+        return made(name, options)
+
+    monkeypatch.setattr(pipeline, "make_planner", slow)
+    run = pipeline.run(cases.planar(), "quintic", {}, Budget(0.25), lambda stage, fraction: None)
+    assert run.verified, run.failure
+
+
+@pytest.mark.parametrize("name", ["rrtconnect", "trajopt"])
+def test_a_result_that_the_clock_left_alone_says_so(name):
+    free = pipeline.run(cases.planar(), name, {}, Budget(60.0), lambda stage, fraction: None)
+    assert free.info["cut_short"] is False
+
+
+def test_a_search_cut_by_the_clock_says_so():
+    barred = pipeline.run(cases.barred(), "trajopt", {}, Budget(0.3), lambda stage, fraction: None)
+    assert barred.failure is not None
+    assert barred.info["cut_short"] is True
