@@ -38,9 +38,10 @@ def verify(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEF
 
 
 def _allowed(problem: Problem) -> list[str]:
-    """Which contacts the problem waves through, if any."""
-    pairs = sorted(" – ".join(sorted(pair)) for pair in problem.scene.allowed)
-    return [f"contacts allowed by the problem, not checked: {', '.join(pairs)}"] if pairs else []
+    """Which contacts the problem waves through, if any: allowed pairs, and what attached objects may touch."""
+    pairs = {" – ".join(sorted(pair)) for pair in problem.scene.allowed}
+    pairs |= {" – ".join(sorted((held.name, link))) for held in problem.scene.attached for link in held.touch}
+    return [f"contacts allowed by the problem, not checked: {', '.join(sorted(pairs))}"] if pairs else []
 
 
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:

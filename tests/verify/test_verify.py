@@ -233,6 +233,11 @@ def test_contacts_that_the_problem_allows_are_told(planar, swing):
         assert "ball – tip" in report.notes[-1]
 
 
+def test_what_an_attached_object_may_touch_is_told(planar, swing):
+    held = Attachment("rod", Box((0.01, 0.01, 0.5)), "tip", pin.SE3.Identity(), frozenset({"forearm"}))
+    assert "forearm – rod" in verify(problem_of(planar, swing, Scene((), (held,))), swing).notes[-1]
+
+
 def test_nan_in_a_file_is_an_input_error(swing):
     data = swing.to_dict()
     data["pieces"]["coefficients"][0][0][0] = float("nan")
