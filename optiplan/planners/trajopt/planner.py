@@ -12,7 +12,7 @@ from optiplan.planners.goals import ranked_goals
 from optiplan.planners.sampling import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.stopwatch import Stopwatch
 from optiplan.planners.sweep import Touch
-from optiplan.planners.timed import timed_path, within_torque
+from optiplan.planners.timed import timed_path
 from optiplan.planners.trajopt.attempt import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.seeds import along_path
@@ -76,9 +76,6 @@ class _Run:
             goals = ranked_goals(problem, self.model, self.budget)
         if isinstance(goals, Failure):
             return goals
-        at_rest = stop_at_corners(start[None].repeat(2, axis=0), problem.limits, problem.robot.joint_names)
-        if within_torque(self.model, problem.limits, at_rest) is None:
-            return Failure("unsupported", "gravity alone exceeds the torque limits at the start", {"q": start.tolist()})
         bounds = lower_bounds(start, np.array(goals), problem.limits)
         if bounds[0] == 0.0:
             self.best = stop_at_corners(np.array([start, goals[0]]), problem.limits, problem.robot.joint_names)
