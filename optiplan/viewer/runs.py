@@ -53,6 +53,17 @@ class Poses:
             tool[k] = self._data.oMf[self._tool].translation
         return joints, tool
 
+    def ellipsoids(self, Q: Array) -> Array:
+        """Velocity ellipsoids of the tool point at configurations Q (k, n): quaternion xyzw, semi-lengths (k, 7)."""
+        out = np.empty((len(Q), 7))
+        for k, q in enumerate(Q):
+            J = pin.computeFrameJacobian(self._model, self._data, q, self._tool, pin.LOCAL_WORLD_ALIGNED)[:3]
+            U, s, _ = np.linalg.svd(J)
+            U[:, 2] *= np.sign(np.linalg.det(U))
+            out[k, :4] = pin.Quaternion(U).coeffs()
+            out[k, 4:] = np.pad(s, (0, 3 - len(s)))
+        return out
+
 
 def show_run(problem: Problem, poses: Poses, run: ViewedRun) -> dict[str, Any]:
     """JSON-ready form of a run for the page."""
@@ -84,12 +95,14 @@ def _badge(run: ViewedRun) -> str:
 
 def _motion(poses: Poses, trajectory: Trajectory) -> dict[str, Any]:
     count = int(min(MAX_SAMPLES, max(2, np.ceil(trajectory.duration * RATE) + 1)))
-    joints, tool = poses.of(trajectory(np.linspace(0.0, trajectory.duration, count)))
+    Q = trajectory(np.linspace(0.0, trajectory.duration, count))
+    joints, tool = poses.of(Q)
     return {
         "duration": trajectory.duration,
         "samples": count,
         "poses": packed(joints),
         "path": packed(tool),
+        "ellipsoids": packed(poses.ellipsoids(Q)),
     }
 
 
