@@ -53,10 +53,9 @@ class Compiler:
         if self.draft.robot is None:
             return None
         try:
-            return load_robot(self.draft.robot, self.base, self.draft.locked)
+            return load_robot(self.draft.robot, self.base, self.draft.locked, self.draft.group)
         except UnknownChoiceError as error:
-            place = ("locked",) if error.kind != "robot" else ("robot",)
-            self.report(place, f"unknown {error.kind} '{error.found}'", choices(error.found, error.choices))
+            self.report((error.kind,), f"unknown {error.kind} '{error.found}'", choices(error.found, error.choices))
         except InputError as error:
             self.issues.extend(map(self._relocated, error.issues))
         return None

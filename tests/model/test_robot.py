@@ -8,7 +8,17 @@ from optiplan.errors import InputError, UnknownChoiceError
 from optiplan.model.robot import load_robot, robot_file, robot_names
 from tests.model.robots import TWO, chain, joint, write_robot
 
-SHIPPED = {"baxter_left": 7, "panda": 7, "planar2r": 2, "puma560": 6, "srra": 6, "ur3": 6, "ur5": 6}
+SHIPPED = {
+    "baxter": 14,
+    "baxter_left": 7,
+    "delbot": 9,
+    "panda": 7,
+    "planar2r": 2,
+    "puma560": 6,
+    "srra": 6,
+    "ur3": 6,
+    "ur5": 6,
+}
 OWN = {"delbot", "planar2r", "puma560", "srra"}
 """Robots whose files were all written here."""
 
