@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.model.manipulability import ToolKinematics, ellipsoids, scaled
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
@@ -42,6 +43,7 @@ class Poses:
         self._model = problem.robot.model
         self._data = self._model.createData()
         self._tool = self._model.getFrameId(problem.robot.tool_frame)
+        self._kinematics = ToolKinematics(problem.robot)
 
     def of(self, Q: Array) -> tuple[Array, Array]:
         """Poses at configurations Q (k, n): joints (k, n, 7), position (m) and quaternion xyzw; tool points (k, 3)."""
@@ -54,15 +56,14 @@ class Poses:
         return joints, tool
 
     def ellipsoids(self, Q: Array) -> Array:
-        """Velocity ellipsoids of the tool point at configurations Q (k, n): quaternion xyzw, semi-lengths (k, 7)."""
-        out = np.empty((len(Q), 7))
-        for k, q in enumerate(Q):
-            J = pin.computeFrameJacobian(self._model, self._data, q, self._tool, pin.LOCAL_WORLD_ALIGNED)[:3]
-            U, s, _ = np.linalg.svd(J)
-            U[:, 2] *= np.sign(np.linalg.det(U))
-            out[k, :4] = pin.Quaternion(U).coeffs()
-            out[k, 4:] = np.pad(s, (0, 3 - len(s)))
-        return out
+        """Velocity ellipsoids of the tool point at configurations Q (k, n): (k, 7).
+
+        A row holds the quaternion xyzw of the axes in the world and the semi-lengths (m/s for joint speeds of norm 1),
+        longest first; those of the force ellipsoid are their reciprocals, on the same axes.
+        """
+        drawn = ellipsoids(scaled(self._kinematics.evaluate(Q)[1], "translation"))
+        turns = np.array([pin.Quaternion(axes).coeffs() for axes in drawn.axes])
+        return np.hstack([turns, drawn.velocity])
 
 
 def show_run(problem: Problem, poses: Poses, run: ViewedRun) -> dict[str, Any]:

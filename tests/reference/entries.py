@@ -46,7 +46,8 @@ def matches(found: Any, expected: Any, tolerance: float, relative: bool = False)
 def entries(report: str) -> dict[str, Entry]:
     items = read_yaml(HERE / f"{report}.yaml").data["entries"]
     return {
-        item["id"]: Entry(item["id"], float(item["tolerance"]), item.get("value"), item.get("printed")) for item in items
+        item["id"]: Entry(item["id"], float(item["tolerance"]), item.get("value"), item.get("printed"))
+        for item in items
     }
 
 

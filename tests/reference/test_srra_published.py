@@ -12,8 +12,10 @@ from optiplan.model.closed_form import closed_form
 from optiplan.model.collision import CollisionModel
 from optiplan.model.dh import DhTable, forward
 from optiplan.model.kinematics import BatchKinematics
+from optiplan.model.reach import Reach
 from optiplan.model.robot import Robot, load_robot
 from optiplan.model.scene import Scene
+from optiplan.model.voxels import ring_coverage
 from tests.reference.entries import entry
 from tests.reference.poses import pose, tool_pose, turn
 
@@ -155,19 +157,6 @@ def test_srra_urdf_joint4_clash(touch):
     assert np.mean(blocked) == pytest.approx(entry("srra.urdf.collision_rates")["link_4-link_6"], abs=0.005)
 
 
-def coverage(points: np.ndarray, radius: float, half: str = "both") -> float:
-    """Share of the sphere's volume (or of one half's) in those cells (rho, z) of 0.1 m that hold a point."""
-    cell = 0.1
-    n = int(np.ceil(radius / cell))
-    rho, z = np.meshgrid((np.arange(n) + 0.5) * cell, (np.arange(-n, n) + 0.5) * cell, indexing="ij")
-    inside = (np.hypot(rho, z) <= radius) & {"both": z < np.inf, "upper": z > 0.0, "lower": z < 0.0}[half]
-    row = np.clip(np.hypot(points[:, 0], points[:, 1]) // cell, 0, n - 1).astype(int)
-    column = np.clip(points[:, 2] // cell + n, 0, 2 * n - 1).astype(int)
-    held = np.zeros_like(inside)
-    held[row, column] = True
-    return float((rho * (inside & held)).sum() / (rho * inside).sum())
-
-
 def test_srra_urdf_workspace(published):
     """The claim of a full sphere holds for the kinematics; the published base and floor take some of it."""
     expected, size = entry("srra.urdf.workspace"), entry("srra.urdf.parameters")
@@ -179,10 +168,11 @@ def test_srra_urdf_workspace(published):
     bodies = CollisionModel(published, Scene())
     free = ~np.array([bodies.collides(q) for q in Q])
     expected.check(free.mean(), "free_fraction_of_random_configurations")
-    expected.check(coverage(tips, radius), "coverage_no_collision")
-    expected.check(coverage(tips[free], radius), "coverage_with_collision")
-    expected.check(coverage(tips[free], radius, "upper"), "coverage_upper_half")
-    expected.check(coverage(tips[free], radius, "lower"), "coverage_lower_half")
+    ball = Reach(np.zeros(3), 0.0, radius)
+    everywhere, held = (ring_coverage(ball, points, 0.1) for points in (tips, tips[free]))
+    expected.check(everywhere[0], "coverage_no_collision")
+    for share, key in zip(held, ("with_collision", "upper_half", "lower_half"), strict=True):
+        expected.check(share, f"coverage_{key}")
     expected.check(tips[free, 2].min(), "lowest_tip_below_shoulder")
 
 
