@@ -100,10 +100,11 @@ def scaled(J: Array, part: Part = "full", length: float = 1.0) -> Array:
 
 def measures(J: Array) -> Measures:
     """Measures of Jacobians J (N, m, n)."""
-    s = np.linalg.svd(J, compute_uv=False)
+    s: Array = np.linalg.svd(J, compute_uv=False)
     # Behind the largest singular value that is 0 nothing can be moved at all: not well conditioned either.
-    asada = np.divide(s[:, -1], s[:, 0], out=np.zeros(len(s)), where=s[:, 0] > 0.0)
-    return Measures(np.asarray(np.prod(s, axis=1)), np.asarray(asada), s[:, -1])
+    asada = np.asarray(np.divide(s[:, -1], s[:, 0], out=np.zeros(len(s)), where=s[:, 0] > 0.0), dtype=np.float64)
+    yoshikawa: Array = np.prod(s, axis=1)
+    return Measures(yoshikawa, asada, s[:, -1])
 
 
 def measure_gradients(J: Array, H: Array) -> Measures:
@@ -117,7 +118,8 @@ def measure_gradients(J: Array, H: Array) -> Measures:
     others = np.stack([np.prod(np.delete(s, k, axis=1), axis=1) for k in range(s.shape[1])], axis=1)
     largest = np.maximum(s[:, :1], np.finfo(float).tiny)
     asada = (ds[:, -1] - (s[:, -1:] / largest) * ds[:, 0]) / largest
-    return Measures(np.einsum("nk,nkj->nj", others, ds), asada, ds[:, -1])
+    yoshikawa: Array = np.einsum("nk,nkj->nj", others, ds)
+    return Measures(yoshikawa, asada, ds[:, -1])
 
 
 @dataclass(frozen=True, eq=False)

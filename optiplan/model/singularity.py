@@ -1,4 +1,4 @@
-"""Singularities of six-joint arms by name: shoulder, elbow and wrist, from the factors of the Jacobian's determinant."""
+"""Singularities of six-joint arms by name: shoulder, elbow, wrist, the factors of the Jacobian's determinant."""
 
 from dataclasses import dataclass
 from typing import Literal

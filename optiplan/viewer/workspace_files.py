@@ -2,6 +2,7 @@
 
 import html
 import json
+import re
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
@@ -29,8 +30,8 @@ def save_workspaces(found: Sequence[Workspace], folder: Path) -> list[Path]:
     """Write `NAME.npz` and `NAME.ply` of each robot, and `workspace.html` and `workspace.png` of all together."""
     folder.mkdir(parents=True, exist_ok=True)
     writers: list[tuple[str, Callable[[Path], object]]] = []
-    for one in found:
-        writers += [(f"{one.robot.name}.npz", _npz(one)), (f"{one.robot.name}.ply", _ply(one))]
+    for stem, one in zip(_stems(found), found, strict=True):
+        writers += [(f"{stem}.npz", _npz(one)), (f"{stem}.ply", _ply(one))]
     page = render_workspaces(found)
     writers += [("workspace.html", lambda path: path.write_text(page, encoding="utf-8"))]
     writers += [("workspace.png", lambda path: draw_section(found, path))]
@@ -42,6 +43,12 @@ def save_workspaces(found: Sequence[Workspace], folder: Path) -> list[Path]:
         finally:
             aside.unlink(missing_ok=True)
     return [folder / name for name, _ in writers]
+
+
+def _stems(found: Sequence[Workspace]) -> list[str]:
+    """A file name for each robot, numbered where two have the same name."""
+    names = [re.sub(r"[^\w.-]", "_", one.robot.name) for one in found]
+    return [name if names.count(name) == 1 else f"{name}-{names[: k + 1].count(name)}" for k, name in enumerate(names)]
 
 
 def mapped_values(one: Workspace) -> dict[str, Array]:
