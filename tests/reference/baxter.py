@@ -9,7 +9,7 @@ NAMES = ("S0", "S1", "E0", "E1", "W0", "W1", "W2")
 
 
 def report_arm(folder: Path, lower: list[float], upper: list[float]) -> Robot:
-    """Joint by joint: where it is in the one before, and about which axis it turns; the tool stands at the end of l6."""
+    """Joint by joint: where it is in the one before, and about which axis it turns; the tool is at the end of l6."""
     size = entry("sclerp.baxter.geometry")["links"]
     steps = [(0.0, size["l0"]), (size["l1"], 0.0), (size["l2"], 0.0), (0.0, -size["l23"])]
     steps += [(size["l4"], 0.0), (0.0, -size["l45"]), (size["l6"], 0.0)]

@@ -15,7 +15,7 @@ REPORTS = ("srra", "delbot", "lecture", "sclerp")
 
 @dataclass(frozen=True)
 class Entry:
-    """One entry: recomputed `value` (numbers, and words that name things), its `tolerance`, and the number as printed."""
+    """One entry: recomputed `value` (numbers, and words that name things), its `tolerance`, and what is `printed`."""
 
     name: str
     tolerance: float
@@ -26,7 +26,7 @@ class Entry:
         return self.value[key]
 
     def check(self, found: Any, *path: Any, relative: bool = False) -> None:
-        """Compare with the value at `path`; tolerance 0 means: equal in the 16 digits that the entry is written with."""
+        """Compare with the value at `path`; tolerance 0 means: equal in the 16 digits that the entry has."""
         expected = self.value
         for key in path:
             expected = expected[key]

@@ -94,7 +94,7 @@ def test_lecture_example3_ik(puma):
 
 
 def test_lecture_example5(tmp_path):
-    """Two links: |det J| = a1 a2 |sin theta2| is largest at theta2 = ±pi/2, whatever theta1; det J itself at +pi/2 only."""
+    """Two links: |det J| = a1 a2 |sin theta2| is largest at theta2 = ±pi/2, whatever theta1; det J at +pi/2 only."""
     expected = entry("lecture.example5")
     rows = "".join(f"    - {{name: link_{i}, joint: revolute, a: {a}}}\n" for i, a in ((1, 1.0), (2, 0.7)))
     table = f"dh:\n  convention: standard\n  unit: rad\n  radius: 0.05\n  rows:\n{rows}"

@@ -81,7 +81,7 @@ def test_sclerp_baxter_urdf_map(arm, baxter):
 
 
 def lying(baxter: Robot, q: np.ndarray) -> np.ndarray:
-    """Pose of the right hand in the report's base frame: joint S0, with 45° of the mount taken back, y along the arm."""
+    """Pose of the right hand in the report's base frame: joint S0, the 45° of the mount taken back, y along the arm."""
     X_WS = tool_pose(baxter, q, "right_arm_mount")
     point = X_WS[:3, 3] + X_WS[:3, :3] @ [0.055695, 0.0, 0.011038]  # of joint S0
     return np.linalg.inv(pose(X_WS[:3, :3] @ rot("z", -np.pi / 4), point)) @ tool_pose(baxter, q, "right_hand_link")

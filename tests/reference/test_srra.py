@@ -177,7 +177,7 @@ def round_trip(robot: Robot, Q: np.ndarray, tolerance: float) -> np.ndarray:
 def test_srra_ik_closed_form(srra):
     Q = np.random.default_rng(1).uniform(-np.pi, np.pi, (1500, 6))
     assert (round_trip(srra, Q, entry("srra.ik.closed_form").tolerance) == 8).all()
-    # The report's elbow-up branch, theta3 = theta_h - theta3_star, misses the wrist centre of its own example by 1.49 m.
+    # The report's elbow-up branch, theta3 = theta_h - theta3_star, misses its own wrist centre by 1.49 m.
     steps = worked_example(srra.dh, np.array(entry("srra.ik.goal").value))
     printed = [steps["theta1"], steps["h1"] + steps["h2"], steps["theta_h"] - steps["theta3_star"], 0.0, 0.0, 0.0]
     right = [steps["theta1"], steps["h1"] + steps["h2"], -steps["theta_h"] - steps["theta3_star"], 0.0, 0.0, 0.0]

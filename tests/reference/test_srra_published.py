@@ -59,7 +59,7 @@ def touch(published) -> Touch:
 
 
 def test_srra_urdf_parameters(published):
-    """The eight rows of the report's table with other dimensions, offsets beside the joints and a base that is raised."""
+    """The eight rows of the report's table with other dimensions, offsets of the joints and a base that is raised."""
     size, table = entry("srra.urdf.parameters"), load_robot("srra").dh
     changed = {0: {"a": size["a1"]}, 1: {"d": size["d2"]}, 2: {"a": size["a3"]}, 3: {"a": size["a_d"]}}
     changed |= {4: {"d": size["d4"]}, 7: {"d": size["d7_flange_joint"]}}
