@@ -74,8 +74,8 @@ def show_robot(console: Console, data: Mapping[str, Any]) -> None:
 
 
 def _show_dh(console: Console, table: Mapping[str, Any]) -> None:
-    shown = Table(box=None, pad_edge=False, header_style="dim", title_justify="left", title_style="")
-    shown.title = f"Denavit–Hartenberg table, {table['convention']} convention; m and degrees"
+    console.print(f"Denavit–Hartenberg table, {table['convention']} convention, in m and degrees:", markup=False)
+    shown = Table(box=None, pad_edge=False, header_style="dim")
     for heading in ("link", "joint"):
         shown.add_column(heading)
     for heading in ("theta", "d", "a", "alpha"):
