@@ -1,6 +1,7 @@
 """Every entry about the reports' robots has a test of its own name; the numbers here are those of the table."""
 
 import ast
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from optiplan.yaml_lines import read_yaml
 from tests.reference.entries import HERE, REPORTS, entries
 
+PAGE = Path(HERE).parent.parent / "docs" / "reports.md"
 MOTIONS = {
     "lecture": "cubic.coefficients example1 example2 quintic.v0_5 example4 example4.samples lspb.formula bangbang "
     "profile_constants homework",
@@ -35,6 +37,13 @@ def test_every_copied_entry_has_a_test_of_its_name(report):
         name for name in set(entries(report)) - GIVEN if f"test_{name.replace('.', '_')}" not in names_of_tests()
     ]
     assert not missing
+
+
+def test_the_page_about_the_reports_names_entries_that_exist():
+    named = set(re.findall(r"`((?:srra|delbot|lecture|sclerp)\.[\w.]+)`", PAGE.read_text()))
+    known = {name for report in REPORTS for name in entries(report)}
+    assert named <= known
+    assert {name for name in known if entries(name.split(".")[0])[name].printed is not None} <= named
 
 
 @pytest.fixture(scope="module")

@@ -59,6 +59,10 @@ def test_sclerp_baxter_limits_seed(arm):
     expected = entry("sclerp.baxter.limits_seed")
     expected.check(arm.limits.lower, "lower")
     expected.check(arm.limits.upper, "upper")
+    right = entry("sclerp.baxter.urdf_map")["limits_in_report_signs"]
+    for j, turned_about in enumerate(entry("sclerp.baxter.urdf_map")["sign"]):
+        differ = abs(expected["lower"][j] - right["lower"][j])
+        assert differ > 0.5 if turned_about < 0 else differ < 0.027
 
 
 def test_sclerp_baxter_urdf_map(arm, baxter):
@@ -108,6 +112,9 @@ def test_sclerp_pure_rotation_other_axes(arm, free_arm):
             further = FURTHER.get((key, name), most)
             assert turned(robot, name, further - expected.tolerance), (key, name)
             assert not turned(robot, name, further + expected.tolerance), (key, name)
+    elsewhere = tool_pose(arm, np.array([-0.5, -0.6, 0.8, 1.2, -0.9, 0.7, 0.4]))
+    for axis, degrees in (("x", 30.0), ("z", -30.0)):
+        assert solve(arm, elsewhere @ pose(rot(axis, np.radians(degrees)), np.zeros(3))).solutions
 
 
 FURTHER = {("max_rotation_deg_seed_limits", "z_plus"): 5.20, ("max_rotation_deg_seed_limits", "z_minus"): 5.20}
