@@ -5,8 +5,8 @@ Two families, both with joint 2 parallel to joint 3 and square to joint 1:
 - *spherical wrist*: axes 4, 5, 6 meet in one point, 4 square to 5 and 5 to 6 (PUMA 560, SRRA, most industrial arms);
 - *three parallel axes*: 2, 3, 4 parallel, 5 square to 4 and 6 square to 5, axes 5 and 6 meet (Universal Robots).
 
-Everything is written in the arm frame A: z along axis 1, y along axis 2, origin on axis 1 at the height of axis 2, all at
-q = 0. A point of the x-z plane is the complex number z + i x, so that a rotation by q about y is the factor exp(i q).
+Everything is written in the arm frame A: z along axis 1, y along axis 2, origin on axis 1 at the height of axis 2, all
+at q = 0. A point of the x-z plane is the complex number z + i x; a rotation by q about y is the factor exp(i q).
 Source of the conditions: Pieper, "The kinematics of manipulators under computer control", Stanford, 1968.
 """
 

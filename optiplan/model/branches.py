@@ -4,9 +4,13 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import numpy.typing as npt
 
 from optiplan.arrays import Array
 from optiplan.model.arm_geometry import TOLERANCE, ArmGeometry
+
+Complex = npt.NDArray[np.complex128]
+"""Points z + i x of the plane in which the links move."""
 
 SIGNS: Array = np.array(list(product((1.0, -1.0), repeat=3))).T
 """(3, 8): the sign that shoulder, elbow and wrist take on each branch."""
@@ -33,13 +37,16 @@ class Places:
 
 
 def branch_names(geometry: ArmGeometry) -> tuple[str, ...]:
-    """In the order of `SIGNS`. Seen along the arm from axis 1 to the wrist point: left and right say on which side of
-    axis 1 the arm's plane lies, front and back which way it turned when that plane holds axis 1; up means that the
-    elbow is above the line from shoulder to wrist."""
+    """Names in the order of `SIGNS`.
+
+    Seen from axis 1 towards the wrist point: left and right say on which side of axis 1 the arm's plane lies, front and
+    back which way it turned when that plane holds axis 1; up means that the elbow is above the line from shoulder to
+    wrist; no flip that axis 6 is turned against axis 5 from axis 4 on, as PUMA's names have it.
+    """
     sides = ("front", "back")
     if abs(geometry.lateral) > TOLERANCE:
         sides = ("left", "right") if geometry.lateral > 0.0 else ("right", "left")
-    words = product(sides, ("up", "down"), ("no flip", "flip"))
+    words = product(sides, ("up", "down"), ("flip", "no flip"))
     return tuple(f"shoulder {shoulder}, elbow {elbow}, wrist {wrist}" for shoulder, elbow, wrist in words)
 
 
@@ -95,7 +102,7 @@ def _pan(g: ArmGeometry, point: Array, sign: Array) -> tuple[Array, Array]:
     return heading - np.arctan2(g.lateral, r), r
 
 
-def _two_links(g: ArmGeometry, way: Array, sign: Array) -> tuple[Array, Array, Array]:
+def _two_links(g: ArmGeometry, way: Complex, sign: Array) -> tuple[Array, Array, Array]:
     """Angles of joints 2 and 3 (both about y) that span `way`, or come nearest to it, and |sin beta|."""
     upper, fore = abs(g.upper), abs(g.fore)
     cosine = (way.real**2 + way.imag**2 - upper**2 - fore**2) / (2.0 * upper * fore)
@@ -104,7 +111,7 @@ def _two_links(g: ArmGeometry, way: Array, sign: Array) -> tuple[Array, Array, A
     return np.angle(way) - np.angle(g.upper + np.exp(1j * bend) * g.fore), bend, np.sin(beta)
 
 
-def _shift(g: ArmGeometry, way: Array, total: Array, side: Array) -> Array:
+def _shift(g: ArmGeometry, way: Complex, total: Array, side: Array) -> Array:
     """Turn of q2 + q3 + q4, and of q6 against it, that brings axis 4 into the reach of the two links.
 
     Where axes 4 and 6 are nearly parallel, q6 is hardly known, and a stretched arm might not get where its rounding

@@ -15,6 +15,7 @@ UR-5/UR-10 arms", 2013.
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan.arrays import Array
@@ -22,6 +23,9 @@ from optiplan.model.arm_geometry import ArmGeometry, recognise
 from optiplan.model.branches import SIGNS, Places, branch_names, spherical_wrist, three_parallel
 from optiplan.model.kinematics import BatchKinematics
 from optiplan.model.robot import Robot
+
+Flags = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
 
 ACCURACY = 1e-9
 """A branch is valid when forward kinematics meets the pose this well, m and rad."""
@@ -48,9 +52,9 @@ class Solutions:
     """
 
     q: Array
-    valid: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    valid: Flags
     error: Array
-    singular: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    singular: Flags
     branches: tuple[str, ...]
 
 
@@ -80,7 +84,7 @@ class ClosedForm:
         for k in range(0, N, _BLOCK):
             block = slice(k, k + _BLOCK)
             q[block], error[block], measures[block] = self._block(X_WT[block])
-        return Solutions(q, (error <= ACCURACY).all(-1), error, measures < _SINGULAR, self.branches)
+        return Solutions(q, error.max(-1) <= ACCURACY, error, measures < _SINGULAR, self.branches)
 
     def _block(self, X: Array) -> tuple[Array, Array, Array]:
         q, measures = self._angles(X[:, None], SIGNS)
@@ -92,7 +96,7 @@ class ClosedForm:
             self._refine(X[rows], SIGNS[:, columns], (q, error, measures), (rows, columns))
         return q, error, measures
 
-    def _refine(self, X: Array, signs: Array, result: tuple[Array, Array, Array], at: tuple[Array, ...]) -> None:
+    def _refine(self, X: Array, signs: Array, result: tuple[Array, Array, Array], at: tuple[Indices, Indices]) -> None:
         """Aim beside the pose by what the true arm differs from the ideal one, on the same branch.
 
         A robot file gives its angles with so many digits, so F(q) = F_ideal(q) E(q) with E near the identity. Solving
@@ -106,7 +110,7 @@ class ClosedForm:
             placed = self.forward(new)
             new_error = _errors(placed, X)
             better = new_error.max(-1) < error[at].max(-1)
-            where = tuple(index[better] for index in at)
+            where = at[0][better], at[1][better]
             q[where], error[where], measures[where] = new[better], new_error[better], new_measures[better]
             aim = X @ _inverse(placed) @ aim
 
