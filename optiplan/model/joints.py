@@ -53,7 +53,7 @@ def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, name: 
         if urdf.joint_types.get(joint) in MOVABLE and joint not in urdf.mimics
     ]
     if name is not None and name not in spec.groups:
-        raise UnknownChoiceError("group", name, spec.groups)
+        raise UnknownChoiceError("group", name, spec.groups or ["none, since the robot file has no groups"])
     if isinstance(spec.group, str) and spec.group not in spec.groups:
         found = f"unknown group '{spec.group}'"
         raise InputError([document.issue(("group",), found, choices(spec.group, list(spec.groups)))])
