@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -12,8 +11,8 @@ from optiplan.geometry import pose_from_data
 from optiplan.model.dh import DhTable, forward, frames
 from optiplan.model.jacobians import geometric_jacobian
 from optiplan.model.manipulability import ToolKinematics, measures
-from optiplan.model.reach import reach
 from optiplan.model.robot import Robot, load_robot
+from optiplan.model.workspace import Workspace, WorkspaceOptions, study_workspace
 from tests.reference.entries import Entry, entry, matches
 from tests.reference.poses import tool_pose
 
@@ -228,26 +227,28 @@ def test_delbot_gazebo():
     assert abs(entry("delbot.points")["distance"] - expected["distance"]) > 0.28  # another zero pose, not an error
 
 
-def reached(table: DhTable, count: int) -> np.ndarray:
-    """Tool points of the grid of so many values a joint in [-pi, pi]."""
-    grid = np.array(list(product(np.linspace(-np.pi, np.pi, count), repeat=6)))
-    assert len(grid) == count**6
-    return forward(table, grid)[:, :3, 3]
+def study(arm: Robot, count: int) -> Workspace:
+    """The report's: so many values a joint in [-pi, pi], collisions left aside, the flange of the table."""
+    bounds = replace(arm.limits, lower=np.full(6, -np.pi), upper=np.full(6, np.pi))
+    flange = replace(arm, limits=bounds, tool_frame=arm.dh.rows[5].name)
+    return study_workspace(flange, WorkspaceOptions(grid=count, collision=False), processes=1)
 
 
 def test_delbot_workspace(arm, table):
     expected = entry("delbot.workspace")
-    three, five = reached(table, 3), reached(table, 5)
-    for points, name, distinct in ((three, "3", 32), (five, "5", 1024)):
+    foot = tool_pose(arm, HOME, "arm_base")[:3, 3]
+    for name, found in (("3", study(arm, 3)), ("5", study(arm, 5))):
+        points = found.samples.position - foot
         expected.check(len(points), f"points_{name}_pow_6")
-        assert len(np.unique(np.round(points, 6) + 0.0, axis=0)) == expected[f"grid{name}_distinct_points"] == distinct
-    expected.check(five.min(axis=0), "grid5_bbox", "min")
-    expected.check(five.max(axis=0), "grid5_bbox", "max")
-    found = reach(arm, table.rows[5].name)
-    expected.check(found.largest, "reach_from_shoulder")
-    expected.check(found.least, "sampled_min")
-    expected.check(found.shoulder - tool_pose(arm, HOME, "arm_base")[:3, 3], "reach_point")
+        distinct = np.unique(np.round(points, 6) + 0.0, axis=0)
+        expected.check(len(distinct), f"grid{name}_distinct_points")
+        assert np.abs(forward(table, found.samples.q)[:, :3, 3] - points).max() < 1e-12
+    expected.check(points.min(axis=0), "grid5_bbox", "min")
+    expected.check(points.max(axis=0), "grid5_bbox", "max")
+    expected.check(found.reach.largest, "reach_from_shoulder")
+    expected.check(found.reach.least, "sampled_min")
+    expected.check(found.reach.shoulder - foot, "reach_point")
     expected.check(
         5.0 * abs(table.rows[1].a), "script_chain_radius"
     )  # what figure 8 shows: five equal links in a plane
-    assert expected["script_chain_radius"] > 2.0 * found.largest
+    assert expected["script_chain_radius"] > 2.0 * found.reach.largest
