@@ -50,9 +50,16 @@ class Descent:
         """The nearest configuration within the limits, (n,)."""
         return np.asarray(np.minimum(np.maximum(q, self._low), self._high))
 
-    def held(self, q: Array, step: Array) -> npt.NDArray[np.bool_]:
-        """Which joints stand at a limit and would be pushed through it: (n,) of bool."""
-        return np.asarray(((q <= self._low) & (step < 0.0)) | ((q >= self._high) & (step > 0.0)))
+    def held(self, q: Array, step: Array, slack: float = 0.0) -> npt.NDArray[np.bool_]:
+        """Which joints stand at a limit, or within `slack` of it, and would be pushed through it: (n,) of bool."""
+        low, high = self._low + slack, self._high - slack
+        return np.asarray(((q <= low) & (step < 0.0)) | ((q >= high) & (step > 0.0)))
+
+    def room(self, q: Array, direction: Array) -> float:
+        """The largest t with q + t direction within the limits, when q (n,) is."""
+        bound = np.where(direction > 0.0, self._high, self._low)
+        moving = np.abs(direction) > 0.0
+        return float(np.min((bound - q)[moving] / direction[moving], initial=np.inf))
 
     def descend(self, seed: Array, iterations: int, gain: float = GAIN) -> Array:
         """Where Levenberg–Marquardt with damping 0.05 |e|^2 ends from a seed (n,); inside the limits.

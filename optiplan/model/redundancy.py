@@ -14,6 +14,7 @@ AIMS = ("middle", "reference", "manipulability")
 _STEPS = 60
 _FIRST, _LONGEST, _SHORTEST = 0.2, 0.5, 1e-4  # rad or m, of one step
 _RANK = 1e-6  # of the largest singular value: what is below does not move the frame
+_AT_LIMIT = 1e-6  # rad or m
 _CORRECTIONS = 8  # iterations that bring the frame back after a step
 
 
@@ -72,7 +73,8 @@ def improve(descent: Descent, limits: Limits, q: Array, preference: Preference) 
             break
         # A quadratic cost asks for a step as long as its gradient at most; this saves the last, futile ones.
         step = min(length, norm * 2.0) if preference.aim == "reference" else length
-        trial = descent.descend(q + direction * (step / norm), _CORRECTIONS)
+        reach = min(step / norm, descent.room(q, direction))
+        trial = descent.descend(q + direction * reach, _CORRECTIONS)
         J_trial = descent.jacobian(trial)
         trial_cost, trial_gradient = preference.cost(trial, J_trial, limits)
         if trial_cost < cost and descent.reached(trial):
@@ -93,7 +95,7 @@ def _downhill(descent: Descent, q: Array, J: Array, gradient: Array) -> Array:
         # What rests is in the null space of the zeroed columns too, and must not come back.
         free = np.where(rest, 0.0, N)
         direction = free.T @ (free @ -gradient)
-        pushed = descent.held(q, direction) & (np.abs(direction) > 1e-12)
+        pushed = descent.held(q, direction, _AT_LIMIT) & (np.abs(direction) > 1e-12)
         if not pushed.any():
             break
         rest |= pushed
