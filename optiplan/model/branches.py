@@ -40,8 +40,9 @@ def branch_names(geometry: ArmGeometry) -> tuple[str, ...]:
     """Names in the order of `SIGNS`.
 
     Seen from axis 1 towards the wrist point: left and right say on which side of axis 1 the arm's plane lies, front and
-    back which way it turned when that plane holds axis 1; up means that the elbow is above the line from shoulder to
-    wrist; no flip that axis 6 is turned against axis 5 from axis 4 on, as PUMA's names have it.
+    back which way it turned when that plane holds axis 1; up means that the elbow is above the line from axis 2 to the
+    wrist point (three parallel axes: to axis 4, where that lies on the same side of axis 2 as the wrist point);
+    no flip that sin(q5 + zero) < 0, which is what it means for a PUMA.
     """
     sides = ("front", "back")
     if abs(geometry.lateral) > TOLERANCE:
