@@ -6,7 +6,8 @@ Poses are those of random configurations within the limits (2,000 unless said), 
 and rad within the limits, by the same forward kinematics for all. OptiPlan solves each pose in a call of its own, as
 a pool of configurations gives it starts; `plain` is `solve_ik` from random starts; `batch` is one call for all;
 `prefer` resolves the redundancy as well, on the first of the poses. Where pin-pink and roboticstoolbox (whose solver is
-in C) are installed they solve the same first poses from up to 20 random starts, with the limits on. Ratios are of medians over the same poses. The last line printed is one JSON object.
+in C) are installed they solve the same first poses from up to 20 random starts, with the limits on. Ratios are of
+medians over the same poses. The last line printed is one JSON object.
 """
 
 import os
