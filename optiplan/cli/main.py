@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 import optiplan
-from optiplan.cli import check, importing, plan, planners, robots, verify, view
+from optiplan.cli import check, ik, importing, plan, planners, robots, verify, view, workspace
 from optiplan.cli.output import Exit, print_error, print_json, report_error, results
 from optiplan.errors import OptiPlanError
 
@@ -56,7 +56,9 @@ app.command("plan")(plan.plan)
 app.command("verify")(verify.verify)
 app.command("view")(view.view)
 app.command("check")(check.check)
+app.command("workspace")(workspace.workspace)
 app.add_typer(robots.app, name="robots")
+app.command("ik")(ik.ik)
 app.command("planners")(planners.planners)
 app.add_typer(importing.app, name="import")
 

@@ -1,7 +1,9 @@
 """A robot as `optiplan robots show` tells it."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 from rich.console import Console
@@ -24,8 +26,11 @@ def describe(robot: Robot) -> dict[str, Any]:
     data = {
         "name": robot.name,
         "source": str(robot.source),
+        "group": robot.group,
+        "groups": robot.groups,
         "tool_frame": robot.tool_frame,
         "joints": joints,
+        "dh": None if robot.dh is None else asdict(robot.dh),
         "locked": robot.locked,
         "configurations": robot.configurations,
         "frames": [frame.name for frame in robot.model.frames[1:]],
@@ -49,6 +54,11 @@ def show_robot(console: Console, data: Mapping[str, Any]) -> None:
         table.add_row(joint["name"], *(_number(joint[key]) for key in LIMITS))
     console.print(table)
     console.print("limits in rad, rad/s, rad/s², rad/s³, N·m (m and N for sliding joints)", style="dim")
+    for name, joints in data["groups"].items():
+        planned = " (planned)" if name == data["group"] else ""
+        console.print(f"group {name}{planned}: {', '.join(joints)}", markup=False)
+    if data["dh"] is not None:
+        _show_dh(console, data["dh"])
     for name, q in data["configurations"].items():
         console.print(f"configuration {name}: [{', '.join(f'{value:.6g}' for value in q)}]", markup=False)
     for name, value in data["locked"].items():
@@ -61,6 +71,24 @@ def show_robot(console: Console, data: Mapping[str, Any]) -> None:
     console.print(f"pairs of links: {len(data['checked_pairs'])} checked, allowed to touch: {allowed}", markup=False)
     for note in data["notes"]:
         console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
+
+
+def _show_dh(console: Console, table: Mapping[str, Any]) -> None:
+    console.print(f"Denavit–Hartenberg table, {table['convention']} convention, in m and degrees:", markup=False)
+    shown = Table(box=None, pad_edge=False, header_style="dim")
+    for heading in ("link", "joint"):
+        shown.add_column(heading)
+    for heading in ("theta", "d", "a", "alpha"):
+        shown.add_column(heading, justify="right")
+    for row in table["rows"]:
+        angles = {key: f"{math.degrees(row[key]):.6g}" for key in ("theta", "alpha")}
+        lengths = {key: f"{row[key]:.6g}" for key in ("d", "a")}
+        cells = angles | lengths
+        for joint, key in (("revolute", "theta"), ("prismatic", "d")):
+            if row["joint"] == joint:
+                cells[key] = "q" if row[key] == 0 else f"q + {cells[key]}".replace("+ -", "- ")
+        shown.add_row(row["name"], row["joint"] or "fixed", *(cells[key] for key in ("theta", "d", "a", "alpha")))
+    console.print(shown)
 
 
 def _number(value: float | None) -> str:

@@ -10,14 +10,16 @@ from optiplan.cli.output import print_json, results, stdout_is_ours
 
 app = typer.Typer(invoke_without_command=True)
 Name = Annotated[str, typer.Argument(metavar="NAME", help="a robot that comes along, or the path of a robot.yaml")]
+Group = Annotated[str | None, typer.Option("--group", metavar="GROUP", help="one of the robot's groups of joints")]
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
 
 
 @app.callback()
 def robots(context: typer.Context, as_json: AsJson = False) -> int:
-    """List the robots that come with OptiPlan, show one, or write the SRDF of its pairs.
+    """List the robots that come with OptiPlan, show one, or write it for other programs.
 
-    Your own is as good: `robot: path/to/robot.yaml` in the problem file, with `version: 1`, `name:` and `urdf:` in it.
+    Your own is as good: `robot: path/to/robot.yaml` in the problem file, with `version: 1`, `name:` and `urdf:` or
+    `dh:` in it.
 
     [bold]Examples[/]
 
@@ -38,21 +40,23 @@ def robots(context: typer.Context, as_json: AsJson = False) -> int:
         print_json({"robots": {name: spec.model_dump(mode="json", exclude_none=True) for name, spec in specs.items()}})
         return 0
     table = Table(box=None, pad_edge=False, header_style="dim")
-    for heading in ("name", "tool frame", "configurations"):
+    for heading in ("name", "groups", "tool frame", "configurations"):
         table.add_column(heading)
     for name, spec in specs.items():
-        table.add_row(name, spec.tool_frame or "last link", ", ".join(spec.configurations))
+        table.add_row(name, ", ".join(spec.groups), spec.tool_frame or "last link", ", ".join(spec.configurations))
     results().print(table)
     return 0
 
 
 @app.command("show")
-def show(context: typer.Context, name: Name, as_json: AsJson = False) -> int:
-    """Show joints, limits, frames, named configurations and checked pairs of a robot.
+def show(context: typer.Context, name: Name, group: Group = None, as_json: AsJson = False) -> int:
+    """Show joints, limits, the Denavit–Hartenberg table, frames, configurations and checked pairs of a robot.
 
     [bold]Examples[/]
 
-      optiplan robots show ur5
+      optiplan robots show srra
+
+      optiplan robots show delbot --group arm
 
       optiplan robots show my/robot.yaml --json
     """
@@ -60,7 +64,7 @@ def show(context: typer.Context, name: Name, as_json: AsJson = False) -> int:
     from optiplan.model.robot import load_robot
 
     with stdout_is_ours():
-        robot = load_robot(name)
+        robot = load_robot(name, group=group)
     data = describe(robot)
     if as_json or context.obj:
         print_json(data)
@@ -93,4 +97,34 @@ def srdf(
         print_json({"written": str(out), "pairs": len(robot.allowed)})
         return 0
     results().print(f"{len(robot.allowed)} pairs that need no check written to {out}", markup=False, soft_wrap=True)
+    return 0
+
+
+@app.command("export")
+def export(
+    name: Name,
+    out: Annotated[Path | None, typer.Argument(metavar="[OUT]", help="the file to write; without it, stdout")] = None,
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="urdf")] = "urdf",
+) -> int:
+    """Write a robot as a URDF, that of a Denavit–Hartenberg table included, with the limits it is planned with.
+
+    [bold]Example[/]
+
+      optiplan robots export srra --to urdf srra.urdf
+    """
+    from optiplan.errors import UnknownChoiceError
+    from optiplan.model.robot import load_robot
+    from optiplan.model.urdf_export import export_urdf
+    from optiplan.problem.write import write_text
+
+    if to != "urdf":
+        raise UnknownChoiceError("format", to, ["urdf"])
+    with stdout_is_ours():
+        robot = load_robot(name)
+    text = export_urdf(robot)
+    if out is None:
+        results().out(text, end="", highlight=False)
+    else:
+        write_text(out, text)
+        results().print(f"{robot.name} written to {out}", markup=False, soft_wrap=True)
     return 0

@@ -1,18 +1,19 @@
 """Numeric inverse kinematics: damped least squares from many starts, within joint limits."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.model.ik_descent import Descent
+from optiplan.model.redundancy import Preference, improve
 from optiplan.model.robot import Robot
 
-_CONVERGED = 1e-9  # m and rad
-_DAMPING = 0.05
-_PATIENCE = 5  # steps after which the error must have fallen …
-_GAIN = 0.3  # … by this share, or a fresh start is the better use of time
+_PATIENT = 1e-4  # gain below which a descent for the nearest miss ends
+_POOL = 5000
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class IkOptions:
         iterations: steps from one start, at most.
         distinct: solutions differ when some joint differs by more than this, rad or m.
         stop: polled between starts.
+        prefer: which solution of a redundant arm: each one found moves, with its pose kept, to where this is met best.
     """
 
     position: float = 1e-8
@@ -34,6 +36,7 @@ class IkOptions:
     iterations: int = 60
     distinct: float = 0.1
     stop: Callable[[], bool] = field(default=lambda: False)
+    prefer: Preference | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,21 +56,83 @@ class IkResult:
     orientation_error: float
 
 
+@dataclass(frozen=True, eq=False)
+class IkBatch:
+    """One configuration for each of N poses.
+
+    Attributes:
+        q: (N, n) the first solution found, where there is none the nearest miss.
+        solved: (N,) whether q is a solution.
+        error: (N, 2) distance (m) and angle (rad) that remain.
+    """
+
+    q: Array
+    solved: npt.NDArray[np.bool_]
+    error: Array
+
+
+class SeedPool:
+    """Configurations within the limits with the poses that they have, so that a descent can start near its target."""
+
+    def __init__(self, robot: Robot, frame: str, rng: np.random.Generator, size: int = _POOL) -> None:
+        self.frame = frame
+        self._Q = np.array(random_seeds(robot, np.zeros(robot.n), rng, size))
+        self._features = np.empty((size, 12))
+        descent = Descent(robot, frame)
+        for q, row in zip(self._Q, self._features, strict=True):
+            row[:] = _feature(descent.place(q))
+        self._halves = 0.5 * (self._features**2).sum(axis=1)
+
+    def near(self, X_WG: pin.SE3, count: int) -> Array:
+        """The configurations (count, n) with the poses X nearest to X_WG, by |p - p_G|^2 + (0.35 m |R - R_G|)^2.
+
+        The norm of matrices is that of Frobenius; the nearest comes first.
+        """
+        distances = self._halves - self._features @ _feature(X_WG)
+        count = min(count, len(distances))
+        first = np.argpartition(distances, count - 1)[:count]
+        return np.asarray(self._Q[first[np.argsort(distances[first])]])
+
+
 def solve_ik(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[Array], options: IkOptions) -> IkResult:
     """Configurations within the joint limits that put `frame` at X_WG, one attempt a seed (n,) until `count` are found.
 
     Raises:
         ValueError: there is no seed.
     """
-    solver = _Solver(robot, frame, X_WG, options)
+    return _solve(robot, Descent(robot, frame, options.orientation < np.pi), X_WG, seeds, options)
+
+
+def solve_ik_batch(
+    robot: Robot, X_WG: Array, pool: SeedPool, options: IkOptions | None = None, starts: int = 50
+) -> IkBatch:
+    """One solution for each of many poses X_WG (N, 4, 4), from the `starts` configurations of `pool` nearest to each.
+
+    The frame is that of the pool; `count` and `distinct` of the options have no meaning here.
+    """
+    options = replace(options or IkOptions(), count=1)
+    descent = Descent(robot, pool.frame, options.orientation < np.pi)
+    result = IkBatch(np.empty((len(X_WG), robot.n)), np.zeros(len(X_WG), dtype=bool), np.empty((len(X_WG), 2)))
+    for k, homogeneous in enumerate(X_WG):
+        target = pin.SE3(homogeneous)
+        found = _solve(robot, descent, target, pool.near(target, starts), options)
+        result.solved[k] = bool(found.solutions)
+        result.q[k] = found.solutions[0] if found.solutions else found.nearest
+        result.error[k] = pose_error(descent.place(result.q[k]), target)
+    return result
+
+
+def _solve(robot: Robot, descent: Descent, X_WG: pin.SE3, seeds: Iterable[Array], options: IkOptions) -> IkResult:
+    descent.aim(X_WG)
     solutions: list[Array] = []
     nearest: tuple[float, float, Array] | None = None
     for seed in seeds:
-        q = solver.descend(seed)
-        position, orientation = pose_error(solver.place(q), X_WG)
-        solved = position <= options.position and orientation <= options.orientation
-        if solved and all(np.abs(q - other).max() > options.distinct for other in solutions):
-            solutions.append(q)
+        q = descent.descend(seed, options.iterations)
+        position, orientation = pose_error(descent.place(q), X_WG)
+        if position <= options.position and orientation <= options.orientation:
+            q = q if options.prefer is None else improve(descent, robot.limits, q, options.prefer)
+            if all(np.abs(q - other).max() > options.distinct for other in solutions):
+                solutions.append(q)
         if nearest is None or position + orientation < nearest[0] + nearest[1]:
             nearest = position, orientation, q
         if len(solutions) >= options.count or options.stop():
@@ -76,8 +141,9 @@ def solve_ik(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[Array], op
         raise ValueError("inverse kinematics needs at least one seed")
     if solutions:
         return IkResult(solutions, nearest[2], nearest[0], nearest[1])
-    q = solver.descend(nearest[2], gain=1e-4)  # patience, so that the miss reported is the least in its surroundings
-    return IkResult([], q, *pose_error(solver.place(q), X_WG))
+    # Patience, so that the miss reported is the least in its surroundings.
+    q = descent.descend(nearest[2], options.iterations, _PATIENT)
+    return IkResult([], q, *pose_error(descent.place(q), X_WG))
 
 
 def pose_error(X_WF: pin.SE3, X_WG: pin.SE3) -> tuple[float, float]:
@@ -93,71 +159,6 @@ def random_seeds(robot: Robot, near: Array, rng: np.random.Generator, count: int
     return list(rng.uniform(low, high, (count, robot.n)))
 
 
-class _Solver:
-    """Work space of one target.
-
-    Error e = (p_G - p_F in the world, log(R_WF^T R_WG)); its Jacobian is -(J_p, Jlog3 R^T J_w) with R = R_WF^T R_WG,
-    J_p the linear part in world axes, J_w the angular part in the frame's own.
-    """
-
-    def __init__(self, robot: Robot, frame: str, X_WG: pin.SE3, options: IkOptions) -> None:
-        self._model, self._data = robot.model, robot.model.createData()
-        self._frame = robot.model.getFrameId(frame)
-        self._X_WG, self._options = X_WG, options
-        self._low, self._high = robot.limits.lower, robot.limits.upper
-        self._rows = 3 if options.orientation >= np.pi else 6
-
-    def place(self, q: Array) -> pin.SE3:
-        """X_WF at q (n,)."""
-        pin.framesForwardKinematics(self._model, self._data, q)
-        return self._data.oMf[self._frame]
-
-    def descend(self, seed: Array, gain: float = _GAIN) -> Array:
-        """Where Levenberg–Marquardt with damping 0.05 |e|^2 ends from a seed; inside the limits.
-
-        Source of the damping: Sugihara, "Solvability-unconcerned inverse kinematics", T-RO 2011.
-        """
-        q = np.clip(seed, self._low, self._high)
-        best, best_error, milestone = q, np.inf, np.inf
-        for k in range(self._options.iterations):
-            e, J = self._linearise(q)
-            error = float(np.linalg.norm(e))
-            if error < best_error:
-                best, best_error = q, error
-            if error < _CONVERGED:
-                break
-            if k % _PATIENCE == 0:
-                if best_error > (1.0 - gain) * milestone:
-                    break
-                milestone = best_error
-            q = self._step(q, e, J)
-        return best
-
-    def _linearise(self, q: Array) -> tuple[Array, Array]:
-        pin.computeJointJacobians(self._model, self._data, q)
-        X_WF = pin.updateFramePlacement(self._model, self._data, self._frame)
-        J = pin.getFrameJacobian(self._model, self._data, self._frame, pin.LOCAL)
-        e, columns = np.empty(6), np.empty_like(J)
-        e[:3] = self._X_WG.translation - X_WF.translation
-        columns[:3] = X_WF.rotation @ J[:3]
-        if self._rows == 6:
-            R = X_WF.rotation.T @ self._X_WG.rotation
-            e[3:] = pin.log3(R)
-            columns[3:] = pin.Jlog3(R) @ R.T @ J[3:]
-        return e[: self._rows], columns[: self._rows]
-
-    def _step(self, q: Array, e: Array, J: Array) -> Array:
-        """One damped step; joints that it would push through a limit are held there and the rest is solved again."""
-        damping = (_DAMPING * float(e @ e) + 1e-12) * np.eye(self._rows)
-        free = np.ones(len(q), dtype=bool)
-        step = np.zeros(len(q))
-        for _ in range(3):
-            A = J[:, free]
-            step[free] = A.T @ np.linalg.solve(A @ A.T + damping, e)
-            pushed = free & (((q <= self._low) & (step < 0.0)) | ((q >= self._high) & (step > 0.0)))
-            if not pushed.any():
-                break
-            free &= ~pushed
-            step[:] = 0.0
-        largest = np.abs(step).max()
-        return np.asarray(np.clip(q + step * min(1.0, 0.8 / max(largest, 1e-12)), self._low, self._high))
+def _feature(X: pin.SE3) -> Array:
+    """Twelve numbers whose distance is that of poses: p, m, and 0.35 m R."""
+    return np.concatenate([X.translation, 0.35 * X.rotation.ravel()])

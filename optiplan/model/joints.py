@@ -1,14 +1,16 @@
 """Which joints are planned, where the others stand, and the model reduced to the planned ones."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import pinocchio as pin
 
-from optiplan.errors import InputError, Issue
+from optiplan.arrays import Array
+from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.model.robot_spec import RobotSpec
 from optiplan.model.urdf import UrdfSource, build_collisions, build_model, build_visuals
-from optiplan.yaml_lines import Document
+from optiplan.yaml_lines import Document, Place
 from optiplan.yaml_words import choices
 
 MOVABLE = ("revolute", "continuous", "prismatic")
@@ -25,47 +27,68 @@ class Reduced:
     notes: tuple[str, ...]
 
 
-def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource) -> tuple[str, ...]:
-    """The planned joints, from base to tip: `group`, or all movable joints that follow no other.
+@dataclass(frozen=True)
+class Group:
+    """The planned joints, base to tip; `listed` are those that lists in the robot.yaml hold a value for."""
+
+    name: str | None
+    joints: tuple[str, ...]
+    listed: tuple[str, ...]
+
+    def pick(self, values: Sequence[float]) -> Array:
+        """Of one value for each listed joint those of the planned ones, (n,)."""
+        return np.array([values[self.listed.index(joint)] for joint in self.joints], dtype=np.float64)
+
+
+def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, name: str | None = None) -> Group:
+    """The group called `name`; without a name `group`, else the first of `groups`, else all that follow no other.
 
     Raises:
+        UnknownChoiceError: there is no such group.
         InputError: a name that is no joint, a joint that cannot be planned, another order than base to tip.
     """
     movable = [
-        name for name in build_model(urdf).names if urdf.joint_types.get(name) in MOVABLE and name not in urdf.mimics
+        joint
+        for joint in build_model(urdf).names
+        if urdf.joint_types.get(joint) in MOVABLE and joint not in urdf.mimics
     ]
-    place, group = _group(spec, document)
-    if group is None:
+    if name is not None and name not in spec.groups:
+        raise UnknownChoiceError("group", name, spec.groups or ["none, since the robot file has no groups"])
+    if isinstance(spec.group, str) and spec.group not in spec.groups:
+        found = f"unknown group '{spec.group}'"
+        raise InputError([document.issue(("group",), found, choices(spec.group, list(spec.groups)))])
+    if spec.group is None and not spec.groups:
         _refuse_wide_joints(list(urdf.joint_types), urdf)
         if not movable:
             raise InputError([document.issue((), f"a robot without movable joints in {urdf.path}", "at least one")])
-        return tuple(movable)
-    issues = []
-    for index, name in enumerate(group):
-        if name in movable:
-            continue
-        kind = "mimic" if name in urdf.mimics else urdf.joint_types.get(name)
-        found = f"unknown joint '{name}'" if kind is None else f"the {kind} joint '{name}', which cannot be planned"
-        issues.append(document.issue((*place, index), found, choices(name, movable)))
-    ordered = [name for name in movable if name in group]
-    if not issues and list(group) != ordered:
-        issues.append(document.issue(place, f"[{', '.join(group)}]", f"base-to-tip order: [{', '.join(ordered)}]"))
-    if not group:
-        issues.append(document.issue(place, "an empty list", "at least one joint"))
+        return Group(None, tuple(movable), tuple(movable))
+    unnamed = spec.group if isinstance(spec.group, list) else None
+    lists: list[tuple[Place, list[str]]] = [] if unnamed is None else [(("group",), unnamed)]
+    lists += [(("groups", key), joints) for key, joints in spec.groups.items()]
+    issues = [issue for place, joints in lists for issue in _joint_issues(place, joints, movable, (document, urdf))]
     if issues:
         raise InputError(issues)
-    return tuple(group)
+    listed = tuple(joint for joint in movable if any(joint in joints for _, joints in lists))
+    if name is None and unnamed is not None:
+        return Group(None, tuple(unnamed), listed)
+    chosen = name or (spec.group if isinstance(spec.group, str) else next(iter(spec.groups)))
+    return Group(chosen, tuple(spec.groups[chosen]), listed)
 
 
-def _group(spec: RobotSpec, document: Document) -> tuple[tuple[str, ...], list[str] | None]:
-    if isinstance(spec.group, list):
-        return ("group",), spec.group
-    if spec.group is None:
-        return ("groups",), [name for names in spec.groups.values() for name in names] or None
-    if spec.group not in spec.groups:
-        found = f"unknown group '{spec.group}'"
-        raise InputError([document.issue(("group",), found, choices(spec.group, list(spec.groups)))])
-    return ("groups", spec.group), spec.groups[spec.group]
+def _joint_issues(
+    place: Place, group: Sequence[str], movable: Sequence[str], source: tuple[Document, UrdfSource]
+) -> Iterator[Issue]:
+    document, urdf = source
+    if not group:
+        yield document.issue(place, "an empty list", "at least one joint")
+    wrong = [(index, name) for index, name in enumerate(group) if name not in movable]
+    for index, name in wrong:
+        kind = "mimic" if name in urdf.mimics else urdf.joint_types.get(name)
+        found = f"unknown joint '{name}'" if kind is None else f"the {kind} joint '{name}', which cannot be planned"
+        yield document.issue((*place, index), found, choices(name, movable))
+    ordered = [name for name in movable if name in group]
+    if not wrong and list(group) != ordered:
+        yield document.issue(place, f"[{', '.join(group)}]", f"base-to-tip order: [{', '.join(ordered)}]")
 
 
 def _refuse_wide_joints(names: Sequence[str], urdf: UrdfSource) -> None:

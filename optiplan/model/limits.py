@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
+from optiplan.model.joints import Group
 from optiplan.model.robot_spec import LimitsSpec
 from optiplan.yaml_lines import Document
 
@@ -29,8 +30,8 @@ class Limits:
     torque: Array
 
 
-def build_limits(spec: LimitsSpec, document: Document, model: pin.Model) -> tuple[Limits, list[str]]:
-    """Limits of the joints of a reduced model, and notes on every default that was taken.
+def build_limits(spec: LimitsSpec, document: Document, model: pin.Model, group: Group) -> tuple[Limits, list[str]]:
+    """Limits of the joints of a model reduced to `group`, and notes on every default that was taken.
 
     Raises:
         InputError: wrong sizes, values that are not positive.
@@ -45,7 +46,7 @@ def build_limits(spec: LimitsSpec, document: Document, model: pin.Model) -> tupl
         if given is None:
             values[key] = _from_urdf(key, own.get(key), names, notes)
         else:
-            values[key] = _from_yaml(key, given, document, issues, len(names))
+            values[key] = _from_yaml(key, given, document, issues, group)
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
     for name in (name for name, room in zip(names, upper - lower, strict=True) if room < 0):
         issues.append(document.issue(("urdf",), f"joint {name} with a lower limit above the upper", "lower <= upper"))
@@ -57,7 +58,8 @@ def build_limits(spec: LimitsSpec, document: Document, model: pin.Model) -> tupl
     return Limits(lower, upper, values["velocity"], values["acceleration"], values["jerk"], values["torque"]), notes
 
 
-def _from_yaml(key: str, given: float | list[float], document: Document, issues: list[Issue], n: int) -> Array:
+def _from_yaml(key: str, given: float | list[float], document: Document, issues: list[Issue], group: Group) -> Array:
+    n = len(group.listed)
     listed = given if isinstance(given, list) else [given] * n
     if len(listed) != n:
         issues.append(document.issue(("limits", key), f"a list of {len(listed)} values", f"{n}, one a planned joint"))
@@ -65,7 +67,7 @@ def _from_yaml(key: str, given: float | list[float], document: Document, issues:
         if value <= 0:
             place = ("limits", key, index) if isinstance(given, list) else ("limits", key)
             issues.append(document.issue(place, f"{value:g}", "a number > 0"))
-    return np.array(listed, dtype=np.float64)
+    return group.pick(listed) if len(listed) == n else np.ones(len(group.joints))
 
 
 def _from_urdf(key: str, own: Array | None, names: list[str], notes: list[str]) -> Array:

@@ -1,7 +1,7 @@
 """The robot: kinematics, collision geometry and limits of the planned joints, loaded once and never changed."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -11,18 +11,19 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.data import robots_dir
-from optiplan.errors import InputError, UnknownChoiceError
+from optiplan.errors import UnknownChoiceError
 from optiplan.model import cache
-from optiplan.model.joints import Reduced, check_locked, planned_joints, reduce_to
+from optiplan.model.dh import DhTable
+from optiplan.model.joints import Group, Reduced, check_locked, planned_joints, reduce_to
 from optiplan.model.limits import Limits, build_limits
 from optiplan.model.link_geometry import treat
 from optiplan.model.pairs import Kinematics, generate_allowed, joined_links, rigid_pairs, set_pairs
 from optiplan.model.robot_spec import RobotSpec
-from optiplan.model.sources import find_sources
-from optiplan.model.srdf import LinkPair, Srdf, read_srdf, srdf_text
-from optiplan.model.urdf import UrdfSource, read_urdf
-from optiplan.yaml_lines import Document, read_yaml, validate
-from optiplan.yaml_words import choices
+from optiplan.model.settings import configurations, tool_frame
+from optiplan.model.sources import read_sources
+from optiplan.model.srdf import LinkPair, Srdf, srdf_text
+from optiplan.model.urdf import UrdfSource
+from optiplan.yaml_lines import read_yaml, validate
 
 __all__ = ["Limits", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
 
@@ -36,8 +37,9 @@ class Robot:
 
     `link_geometry` says what is checked for each link: hull, mesh, convex_pieces or primitive. `locked` holds where the
     joints stand that are not planned (rad, m), `allowed` the pairs of links that are not checked, with the reason, and
-    `files` all that the robot was read from. `load_robot(str(robot.source), locked=robot.locked)` builds the same robot
-    again, in another process too: so it is pickled.
+    `files` all that the robot was read from. `dh` is the Denavit–Hartenberg table, if it was given as one, `group` the
+    name of the group of `groups` that is planned, `urdf` the whole robot as pinocchio reads it. `load_robot` with
+    `source`, `locked` and `group` builds the same robot again, in another process too: so it is pickled.
     """
 
     name: str
@@ -54,6 +56,10 @@ class Robot:
     locked: Mapping[str, float] = field(default_factory=dict)
     allowed: Mapping[LinkPair, str] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
+    dh: DhTable | None = None
+    group: str | None = None
+    groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    urdf: str = ""
 
     @property
     def n(self) -> int:
@@ -74,13 +80,13 @@ class Robot:
         """Name of the link that geometry object `index` of `geometry` belongs to."""
         return str(self.model.frames[self.geometry.geometryObjects[index].parentFrame].name)
 
-    def __reduce__(self) -> tuple[object, tuple[str, dict[str, float]]]:
+    def __reduce__(self) -> tuple[object, tuple[str, dict[str, float], str | None]]:
         """Pickled as the call that loads it: models of pinocchio and coal do not travel whole."""
-        return _reload, (str(self.source), dict(self.locked))
+        return _reload, (str(self.source), dict(self.locked), self.group)
 
 
-def _reload(source: str, locked: dict[str, float]) -> Robot:
-    return load_robot(source, locked=locked)
+def _reload(source: str, locked: dict[str, float], group: str | None) -> Robot:
+    return load_robot(source, locked=locked, group=group)
 
 
 def robot_names() -> list[str]:
@@ -104,34 +110,35 @@ def robot_file(ref: str, base: Path | None = None) -> Path:
     return path
 
 
-def load_robot(ref: str, base: Path | None = None, locked: Mapping[str, float] | None = None) -> Robot:
+def load_robot(
+    ref: str, base: Path | None = None, locked: Mapping[str, float] | None = None, group: str | None = None
+) -> Robot:
     """Load a robot by name or by the path of its robot.yaml, relative to `base`.
 
     Args:
         ref: a name of `robot_names()` or a path.
         base: folder that a relative path starts from; the working directory without it.
         locked: positions (rad, m) of joints that are not planned; they go before those of the robot.yaml.
+        group: the joints to plan, a name of the robot.yaml's `groups`; its default group without one.
 
     Raises:
         InputError: anything in the robot.yaml or its URDF, SRDF and meshes that cannot be used.
-        UnknownChoiceError: `ref` is neither a robot's name nor a path.
+        UnknownChoiceError: `ref` is neither a robot's name nor a path, or there is no such group.
     """
     document = read_yaml(robot_file(ref, base).resolve())
     spec = validate(RobotSpec, document)
-    urdf_path, srdf_path = find_sources(spec, document)
-    urdf = read_urdf(urdf_path, document.path.parent)
-    srdf = None if srdf_path is None else read_srdf(srdf_path, urdf.renamed)
-    planned = planned_joints(spec, document, urdf)
-    wanted = {**spec.locked, **(locked or {})}
-    check_locked(wanted, planned, urdf, document)
-    reduced = reduce_to(planned, wanted, urdf)
-    limits, limit_notes = build_limits(spec.limits, document, reduced.model)
+    urdf, srdf, srdf_path = read_sources(spec, document)
+    planned = planned_joints(spec, document, urdf, group)
+    wanted = _wanted(spec, planned, locked or {})
+    check_locked(wanted, planned.joints, urdf, document)
+    reduced = reduce_to(planned.joints, wanted, urdf)
+    limits, limit_notes = build_limits(spec.limits, document, reduced.model, planned)
     geometry, link_geometry, geometry_notes = treat(reduced.model, reduced.geometry, spec.collision, document)
-    configurations = _configurations(spec, document, srdf, planned)
-    files = (document.path, urdf_path, *((srdf_path,) if srdf_path else ()), *urdf.meshes)
+    named = configurations(spec, document, srdf, planned)
+    files = tuple(dict.fromkeys((document.path, urdf.path, *((srdf_path,) if srdf_path else ()), *urdf.meshes)))
     if srdf is None:
         kinematics = Kinematics(reduced.model, geometry, _joined(urdf, reduced), limits.lower, limits.upper)
-        allowed = _generated(kinematics, configurations, reduced.locked, files)
+        allowed = _generated(kinematics, named, (planned, reduced.locked), files)
     else:
         allowed = {**srdf.disabled, **rigid_pairs(reduced.model, geometry)}
     set_pairs(reduced.model, geometry, allowed)
@@ -141,16 +148,26 @@ def load_robot(ref: str, base: Path | None = None, locked: Mapping[str, float] |
         model=reduced.model,
         geometry=geometry,
         limits=limits,
-        joint_names=planned,
-        tool_frame=_tool_frame(spec, document, reduced.model),
-        configurations=configurations,
+        joint_names=planned.joints,
+        tool_frame=tool_frame(spec, document, reduced.model, planned),
+        configurations=named,
         link_geometry=link_geometry,
         build_visual=reduced.build_visual,
         notes=(*urdf.notes, *reduced.notes, *limit_notes, *geometry_notes, *_pair_notes(allowed, srdf)),
         locked=reduced.locked,
         allowed=allowed,
         files=files,
+        dh=None if spec.dh is None else spec.dh.table(),
+        group=planned.name,
+        groups=spec.groups,
+        urdf=urdf.xml,
     )
+
+
+def _wanted(spec: RobotSpec, planned: Group, locked: Mapping[str, float]) -> dict[str, float]:
+    """Where joints stand that are not planned; a robot.yaml of several groups locks what another group plans."""
+    own = {joint: q for joint, q in spec.locked.items() if not (spec.groups and joint in planned.joints)}
+    return {**own, **locked}
 
 
 def write_srdf(robot: Robot, path: Path) -> None:
@@ -164,10 +181,14 @@ def _joined(urdf: UrdfSource, reduced: Reduced) -> frozenset[LinkPair]:
 
 
 def _generated(
-    kinematics: Kinematics, configurations: Mapping[str, Array], locked: Mapping[str, float], files: tuple[Path, ...]
+    kinematics: Kinematics,
+    configurations: Mapping[str, Array],
+    chosen: tuple[Group, Mapping[str, float]],
+    files: tuple[Path, ...],
 ) -> dict[LinkPair, str]:
     """Pairs that need no check, by sampling; kept on disk, since it takes seconds."""
-    state = json.dumps([PAIRS_VERSION, dict(locked)], sort_keys=True).encode()
+    group, locked = chosen
+    state = json.dumps([PAIRS_VERSION, group.joints, dict(locked)], sort_keys=True).encode()
     name = f"pairs/{cache.digest([state, *(path.read_bytes() for path in files)])}.json"
     content = cache.load(name)
     if content is not None:
@@ -189,35 +210,3 @@ def _pair_notes(allowed: Mapping[LinkPair, str], srdf: Srdf | None) -> list[str]
         if pairs:
             notes.append(f"not checked since they touch {words}: {', '.join(pairs)}")
     return notes
-
-
-def _tool_frame(spec: RobotSpec, document: Document, model: pin.Model) -> str:
-    """The frame named in the robot.yaml, or the last link that the last planned joint moves."""
-    frames = [frame.name for frame in model.frames]
-    if spec.tool_frame is None:
-        moved = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
-        last = max(frame.parentJoint for frame in moved)
-        return str([frame.name for frame in moved if frame.parentJoint == last][-1])
-    if spec.tool_frame not in frames:
-        found = f"unknown frame '{spec.tool_frame}'"
-        raise InputError([document.issue(("tool_frame",), found, choices(spec.tool_frame, frames))])
-    return spec.tool_frame
-
-
-def _configurations(
-    spec: RobotSpec, document: Document, srdf: Srdf | None, planned: tuple[str, ...]
-) -> dict[str, Array]:
-    """Named configurations, each (n,): the robot.yaml's, then those of the SRDF that it does not have."""
-    result: dict[str, Array] = {}
-    issues = []
-    for name, given in spec.configurations.items():
-        if len(given) != len(planned):
-            found, expected = f"a list of {len(given)} values", f"{len(planned)}, one a planned joint"
-            issues.append(document.issue(("configurations", name), found, expected))
-        result[name] = np.array(given, dtype=np.float64)
-    if issues:
-        raise InputError(issues)
-    for name, values in ({} if srdf is None else srdf.states).items():
-        if set(planned) <= set(values):
-            result.setdefault(name, np.array([values[joint] for joint in planned]))
-    return result

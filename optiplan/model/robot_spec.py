@@ -1,9 +1,10 @@
 """The keys of a `robot.yaml`."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
+from optiplan.model.dh_spec import DhSpec
 from optiplan.yaml_lines import Number, Strict
 
 Name = Annotated[str, Field(min_length=1)]
@@ -38,16 +39,18 @@ class CollisionSpec(Strict):
 
 
 class RobotSpec(Strict):
-    """A robot.yaml: only the first three keys are required."""
+    """A robot.yaml: required are the first two keys, and one of `urdf` and `dh`."""
 
     version: Literal[1]
     name: Name
-    urdf: Name | PackageSource
+    urdf: Name | PackageSource | None = None
+    dh: DhSpec | None = None
     srdf: Name | None = None
     group: list[Name] | Name | None = None
     groups: dict[Name, list[Name]] = Field(default_factory=dict)
     locked: dict[Name, Number] = Field(default_factory=dict)
     tool_frame: Name | None = None
+    tool_frames: dict[Name, Name] = Field(default_factory=dict)
     configurations: dict[Name, list[Number]] = Field(default_factory=dict)
     limits: LimitsSpec = LimitsSpec()
     collision: Treatment | CollisionSpec = "hull"
@@ -58,3 +61,10 @@ class RobotSpec(Strict):
         if isinstance(value, bool | float):
             raise ValueError("1")
         return value
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.urdf is None) == (self.dh is None):
+            found = "neither urdf nor dh" if self.urdf is None else "both urdf and dh"
+            raise ValueError(f"found {found}; expected exactly one of: urdf, dh")
+        return self

@@ -1,26 +1,38 @@
-"""Where a robot's URDF and SRDF lie: beside its robot.yaml, or in the data package example-robot-data."""
+"""A robot's URDF and SRDF: beside its robot.yaml, from the table in it, or in the data package example-robot-data."""
 
 import sys
 from pathlib import Path
 
 from optiplan.errors import InputError
+from optiplan.model.dh_urdf import urdf_text
 from optiplan.model.robot_spec import RobotSpec
+from optiplan.model.srdf import Srdf, read_srdf
+from optiplan.model.urdf import UrdfSource, read_urdf
 from optiplan.yaml_lines import Document
 from optiplan.yaml_words import choices
 
 PACKAGE_FOLDERS = ("cmeel.prefix/share/example-robot-data/robots", "share/example-robot-data/robots")
 
 
-def find_sources(spec: RobotSpec, document: Document) -> tuple[Path, Path | None]:
-    """Paths of the URDF and of the SRDF, if there is one.
+def read_sources(spec: RobotSpec, document: Document) -> tuple[UrdfSource, Srdf | None, Path | None]:
+    """The URDF, that of a Denavit–Hartenberg table included; the SRDF, if there is one, and its path.
 
     Raises:
-        InputError: a robot that the data package does not have, or no data package.
+        InputError: files that cannot be used, a robot that the data package does not have, or no data package.
     """
     folder = document.path.parent
-    srdf = None if spec.srdf is None else folder / spec.srdf
+    if spec.dh is not None:
+        urdf = read_urdf(document.path, folder, urdf_text(spec.name, spec.dh, document))
+    else:
+        urdf = read_urdf(_urdf_path(spec, document), folder)
+    path = None if spec.srdf is None else folder / spec.srdf
+    return urdf, None if path is None else read_srdf(path, urdf.renamed), path
+
+
+def _urdf_path(spec: RobotSpec, document: Document) -> Path:
     if isinstance(spec.urdf, str):
-        return folder / spec.urdf, srdf
+        return document.path.parent / spec.urdf
+    assert spec.urdf is not None  # the schema holds urdf or dh
     robots = package_robots()
     if not robots:
         expected = "it to be installed: pip install example-robot-data"
@@ -28,7 +40,7 @@ def find_sources(spec: RobotSpec, document: Document) -> tuple[Path, Path | None
     if spec.urdf.robot not in robots:
         found = f"unknown robot '{spec.urdf.robot}'"
         raise InputError([document.issue(("urdf", "robot"), found, choices(spec.urdf.robot, sorted(robots)))])
-    return robots[spec.urdf.robot], srdf
+    return robots[spec.urdf.robot]
 
 
 def package_robots() -> dict[str, Path]:

@@ -59,13 +59,18 @@ def element_error(path: Path, name: str, found: str, expected: str) -> InputErro
     return InputError([Issue(str(path), line, name, found, expected)])
 
 
-def read_urdf(path: Path, folder: Path) -> UrdfSource:
+def read_urdf(path: Path, folder: Path, text: str | None = None) -> UrdfSource:
     """Read a URDF whose meshes are looked for from its own folder and from `folder`, that of the robot.yaml.
+
+    Args:
+        path: the URDF, or the file that `text` was made from.
+        folder: where meshes are looked for too.
+        text: the URDF itself, where it stands in no file.
 
     Raises:
         InputError: no URDF, or one that cannot be planned with; names link or joint and what was tried.
     """
-    root = _parse(path)
+    root = _parse(path, text)
     notes: list[str] = []
     finder = _MeshFinder(path, folder)
     for link in root.iter("link"):
@@ -129,9 +134,9 @@ def _unreadable(source: UrdfSource, error: Exception, expected: str) -> InputErr
     return InputError([Issue(str(source.path), None, "urdf", " ".join(str(error).split()), expected)])
 
 
-def _parse(path: Path) -> ET.Element:
+def _parse(path: Path, text: str | None) -> ET.Element:
     try:
-        root = ET.fromstring(path.read_bytes())
+        root = ET.fromstring(path.read_bytes() if text is None else text.encode())
     except OSError as error:
         found = error.strerror or str(error)
         raise InputError([Issue(str(path), None, "urdf", found, "a readable URDF file")]) from error
@@ -177,8 +182,10 @@ def _settle_visuals(link: ET.Element, finder: _MeshFinder, notes: list[str]) -> 
 
 
 def _settle_collisions(link: ET.Element, finder: _MeshFinder) -> None:
+    capsules = {capsule.get("name") for capsule in link.iterfind("collision_checking/capsule")}
     for collision in link.findall("collision"):
-        collision.attrib.pop("name", None)  # names come twice in messy files; pinocchio then makes its own
+        if collision.get("name") not in capsules:  # names come twice in messy files; pinocchio makes its own
+            collision.attrib.pop("name", None)
         for mesh in collision.iter("mesh"):
             name = mesh.get("filename", "")
             found = finder.find(name)

@@ -58,9 +58,9 @@ class Compiler:
                 found = f"'{self.draft.robot}', but there is no file {file}"
                 self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
                 return None
-            return load_robot(self.draft.robot, self.base, self.draft.locked)
+            return load_robot(self.draft.robot, self.base, self.draft.locked, self.draft.group)
         except UnknownChoiceError as error:
-            place = ("locked",) if error.kind != "robot" else ("robot",)
+            place = (error.kind,) if error.kind in ("robot", "group") else ("locked",)
             self.report(place, f"unknown {error.kind} '{error.found}'", choices(error.found, error.choices))
         except OSError as error:  # a name that no file can have
             found = f"{describe(self.draft.robot)} ({(error.strerror or str(error)).lower()})"

@@ -34,6 +34,7 @@ class Draft:
     """A problem file without the parts that are missing or do not fit."""
 
     robot: str | None
+    group: str | None
     locked: Mapping[str, float]
     start: Part[StartSpec] | None
     goal: tuple[Part[AlternativeSpec], ...]
@@ -47,6 +48,7 @@ class Draft:
         scene = spec.scene
         return cls(
             robot=spec.robot,
+            group=spec.group,
             locked=spec.locked,
             start=Part(("start",), spec.start),
             goal=_alternatives(spec.goal),
@@ -66,6 +68,7 @@ class Draft:
         scene = _mapping(root.get("scene"))
         return cls(
             robot=_fit(Name, root.get("robot")),
+            group=_fit(Name, root.get("group")),
             locked=_fit(dict[str, Number], root.get("locked", {})) or {},
             start=None if start is None else Part(("start",), start),
             goal=_alternatives(whole) if whole else _fits(("goal", "any_of"), AlternativeSpec, ends),

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,11 +9,11 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
-from optiplan.model.ik import IkOptions, IkResult, pose_error, random_seeds, solve_ik
-from optiplan.model.robot import Robot
+from optiplan.model.ik import IkOptions, IkResult, pose_error, random_seeds
+from optiplan.model.inverse import inverse_kinematics
+from optiplan.model.turns import whole_turns
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 
-_TURNS = (-1, 0, 1)
 _SHARE = 0.5  # of a tolerance that a solution may use up; the rest is for what planning does to it
 
 
@@ -109,25 +108,6 @@ def goal_configurations(
     return GoalSet(free[: options.count])
 
 
-def whole_turns(robot: Robot, q: Array, near: Array, count: int) -> list[Array]:
-    """Up to `count` configurations that equal q (n,) up to whole turns of revolute joints, the nearest to `near` first.
-
-    Within the joint limits; a joint without limits may be one turn from the image nearest to `near`.
-    """
-    choices = []
-    for j in range(robot.n):
-        if robot.model.joints[j + 1].shortname().startswith("JointModelP"):
-            choices.append([float(q[j])])
-            continue
-        centre = q[j] + 2.0 * np.pi * np.round((near[j] - q[j]) / (2.0 * np.pi))
-        images = [float(centre + 2.0 * np.pi * turn) for turn in _TURNS]
-        inside = [x for x in images if robot.limits.lower[j] <= x <= robot.limits.upper[j]] or [float(q[j])]
-        choices.append(sorted(inside, key=lambda x, j=j: abs(x - near[j]))[:2])  # type: ignore[misc]
-    speed = robot.limits.velocity
-    every = [np.array(image) for image in product(*choices)]
-    return sorted(every, key=lambda image: float((np.abs(image - near) / speed).max()))[:count]
-
-
 def _solve(problem: Problem, goal: PoseGoal, rng: np.random.Generator, options: GoalOptions) -> list[Array] | GoalSet:
     robot = problem.robot
     seeds = [problem.start, *robot.configurations.values()]
@@ -135,7 +115,7 @@ def _solve(problem: Problem, goal: PoseGoal, rng: np.random.Generator, options: 
     tolerance = IkOptions(goal.position * _SHARE, goal.orientation * _SHARE, options.solutions, stop=options.stop)
     if goal.orientation >= np.pi:
         tolerance = replace(tolerance, orientation=goal.orientation)
-    found = solve_ik(robot, goal.frame, goal.X_WG, seeds, tolerance)
+    found = inverse_kinematics(robot, goal.frame, goal.X_WG, seeds, tolerance)
     return found.solutions or _unreachable(goal, found)
 
 

@@ -22,7 +22,7 @@ from optiplan.yaml_lines import Document, Place, read_yaml, validate
 TOUCHING = 1e-12
 """Bodies nearer than this, m, are in collision: contact itself is refused, rounding of a zero apart."""
 
-DECIDES_COLLISIONS = ("robot", "locked", "scene.allowed_collisions", "scene.attached")
+DECIDES_COLLISIONS = ("robot", "group", "locked", "scene.allowed_collisions", "scene.attached")
 """Where an issue stands in these fields, collisions found would be no news about the file."""
 
 

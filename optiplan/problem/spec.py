@@ -258,11 +258,16 @@ class PlannerSpec(Strict):
 
 
 class ProblemSpec(Strict):
-    """A problem file; `locked` holds values of joints that are not planned (fingers), over those of the robot file."""
+    """A problem file.
+
+    `group` names the planned joints among the robot file's `groups`; `locked` holds values of joints that are not
+    planned (fingers), over those of the robot file.
+    """
 
     version: Literal[1]
     name: Name | None = None
     robot: Name
+    group: Name | None = None
     locked: dict[Name, Number] = Field(default_factory=dict)
     start: StartSpec
     goal: GoalSpec

@@ -30,6 +30,7 @@ def render_page(scene: SceneData) -> str:
         licences=f"meshcat: {licence}\n{licences}".replace("--", "- -"),
         meshcat=_inline((bundle / "main.min.js").read_text("utf-8")),
         shapes=(own / "shapes.js").read_text("utf-8"),
+        ellipsoids=(own / "ellipsoids.js").read_text("utf-8"),
         scene=(own / "scene.js").read_text("utf-8"),
         player=(own / "player.js").read_text("utf-8"),
     )
@@ -38,7 +39,8 @@ def render_page(scene: SceneData) -> str:
 def export_page(problem: Problem, runs: Sequence[RunLike], path: Path) -> None:
     """Write one standalone HTML file that plays the runs from a disk, without a network.
 
-    `#t=0.6&paused` after its address shows one instant, standing still. The file appears whole or not at all.
+    `#t=0.6&paused` after its address shows one instant, standing still; `&ellipsoids` adds those of velocity and force.
+    The file appears whole or not at all.
     """
     text = render_page(build_scene(problem, runs))
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -38,6 +38,7 @@
       after.fromArray(run.poses, b + 3);
       body.quaternion.slerpQuaternions(before, after, part);
     }
+    if (run.ellipsoids) run.ellipsoids.show(Math.round(x));
   }
 
   function show() {
@@ -84,6 +85,7 @@
     box.addEventListener("change", () => {
       scene.runs[k].figure.visible = box.checked;
       if (scene.runs[k].path) scene.runs[k].path.visible = box.checked;
+      if (scene.runs[k].ellipsoids) scene.runs[k].ellipsoids.group.visible = box.checked;
       scene.viewer.set_dirty();
     });
     const swatch = make("span", "swatch");
@@ -132,6 +134,10 @@
   if (scene.layers.goal.children.length) addLayer("goal", "Goal", wish.get("ghosts") !== "0", layer("goal"));
   addLayer("collision", "Collision shape", wish.get("view") === "collision", (on) => switchSets(on ? "collision" : "visual"));
   addLayer("floor", "Floor", true, (on) => { scene.floor.visible = on; });
+  if (scene.layers.ellipsoids.children.length) {
+    addLayer("ellipsoids", "Ellipsoids", wish.has("ellipsoids"), layer("ellipsoids"));
+    byId("layer-ellipsoids").parentElement.title = "Of the tool: how fast it moves (green) and how hard it pushes (red) for the same effort of all joints, in each direction";
+  }
   if (scene.layers.witness.children.length) addLayer("witness", "Where it failed", true, layer("witness"));
   data.runs.forEach(addRunCard);
   if (innerWidth < 620 || innerHeight < 420) byId("card").open = false;

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.model.manipulability import ToolKinematics, ellipsoids, scaled
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
@@ -42,6 +43,7 @@ class Poses:
         self._model = problem.robot.model
         self._data = self._model.createData()
         self._tool = self._model.getFrameId(problem.robot.tool_frame)
+        self._kinematics = ToolKinematics(problem.robot)
 
     def of(self, Q: Array) -> tuple[Array, Array]:
         """Poses at configurations Q (k, n): joints (k, n, 7), position (m) and quaternion xyzw; tool points (k, 3)."""
@@ -52,6 +54,16 @@ class Poses:
             joints[k] = [pin.SE3ToXYZQUAT(X) for X in list(self._data.oMi)[1:]]
             tool[k] = self._data.oMf[self._tool].translation
         return joints, tool
+
+    def ellipsoids(self, Q: Array) -> Array:
+        """Velocity ellipsoids of the tool point at configurations Q (k, n): (k, 7).
+
+        A row holds the quaternion xyzw of the axes in the world and the semi-lengths (m/s for joint speeds of norm 1),
+        longest first; those of the force ellipsoid are their reciprocals, on the same axes.
+        """
+        drawn = ellipsoids(scaled(self._kinematics.evaluate(Q)[1], "translation"))
+        turns = np.array([pin.Quaternion(axes).coeffs() for axes in drawn.axes])
+        return np.hstack([turns, drawn.velocity])
 
 
 def show_run(problem: Problem, poses: Poses, run: ViewedRun) -> dict[str, Any]:
@@ -84,12 +96,14 @@ def _badge(run: ViewedRun) -> str:
 
 def _motion(poses: Poses, trajectory: Trajectory) -> dict[str, Any]:
     count = int(min(MAX_SAMPLES, max(2, np.ceil(trajectory.duration * RATE) + 1)))
-    joints, tool = poses.of(trajectory(np.linspace(0.0, trajectory.duration, count)))
+    Q = trajectory(np.linspace(0.0, trajectory.duration, count))
+    joints, tool = poses.of(Q)
     return {
         "duration": trajectory.duration,
         "samples": count,
         "poses": packed(joints),
         "path": packed(tool),
+        "ellipsoids": packed(poses.ellipsoids(Q)),
     }
 
 

@@ -12,7 +12,7 @@ const OptiPlanScene = (() => {
       this.viewer.set_3d_pane_size = () => this.resize(pane); // meshcat's own takes the whole window
       this.root = new THREE.Group();
       this.layers = {};
-      for (const name of ["obstacle", "path", "start", "goal", "witness"]) {
+      for (const name of ["obstacle", "path", "start", "goal", "witness", "ellipsoids"]) {
         this.layers[name] = new THREE.Group();
         this.root.add(this.layers[name]);
       }
@@ -25,6 +25,7 @@ const OptiPlanScene = (() => {
       if (data.goal) this.addGhost("goal", data.goal, GOAL);
       for (const pose of data.targets) this.addTarget(pose);
       this.addStage();
+      this.addEllipsoids();
       this.resize(pane);
     }
 
@@ -102,6 +103,16 @@ const OptiPlanScene = (() => {
       }
       for (const witness of run.witnesses) this.addWitness(witness);
       return shown;
+    }
+
+    addEllipsoids() {
+      const size = 0.075 * this.box.getSize(new THREE.Vector3()).length();
+      this.runs.forEach((run, k) => {
+        const packed = k < this.data.runs.length && this.data.runs[k].ellipsoids;
+        if (!packed) return;
+        run.ellipsoids = new OptiPlanEllipsoids.Ellipsoids(floats(packed), run.tool, size);
+        this.layers.ellipsoids.add(run.ellipsoids.group);
+      });
     }
 
     tube(points, colour) {

@@ -56,3 +56,39 @@ def test_srdf_can_be_read_again(optiplan, tmp_path):
     assert "pairs that need no check" in out
     pairs = ElementTree.parse(tmp_path / "panda.srdf").getroot().findall("disable_collisions")
     assert {"link1": "panda_link0", "link2": "panda_link1", "reason": "Adjacent"} in [pair.attrib for pair in pairs]
+
+
+def test_show_prints_the_denavit_hartenberg_table(optiplan, optiplan_json):
+    code, out, _ = optiplan("robots", "show", "srra")
+    assert code == 0
+    assert "standard convention" in out
+    rows = [line.split() for line in out.splitlines()]
+    assert ["link_2", "revolute", "q", "-", "90", "0", "0", "0"] in rows
+    assert ["elbow", "fixed", "0", "0", "0.975", "0"] in rows
+    data = optiplan_json("robots", "show", "srra")[1]
+    assert len(data["dh"]["rows"]) == 8
+    assert optiplan_json("robots", "show", "ur5")[1]["dh"] is None
+
+
+def test_show_takes_a_group(optiplan, optiplan_json):
+    data = optiplan_json("robots", "show", "delbot", "--group", "base")[1]
+    assert [joint["name"] for joint in data["joints"]] == ["base_x", "base_y", "base_yaw"]
+    assert (data["group"], sorted(data["groups"])) == ("base", ["all", "arm", "base"])
+    assert "group base (planned)" in optiplan("robots", "show", "delbot", "--group", "base")[1]
+    code, out, err = optiplan("robots", "show", "delbot", "--group", "legs")
+    assert (code, out) == (2, "")
+    assert "all, arm, base" in err
+
+
+def test_export_writes_a_urdf_to_a_file_or_to_stdout(optiplan, tmp_path):
+    code, out, _ = optiplan("robots", "export", "puma560", "--to", "urdf", tmp_path / "p.urdf")
+    assert code == 0
+    assert "puma560 written to" in out
+    code, printed, _ = optiplan("robots", "export", "puma560")
+    assert (code, printed) == (0, (tmp_path / "p.urdf").read_text())
+    root = ElementTree.fromstring(printed.encode())
+    limit = root.find("joint[@name='joint_2']/limit").attrib
+    assert (float(limit["velocity"]), float(limit["effort"])) == (0.94, 186.4)
+    code, out, err = optiplan("robots", "export", "puma560", "--to", "mjcf")
+    assert (code, out) == (2, "")
+    assert "choose from: urdf" in err

@@ -8,7 +8,7 @@ import pytest
 from optiplan.model.collision import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.goals import ranked_goals
-from optiplan.problem.goals import GoalOptions, goal_configurations, goal_residual, whole_turns
+from optiplan.problem.goals import GoalOptions, goal_configurations, goal_residual
 from optiplan.problem.problem import JointGoal, PoseGoal
 from optiplan.trajectory.timing import lower_bounds
 from tests.planners import cases
@@ -69,18 +69,6 @@ def test_residuals_measure_what_their_goals_ask():
     assert pose.orientation == pytest.approx(0.005, rel=1e-6)
     assert pose.position < 1e-9
     assert not pose.reached
-
-
-def test_whole_turns_stay_within_limits_and_prefer_the_near_ones():
-    robot = cases.robot("ur5")
-    q = np.array([3.0, -1.0, 1.0, 0.2, 0.3, -3.0])
-    near = np.array([-3.0, -1.0, 1.0, 0.2, 0.3, 3.0])
-    images = whole_turns(robot, q, near, 16)
-    turns = (np.array(images) - q) / (2 * np.pi)
-    assert turns == pytest.approx(np.round(turns), abs=1e-12)
-    assert ((np.array(images) >= robot.limits.lower) & (np.array(images) <= robot.limits.upper)).all()
-    assert images[0] == pytest.approx(q + 2 * np.pi * np.array([-1, 0, 0, 0, 0, 1]))
-    assert len({tuple(image) for image in images}) == len(images)
 
 
 def test_stop_is_obeyed():

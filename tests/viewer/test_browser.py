@@ -158,11 +158,29 @@ def test_motion_loops_only_when_asked(visit, exported):
 def test_layers_change_the_picture(visit, exported):
     page = visit(exported + "#t=0.8")
     before = pixels(page)
-    for name in ("collision", "through", "obstacles", "path", "start", "goal", "witness", "floor"):
+    for name in ("collision", "through", "obstacles", "path", "start", "goal", "ellipsoids", "witness", "floor"):
         page.locator(f"#layer-{name}").click()
         after = pixels(page)
         assert np.abs(after - before).max() > 5.0, name
         before = after
+
+
+def test_ellipsoids_are_off_unless_asked_for_and_move_with_the_tool(visit, exported, shelf, motion):
+    plain = visit(exported + "#t=0.8&paused")
+    assert not plain.locator("#layer-ellipsoids").is_checked()
+    page = visit(exported + "#t=0.8&paused&ellipsoids")
+    assert page.locator("#layer-ellipsoids").is_checked()
+    pair = "optiplan.scene.runs[0].ellipsoids.moving"
+    model, data = shelf.robot.model, shelf.robot.model.createData()
+    pin.framesForwardKinematics(model, data, motion(shelf)(np.array([0.8]))[0])
+    tool = data.oMf[model.getFrameId(shelf.robot.tool_frame)].translation
+    places = page.evaluate(f"{pair}.map((m) => m.position.toArray())")
+    assert np.allclose(places, [tool, tool], atol=1e-5)
+    velocity, force = np.array(page.evaluate(f"{pair}.map((m) => m.scale.toArray())"))
+    assert np.allclose(velocity * force, velocity[0] * force[0], rtol=1e-4)  # reciprocal, apart from their two scales
+    assert velocity[0] > velocity[2]
+    page.locator(".run input").first.uncheck()
+    assert not page.evaluate("optiplan.scene.runs[0].ellipsoids.group.visible")
 
 
 def test_legend_tells_the_verdicts_and_escapes_names(visit, exported):

@@ -4,6 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from optiplan.model.scene import Scene
+from optiplan.problem.problem import Problem
 from optiplan.viewer.runs import RATE, Poses, ViewedRun, show_run
 
 REPORT = {"verified": True, "checks": [{"name": "collision", "passed": True, "worst": 0.0123, "time": 0.4}]}
@@ -29,6 +31,23 @@ def test_motion_is_sampled_from_start_to_end(shelf, motion):
     assert shown["samples"] - 1 >= RATE * shown["duration"]
     ends = Poses(shelf).of(np.array([shelf.start, shelf.goal[0].q]))[0]
     assert np.allclose(poses[[0, -1]], ends, atol=1e-6)
+
+
+def test_ellipsoids_hold_what_the_jacobian_says(shelf, motion, panda):
+    shown = show_run(shelf, Poses(shelf), ViewedRun("quintic", motion(shelf), REPORT))
+    sent = floats(shown["ellipsoids"], shown["samples"], 7)
+    data, tool = panda.model.createData(), panda.model.getFrameId(panda.tool_frame)
+    for k, q in enumerate(motion(shelf)(np.linspace(0.0, 1.6, shown["samples"]))):
+        J = pin.computeFrameJacobian(panda.model, data, q, tool, pin.LOCAL_WORLD_ALIGNED)[:3]
+        axes, lengths = pin.Quaternion(*sent[k, [3, 0, 1, 2]].astype(float)).matrix(), sent[k, 4:]
+        assert np.allclose(axes @ np.diag(lengths**2) @ axes.T, J @ J.T, atol=1e-5)
+        assert (np.diff(lengths) <= 0.0).all()
+
+
+def test_ellipsoids_of_a_planar_arm_are_flat(planar):
+    flat = Poses(Problem("flat", planar, Scene(), np.zeros(2), (), planar.limits)).ellipsoids(np.array([[0.3, 1.0]]))
+    assert flat.shape == (1, 7)
+    assert flat[0, 6] < 1e-12 < flat[0, 5]
 
 
 def test_facts_of_a_verified_run(shelf, motion):

@@ -1,0 +1,150 @@
+"""`optiplan workspace`: where a robot's tool can be, how dexterous it is there, and how exact."""
+
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from optiplan.cli.output import print_json, results, stdout_is_ours
+from optiplan.cli.progress import ProgressLine
+
+
+def workspace(
+    names: Annotated[
+        list[str], typer.Argument(metavar="ROBOT…", help="robots that come along, or paths of robot.yaml")
+    ],
+    samples: Annotated[int, typer.Option(min=1, metavar="N", help="random configurations a robot")] = 200_000,
+    grid: Annotated[
+        int | None, typer.Option(min=2, metavar="K", help="instead: K values a joint, K^n configurations")
+    ] = None,
+    group: Annotated[str | None, typer.Option(metavar="G", help="of the robot's groups of joints")] = None,
+    collision: Annotated[
+        bool, typer.Option("--collision/--no-collision", help="leave out where the robot touches itself")
+    ] = True,
+    floor: Annotated[
+        float | None, typer.Option(metavar="Z", help="a floor at this height, m, not to be touched")
+    ] = None,
+    accuracy: Annotated[
+        bool, typer.Option("--accuracy", help="map what the joints' resolution means at the tool")
+    ] = False,
+    resolution: Annotated[
+        str | None,
+        typer.Option(
+            metavar="R", help="of the joints: encoder bits a turn, or a step in rad, 1e-4; 17bit unless given"
+        ),
+    ] = None,
+    voxels: Annotated[int, typer.Option(min=2, max=100, metavar="K", help="voxels in a radius of the reach")] = 10,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="write NPZ, PLY, a page and a picture there")] = None,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="of the samples")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+) -> int:
+    """Sample where the tool can be, and compare robots.
+
+    The reach sphere lies about the shoulder, where the first two axes meet; its radius is the largest reach without
+    collisions. Covered is the share of its voxels in which a sample without collision lies: a lower bound. Rings say
+    the same in cells of height and distance from the vertical, which few samples fill.
+
+    [bold]Examples[/]
+
+      optiplan workspace srra puma560 ur5 --out ws      and open ws/workspace.html
+
+      optiplan workspace ur5 --accuracy --resolution 16bit
+
+      optiplan workspace delbot --group arm --grid 5 --no-collision
+
+    Exit code: 0 done · 2 bad input.
+    """
+    from optiplan.model.accuracy import DEFAULT_RESOLUTION, joint_resolution
+    from optiplan.model.robot import load_robot
+    from optiplan.model.workspace import WorkspaceOptions, study_workspace
+    from optiplan.store import check_folder
+
+    if out is not None:
+        check_folder(out)
+    found, seconds = [], []
+    with stdout_is_ours(), ProgressLine() as progress:
+        robots = [load_robot(name, group=group) for name in names]
+        for robot in robots:
+            steps = joint_resolution(robot, resolution or DEFAULT_RESOLUTION) if accuracy else None
+            options = WorkspaceOptions(samples, grid, collision, floor, steps, voxels, seed)
+            began = time.perf_counter()
+            found.append(study_workspace(robot, options, partial(progress, f"workspace of {robot.name}")))
+            seconds.append(time.perf_counter() - began)
+        files = [] if out is None else _save(found, out)
+    rows = [_row(one, spent) for one, spent in zip(found, seconds, strict=True)]
+    if as_json:
+        print_json({"robots": rows, "files": [str(path) for path in files], "exit_code": 0})
+    else:
+        _show(rows, (resolution or DEFAULT_RESOLUTION) if accuracy else None)
+        for path in files:
+            results().print(f"written: {path}", markup=False, soft_wrap=True)
+    return 0
+
+
+def _save(found: list[Any], out: Path) -> list[Path]:
+    from optiplan.viewer.workspace_files import save_workspaces
+
+    return save_workspaces(found, out)
+
+
+def _row(one: Any, seconds: float) -> dict[str, Any]:
+    """What `--json` prints of one robot; m, and shares from 0 to 1."""
+    import numpy as np
+
+    free = one.samples.free
+    values = {name: value[free] for name, value in one.samples.values.items()}
+    row: dict[str, Any] = {
+        "robot": one.robot.name,
+        "tool_frame": one.robot.tool_frame,
+        "joint_names": list(one.robot.joint_names),
+        "configurations": len(free),
+        "free_fraction": one.free_fraction,
+        "shoulder": one.reach.shoulder.tolist(),
+        "reach": {"least": one.reach.least, "largest": one.reach.largest},
+        "voxel_edge": one.voxels.edge,
+        "voxels": len(one.voxels.counts),
+        "coverage": one.voxels.coverage._asdict(),
+        "coverage_rings": one.rings._asdict(),
+        "orientation": one.voxels.orientation,
+        "seconds": seconds,
+    }
+    for name, value in values.items():
+        row[name] = {"mean": float(np.mean(value)), "largest": float(np.max(value))} if len(value) else None
+    return row
+
+
+def _show(rows: list[dict[str, Any]], resolution: str | None) -> None:
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("")
+    for row in rows:
+        table.add_column(row["robot"], justify="right")
+    lines: list[tuple[str, Callable[[dict[str, Any]], str]]] = [
+        ("configurations", lambda row: f"{row['configurations']:,}"),
+        ("touching nothing", lambda row: f"{row['free_fraction']:.1%}"),
+        ("reach from the shoulder, m", lambda row: f"{row['reach']['largest']:.4f}"),
+        ("least distance, m", lambda row: f"{row['reach']['least']:.4f}"),
+        ("covered, in voxels", lambda row: f"{row['coverage']['whole']:.1%}"),
+        ("  upper half", lambda row: f"{row['coverage']['upper']:.1%}"),
+        ("  lower half", lambda row: f"{row['coverage']['lower']:.1%}"),
+        ("covered, in rings", lambda row: f"{row['coverage_rings']['whole']:.1%}"),
+        ("  upper half", lambda row: f"{row['coverage_rings']['upper']:.1%}"),
+        ("  lower half", lambda row: f"{row['coverage_rings']['lower']:.1%}"),
+        ("directions in a reached voxel", lambda row: f"{row['orientation']:.1%}"),
+        ("manipulability, mean", lambda row: _mean(row["yoshikawa"], 1.0)),
+        ("inverse condition, mean", lambda row: _mean(row["asada"], 1.0)),
+    ]
+    if resolution is not None:
+        lines.append((f"tool error bound at {resolution}, mean, mm", lambda row: _mean(row["error_worst"], 1e3)))
+        lines.append((f"tool error at {resolution}, rms, mm", lambda row: _mean(row["error_rms"], 1e3)))
+    lines.append(("seconds", lambda row: f"{row['seconds']:.1f}"))
+    for heading, text in lines:
+        table.add_row(heading, *(text(row) for row in rows))
+    results().print(table)
+
+
+def _mean(value: dict[str, float] | None, factor: float) -> str:
+    return "–" if value is None else f"{factor * value['mean']:.4g}"

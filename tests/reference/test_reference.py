@@ -1,0 +1,80 @@
+"""Every entry about the reports' robots has a test of its own name; the numbers here are those of the table."""
+
+import ast
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from optiplan.yaml_lines import read_yaml
+from tests.reference.entries import HERE, REPORTS, entries
+
+PAGE = Path(HERE).parent.parent / "docs" / "reports.md"
+MOTIONS = {
+    "lecture": "cubic.coefficients example1 example2 quintic.v0_5 example4 example4.samples lspb.formula bangbang "
+    "profile_constants homework",
+    "sclerp": "parameters J1 B_matrix limits_text pure_translation_u runs printed.b printed.c printed.d missing "
+    "improved",
+}
+"""Entries about trajectories and screw motion, not about robots: tested with the planners that make such motions."""
+GIVEN = {"sclerp.runs"}
+"""Copied all the same: the goals of the runs are what `sclerp.reachable` speaks of."""
+
+
+def later() -> set[str]:
+    return {f"{report}.{name}" for report, names in MOTIONS.items() for name in names.split()}
+
+
+def names_of_tests() -> set[str]:
+    trees = [ast.parse(path.read_text()) for path in Path(HERE).glob("test_*.py")]
+    return {node.name for tree in trees for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+@pytest.mark.parametrize("report", REPORTS)
+def test_every_copied_entry_has_a_test_of_its_name(report):
+    missing = [
+        name for name in set(entries(report)) - GIVEN if f"test_{name.replace('.', '_')}" not in names_of_tests()
+    ]
+    assert not missing
+
+
+def test_the_page_about_the_reports_names_entries_that_exist():
+    named = set(re.findall(r"`((?:srra|delbot|lecture|sclerp)\.[\w.]+)`", PAGE.read_text()))
+    known = {name for report in REPORTS for name in entries(report)}
+    assert named <= known
+    assert {name for name in known if entries(name.split(".")[0])[name].printed is not None} <= named
+
+
+@pytest.fixture(scope="module")
+def table(shared) -> dict[str, dict[str, Any]]:
+    """All entries of the project's table."""
+    files = [shared / "reference" / f"{report}.yaml" for report in REPORTS]
+    return {item["id"]: item for file in files for item in read_yaml(file).data["items"]}
+
+
+def test_every_entry_about_robots_is_copied(table):
+    copied = {name for report in REPORTS for name in entries(report)}
+    assert copied - GIVEN == set(table) - later()
+    assert later() <= set(table)
+
+
+def numbers(value: Any, path: tuple[Any, ...] = ()) -> dict[tuple[Any, ...], float]:
+    """Every number below a value, by its path; words and formulas are left out."""
+    if isinstance(value, dict | list):
+        inner = value.items() if isinstance(value, dict) else enumerate(value)
+        return {place: x for key, part in inner for place, x in numbers(part, (*path, key)).items()}
+    return {path: float(value)} if isinstance(value, int | float) else {}
+
+
+@pytest.mark.parametrize("report", REPORTS)
+def test_numbers_and_tolerances_are_those_of_the_table(report, table):
+    for name, copy in entries(report).items():
+        original = table[name]
+        assert copy.tolerance == float(original["tolerance"]), name
+        expected = numbers(original.get("value"))
+        if name in GIVEN:  # of these the goals alone
+            expected = {place: x for place, x in expected.items() if place[1] == "goal"}
+        assert numbers(copy.value) == expected, name
+        if copy.printed is not None:
+            assert numbers(copy.printed) == numbers(original["erratum"]["seed_value"]), name
