@@ -12,35 +12,36 @@ from rich.table import Table
 from optiplan.cli.output import print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
+Names = Annotated[list[str], typer.Argument(metavar="ROBOT…", help="robots that come along, or paths of robot.yaml")]
+Count = Annotated[int, typer.Option(min=1, metavar="N", help="random configurations a robot")]
+Grid = Annotated[int | None, typer.Option(min=2, metavar="K", help="instead: K values a joint, K^n configurations")]
+Group = Annotated[str | None, typer.Option(metavar="G", help="of the robot's groups of joints")]
+Apart = Annotated[bool, typer.Option("--collision/--no-collision", help="leave out where the robot touches itself")]
+Floor = Annotated[float | None, typer.Option(metavar="Z", help="a floor at this height, m, not to be touched")]
+Accuracy = Annotated[bool, typer.Option("--accuracy", help="map what the joints' resolution means at the tool")]
+Resolution = Annotated[
+    str | None,
+    typer.Option(metavar="R", help="of the joints: encoder bits a turn, or a step in rad, 1e-4; 17bit unless given"),
+]
+Voxels = Annotated[int, typer.Option(min=2, max=100, metavar="K", help="voxels in a radius of the reach")]
+Out = Annotated[Path | None, typer.Option(metavar="DIR", help="write NPZ, PLY, a page and a picture there")]
+Seed = Annotated[int, typer.Option(min=0, metavar="N", help="of the samples")]
+AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
+
 
 def workspace(
-    names: Annotated[
-        list[str], typer.Argument(metavar="ROBOT…", help="robots that come along, or paths of robot.yaml")
-    ],
-    samples: Annotated[int, typer.Option(min=1, metavar="N", help="random configurations a robot")] = 200_000,
-    grid: Annotated[
-        int | None, typer.Option(min=2, metavar="K", help="instead: K values a joint, K^n configurations")
-    ] = None,
-    group: Annotated[str | None, typer.Option(metavar="G", help="of the robot's groups of joints")] = None,
-    collision: Annotated[
-        bool, typer.Option("--collision/--no-collision", help="leave out where the robot touches itself")
-    ] = True,
-    floor: Annotated[
-        float | None, typer.Option(metavar="Z", help="a floor at this height, m, not to be touched")
-    ] = None,
-    accuracy: Annotated[
-        bool, typer.Option("--accuracy", help="map what the joints' resolution means at the tool")
-    ] = False,
-    resolution: Annotated[
-        str | None,
-        typer.Option(
-            metavar="R", help="of the joints: encoder bits a turn, or a step in rad, 1e-4; 17bit unless given"
-        ),
-    ] = None,
-    voxels: Annotated[int, typer.Option(min=2, max=100, metavar="K", help="voxels in a radius of the reach")] = 10,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="write NPZ, PLY, a page and a picture there")] = None,
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="of the samples")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    names: Names,
+    samples: Count = 200_000,
+    grid: Grid = None,
+    group: Group = None,
+    collision: Apart = True,
+    floor: Floor = None,
+    accuracy: Accuracy = False,
+    resolution: Resolution = None,
+    voxels: Voxels = 10,
+    out: Out = None,
+    seed: Seed = 0,
+    as_json: AsJson = False,
 ) -> int:
     """Sample where the tool can be, and compare robots.
 
@@ -65,23 +66,22 @@ def workspace(
 
     if out is not None:
         check_folder(out)
-    found, seconds = [], []
+    wanted = (resolution or DEFAULT_RESOLUTION) if accuracy else None
+    rows, found = [], []
     with stdout_is_ours(), ProgressLine() as progress:
-        robots = [load_robot(name, group=group) for name in names]
-        for robot in robots:
-            steps = joint_resolution(robot, resolution or DEFAULT_RESOLUTION) if accuracy else None
+        for robot in [load_robot(name, group=group) for name in names]:
+            steps = None if wanted is None else joint_resolution(robot, wanted)
             options = WorkspaceOptions(samples, grid, collision, floor, steps, voxels, seed)
             began = time.perf_counter()
             found.append(study_workspace(robot, options, partial(progress, f"workspace of {robot.name}")))
-            seconds.append(time.perf_counter() - began)
+            rows.append(_row(found[-1], time.perf_counter() - began))
         files = [] if out is None else _save(found, out)
-    rows = [_row(one, spent) for one, spent in zip(found, seconds, strict=True)]
     if as_json:
         print_json({"robots": rows, "files": [str(path) for path in files], "exit_code": 0})
-    else:
-        _show(rows, (resolution or DEFAULT_RESOLUTION) if accuracy else None)
-        for path in files:
-            results().print(f"written: {path}", markup=False, soft_wrap=True)
+        return 0
+    _show(rows, wanted)
+    for path in files:
+        results().print(f"written: {path}", markup=False, soft_wrap=True)
     return 0
 
 
@@ -134,8 +134,8 @@ def _show(rows: list[dict[str, Any]], resolution: str | None) -> None:
         ("  upper half", lambda row: f"{row['coverage_rings']['upper']:.1%}"),
         ("  lower half", lambda row: f"{row['coverage_rings']['lower']:.1%}"),
         ("directions in a reached voxel", lambda row: f"{row['orientation']:.1%}"),
-        ("manipulability, mean", lambda row: _mean(row["yoshikawa"], 1.0)),
-        ("inverse condition, mean", lambda row: _mean(row["asada"], 1.0)),
+        ("manipulability (reach = 1), mean", lambda row: _mean(row["yoshikawa"], 1.0)),
+        ("inverse condition (reach = 1), mean", lambda row: _mean(row["asada"], 1.0)),
     ]
     if resolution is not None:
         lines.append((f"tool error bound at {resolution}, mean, mm", lambda row: _mean(row["error_worst"], 1e3)))

@@ -100,9 +100,9 @@ def scaled(J: Array, part: Part = "full", length: float = 1.0) -> Array:
 
 def measures(J: Array) -> Measures:
     """Measures of Jacobians J (N, m, n)."""
-    s: Array = np.linalg.svd(J, compute_uv=False)
+    s = np.asarray(np.linalg.svd(J, compute_uv=False), dtype=np.float64)
     # Behind the largest singular value that is 0 nothing can be moved at all: not well conditioned either.
-    asada = np.asarray(np.divide(s[:, -1], s[:, 0], out=np.zeros(len(s)), where=s[:, 0] > 0.0), dtype=np.float64)
+    asada: Array = np.divide(s[:, -1], s[:, 0], out=np.zeros(len(s)), where=s[:, 0] > 0.0)
     yoshikawa: Array = np.prod(s, axis=1)
     return Measures(yoshikawa, asada, s[:, -1])
 

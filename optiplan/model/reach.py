@@ -29,20 +29,25 @@ class Reach:
 
 
 def sampling_range(robot: Robot) -> tuple[Array, Array]:
-    """Lower and upper end (n,) of what is sampled: the joint limits, ±pi for a joint that turns without end.
+    """Lower and upper end (n,) of what is sampled: the joint limits, but no more than one turn, about their middle.
+
+    A joint that turns without end is sampled from -pi to pi.
 
     Raises:
         OptiPlanError: a sliding joint without limits.
     """
     lower, upper = robot.limits.lower, robot.limits.upper
     endless = ~(np.isfinite(lower) & np.isfinite(upper))
-    sliding = endless & (BatchKinematics(robot.model).revolute < 0.5)
-    if sliding.any():
-        names = ", ".join(np.array(robot.joint_names)[sliding])
+    turns = BatchKinematics(robot.model).revolute > 0.5
+    if (endless & ~turns).any():
+        names = ", ".join(np.array(robot.joint_names)[endless & ~turns])
         raise OptiPlanError(
             f"{robot.name}: found sliding joints without limits: {names}; expected limits, or a group without them"
         )
-    return np.where(endless, -np.pi, lower), np.where(endless, np.pi, upper)
+    middle = np.zeros(robot.n)
+    middle[~endless] = 0.5 * (lower + upper)[~endless]
+    wide = turns & (endless | (upper - lower > 2.0 * np.pi))
+    return np.where(wide, middle - np.pi, lower), np.where(wide, middle + np.pi, upper)
 
 
 def shoulder_point(robot: Robot) -> Array:

@@ -6,13 +6,12 @@ from typing import Literal
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.model.arm_geometry import recognise
 from optiplan.model.kinematics import BatchKinematics
 from optiplan.model.robot import Robot
 
 Wrist = Literal["spherical", "parallel"]
 NAMES = ("shoulder", "elbow", "wrist")
-_PROBES = 8  # configurations that the geometry is recognised from
-_SAME = 1e-6  # parallel, when the sine is below this; meeting, when the gap is below this times the arm's length
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +24,7 @@ class Factors:
             end e.
         wrist: z_4 . (z_5 x z_6).
         length: (N,) m, upper arm plus forearm as seen along z_2; `sines` are relative to it.
-        sines: (N, 3) the same three without unit, in [-1, 1]: shoulder / length, the sine of the elbow's angle, wrist.
+        sines: (N, 3) the same three without unit: shoulder / length, the sine of the elbow's angle, wrist.
     """
 
     shoulder: Array
@@ -68,30 +67,9 @@ class SingularityModel:
 
 
 def singularity_model(robot: Robot) -> SingularityModel | None:
-    """The model of an arm that has one of the two geometries, recognised from its axes; None for any other arm."""
-    kinematics = BatchKinematics(robot.model)
-    if robot.n != 6 or not kinematics.revolute.all():
-        return None
-    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (_PROBES, 6))
-    axis, point = kinematics.axes(kinematics.poses(Q))
-    gap = _SAME * np.abs(point - point[:, :1]).max()
-    if not _parallel(axis, 1, 2) or _parallel(axis, 4, 5) or _gap(axis, point, 4, 5) > gap:
-        return None
-    if _parallel(axis, 2, 3):
-        return SingularityModel(robot, "parallel")
-    centre = _meeting(axis, point, 4, 5)
-    off = np.linalg.norm(_across(centre - point[:, 3], axis[:, 3]), axis=1).max()
-    return SingularityModel(robot, "spherical") if off <= gap else None
-
-
-def _parallel(axis: Array, i: int, j: int) -> bool:
-    return bool(np.linalg.norm(np.cross(axis[:, i], axis[:, j]), axis=1).max() <= _SAME)
-
-
-def _gap(axis: Array, point: Array, i: int, j: int) -> float:
-    """Largest distance, m, of two axes that are not parallel."""
-    normal = np.cross(axis[:, i], axis[:, j])
-    return float(np.abs(_dot(normal, point[:, j] - point[:, i]) / np.linalg.norm(normal, axis=1)).max())
+    """The model of an arm of one of the two families that `arm_geometry.recognise` knows; None for any other arm."""
+    geometry = recognise(robot.model, robot.tool_frame)
+    return None if geometry is None else SingularityModel(robot, "spherical" if geometry.spherical else "parallel")
 
 
 def _meeting(axis: Array, point: Array, i: int, j: int) -> Array:

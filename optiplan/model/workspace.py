@@ -57,8 +57,9 @@ class Samples:
         position: (N, 3) m, world, of the tool.
         axis: (N, 3) the tool's z axis, world.
         free: (N,) nothing touches.
-        values: each (N,): `yoshikawa`, `asada`, `smallest` of the full Jacobian, and with a resolution
-            `error_worst`, `error_rms`, m, see `accuracy.ToolError`.
+        values: each (N,): `yoshikawa`, `asada`, `smallest` of the full Jacobian with lengths in units of the largest
+            reach, so that arms of any size compare, and with a resolution `error_worst`, `error_rms`, m, see
+            `accuracy.ToolError`.
     """
 
     q: Array
@@ -108,7 +109,7 @@ def study_workspace(
         raise OptiPlanError(f"workspace: found {size:,} configurations; expected at most {MOST:,}")
     sphere = reach(robot)
     chunks = -(-size // CHUNK)
-    parts = run_chunks(_Sampling(robot, options, size), chunks, processes or cores(), progress)
+    parts = run_chunks(_Sampling(robot, options, size, sphere.largest), chunks, processes or cores(), progress)
     samples = _join(parts)
     free = samples.free
     values = {name: value[free] for name, value in samples.values.items()}
@@ -132,6 +133,7 @@ class _Sampling(ChunkedWork[Samples]):
     robot: Robot
     options: WorkspaceOptions
     size: int
+    length: float
 
     def prepare(self) -> Callable[[int], Samples]:
         robot, options = self.robot, self.options
@@ -142,7 +144,7 @@ class _Sampling(ChunkedWork[Samples]):
             start = chunk * CHUNK
             Q = configurations(robot, options, start, min(start + CHUNK, self.size))
             X_WT, J = tool.evaluate(Q)
-            found = vars(measures(scaled(J)))
+            found = vars(measures(scaled(J, length=self.length)))
             if options.resolution is not None:
                 error = tool_error(J, options.resolution)
                 found = {**found, "error_worst": error.position_worst, "error_rms": error.position_rms}

@@ -41,7 +41,7 @@ function draw(robot) {
   const canvas = robot.canvas, ratio = window.devicePixelRatio || 1, side = canvas.clientWidth;
   canvas.width = side * ratio;
   canvas.height = side * ratio;
-  const pen = canvas.getContext("2d"), scale = 0.45 * side * ratio * view.zoom / shown.radius, half = 0.5 * side * ratio;
+  const pen = canvas.getContext("2d"), scale = 0.45 * side * ratio * view.zoom / robot.radius, half = 0.5 * side * ratio;
   const name = $("value").value, value = robot.values[name], high = range(name), cut = Number($("cut").value) * robot.radius;
   const cy = Math.cos(view.yaw), sy = Math.sin(view.yaw), cp = Math.cos(view.pitch), sp = Math.sin(view.pitch);
   const seen = [];

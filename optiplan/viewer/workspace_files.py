@@ -17,9 +17,9 @@ from optiplan.model.workspace import Workspace
 from optiplan.viewer.surfaces import packed
 
 LABELS = {
-    "yoshikawa": "manipulability, mean",
-    "yoshikawa_max": "manipulability, best",
-    "asada": "inverse condition number, mean",
+    "yoshikawa": "manipulability (reach = 1), mean",
+    "yoshikawa_max": "manipulability (reach = 1), best",
+    "asada": "inverse condition number (reach = 1), mean",
     "directions": f"tool directions reached, of {DIRECTIONS}",
     "error_worst": "tool error bound, mm, largest",
     "error_rms": "tool error, rms, mm, mean",
@@ -62,12 +62,11 @@ def mapped_values(one: Workspace) -> dict[str, Array]:
 
 
 def render_workspaces(found: Sequence[Workspace]) -> str:
-    """One page that shows all robots side by side, at one scale; nothing is loaded from elsewhere."""
+    """One page that shows all robots side by side, every reach sphere as large; nothing is loaded from elsewhere."""
     own = resources.files("optiplan.viewer")
     names = ", ".join(one.robot.name for one in found)
     data = {
         "labels": LABELS,
-        "radius": max(one.reach.largest for one in found),
         "robots": [_panel(one) for one in found],
     }
     return Template((own / "workspace.html").read_text("utf-8")).substitute(
