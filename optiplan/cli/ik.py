@@ -55,7 +55,6 @@ def ik(
     Exit code: 0 solved · 2 bad input · 3 no solution within joint limits: `reason` and `nearest` say why and how close.
     """
     from optiplan.cli.ik_table import describe, show
-    from optiplan.errors import UnknownChoiceError
     from optiplan.geometry import pose_from_data
     from optiplan.model.inverse import answer, wanted_configuration
     from optiplan.model.robot import load_robot
@@ -64,8 +63,7 @@ def ik(
     with stdout_is_ours():
         loaded = load_robot(robot, group=group)
         name = frame or loaded.tool_frame
-        if not loaded.model.existFrame(name):
-            raise UnknownChoiceError("frame", name, [item.name for item in loaded.model.frames[1:]])
+        loaded.frame_id(name)
         X_WG = pose_from_data({"position": values[:3], "rpy": values[3:]})
         found = answer(loaded, name, X_WG, wanted_configuration(loaded))
     code = Exit.NO_PLAN if found.nearest else 0

@@ -16,6 +16,7 @@ Names = Annotated[list[str], typer.Argument(metavar="ROBOT…", help="robots tha
 Count = Annotated[int, typer.Option(min=1, metavar="N", help="random configurations a robot")]
 Grid = Annotated[int | None, typer.Option(min=2, metavar="K", help="instead: K values a joint, K^n configurations")]
 Group = Annotated[str | None, typer.Option(metavar="G", help="of the robot's groups of joints")]
+Frame = Annotated[str | None, typer.Option(metavar="F", help="which frame; the robot's tool frame if left out")]
 Apart = Annotated[bool, typer.Option("--collision/--no-collision", help="leave out where the robot touches itself")]
 Floor = Annotated[float | None, typer.Option(metavar="Z", help="a floor at this height, m, not to be touched")]
 Accuracy = Annotated[bool, typer.Option("--accuracy", help="map what the joints' resolution means at the tool")]
@@ -34,6 +35,7 @@ def workspace(
     samples: Count = 200_000,
     grid: Grid = None,
     group: Group = None,
+    frame: Frame = None,
     collision: Apart = True,
     floor: Floor = None,
     accuracy: Accuracy = False,
@@ -55,7 +57,7 @@ def workspace(
 
       optiplan workspace ur5 --accuracy --resolution 16bit
 
-      optiplan workspace delbot --group arm --grid 5 --no-collision
+      optiplan workspace delbot --group arm --frame wrist_3 --grid 5 --no-collision
 
     Exit code: 0 done · 2 bad input.
     """
@@ -69,7 +71,7 @@ def workspace(
     wanted = (resolution or DEFAULT_RESOLUTION) if accuracy else None
     rows, found = [], []
     with stdout_is_ours(), ProgressLine() as progress:
-        for robot in [load_robot(name, group=group) for name in names]:
+        for robot in [_with_tool(load_robot(name, group=group), frame) for name in names]:
             steps = None if wanted is None else joint_resolution(robot, wanted)
             options = WorkspaceOptions(samples, grid, collision, floor, steps, voxels, seed)
             began = time.perf_counter()
@@ -83,6 +85,10 @@ def workspace(
     for path in files:
         results().print(f"written: {path}", markup=False, soft_wrap=True)
     return 0
+
+
+def _with_tool(robot: Any, frame: str | None) -> Any:
+    return robot if frame is None else robot.with_tool(frame)
 
 
 def _save(found: list[Any], out: Path) -> list[Path]:

@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.errors import UnknownChoiceError
 from optiplan.model.robot import Robot
 
 Axes = Literal["world", "frame"]
@@ -23,7 +22,7 @@ def frame_pose(robot: Robot, q: Array, frame: str) -> pin.SE3:
         UnknownChoiceError: there is no such frame.
     """
     data = robot.model.createData()
-    index = _index(robot, frame)
+    index = robot.frame_id(frame)
     pin.framesForwardKinematics(robot.model, data, np.asarray(q, dtype=np.float64))
     return pin.SE3(data.oMf[index])
 
@@ -43,7 +42,7 @@ def geometric_jacobian(robot: Robot, q: Array, frame: str, axes: Axes = "world")
         UnknownChoiceError: there is no such frame.
     """
     reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED if axes == "world" else pin.ReferenceFrame.LOCAL
-    data, index = robot.model.createData(), _index(robot, frame)
+    data, index = robot.model.createData(), robot.frame_id(frame)
     jacobian: Array = pin.computeFrameJacobian(robot.model, data, np.asarray(q, dtype=np.float64), index, reference)
     return jacobian
 
@@ -83,9 +82,3 @@ def _quaternion_rates(rotation: Array) -> Array:
 
 def _positive(quaternion: Array) -> Array:
     return -quaternion if quaternion[3] < 0.0 else quaternion
-
-
-def _index(robot: Robot, frame: str) -> int:
-    if not robot.model.existFrame(frame):
-        raise UnknownChoiceError("frame", frame, (item.name for item in robot.model.frames))
-    return int(robot.model.getFrameId(frame))

@@ -6,7 +6,6 @@ from typing import Literal
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.errors import UnknownChoiceError
 from optiplan.model.kinematics import BatchKinematics
 from optiplan.model.robot import Robot
 
@@ -28,9 +27,7 @@ class ToolKinematics:
 
     def __init__(self, robot: Robot, frame: str | None = None) -> None:
         name = robot.tool_frame if frame is None else frame
-        if not robot.model.existFrame(name):
-            raise UnknownChoiceError("frame", name, [other.name for other in robot.model.frames])
-        placed = robot.model.frames[robot.model.getFrameId(name)]
+        placed = robot.model.frames[robot.frame_id(name)]
         self.kinematics = BatchKinematics(robot.model)
         self._joint, self._X_JT = int(placed.parentJoint), np.array(placed.placement.homogeneous)
         self._moves: Array = np.zeros(robot.model.nv)

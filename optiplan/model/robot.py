@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -80,13 +80,32 @@ class Robot:
         """Name of the link that geometry object `index` of `geometry` belongs to."""
         return str(self.model.frames[self.geometry.geometryObjects[index].parentFrame].name)
 
-    def __reduce__(self) -> tuple[object, tuple[str, dict[str, float], str | None]]:
+    def frame_id(self, name: str) -> int:
+        """Index of a frame in `model.frames`.
+
+        Raises:
+            UnknownChoiceError: there is none of that name.
+        """
+        if not self.model.existFrame(name):
+            raise UnknownChoiceError("frame", name, [frame.name for frame in self.model.frames[1:]])
+        return int(self.model.getFrameId(name))
+
+    def with_tool(self, frame: str) -> "Robot":
+        """The same robot with another tool frame.
+
+        Raises:
+            UnknownChoiceError: there is no such frame.
+        """
+        self.frame_id(frame)
+        return replace(self, tool_frame=frame)
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickled as the call that loads it: models of pinocchio and coal do not travel whole."""
-        return _reload, (str(self.source), dict(self.locked), self.group)
+        return _reload, (str(self.source), dict(self.locked), self.group, self.limits, self.tool_frame)
 
 
-def _reload(source: str, locked: dict[str, float], group: str | None) -> Robot:
-    return load_robot(source, locked=locked, group=group)
+def _reload(source: str, locked: dict[str, float], group: str | None, limits: Limits, tool_frame: str) -> Robot:
+    return replace(load_robot(source, locked=locked, group=group), limits=limits, tool_frame=tool_frame)
 
 
 def robot_names() -> list[str]:

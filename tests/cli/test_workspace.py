@@ -26,6 +26,17 @@ def test_json_of_a_grid_of_a_group(optiplan_json):
     assert "error_worst" not in row
 
 
+def test_another_frame_has_another_reach(optiplan, optiplan_json):
+    flags = ("delbot", "--group", "arm", "--grid", "3", "--no-collision")
+    at_flange = optiplan_json("workspace", *flags, "--frame", "wrist_3")[1]["robots"][0]
+    at_tool = optiplan_json("workspace", *flags)[1]["robots"][0]
+    assert at_flange["tool_frame"] == "wrist_3"
+    assert at_flange["reach"]["largest"] < at_tool["reach"]["largest"] - 0.05
+    code, _, err = optiplan("workspace", "delbot", "--frame", "nose")
+    assert code == 2
+    assert "unknown frame 'nose'" in err
+
+
 def test_resolution_sets_the_size_of_the_errors(optiplan_json):
     errors = [
         optiplan_json("workspace", "ur5", *FEW, "--accuracy", "--resolution", step)[1]["robots"][0]["error_rms"]["mean"]

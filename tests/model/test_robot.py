@@ -1,4 +1,5 @@
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -230,3 +231,16 @@ def test_a_messy_vehicle(shared, tmp_path, name):
     assert robot.n == robot.model.nq == 44
     assert robot.geometry.ngeoms == 50
     assert np.isfinite(robot.limits.velocity).all()
+
+
+def test_a_pickled_robot_keeps_what_was_replaced():
+    robot = load_robot("planar2r")
+    changed = replace(robot.with_tool("forearm"), limits=replace(robot.limits, velocity=0.5 * robot.limits.velocity))
+    again = pickle.loads(pickle.dumps(changed))
+    assert again.tool_frame == "forearm"
+    np.testing.assert_array_equal(again.limits.velocity, changed.limits.velocity)
+
+
+def test_unknown_frames_are_told_with_the_valid_ones():
+    with pytest.raises(UnknownChoiceError, match=r"unknown frame 'nose'.*forearm"):
+        load_robot("planar2r").with_tool("nose")
