@@ -12,6 +12,7 @@ from optiplan.planners.timed import within_torque
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.spline import DEGREE, SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.sqp import optimise
+from optiplan.planners.trajopt.subproblem import Subproblem
 from optiplan.planners.trajopt.transcription import Margins, Transcription
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing import scale_to_limits
@@ -43,12 +44,13 @@ class Optimiser:
         None when the bodies stay far inside each other, the arm is too heavy, or somebody cancelled.
         """
         transcription = Transcription(self.problem, self.model, self.basis, self._margins(control))
+        subproblem = Subproblem(transcription, self.options.solver)
         u = _instants(self.basis, self.options.samples)
         iterations, attempt = 0, None
         for _ in range(self.options.refinements + 1):
             transcription.set_samples(u)
             left = self.options.iterations - iterations
-            point, used = optimise(transcription, self.options.solver, control, left, lambda: budget.over)
+            point, used = optimise(subproblem, control, left, lambda: budget.over)
             iterations += used
             control = point.control
             if point.contacts.violation() > HOPELESS or budget.cancelled:

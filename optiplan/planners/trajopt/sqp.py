@@ -44,15 +44,13 @@ def evaluate(transcription: Transcription, control: Array, duration: float) -> P
     return Point(control, duration, contacts, torques, merit)
 
 
-def optimise(
-    transcription: Transcription, solver: str, control: Array, iterations: int, stop: Callable[[], bool]
-) -> tuple[Point, int]:
+def optimise(subproblem: Subproblem, control: Array, iterations: int, stop: Callable[[], bool]) -> tuple[Point, int]:
     """Descend from control points (K, n) until a step gains less than 0.2 % of the duration: the point, steps taken.
 
     A step is accepted when the merit falls by a tenth of what the linear model promised; the trust region doubles
     where it fell by more than 70 % and shrinks to 35 % when a step is refused.
     """
-    subproblem = Subproblem(transcription, solver)
+    transcription = subproblem.transcription
     point, radius = evaluate(transcription, control, 0.0), FIRST_RADIUS
     for iteration in range(iterations):
         if stop() or radius < LEAST_RADIUS:

@@ -121,7 +121,7 @@ def test_a_small_step_keeps_its_promise(transcription: Transcription, control: n
 
 
 def test_optimise_reaches_a_curve_without_violation(transcription: Transcription, control: np.ndarray) -> None:
-    point, steps = optimise(transcription, "piqp", control, 60, lambda: False)
+    point, steps = optimise(Subproblem(transcription, "piqp"), control, 60, lambda: False)
     assert 0 < steps <= 60
     assert point.contacts.violation() < 1e-3
     assert point.torques.violation() < 0.02
@@ -132,7 +132,7 @@ def test_optimise_reaches_a_curve_without_violation(transcription: Transcription
 
 
 def test_optimise_stops_when_told(transcription: Transcription, control: np.ndarray) -> None:
-    point, steps = optimise(transcription, "piqp", control, 60, lambda: True)
+    point, steps = optimise(Subproblem(transcription, "piqp"), control, 60, lambda: True)
     assert steps == 0
     np.testing.assert_array_equal(point.control, control)
 
