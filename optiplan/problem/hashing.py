@@ -21,7 +21,7 @@ def problem_hash(data: Mapping[str, Any], base: Path, robot: Robot) -> str:
         robot: as loaded for the problem.
     """
     content = copy.deepcopy(dict(data))
-    content["robot"] = [_digest(file) for file in robot.files]
+    content["robot"] = robot.fingerprint
     content["locked"] = dict(robot.locked)
     for mesh in meshes_of(content):
         mesh["file"] = _digest(base / mesh["file"])
