@@ -3,7 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from importlib import import_module
-from typing import Any, cast, get_type_hints
+from types import NoneType
+from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.planners.base import Planner
@@ -11,7 +14,7 @@ from optiplan.planners.base import Planner
 
 @dataclass(frozen=True)
 class Option:
-    """One setting of a planner: its type in words (`float`), and its default."""
+    """One setting of a planner: its type in words (`float`, `list of float`, `a | b`), and its default."""
 
     name: str
     kind: str
@@ -31,7 +34,7 @@ class PlannerEntry:
         """What can be set, with defaults; imports the options' module."""
         cls = _load(self.options)
         types = get_type_hints(cls)
-        return tuple(Option(f.name, types[f.name].__name__, f.default) for f in fields(cls) if f.default is not MISSING)
+        return tuple(Option(f.name, kind_of(types[f.name]), f.default) for f in fields(cls) if f.default is not MISSING)
 
 
 PLANNERS: dict[str, PlannerEntry] = {
@@ -79,16 +82,17 @@ def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner
     """
     entry = planner_entry(name)
     valid = {option.name: option for option in entry.option_list()}
+    types = get_type_hints(_load(entry.options))
     values: dict[str, Any] = {}
     issues = []
     for key, value in (options or {}).items():
         if key not in valid:
             described = [f"{o.name} ({o.kind}, default {o.default})" for o in valid.values()]
             raise UnknownChoiceError(f"option of planner '{name}'", key, described)
-        converted = _convert(value, valid[key].kind)
-        if converted is None:
+        try:
+            values[key] = TypeAdapter(types[key], config=ConfigDict(strict=True)).validate_python(_frozen(value))
+        except ValidationError:
             issues.append(Issue(f"planner '{name}'", None, key, f"{value!r}", valid[key].kind))
-        values[key] = converted
     if issues:
         raise InputError(issues)
     try:
@@ -98,11 +102,19 @@ def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner
     return cast(Planner, _load(entry.planner)(made))
 
 
-def _convert(value: Any, kind: str) -> Any:
-    """The value as that kind, or None: an int may stand for a float, and nothing else for anything else."""
-    if kind == "float" and isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    return value if type(value).__name__ == kind else None
+def kind_of(hint: Any) -> str:
+    """An option's type in words; None, which stands for "not given", is left out."""
+    if get_origin(hint) is Literal:
+        return " | ".join(map(str, get_args(hint)))
+    if get_origin(hint) is tuple:
+        return f"list of {kind_of(get_args(hint)[0])}"
+    parts = [part for part in get_args(hint) if part is not NoneType]
+    return " | ".join(map(kind_of, parts)) if parts else str(hint.__name__)
+
+
+def _frozen(value: Any) -> Any:
+    """Lists of YAML as tuples, at any depth."""
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
 
 def _load(target: str) -> Any:

@@ -139,7 +139,7 @@ def _scaled(limits: Limits, fractions: LimitsSpec) -> Limits:
         limits,
         velocity=limits.velocity * fractions.velocity,
         acceleration=limits.acceleration * fractions.acceleration,
-        jerk=limits.jerk * fractions.jerk,
+        jerk=limits.jerk * (np.inf if fractions.jerk == "none" else fractions.jerk),
         torque=limits.torque * fractions.torque,
     )
 

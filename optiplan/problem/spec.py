@@ -228,11 +228,11 @@ class GoalSpec(AlternativeSpec):
 
 
 class LimitsSpec(Strict):
-    """Fractions of the robot's own limits."""
+    """Fractions of the robot's own limits; `jerk: none` lifts the jerk limits, so that the acceleration may jump."""
 
     velocity: Fraction = 1.0
     acceleration: Fraction = 1.0
-    jerk: Fraction = 1.0
+    jerk: Fraction | Literal["none"] = 1.0
     torque: Fraction = 1.0
 
 

@@ -7,6 +7,8 @@ t_j; then the velocity stays for t_v; then all of it backwards:
     t_j = min(A / J, sqrt(V / J), cbrt(D / 2J)),   a = J t_j,
     t_a = max(0, min(V / a - t_j, (sqrt(t_j^2 + 4 D / a) - 3 t_j) / 2)),   v = a (t_j + t_a),
     t_v = max(0, D / v - 2 t_j - t_a),   T = 4 t_j + 2 t_a + t_v.
+
+Without a bound on jerk (J infinite) t_j = 0 and a = A: the acceleration jumps.
 """
 
 from collections.abc import Sequence
@@ -19,14 +21,15 @@ from optiplan.trajectory.trajectory import Trajectory
 
 _STILL = 1e-60  # m or rad: stands for "no distance", so that the formulas above need no branch
 _REST = 1e-3  # s: a trajectory needs some duration, even one that goes nowhere
-_SIGNS = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])  # of the jerk in the seven phases
+_ACCELERATION = np.array([0.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0, 0.0])  # around the seven phases, over its peak
 
 
 def _phases(distance: Array, velocity: Array, acceleration: Array, jerk: Array) -> tuple[Array, Array, Array]:
     """The times t_j, t_a, t_v (s) of the module's curve, element by element; all arrays of one shape."""
     D = np.maximum(distance, _STILL)
     t_j = np.minimum(np.minimum(acceleration / jerk, np.sqrt(velocity / jerk)), np.cbrt(D / (2.0 * jerk)))
-    a = jerk * t_j
+    with np.errstate(invalid="ignore"):
+        a = np.where(np.isinf(jerk), acceleration, jerk * t_j)
     t_a = np.maximum(0.0, np.minimum(velocity / a - t_j, (np.sqrt(t_j**2 + 4.0 * D / a) - 3.0 * t_j) / 2.0))
     t_v = np.maximum(0.0, D / (a * (t_j + t_a)) - 2.0 * t_j - t_a)
     return t_j, t_a, t_v
@@ -105,12 +108,13 @@ def _segment(q: Array, d: Array, limits: Limits) -> tuple[Array, Array]:
     )
     t_j, t_a, t_v = _phases(np.array(1.0), velocity, acceleration, jerk)
     times = np.array([t_j, t_a, t_j, t_v, t_j, t_a, t_j])
+    peak = acceleration if np.isinf(jerk) else jerk * t_j
     scalar = np.zeros((7, 4))
-    s = v = a = 0.0
-    for i, (sign, h) in enumerate(zip(_SIGNS, times, strict=True)):
-        j = sign * jerk
+    s = v = 0.0
+    for i, (h, a, b) in enumerate(zip(times, peak * _ACCELERATION[:-1], peak * _ACCELERATION[1:], strict=True)):
+        j = (b - a) / h if h > 0.0 else 0.0
         scalar[i] = s, v, a / 2.0, j / 6.0
-        s, v, a = s + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0), a + h * j
+        s, v = s + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0)
     kept = times > 1e-12 * times.sum()
     pieces = scalar[kept][:, :, None] * d
     pieces[:, 0] += q

@@ -73,10 +73,10 @@ def _miss(problem: Problem, one: JointGoal | PoseGoal, q: Array) -> list[tuple[f
 
 
 def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
-    """Velocity and acceleration vanish at both ends; else the jerk there would be infinite."""
+    """Velocity and, of joints with a jerk limit, acceleration vanish at both ends; else the jerk would be infinite."""
     ends, limits = np.array([0.0, trajectory.duration]), problem.limits
     value = np.abs(np.stack([trajectory(ends, 1), trajectory(ends, 2)]))  # (order, end, n)
-    allowed = policy.rest_tolerance * np.stack([limits.velocity, limits.acceleration])[:, None]
+    allowed = np.stack([policy.rest_tolerance * limits.velocity, _acceleration_step(problem, policy)])[:, None]
     order, end, j = _worst(value, np.broadcast_to(allowed, value.shape))
     detail = f"{_ORDERS[order + 1]} at the {'end' if end else 'start'}"
     worst, limit, time = float(value[order, end, j]), float(allowed[order, 0, j]), float(ends[end])
@@ -87,14 +87,15 @@ def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Chec
 def continuity(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
     """Position, velocity and acceleration hardly jump: the steps at all breakpoints together stay within tolerance.
 
-    Together, because many steps, each within a tolerance, would make a staircase that passes any limit unseen.
+    Together, because many steps, each within a tolerance, would make a staircase that passes any limit unseen. The
+    acceleration of a joint without a jerk limit may jump.
     """
-    limits, tolerance = problem.limits, policy.rest_tolerance
     n = trajectory.n
     if len(trajectory.breakpoints) == 2:
         return Check("continuity", "exact", True, detail="one piece")
     jumps = np.abs(np.stack([trajectory.jumps(order) for order in range(3)]))  # (order, m - 1, n)
-    steps = [np.full(n, policy.jump_tolerance), tolerance * limits.velocity, tolerance * limits.acceleration]
+    speed = policy.rest_tolerance * problem.limits.velocity
+    steps = [np.full(n, policy.jump_tolerance), speed, _acceleration_step(problem, policy)]
     total, allowed = jumps.sum(axis=1), np.stack(steps)
     order, j = _worst(total, allowed)
     i = int(np.argmax(jumps[order, :, j]))
@@ -102,6 +103,12 @@ def continuity(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -
     worst, limit = float(total[order, j]), float(allowed[order, j])
     passed, detail = bool((total <= allowed).all()), f"sum of all steps of {_ORDERS[order]}"
     return Check("continuity", "exact", passed, worst, limit, _UNITS[order], time, name, detail)
+
+
+def _acceleration_step(problem: Problem, policy: VerifyPolicy) -> Array:
+    """How far acceleration may jump, (n,), rad/s²: a tolerance where jerk is limited, anything where it is not."""
+    limits = problem.limits
+    return np.where(np.isinf(limits.jerk), np.inf, policy.rest_tolerance * limits.acceleration)
 
 
 def position(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
@@ -135,7 +142,8 @@ def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Ch
         return Check("torque", "sampled", True, detail="the robot gives no torque limits")
     samples = np.ceil(min(trajectory.duration * policy.torque_rate, _MOST_SAMPLES))
     grid = np.linspace(0.0, trajectory.duration, int(samples) + 1)
-    t = np.union1d(grid, trajectory.breakpoints)
+    before = np.nextafter(trajectory.breakpoints[1:], 0.0)  # where the acceleration jumps, its left side counts too
+    t = np.union1d(grid, np.concatenate([trajectory.breakpoints, before]))
     model, data = problem.robot.model, problem.robot.model.createData()
     q, v, a = (trajectory(t, order) for order in range(3))
     tau = np.abs(np.array([pin.rnea(model, data, *row).copy() for row in zip(q, v, a, strict=True)]))
