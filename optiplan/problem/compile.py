@@ -1,6 +1,6 @@
 """From the parts of a problem file to models and arrays, checked against the robot; collects every issue on the way."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +36,9 @@ from optiplan.problem.spec import (
 from optiplan.yaml_lines import Document, Place
 from optiplan.yaml_words import choices, describe
 
+RobotLoader = Callable[[str, Path | None, Mapping[str, float] | None, str | None], Robot]
+"""`load_robot`, or what stands in for it: reference, folder it is relative to, locked joints, group."""
+
 
 class Compiler:
     """One pass over a `Draft`; what is wrong goes to `issues`, and the part in question becomes None."""
@@ -48,7 +51,7 @@ class Compiler:
         """Note one issue."""
         self.issues.append(self.document.issue(place, found, expected))
 
-    def robot(self) -> Robot | None:
+    def robot(self, load: RobotLoader = load_robot) -> Robot | None:
         """The robot, with the joints that the problem locks."""
         if self.draft.robot is None:
             return None
@@ -58,7 +61,7 @@ class Compiler:
                 found = f"'{self.draft.robot}', but there is no file {file}"
                 self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
                 return None
-            return load_robot(self.draft.robot, self.base, self.draft.locked, self.draft.group)
+            return load(self.draft.robot, self.base, self.draft.locked, self.draft.group)
         except UnknownChoiceError as error:
             place = (error.kind,) if error.kind in ("robot", "group") else ("locked",)
             self.report(place, f"unknown {error.kind} '{error.found}'", choices(error.found, error.choices))

@@ -10,9 +10,9 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.model.collision import CollisionModel, Contact
-from optiplan.model.robot import Limits, Robot, robot_names
+from optiplan.model.robot import Limits, Robot, load_robot, robot_names
 from optiplan.model.scene import Scene
-from optiplan.problem.compile import Compiler
+from optiplan.problem.compile import Compiler, RobotLoader
 from optiplan.problem.draft import Draft, Part
 from optiplan.problem.hashing import meshes_of, problem_hash
 from optiplan.problem.problem import JointGoal, Objective, PoseGoal, Problem
@@ -50,7 +50,7 @@ def load_problem(path: Path | str, **overrides: Any) -> Problem:
     return _problem(_read(document, Path(path).resolve().parent))
 
 
-def problem_from_dict(data: Mapping[str, Any], base: Path | str = ".") -> Problem:
+def problem_from_dict(data: Mapping[str, Any], base: Path | str = ".", robots: RobotLoader = load_robot) -> Problem:
     """A problem from the content of a problem file; numpy arrays and paths may stand for lists and text.
 
     Also the inverse of `Problem.source`.
@@ -58,11 +58,12 @@ def problem_from_dict(data: Mapping[str, Any], base: Path | str = ".") -> Proble
     Args:
         data: as in a file.
         base: folder that meshes and robot files are relative to.
+        robots: loads a robot; for whoever keeps those that were loaded before.
 
     Raises:
         InputError: as `load_problem`, without lines.
     """
-    return _problem(_read(Document(Path("<problem>"), _plain(data), {}), Path(base).resolve()))
+    return _problem(_read(Document(Path("<problem>"), _plain(data), {}), Path(base).resolve(), robots))
 
 
 def check_file(path: Path | str) -> list[Issue]:
@@ -80,10 +81,10 @@ def _problem(reading: _Reading) -> Problem:
     return reading.problem
 
 
-def _read(document: Document, base: Path) -> _Reading:
+def _read(document: Document, base: Path, robots: RobotLoader = load_robot) -> _Reading:
     spec, issues = _schema(document)
     compiler = Compiler(document, base, Draft.of_data(document.data) if spec is None else Draft.of_spec(spec))
-    robot = compiler.robot()
+    robot = compiler.robot(robots)
     scene = compiler.scene(robot)
     start = goal = None
     if robot is not None:
@@ -111,13 +112,7 @@ def _assemble(
     parts: tuple[Robot, Scene, Array, tuple[JointGoal | PoseGoal, ...]],
 ) -> Problem:
     robot, scene, start, goal = parts
-    source = spec.model_dump(mode="json", exclude_none=True)
-    source["name"] = spec.name or document.path.stem.strip("<>")
-    digest = problem_hash(source, base, robot)
-    if spec.robot not in robot_names():
-        source["robot"] = str(robot.source)
-    for mesh in meshes_of(source):
-        mesh["file"] = str((base / mesh["file"]).resolve())
+    source, digest = source_of(spec, document.path.stem.strip("<>"), base, robot)
     return Problem(
         name=source["name"],
         robot=robot,
@@ -132,6 +127,25 @@ def _assemble(
         source=source,
         hash=digest,
     )
+
+
+def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:
+    """`Problem.source` and `Problem.hash`: the file's content with absolute paths, and its identity.
+
+    Args:
+        spec: the validated file.
+        name: of the problem, when the file gives none.
+        base: folder that meshes are relative to.
+        robot: as loaded for the problem.
+    """
+    source = spec.model_dump(mode="json", exclude_none=True)
+    source["name"] = spec.name or name
+    digest = problem_hash(source, base, robot)
+    if spec.robot not in robot_names():
+        source["robot"] = str(robot.source)
+    for mesh in meshes_of(source):
+        mesh["file"] = str((base / mesh["file"]).resolve())
+    return source, digest
 
 
 def _scaled(limits: Limits, fractions: LimitsSpec) -> Limits:

@@ -50,7 +50,7 @@ def import_mbm(directory: Path | str, out: Path | str, robot: str | None = None)
     if not pairs:
         found = "no pair of scene and request files" if root.is_dir() else "no folder"
         raise InputError([Issue(str(root), None, "directory", found, "a folder with scene*.yaml and request*.yaml")])
-    importer = _Importer(robot)
+    importer = Importer(robot)
     written: list[Path] = []
     for scene, request in pairs:
         try:
@@ -73,18 +73,33 @@ def find_pairs(root: Path) -> tuple[list[tuple[Path, Path]], list[tuple[Path, st
     return [(path, requests[key]) for key, path in scenes.items() if key in requests], alone
 
 
-class _Importer:
-    """Loads each robot once; counts remarks."""
+class Importer:
+    """Converts pairs of files; loads each robot once and counts remarks in `notes`."""
 
     def __init__(self, robot: str | None) -> None:
+        """Take a name of `robots/` or the path of a robot file; None: the `robot_model_name` of each scene."""
         self.reference = robot
         self.notes: Counter[str] = Counter()
         self._robots: dict[tuple[str, tuple[tuple[str, float], ...]], Robot] = {}
 
     def write(self, scene_file: Path, request_file: Path, folder: Path) -> Path:
         """Convert one pair and write it below `folder`."""
+        data, meshes = self.convert(scene_file, request_file)
+        for file, text in meshes.items():
+            write_text(folder / file, text)
+        path = folder / f"{number_of(request_file)}.yaml"
+        write_text(path, problem_text(data, f"Converted from {scene_file.name} and {request_file.name}."))
+        return path
+
+    def convert(self, scene_file: Path, request_file: Path) -> tuple[dict[str, Any], dict[str, str]]:
+        """The content of a problem file, and of the mesh files beside it, by name.
+
+        Raises:
+            CannotConvert: something is missing or has no counterpart in a problem file.
+            InputError, UnknownChoiceError: the robot cannot be used.
+        """
         scene, request = _read(scene_file), _read(request_file)
-        number = _number(request_file)
+        number = number_of(request_file)
         try:
             robot = self._robot(scene, request, scene_file)
             converted = convert(scene, request, robot, number)
@@ -97,13 +112,9 @@ class _Importer:
         name = f"{scene_file.resolve().parent.name}/{number}"
         data = {"version": 1, "name": name, "robot": reference, **converted.data}
         _check(data)
-        for file, text in converted.meshes.items():
-            write_text(folder / file, text)
-        path = folder / f"{number}.yaml"
-        write_text(path, problem_text(data, f"Converted from {scene_file.name} and {request_file.name}."))
         kept = [note for note in robot.notes if any(note.startswith(f"joint {j} ") for j in data.get("locked", {}))]
         self.notes.update(dict.fromkeys(converted.notes + kept, 1))
-        return path
+        return data, converted.meshes
 
     def _robot(self, scene: Mapping[str, Any], request: Mapping[str, Any], scene_file: Path) -> Robot:
         """The robot with the joints outside its group where the two files put them."""
@@ -123,7 +134,8 @@ class _Importer:
         return self._robots[key]
 
 
-def _number(request_file: Path) -> str:
+def number_of(request_file: Path) -> str:
+    """What tells a pair from the others of its folder: `0001`."""
     match = FILE_NAME.fullmatch(request_file.name)
     number = (match["before"] + match["after"]).strip("_-. ") if match else ""
     return number or request_file.stem
