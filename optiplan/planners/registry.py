@@ -23,12 +23,16 @@ class Option:
 
 @dataclass(frozen=True)
 class PlannerEntry:
-    """Where a planner lives: `planner` and `options` are `module:name` of its class and of its options dataclass."""
+    """Where a planner lives: `planner` and `options` are `module:name` of its class and of its options dataclass.
+
+    `family` is one of `FAMILIES`; `optiplan planners` lists them in that order.
+    """
 
     name: str
     summary: str
     planner: str
     options: str
+    family: str = "polynomial"
 
     def option_list(self) -> tuple[Option, ...]:
         """What can be set, with defaults; imports the options' module."""
@@ -36,6 +40,9 @@ class PlannerEntry:
         types = get_type_hints(cls)
         return tuple(Option(f.name, kind_of(types[f.name]), f.default) for f in fields(cls) if f.default is not MISSING)
 
+
+FAMILIES = ("optimisation", "sampling", "polynomial", "via points", "Cartesian")
+"""What planners are listed under: how they find their motion."""
 
 PLANNERS: dict[str, PlannerEntry] = {
     entry.name: entry
@@ -51,12 +58,14 @@ PLANNERS: dict[str, PlannerEntry] = {
             "sampled path (OMPL's RRT-Connect), shortened, with rounded corners, then timed",
             "optiplan.planners.rrtconnect:RrtConnect",
             "optiplan.planners.rrtconnect:RrtConnectOptions",
+            "sampling",
         ),
         PlannerEntry(
             "trajopt",
             "minimum-time B-spline by sequential quadratic programming with exact collision distances; the default",
             "optiplan.planners.trajopt.planner:TrajOpt",
             "optiplan.planners.trajopt.options:TrajOptOptions",
+            "optimisation",
         ),
     )
 }
