@@ -7,9 +7,9 @@ from optiplan.model.collision import CollisionModel
 from optiplan.model.robot import Limits
 from optiplan.planners.base import Budget
 from optiplan.planners.sweep import first_contact
-from optiplan.planners.torque import torque_scale
 from optiplan.trajectory.blend import blend_path, time_blended
 from optiplan.trajectory.timing import stop_at_corners
+from optiplan.trajectory.torque import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 
 _SHRINK = 0.5

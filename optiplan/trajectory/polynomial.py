@@ -72,6 +72,12 @@ def unit_extrema(coefficients: Array) -> tuple[Array, Array, Array, Array]:
     return value[rows, low], value[rows, high], x[rows, low], x[rows, high]
 
 
+def rising_root(coefficients: Array) -> Array:
+    """The root in [0, 1] of each of N polynomials (N, d + 1) that rise from below 0 to above it: (N,)."""
+    count = len(coefficients)
+    return _solve(coefficients, np.zeros(count), np.ones(count), np.ones(count, bool)) if count else np.zeros(0)
+
+
 def _clip(x: Array) -> Array:
     """Into [0, 1]; what is not finite (no root at all) goes to an end."""
     return np.clip(np.nan_to_num(x), 0.0, 1.0)

@@ -69,9 +69,12 @@ def speed_ratio(trajectory: Trajectory, limits: Limits) -> float:
     return float(max(peaks[0].max(), np.sqrt(peaks[1].max()), np.cbrt(peaks[2].max())))
 
 
-def scale_to_limits(trajectory: Trajectory, limits: Limits) -> Trajectory:
-    """The same curve, uniformly stretched or shortened in time until its tightest limit is just met (all time)."""
-    ratio = speed_ratio(trajectory, limits)
+def scale_to_limits(trajectory: Trajectory, limits: Limits, least: float = 0.0) -> Trajectory:
+    """The same curve, uniformly stretched or shortened in time until its tightest limit is just met (all time).
+
+    `least` is a factor on the duration that something else asks for.
+    """
+    ratio = max(speed_ratio(trajectory, limits), least)
     return trajectory if ratio == 0.0 else trajectory.scaled(trajectory.duration * ratio * (1.0 + 1e-12))
 
 
@@ -99,23 +102,32 @@ def stop_at_corners(waypoints: Array, limits: Limits, joint_names: Sequence[str]
     return Trajectory(tuple(joint_names), breakpoints, np.concatenate(coefficients))
 
 
+def s_curve(distance: float, velocity: float, acceleration: float, jerk: float) -> tuple[Array, Array]:
+    """The module's curve in pieces: durations (m,) in s and ascending coefficients (m, 4) of s(t) from 0 to distance.
+
+    All four are positive; the jerk may be infinite.
+    """
+    t_j, t_a, t_v = _phases(np.array(distance), np.array(velocity), np.array(acceleration), np.array(jerk))
+    times = np.array([t_j, t_a, t_j, t_v, t_j, t_a, t_j])
+    peak = acceleration if np.isinf(jerk) else jerk * t_j
+    pieces = np.zeros((7, 4))
+    s = v = 0.0
+    for i, (h, a, b) in enumerate(zip(times, peak * _ACCELERATION[:-1], peak * _ACCELERATION[1:], strict=True)):
+        j = (b - a) / h if h > 0.0 else 0.0
+        pieces[i] = s, v, a / 2.0, j / 6.0
+        s, v = s + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0)
+    kept = times > 1e-12 * times.sum()
+    return times[kept], pieces[kept]
+
+
 def _segment(q: Array, d: Array, limits: Limits) -> tuple[Array, Array]:
     """Durations (m,) and cubic coefficients (m, 4, n) of the fastest rest-to-rest motion from q to q + d."""
     moving = d != 0.0
     size = np.abs(d[moving])
     velocity, acceleration, jerk = (
-        np.min(bound[moving] / size) for bound in (limits.velocity, limits.acceleration, limits.jerk)
+        float(np.min(bound[moving] / size)) for bound in (limits.velocity, limits.acceleration, limits.jerk)
     )
-    t_j, t_a, t_v = _phases(np.array(1.0), velocity, acceleration, jerk)
-    times = np.array([t_j, t_a, t_j, t_v, t_j, t_a, t_j])
-    peak = acceleration if np.isinf(jerk) else jerk * t_j
-    scalar = np.zeros((7, 4))
-    s = v = 0.0
-    for i, (h, a, b) in enumerate(zip(times, peak * _ACCELERATION[:-1], peak * _ACCELERATION[1:], strict=True)):
-        j = (b - a) / h if h > 0.0 else 0.0
-        scalar[i] = s, v, a / 2.0, j / 6.0
-        s, v = s + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0)
-    kept = times > 1e-12 * times.sum()
-    pieces = scalar[kept][:, :, None] * d
+    times, scalar = s_curve(1.0, velocity, acceleration, jerk)
+    pieces = scalar[:, :, None] * d
     pieces[:, 0] += q
-    return times[kept], pieces
+    return times, pieces

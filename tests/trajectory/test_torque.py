@@ -6,7 +6,7 @@ import pytest
 
 from optiplan.model.robot import Robot, load_robot
 from optiplan.planners.quintic import straight
-from optiplan.planners.torque import torque_scale
+from optiplan.trajectory.torque import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 
 

@@ -1,0 +1,79 @@
+"""The fastest time law along a path under velocity, acceleration, torque and tool limits: TOPP-RA.
+
+Pham & Pham 2018, A new approach to time-optimal path parameterization based on reachability analysis.
+"""
+
+import logging
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.trajectory.path_rows import Rows
+from optiplan.trajectory.trajectory import Trajectory
+
+_UNBOUNDED = 1e6  # stands for a speed without a limit
+
+
+def load() -> None:
+    """Import toppra now, which takes about a second, and not while somebody waits for a plan."""
+    logging.getLogger("toppra").addHandler(logging.NullHandler())
+    import toppra.algorithm  # noqa: F401
+
+
+def fastest_law(rows: Rows) -> Trajectory | None:
+    """The time law s(t) from rest at s[0] to rest at s[-1] that no other beats on this grid.
+
+    Between neighbouring points of the grid sdd is constant: s(t) in exact quadratic pieces.
+
+    Holds at: the points of the grid, from both sides; in between nearly.
+
+    Args:
+        rows: the limits at the points of the grid.
+
+    Returns:
+        None where the solver finds none.
+    """
+    speeds = _speeds(rows)
+    if speeds is None:
+        return None
+    ds, total = np.diff(rows.s), speeds[:-1] + speeds[1:]
+    if not (total > 0.0).all():
+        return None
+    dt = 2.0 * ds / total
+    coefficients = np.stack([rows.s[:-1] - rows.s[0], speeds[:-1], 0.5 * np.diff(speeds) / dt], axis=1)
+    return Trajectory(("s",), np.concatenate([[0.0], np.cumsum(dt)]), coefficients[:, :, None])
+
+
+def _speeds(rows: Rows) -> Array | None:
+    """Largest sd at every point of the grid, (k,); None where there is no solution."""
+    load()
+    from toppra.algorithm import TOPPRA
+    from toppra.constraint import LinearConstraint
+    from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
+    from toppra.interpolator import AbstractGeometricPath
+
+    m = rows.A.shape[1]
+    F, g = np.vstack([np.eye(m), -np.eye(m)]), np.tile(rows.bound, 2)
+    squared = np.column_stack([np.zeros(len(rows.s)), np.minimum(rows.speed, _UNBOUNDED) ** 2])
+
+    class Given(LinearConstraint):  # type: ignore[misc]  # toppra has no types
+        dof = 1
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.identical = True
+
+        def compute_constraint_params(self, path: Any, grid: Array) -> Any:
+            both_ends = canlinear_colloc_to_interpolate(rows.A, rows.B, rows.G, F, g, None, None, grid, True)
+            return *both_ends[:5], None, squared
+
+    class Line(AbstractGeometricPath):  # type: ignore[misc]
+        dof, path_interval, waypoints = 1, rows.s[[0, -1]], None
+
+        def __call__(self, s: Any, order: int = 0) -> Array:
+            return np.zeros((*np.shape(s), 1))
+
+    instance = TOPPRA([Given()], Line(), gridpoints=rows.s, solver_wrapper="seidel")
+    answer = instance.compute_parameterization(0.0, 0.0)[1]
+    return None if answer is None or np.isnan(answer).any() else np.asarray(answer)
