@@ -48,8 +48,26 @@ PLANNERS: dict[str, PlannerEntry] = {
     entry.name: entry
     for entry in (
         PlannerEntry(
+            "bangbang",
+            "least time under acceleration and velocity bounds: full acceleration, then full deceleration",
+            "optiplan.planners.bangbang:BangBangPlanner",
+            "optiplan.planners.bangbang:BangBangOptions",
+        ),
+        PlannerEntry(
+            "cubic",
+            "one polynomial of degree three a joint, any velocities at the ends",
+            "optiplan.planners.cubic:Cubic",
+            "optiplan.planners.cubic:CubicOptions",
+        ),
+        PlannerEntry(
+            "lspb",
+            "trapezoid in velocity, by velocity, blend time or acceleration, or the fastest",
+            "optiplan.planners.lspb:Lspb",
+            "optiplan.planners.lspb:LspbOptions",
+        ),
+        PlannerEntry(
             "quintic",
-            "one polynomial of degree five a joint, straight to the goal; the shortest planner to read",
+            "one polynomial of degree five a joint, straight to the goal; the planner to read first",
             "optiplan.planners.quintic:Quintic",
             "optiplan.planners.quintic:QuinticOptions",
         ),
@@ -59,6 +77,18 @@ PLANNERS: dict[str, PlannerEntry] = {
             "optiplan.planners.rrtconnect:RrtConnect",
             "optiplan.planners.rrtconnect:RrtConnectOptions",
             "sampling",
+        ),
+        PlannerEntry(
+            "scurve",
+            "fastest straight line in joint space with limited jerk (Ruckig)",
+            "optiplan.planners.scurve:SCurvePlanner",
+            "optiplan.planners.point_to_point:ProfileOptions",
+        ),
+        PlannerEntry(
+            "septic",
+            "one polynomial of degree seven a joint, any velocities, accelerations and jerks at the ends",
+            "optiplan.planners.septic:Septic",
+            "optiplan.planners.septic:SepticOptions",
         ),
         PlannerEntry(
             "trajopt",

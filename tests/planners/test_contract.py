@@ -21,6 +21,7 @@ KINDS = {
     "collision",
     "budget",
     "cancelled",
+    "limits",
     "unsupported",
 }
 

@@ -1,0 +1,42 @@
+"""`bangbang`: full acceleration, then full deceleration: the least time under acceleration and velocity bounds.
+
+Over a distance D with acceleration a it switches at t_s = sqrt(D / a) and takes 2 t_s, unless the velocity bound comes
+between: then it cruises there. The acceleration jumps, so that only a problem with `limits: {jerk: none}` can have it
+verified. In a longer duration than the shortest: the same curve, stretched.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.point_to_point import PointToPoint, Profile, ProfileOptions
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.profiles import BangBang
+from optiplan.trajectory.rest_to_rest import RestToRest
+
+
+@dataclass(frozen=True)
+class BangBangOptions(ProfileOptions):
+    """Also bounds on every joint below the problem's limits: `acceleration` (rad/s²) and `velocity` (rad/s)."""
+
+    acceleration: float | None = None
+    velocity: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("acceleration", "velocity"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < np.inf:
+                raise ValueError(f"{name} = {value} is not a positive number")
+
+
+class BangBangPlanner(PointToPoint[BangBangOptions]):
+    """See the module."""
+
+    def profile(self, problem: Problem, goal: Array) -> Profile:
+        """The motion from the start to a goal (n,)."""
+        given = {"acceleration": self.options.acceleration, "velocity": self.options.velocity}
+        bounds = {k: np.minimum(getattr(problem.limits, k), v) for k, v in given.items() if v is not None}
+        limits, names = replace(problem.limits, **bounds), problem.robot.joint_names
+        return RestToRest(problem.start, goal, limits, names, lambda _: BangBang(), self.options.motion)

@@ -1,0 +1,99 @@
+"""`lspb`: constant acceleration, constant velocity, constant deceleration (linear segment with parabolic blends).
+
+Over a distance D in the time T, with blend time t_b:  V = D / (T - t_b),  a = V / t_b.  One of the three may be given:
+D / T < V <= 2 D / T,  0 < t_b <= T / 2,  a >= 4 D / T^2. With a duration alone t_b is as near to T / 3 as the limits
+allow; with nothing the motion is the fastest of its kind. The acceleration jumps, so that only a problem with
+`limits: {jerk: none}` can have it verified.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.errors import InputError, Issue
+from optiplan.planners.point_to_point import PointToPoint, Profile, ProfileOptions
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.profiles import Law, Trapezoid
+from optiplan.trajectory.rest_to_rest import Part, RestToRest
+
+_ROUNDING = 1e-9  # share of a bound
+_SHAPES = ("velocity", "blend_time", "acceleration")
+
+
+@dataclass(frozen=True)
+class LspbOptions(ProfileOptions):
+    """Also at most one of `velocity` (V, rad/s; its sign is that of the motion), `blend_time` and `acceleration`.
+
+    They are those of the joint that moves farthest when all share one law, else those of every joint that moves.
+    Without a duration, the motion is the fastest that has it.
+    """
+
+    velocity: float | None = None
+    blend_time: float | None = None
+    acceleration: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        given = {name: getattr(self, name) for name in _SHAPES if getattr(self, name) is not None}
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} are given; only one of them can be chosen")
+        for name, value in given.items():
+            if value == 0.0 or not np.isfinite(value) or (name == "blend_time" and value < 0.0):
+                raise ValueError(f"{name} = {value} is not a positive number")
+
+
+class Lspb(PointToPoint[LspbOptions]):
+    """See the module."""
+
+    def profile(self, problem: Problem, goal: Array) -> Profile:
+        """The motion from the start to a goal (n,).
+
+        Raises:
+            InputError: the velocity, blend time or acceleration does not go with the distance and the duration.
+        """
+        o = self.options
+        shaped = any(getattr(o, name) is not None for name in _SHAPES)
+        profile = RestToRest(
+            problem.start,
+            goal,
+            problem.limits,
+            problem.robot.joint_names,
+            self._law,
+            o.motion,
+            share_by_distance=o.velocity is not None and o.duration is not None,
+            stretchable=not shaped,
+        )
+        if o.duration is not None:
+            issues = [issue for part in profile.parts(o.duration) if (issue := self._issue(part, profile)) is not None]
+            if issues:
+                raise InputError(issues)
+        return profile
+
+    def _law(self, distance: float) -> Law:
+        """The trapezoid of a joint that moves so far, in its units of s."""
+        o = self.options
+        return Trapezoid(
+            None if o.velocity is None else abs(o.velocity) / distance,
+            o.blend_time,
+            None if o.acceleration is None else abs(o.acceleration) / distance,
+        )
+
+    def _issue(self, part: Part, profile: RestToRest) -> Issue | None:
+        """What does not go with the part's distance and duration."""
+        o, D, T = self.options, part.distance, part.duration
+        who = f"for joint '{profile.joint_names[part.joint]}', which moves {D:.4g} rad in {T:.4g} s"
+        if o.velocity is not None and not D / T * (1.0 + _ROUNDING) < abs(o.velocity) <= 2.0 * D / T * (
+            1.0 + _ROUNDING
+        ):
+            field, found, unit = "velocity", abs(o.velocity), "rad/s"
+            expected = f"more than {D / T:.3g} and at most {2.0 * D / T:.3g} rad/s (D/T < V <= 2 D/T)"
+        elif o.blend_time is not None and o.blend_time > 0.5 * T * (1.0 + _ROUNDING):
+            field, found, unit = "blend_time", o.blend_time, "s"
+            expected = f"more than 0 and at most {0.5 * T:.3g} s (T/2)"
+        elif o.acceleration is not None and abs(o.acceleration) < 4.0 * D / T**2 * (1.0 - _ROUNDING):
+            field, found, unit = "acceleration", abs(o.acceleration), "rad/s²"
+            expected = f"at least {4.0 * D / T**2:.3g} rad/s² (4 D/T²)"
+        else:
+            return None
+        return Issue("planner 'lspb'", None, field, f"{found:.6g} {unit} {who}", expected)

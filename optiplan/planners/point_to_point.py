@@ -1,0 +1,149 @@
+"""What the planners of one profile share: each goal's motion is held against limits, obstacles and motor torques."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.errors import InputError
+from optiplan.model.collision import CollisionModel
+from optiplan.model.robot import Limits
+from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.excess import acceleration_steps, beyond_limits, beyond_torque, excess
+from optiplan.planners.failures import out_of_time, too_heavy
+from optiplan.planners.goals import ranked_goals
+from optiplan.planners.stopwatch import Stopwatch
+from optiplan.planners.sweep import Touch, first_contact
+from optiplan.planners.timed import within_torque
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.rest_to_rest import How
+from optiplan.trajectory.trajectory import Trajectory
+
+STEPS = "the acceleration jumps, which a finite jerk limit forbids; `limits: {jerk: none}` in the problem allows it"
+
+
+@dataclass(frozen=True)
+class ProfileOptions:
+    """Options of every planner of this family.
+
+    Attributes:
+        duration: s; None is the shortest within velocity, acceleration, jerk and torque limits.
+        motion: all joints share one law; or each is as fast as it can; or one moves after another.
+        goals: how many goal configurations to try, the quickest to reach first.
+    """
+
+    duration: float | None = None
+    motion: How = "synchronised"
+    goals: int = 8
+
+    def __post_init__(self) -> None:
+        if self.duration is not None and not 0.0 < self.duration < np.inf:
+            raise ValueError(f"duration = {self.duration} is not a positive number of seconds")
+        if self.goals < 1:
+            raise ValueError(f"goals = {self.goals} is not positive")
+
+
+class Profile(Protocol):
+    """A motion to one goal, still of any duration."""
+
+    @property
+    def limits(self) -> Limits:
+        """What it has to keep."""
+        ...
+
+    @property
+    def stretchable(self) -> bool:
+        """Whether it is still what was asked for when it is slowed down as a whole."""
+        ...
+
+    @property
+    def shortest(self) -> float:
+        """Shortest duration within all limits but torque, s, or the one that comes nearest."""
+        ...
+
+    def trajectory(self, duration: float | None = None) -> Trajectory:
+        """The motion, in that duration (s) or as fast as can be."""
+        ...
+
+
+Options = TypeVar("Options", bound=ProfileOptions)
+
+
+class PointToPoint(ABC, Generic[Options]):
+    """A planner is this class and its `profile`: the goals are tried until a motion is free at all times."""
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+
+    @abstractmethod
+    def profile(self, problem: Problem, goal: Array) -> Profile:
+        """The motion from the problem's start to a goal configuration (n,), rad or m.
+
+        Raises:
+            InputError: the options make no sense for this motion.
+        """
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan within the budget; see `planners.base.Planner`."""
+        watch, model = Stopwatch(), CollisionModel(problem.robot, problem.scene)
+        with watch.stage("goals"):
+            goals = ranked_goals(problem, model, budget, self.options.goals)
+        if isinstance(goals, Failure):
+            return PlanResult(None, goals, watch.seconds)
+        refused: list[Failure | InputError] = []
+        for k, goal in enumerate(goals):
+            if budget.over:
+                return PlanResult(None, out_of_time(budget, "trying goals"), watch.seconds)
+            progress("goals", k / len(goals))
+            try:
+                found = self._attempt(model, problem, self.profile(problem, goal), watch)
+            except InputError as error:
+                refused.append(error)
+                continue
+            if isinstance(found, Trajectory):
+                notes = {"note": STEPS} if acceleration_steps(found, problem.limits) else {}
+                return PlanResult(found, None, watch.seconds, {"goal": k, **notes})
+            refused.append(found)
+        if isinstance(refused[0], InputError):
+            raise refused[0]
+        return PlanResult(None, refused[0], watch.seconds)
+
+    def _attempt(
+        self, model: CollisionModel, problem: Problem, profile: Profile, watch: Stopwatch
+    ) -> Trajectory | Failure:
+        """The motion to one goal, proved free and within limits, or why it is not."""
+        motion = profile.trajectory(self.options.duration)
+        over = excess(motion, profile.limits)
+        if over is not None:
+            return beyond_limits(over, motion, self._shortest(model, profile))
+        with watch.stage("collision"):
+            touch = first_contact(model, motion)
+        if touch is not None:
+            return _collision(touch)
+        with watch.stage("torque"):
+            slower = within_torque(model, problem.limits, motion)
+        if slower is None:
+            return too_heavy(model.robot, problem.limits, np.array([motion.start, motion.end]))
+        if slower is motion or slower.duration == motion.duration:
+            return motion
+        if self.options.duration is None and profile.stretchable:
+            return slower
+        return beyond_torque(model.robot, problem.limits, motion, self._shortest(model, profile))
+
+    def _shortest(self, model: CollisionModel, profile: Profile) -> float | None:
+        """The shortest duration of this motion within all limits, torque included, s; None when there is none."""
+        fastest = profile.trajectory()
+        if excess(fastest, profile.limits) is not None:
+            return None
+        slower = within_torque(model, profile.limits, fastest)
+        if slower is None or (slower.duration > fastest.duration and not profile.stretchable):
+            return None
+        return slower.duration
+
+
+def _collision(touch: Touch) -> Failure:
+    pair = touch.contact.pair
+    detail = f"the motion is not free: '{pair.name_a}' meets '{pair.name_b}' at {touch.t:.3f} s"
+    return Failure("collision", detail, touch.witness())

@@ -1,0 +1,103 @@
+"""One polynomial a joint between any two states: cubic (velocities), quintic (+ accelerations), septic (+ jerks)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import factorial, perm
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.model.robot import Limits
+from optiplan.trajectory import polynomial
+from optiplan.trajectory.trajectory import Trajectory
+
+_SEARCHED = 1e3  # durations from 1 / so many to so many times the characteristic time are looked at
+_GRID = 1000
+_HALVINGS = 60
+_ROUNDING = 1e-9
+
+
+def hermite(start: Array, end: Array, T: Array) -> Array:
+    """Coefficients of the polynomials of degree 2k - 1 that join two states in the times T.
+
+    With tau = t / T, q = sum_i c_i tau^i: c_i = x_i T^i / i! for i < k, and the others solve
+    sum_{j>=k} j! / (j - i)! c_j = y_i T^i - sum_{j<k} j! / (j - i)! c_j, i < k. For k = 2 these are the lecture's
+    a_2 = (3 (y_0 - x_0) - (2 x_1 + y_1) T) / T^2 and a_3 = (2 (x_0 - y_0) + (x_1 + y_1) T) / T^3, times T^2 and T^3.
+
+    Args:
+        start: (k, n) position x_0 and derivatives x_1 …, in rad or m and s.
+        end: (k, n) the same, y.
+        T: (N,) s.
+
+    Returns:
+        (N, 2k, n) in powers of tau.
+    """
+    k = len(start)
+    scale = T[:, None] ** np.arange(k)  # (N, k)
+    falling = np.array([[perm(j, i) for j in range(2 * k)] for i in range(k)], dtype=float)
+    low = scale[:, :, None] * start / np.array([factorial(i) for i in range(k)], dtype=float)[:, None]
+    rest = scale[:, :, None] * end - np.einsum("ij,Njn->Nin", falling[:, :k], low)
+    return np.concatenate([low, np.linalg.solve(falling[:, k:], rest)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Hermite:
+    """Motion between two states, (k, n) each: position, velocity, … in rad or m and s; all joints take one duration."""
+
+    start: Array
+    end: Array
+    limits: Limits
+    joint_names: tuple[str, ...]
+    stretchable = False
+    """Slowed down as a whole it would not have its end velocities."""
+
+    @cached_property
+    def shortest(self) -> float:
+        """The first duration within all limits, positions included, s, or the one that comes nearest.
+
+        Found on a grid of 1.4 % from one duration to the next, then by bisection: a set of good durations narrower
+        than that may be missed. Longer ones need not be good as well, since an end acceleration held for long is a
+        large velocity.
+        """
+        rates = (self.limits.velocity, self.limits.acceleration, self.limits.jerk)
+        sizes = [np.abs(self.end[0] - self.start[0]), *np.maximum(np.abs(self.start[1:]), np.abs(self.end[1:]))]
+        times = [1e-3]
+        for i, size in enumerate(sizes):
+            times += [float(((size / rates[k - 1]) ** (1.0 / (k - i))).max()) for k in range(i + 1, 4)]
+        grid = max(times) * np.geomspace(1.0 / _SEARCHED, _SEARCHED, _GRID)
+        ratio = self._ratio(grid)
+        good = ratio <= 1.0 + _ROUNDING
+        if not good.any():
+            return float(grid[ratio.argmin()])
+        first = int(good.argmax())
+        low, high = grid[max(first - 1, 0)], grid[first]
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if self._ratio(np.array([middle]))[0] <= 1.0 + _ROUNDING else (middle, high)
+        return float(high)
+
+    def trajectory(self, duration: float | None = None) -> Trajectory:
+        """The motion, in that duration (s) or as fast as can be."""
+        T = self.shortest if duration is None else duration
+        c = hermite(self.start, self.end, np.array([T]))
+        return Trajectory(self.joint_names, np.array([0.0, T]), c / T ** np.arange(c.shape[1])[:, None])
+
+    def _ratio(self, T: Array) -> Array:
+        """Largest share of any limit that the motion takes, on exact extrema, for durations T (N,): (N,)."""
+        c = np.swapaxes(hermite(self.start, self.end, T), 1, 2)  # (N, n, 2k)
+        lower, upper = self.limits.lower, self.limits.upper
+        room = np.where(np.isfinite(upper - lower), np.maximum(0.5 * (upper - lower), 1e-9), np.inf)
+        centre = np.where(np.isfinite(room), lower + room, 0.0)
+        ratio = np.zeros(len(T))
+        for order in range(4):
+            count, n, size = c.shape
+            low, high, _, _ = polynomial.unit_extrema(c.reshape(count * n, size))
+            low, high = low.reshape(count, n), high.reshape(count, n)
+            if order == 0:
+                share = np.maximum(high - centre, centre - low) / room
+            else:
+                limit = (self.limits.velocity, self.limits.acceleration, self.limits.jerk)[order - 1]
+                share = np.maximum(high, -low) / T[:, None] ** order / limit
+            ratio = np.maximum(ratio, share.max(axis=1))
+            c = polynomial.derivative(c)
+        return ratio

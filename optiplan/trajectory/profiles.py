@@ -1,0 +1,218 @@
+"""Time laws: how one coordinate s runs from 0 to 1, at rest at both ends, in exact polynomial pieces.
+
+A joint that moves by D follows q(t) = q_start + D s(t): its velocity limit v bounds ds/dt by v / |D|, and so on. All
+laws are symmetric, s(T - t) = 1 - s(t). Source: the lecture on trajectory planning, and Biagiotti and Melchiorri,
+Trajectory Planning for Automatic Machines and Robots, ch. 2 and 3.
+"""
+
+from dataclasses import dataclass
+from math import inf
+from typing import Any, Protocol
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.trajectory import polynomial
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Largest |ds/dt| (1/s), |d²s/dt²| (1/s²) and |d³s/dt³| (1/s³); a law takes those that it can meet."""
+
+    velocity: float = inf
+    acceleration: float = inf
+    jerk: float = inf
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """s(t) = sum_k coefficients[i, k] (t - t_i)^k on piece i: breakpoints (m + 1,), s; coefficients (m, degree + 1)."""
+
+    breakpoints: Array
+    coefficients: Array
+
+    @property
+    def duration(self) -> float:
+        """Length in time, s."""
+        return float(self.breakpoints[-1])
+
+    def stretched(self, duration: float) -> "Pieces":
+        """The same curve in another duration, s."""
+        rate = self.duration / duration
+        return Pieces(self.breakpoints / rate, self.coefficients * rate ** np.arange(self.coefficients.shape[1]))
+
+
+class Law(Protocol):
+    """A family of curves s(t), one for every duration."""
+
+    def shortest(self, bounds: Bounds) -> float:
+        """The shortest duration within the bounds, s, or the one that comes nearest to meeting them."""
+        ...
+
+    def pieces(self, duration: float, bounds: Bounds) -> Pieces:
+        """The curve of that duration, s; it keeps the bounds when the duration is not too short for them."""
+        ...
+
+
+@dataclass(frozen=True)
+class PolynomialLaw:
+    """s = p(t / T) with one polynomial p, its coefficients in ascending order.
+
+    With c_k the largest |p^(k)| on [0, 1], the shortest duration is T = max_k (c_k / bound_k)^(1/k), k = 1, 2, 3.
+    """
+
+    shape: tuple[float, ...]
+
+    def peaks(self) -> tuple[float, float, float]:
+        """c_1, c_2, c_3 above."""
+        found, p = [], np.array([self.shape])
+        for _ in range(3):
+            p = polynomial.derivative(p)
+            low, high, _, _ = polynomial.unit_extrema(p)
+            found.append(float(max(-low[0], high[0])))
+        return found[0], found[1], found[2]
+
+    def shortest(self, bounds: Bounds) -> float:
+        """See `Law`."""
+        v, a, j = self.peaks()
+        return float(max(v / bounds.velocity, (a / bounds.acceleration) ** 0.5, np.cbrt(j / bounds.jerk)))
+
+    def pieces(self, duration: float, bounds: Bounds) -> Pieces:
+        """See `Law`; the curve is the same whatever the bounds."""
+        return Pieces(np.array([0.0, 1.0]), np.array([self.shape])).stretched(duration)
+
+
+CUBIC = PolynomialLaw((0.0, 0.0, 3.0, -2.0))
+"""At rest at both ends, where its acceleration jumps."""
+QUINTIC = PolynomialLaw((0.0, 0.0, 0.0, 10.0, -15.0, 6.0))
+"""At rest without acceleration at both ends: peaks 1.875, 10 / sqrt(3), 60."""
+SEPTIC = PolynomialLaw((0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0))
+"""At rest without acceleration and jerk at both ends."""
+
+
+@dataclass(frozen=True)
+class Trapezoid:
+    """Constant acceleration a over the blend time t_b, constant velocity V, and constant deceleration (lspb).
+
+    V = 1 / (T - t_b),  a = V / t_b,  0 < t_b <= T / 2,  hence 1 / T < V <= 2 / T and a >= 4 / T².
+
+    One of the three may be given; that the duration goes with it is for the caller to check. Without any, t_b is as
+    near to T / 3 as the bounds allow, and the shortest duration is the least of all: full acceleration up to the
+    velocity bound. Jerk is not bounded: the acceleration jumps.
+
+    Attributes:
+        velocity: V, 1/s.
+        blend_time: t_b, s.
+        acceleration: a, 1/s².
+    """
+
+    velocity: float | None = None
+    blend_time: float | None = None
+    acceleration: float | None = None
+
+    def shortest(self, bounds: Bounds) -> float:
+        """See `Law`."""
+        v, a = bounds.velocity, bounds.acceleration
+        if self.velocity is not None:
+            return min(1.0 / self.velocity + self.velocity / a, 2.0 / self.velocity)
+        if self.blend_time is not None:
+            b = self.blend_time
+            return max(2.0 * b, b + 1.0 / v, b + 1.0 / (a * b))
+        a = a if self.acceleration is None else self.acceleration
+        return 2.0 / a**0.5 if a <= v**2 else 1.0 / v + v / a
+
+    def blend(self, duration: float, bounds: Bounds) -> float:
+        """t_b, s, in that duration."""
+        T = duration
+        if self.velocity is not None:
+            b = T - 1.0 / self.velocity
+        elif self.blend_time is not None:
+            b = self.blend_time
+        elif self.acceleration is not None:
+            b = _least_blend(T, self.acceleration)
+        else:
+            b = max(min(T / 3.0, T - 1.0 / bounds.velocity), _least_blend(T, bounds.acceleration))
+        return min(b, T / 2.0)
+
+    def pieces(self, duration: float, bounds: Bounds) -> Pieces:
+        """See `Law`."""
+        T, b = duration, self.blend(duration, bounds)
+        V = 1.0 / (T - b)
+        half = 0.5 * V / b
+        rows = [[0.0, 0.0, half], [0.5 * V * b, V, 0.0], [1.0 - 0.5 * V * b, V, -half]]
+        return _without_empty(np.array([0.0, b, T - b, T]), np.array(rows))
+
+
+def _least_blend(T: float, a: float) -> float:
+    """The smaller solution of a t_b (T - t_b) = 1, written without cancellation; T / 2 where there is none."""
+    return 2.0 / a / (T + max(T * T - 4.0 / a, 0.0) ** 0.5) if a * T * T > 4.0 else T / 2.0
+
+
+@dataclass(frozen=True)
+class BangBang:
+    """The least time under the bounds on acceleration and velocity: full acceleration, then full deceleration.
+
+    Unless the velocity bound comes between, it switches at t_s = sqrt(1 / a), T = 2 t_s, with the peak velocity a t_s.
+    In a longer duration: the same curve, stretched.
+    """
+
+    def shortest(self, bounds: Bounds) -> float:
+        """See `Law`."""
+        return Trapezoid().shortest(bounds)
+
+    def pieces(self, duration: float, bounds: Bounds) -> Pieces:
+        """See `Law`."""
+        least = self.shortest(bounds)
+        return Trapezoid(acceleration=bounds.acceleration).pieces(least, bounds).stretched(duration)
+
+
+@dataclass(frozen=True)
+class SCurve:
+    """The least time under bounds on velocity, acceleration and jerk (seven phases, found by Ruckig), or stretched.
+
+    Source: Berscheid and Kröger, Jerk-limited real-time trajectory generation with arbitrary target states, RSS 2021.
+    """
+
+    def shortest(self, bounds: Bounds) -> float:
+        """See `Law`."""
+        return self._fastest(bounds).duration
+
+    def pieces(self, duration: float, bounds: Bounds) -> Pieces:
+        """See `Law`."""
+        return self._fastest(bounds).stretched(duration)
+
+    @staticmethod
+    def _fastest(bounds: Bounds) -> Pieces:
+        """Ruckig's phases, in a unit of time in which the tightest bound is 1: it computes with absolute tolerances."""
+        v, a, j = bounds.velocity, bounds.acceleration, bounds.jerk
+        unit = float(max(1.0 / v, (1.0 / a) ** 0.5, np.cbrt(1.0 / j)))
+        profile = _ruckig(v * unit, a * unit**2, j * unit**3)
+        rows, s, speed = [], 0.0, 0.0
+        for h, acceleration, jerk in zip(profile.t, profile.a, profile.j, strict=False):  # a: also at the end
+            rows.append([s, speed, acceleration / 2.0, jerk / 6.0])
+            s += h * (speed + h * (acceleration / 2.0 + h * jerk / 6.0))
+            speed += h * (acceleration + h * jerk / 2.0)
+        edges = np.concatenate([[0.0], np.cumsum(profile.t)])
+        found = _without_empty(edges, np.array(rows))
+        return found.stretched(found.duration * unit)
+
+
+def _ruckig(velocity: float, acceleration: float, jerk: float) -> Any:
+    """Ruckig's profile from 0 to 1, rest to rest: durations `t` (7,), accelerations `a` and jerks `j` of its phases."""
+    import ruckig
+
+    request, answer = ruckig.InputParameter(1), ruckig.Trajectory(1)
+    request.current_position, request.target_position = [0.0], [1.0]
+    request.max_velocity, request.max_acceleration, request.max_jerk = [velocity], [acceleration], [jerk]
+    result = ruckig.Ruckig(1).calculate(request, answer)
+    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+        raise ArithmeticError(f"Ruckig: {result} for velocity {velocity}, acceleration {acceleration}, jerk {jerk}")
+    return answer.profiles[0][0]
+
+
+def _without_empty(breakpoints: Array, coefficients: Array) -> Pieces:
+    """Pieces whose share of the time is nothing but rounding are left out."""
+    kept = np.diff(breakpoints) > 1e-12 * breakpoints[-1]
+    ends = np.append(breakpoints[:-1][kept], breakpoints[-1])
+    ends[0] = 0.0
+    return Pieces(ends, coefficients[kept])
