@@ -14,6 +14,7 @@ _ORDERS = ("position", "velocity", "acceleration", "jerk")
 _UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
 _MOST_SAMPLES = 200_000  # of torque, to bound memory; more than six minutes at 500 Hz
 _ROUNDING = 1e-9  # m or rad, on top of the tolerances of a goal
+_LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
 
 
 def form(trajectory: Trajectory) -> Check:
@@ -81,6 +82,7 @@ def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Chec
     detail = f"{_ORDERS[order + 1]} at the {'end' if end else 'start'}"
     worst, limit, time = float(value[order, end, j]), float(allowed[order, 0, j]), float(ends[end])
     passed, name = bool((value <= allowed).all()), problem.robot.joint_names[j]
+    detail += "" if passed or order == 0 else _LIFTED
     return Check("rest", "exact", passed, worst, limit, _UNITS[order + 1], time, name, detail)
 
 
@@ -102,6 +104,7 @@ def continuity(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -
     time, name = float(trajectory.breakpoints[i + 1]), problem.robot.joint_names[j]
     worst, limit = float(total[order, j]), float(allowed[order, j])
     passed, detail = bool((total <= allowed).all()), f"sum of all steps of {_ORDERS[order]}"
+    detail += "" if passed or order < 2 else _LIFTED
     return Check("continuity", "exact", passed, worst, limit, _UNITS[order], time, name, detail)
 
 
@@ -129,7 +132,9 @@ def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: 
     magnitude = np.maximum(np.abs(e.low), np.abs(e.high))
     time = np.where(np.abs(e.low) > np.abs(e.high), e.t_low, e.t_high)
     allowed = limits * (1.0 + policy.limit_tolerance)
-    return _largest(problem, Check(_ORDERS[order], "exact", False, unit=_UNITS[order]), magnitude, allowed, time)
+    detail = "" if order < 3 or (magnitude <= allowed).all() else _LIFTED.removeprefix("; ")
+    blank = Check(_ORDERS[order], "exact", False, unit=_UNITS[order], detail=detail)
+    return _largest(problem, blank, magnitude, allowed, time)
 
 
 def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
