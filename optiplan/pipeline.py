@@ -8,6 +8,7 @@ from importlib import metadata
 from typing import Any
 
 import optiplan
+from optiplan.metrics import Metrics, measure
 from optiplan.planners.base import Budget, Failure, Progress
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import Problem
@@ -16,7 +17,7 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
 from optiplan.verify.verify import verify
 
-LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "toppra", "trimesh", "coacd")
+LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "toppra", "ruckig", "trimesh", "coacd")
 """Distributions whose version can change a result; recorded with every run."""
 
 
@@ -31,7 +32,8 @@ class Run:
         failure: why there is no trajectory; None when there is one.
         report: the verdict on the trajectory; None when there is none.
         lower_bound: s; no motion from the start to the end that was reached is shorter. None without a trajectory.
-        timings: seconds of wall time: `plan` and `verify`.
+        metrics: what the trajectory measures, verified or not; None without one that moves the robot's joints.
+        timings: seconds of wall time: `plan`, `verify` and `measure`.
         stages: seconds of wall time of the planner's own stages.
         info: what the planner tells about its work, JSON-ready.
     """
@@ -43,6 +45,7 @@ class Run:
     failure: Failure | None
     report: Report | None
     lower_bound: float | None
+    metrics: Metrics | None
     timings: Mapping[str, float]
     stages: Mapping[str, float]
     info: Mapping[str, Any] = field(default_factory=dict)
@@ -78,6 +81,7 @@ class Run:
             "duration": self.duration,
             "lower_bound": self.lower_bound,
             "ratio": self.ratio,
+            "metrics": self.metrics and self.metrics.to_dict(),
             "failure": failure and {"kind": failure.kind, "detail": failure.detail, "witness": dict(failure.witness)},
             "report": self.report and self.report.to_dict(),
             "timings": {**self.timings, "stages": dict(self.stages)},
@@ -89,7 +93,7 @@ class Run:
 
 
 def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budget, progress: Progress) -> Run:
-    """Plan and verify; the time of the verification is not part of the budget.
+    """Plan, verify and measure; only the planning is held to the budget.
 
     Args:
         problem: its own `planner` and `options` are not looked at.
@@ -107,13 +111,16 @@ def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budg
     began = time.perf_counter()
     result = chosen.plan(problem, budget, progress)
     timings = {"plan": time.perf_counter() - began}
-    report = bound = None
+    report = bound = metrics = None
     if result.trajectory is not None:
         progress("verify", 0.0)
         began = time.perf_counter()
         report = verify(problem, result.trajectory)
         timings["verify"] = time.perf_counter() - began
         bound = lower_bound(problem.start, result.trajectory.end, problem.limits)
+        began = time.perf_counter()
+        metrics = measure(problem, result.trajectory, report)
+        timings["measure"] = time.perf_counter() - began
     return Run(
         problem=problem,
         planner=planner,
@@ -122,6 +129,7 @@ def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budg
         failure=result.failure,
         report=report,
         lower_bound=bound,
+        metrics=metrics,
         timings=timings,
         stages=dict(result.timings),
         info=dict(result.info),

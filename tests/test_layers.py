@@ -8,7 +8,18 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "optiplan"
 FILES = sorted(PACKAGE.rglob("*.py"))
-ROOMS = ({"model"}, {"problem"}, {"trajectory"}, {"planners", "verify"}, {"pipeline"}, {"store"}, {"viewer"}, {"cli"})
+ROOMS = (
+    {"model"},
+    {"problem"},
+    {"trajectory"},
+    {"planners", "verify"},
+    {"metrics"},
+    {"pipeline"},
+    {"store"},
+    {"viewer"},
+    {"bench"},
+    {"cli"},
+)
 LEVELS = {name: level for level, names in enumerate(ROOMS, 1) for name in names}
 GROUND = {"arrays", "data", "errors", "geometry", "yaml_lines", "yaml_words"}
 MAX_FILE, MAX_FUNCTION = 300, 40

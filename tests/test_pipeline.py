@@ -6,6 +6,7 @@ from optiplan.errors import UnknownChoiceError
 from optiplan.pipeline import run, versions
 from optiplan.planners.base import Budget
 from optiplan.planners.quintic import Quintic
+from optiplan.planners.registry import PLANNERS
 from optiplan.problem.load import problem_from_dict
 from optiplan.verify.report import jsonable
 
@@ -35,7 +36,7 @@ def test_stages_are_told_and_timed(problem):
     told = []
     result = run(problem, "quintic", {}, Budget(10.0), lambda stage, fraction: told.append(stage))
     assert told[-1] == "verify"
-    assert set(result.timings) == {"plan", "verify"}
+    assert set(result.timings) == {"plan", "verify", "measure"}
     assert sum(result.stages.values()) <= result.timings["plan"]
 
 
@@ -83,7 +84,7 @@ def test_a_bug_of_a_planner_is_not_swallowed(problem, monkeypatch):
 
 
 def test_unknown_planners_and_options_are_errors(problem):
-    with pytest.raises(UnknownChoiceError, match="quintic, rrtconnect, trajopt"):
+    with pytest.raises(UnknownChoiceError, match=", ".join(sorted(PLANNERS))):
         run(problem, "rrt", {}, Budget(10.0), silent)
     with pytest.raises(UnknownChoiceError, match="option"):
         run(problem, "quintic", {"speed": 2}, Budget(10.0), silent)
