@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 import optiplan
-from optiplan.cli import check, ik, importing, plan, planners, robots, verify, view, workspace
+from optiplan.cli import bench, check, ik, importing, plan, planners, robots, verify, view, workspace
 from optiplan.cli.output import Exit, print_error, print_json, report_error, results
 from optiplan.errors import OptiPlanError
 
@@ -61,6 +61,7 @@ app.add_typer(robots.app, name="robots")
 app.command("ik")(ik.ik)
 app.command("planners")(planners.planners)
 app.add_typer(importing.app, name="import")
+app.add_typer(bench.app, name="bench")
 
 
 def main() -> None:

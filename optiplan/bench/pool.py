@@ -1,0 +1,89 @@
+"""Several slots on this machine, each in a thread of its own: tasks in, outcomes out as they come."""
+
+import queue
+import threading
+from collections.abc import Iterable, Iterator
+from typing import Protocol
+
+from optiplan.bench.records import Outcome, Task
+from optiplan.bench.slot import Slot, Stopped
+
+
+class Workforce(Protocol):
+    """Whoever carries out tasks: slots on this machine, or machines elsewhere."""
+
+    def outcomes(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+        """One outcome for every task, in any order; a task is taken from `tasks` only when a slot is free for it."""
+        ...
+
+    def close(self) -> None:
+        """End all work at once; runs under way are given up. Safe to call from any thread, and twice."""
+        ...
+
+
+class LocalPool:
+    """So many slots on this machine.
+
+    A slot takes its next task before the last outcome is stored: storing costs no slot any time.
+    """
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self._done: queue.Queue[Outcome | BaseException | None] = queue.Queue(4 * workers + 4)
+
+    def outcomes(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+        """As `Workforce` says.
+
+        Raises:
+            WorkerError: no worker can be started.
+        """
+        shared = iter(tasks)
+        threads = [
+            threading.Thread(target=self._serve, args=(f"local/{index}", shared), daemon=True)
+            for index in range(self._workers)
+        ]
+        for thread in threads:
+            thread.start()
+        ended = 0
+        while ended < len(threads):
+            item = self._done.get()
+            if item is None:
+                ended += 1
+            elif isinstance(item, BaseException):
+                self.close()
+                raise item
+            else:
+                yield item
+
+    def close(self) -> None:
+        """As `Workforce` says."""
+        self._stop.set()
+
+    def _serve(self, name: str, tasks: Iterator[Task]) -> None:
+        """One slot's thread."""
+        slot = Slot(name, self._stop)
+        try:
+            while not self._stop.is_set():
+                with self._lock:
+                    task = next(tasks, None)
+                if task is None:
+                    break
+                self._put(slot.run(task))
+        except Stopped:
+            pass
+        except BaseException as error:
+            self._put(error)
+        finally:
+            slot.close()
+            self._put(None)
+
+    def _put(self, item: Outcome | BaseException | None) -> None:
+        """Hand over; once stopped nobody may be there to take it."""
+        while True:
+            try:
+                return self._done.put(item, timeout=0.1)
+            except queue.Full:
+                if self._stop.is_set():
+                    return None

@@ -1,0 +1,145 @@
+"""What travels between the runner and its workers, and what is stored: plain data, JSON-ready."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+from optiplan.verify.report import jsonable
+
+Key = tuple[str, str, int, int]
+"""Problem id, planner's label, seed, repetition: what makes a run one of its kind."""
+
+
+@dataclass(frozen=True)
+class BenchProblem:
+    """A problem of a suite.
+
+    Attributes:
+        id: unique in the suite, `<set>/<name>`.
+        set_name: the set it belongs to.
+        difficulty: label; None without one.
+        hash: `Problem.hash`, the identity of its content.
+        data: content of a problem file, with absolute paths to meshes and to a robot that is not shipped.
+        origin: where it came from.
+    """
+
+    id: str
+    set_name: str
+    difficulty: str | None
+    hash: str
+    data: Mapping[str, Any]
+    origin: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class BenchPlanner:
+    """A planner of a suite: its label in the results, its name in the registry, its options."""
+
+    label: str
+    name: str
+    options: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run to be made.
+
+    Attributes:
+        problem: what to plan.
+        planner: with what.
+        seed: stands in for the problem's own.
+        repetition: from 0.
+        budget: s, of the planner.
+        wall: hard limit of wall-clock time, s.
+        memory: hard limit of resident memory, MB.
+        metrics: names of the numbers to keep; None keeps all.
+    """
+
+    problem: BenchProblem
+    planner: BenchPlanner
+    seed: int
+    repetition: int
+    budget: float
+    wall: float
+    memory: float
+    metrics: tuple[str, ...] | None = None
+
+    @property
+    def key(self) -> Key:
+        """What makes it one of its kind."""
+        return self.problem.id, self.planner.label, self.seed, self.repetition
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form, inverse of `from_dict`."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "Task":
+        """What `to_dict` gave."""
+        metrics = None if data["metrics"] is None else tuple(data["metrics"])
+        parts = {"problem": BenchProblem(**data["problem"]), "planner": BenchPlanner(**data["planner"])}
+        return cls(**{**data, **parts, "metrics": metrics})
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of table `runs`; docs/bench.md says what each column means. Times in s, memory in MB."""
+
+    problem: str
+    planner: str
+    seed: int
+    repetition: int
+    set_name: str
+    difficulty: str | None
+    planned: bool = False
+    timed: bool = False
+    verified: bool = False
+    executed: bool | None = None
+    plan_time: float | None = None
+    verify_time: float | None = None
+    duration: float | None = None
+    lower_bound: float | None = None
+    ratio: float | None = None
+    failure_kind: str | None = None
+    failure_detail: str | None = None
+    witness: Mapping[str, Any] | None = None
+    metrics: Mapping[str, Any] = field(default_factory=dict)
+    timings: Mapping[str, Any] = field(default_factory=dict)
+    info: Mapping[str, Any] = field(default_factory=dict)
+    cut_short: bool = False
+    trajectory: str | None = None
+    output: str = ""
+    cpu_time: float | None = None
+    memory: float | None = None
+    wall_time: float | None = None
+    worker: str = ""
+    load: float | None = None
+    started_at: str = ""
+
+    @property
+    def key(self) -> Key:
+        """What makes it one of its kind."""
+        return self.problem, self.planner, self.seed, self.repetition
+
+
+COLUMNS = tuple(item.name for item in fields(Row))
+
+
+def empty_row(task: Task) -> dict[str, Any]:
+    """The columns of a row that are known before the run."""
+    problem, planner, seed, repetition = task.key
+    row = {"problem": problem, "planner": planner, "seed": seed, "repetition": repetition}
+    return {**row, "set_name": task.problem.set_name, "difficulty": task.problem.difficulty}
+
+
+def failure(kind: str, detail: str, witness: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """The columns that tell why there is no verified trajectory."""
+    return {"failure_kind": kind, "failure_detail": detail, "witness": None if witness is None else jsonable(witness)}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a task: its row, and the trajectory as compressed JSON when there is one."""
+
+    row: Row
+    trajectory: bytes | None = None

@@ -1,0 +1,97 @@
+"""A suite run into a folder: what is there stays, what is missing is made, every run once."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from optiplan.bench.machine import machine
+from optiplan.bench.pool import Workforce
+from optiplan.bench.records import Outcome
+from optiplan.bench.store import FILE, Store
+from optiplan.bench.suite import Suite, differences
+from optiplan.errors import InputError, Issue
+from optiplan.pipeline import versions
+
+Watch = Callable[[Outcome], None]
+"""Told every outcome once it is stored."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """How a suite stands: runs it has, those found in the folder, those made now."""
+
+    total: int
+    found: int
+    made: int
+
+    @property
+    def complete(self) -> bool:
+        """Whether every run is there."""
+        return self.found + self.made == self.total
+
+
+def open_results(suite: Suite, folder: Path) -> Store:
+    """The results of this suite in a folder, ready to be added to; made when there are none.
+
+    Raises:
+        InputError: the folder holds the results of another suite (what differs is named), or another process is
+            writing to them.
+        StoreError: the folder cannot be written.
+    """
+    if (folder / FILE).exists():
+        store = Store(folder, write=True)
+    else:
+        meta = {"name": suite.spec.name, "suite": suite.text, "suite_hash": suite.hash, "parts": suite.parts}
+        store = Store.create(folder, meta)
+    words = differences(store.meta("parts"), suite.parts)
+    if words:
+        store.close()
+        expected = "the same suite (or choose another folder with --out)"
+        raise InputError([Issue(str(folder), None, "suite", f"results of another suite: {w}", expected) for w in words])
+    store.fill(suite.problems, suite.planners)
+    return store
+
+
+def other_versions(store: Store) -> list[str]:
+    """Where the versions of now differ from those that earlier runs were made with, in words."""
+    words = []
+    now = versions()
+    for row in store.query("SELECT DISTINCT versions FROM sessions"):
+        then = json.loads(row["versions"])
+        words += [
+            f"{name}: {then.get(name)} before, {found} now" for name, found in now.items() if then.get(name) != found
+        ]
+    return list(dict.fromkeys(words))
+
+
+def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watch: Watch) -> Summary:
+    """Make the runs that are missing.
+
+    Args:
+        suite: what is to be run.
+        store: its results, from `open_results`.
+        workforce: carries out the tasks; closing it from elsewhere (a signal's handler) ends this with what is stored.
+        label: of the workforce, for table `sessions`.
+        watch: told every outcome once it is stored.
+
+    Raises:
+        StoreError: a run cannot be stored; those before it are.
+        WorkerError: no worker can be started.
+    """
+    there = store.done()
+    made = 0
+    store.begin(label, machine(), versions())
+    how = "failed"
+    try:
+        for outcome in workforce.outcomes(task for task in suite.tasks() if task.key not in there):
+            store.add(outcome)
+            made += 1
+            watch(outcome)
+        summary = Summary(suite.size, len(there), made)
+        how = "complete" if summary.complete else "interrupted"
+        return summary
+    finally:
+        workforce.close()
+        if how != "failed":  # where storing failed, storing why would fail, too
+            store.end(how)

@@ -1,0 +1,185 @@
+"""A suite with all its problems found and its planners checked: the list of runs to be made, and its identity."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from optiplan.bench.records import BenchPlanner, BenchProblem, Task
+from optiplan.bench.robots import RobotShelf
+from optiplan.bench.sources import Found, Place, read_source
+from optiplan.bench.spec import SuiteSpec, read_suite
+from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
+from optiplan.metrics import Metrics
+from optiplan.planners.registry import make_planner
+from optiplan.problem.load import source_of
+from optiplan.problem.spec import ProblemSpec
+from optiplan.yaml_lines import Document, validate
+from optiplan.yaml_words import choices
+
+METRICS = tuple(item.name for item in fields(Metrics))
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A suite file, resolved.
+
+    Attributes:
+        spec: the file's content.
+        text: the file itself.
+        problems: in the order in which they are run.
+        planners: likewise.
+    """
+
+    spec: SuiteSpec
+    text: str
+    problems: tuple[BenchProblem, ...]
+    planners: tuple[BenchPlanner, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of runs."""
+        return len(self.problems) * len(self.planners) * len(self.spec.seeds) * self.spec.repetitions
+
+    def tasks(self) -> Iterator[Task]:
+        """Every run, problem by problem: planners meet a problem under like load, and workers keep it loaded."""
+        spec = self.spec
+        for problem in self.problems:
+            for repetition in range(spec.repetitions):
+                for seed in spec.seeds:
+                    for planner in self.planners:
+                        hard = (spec.budget, spec.wall, spec.limits.memory)
+                        yield Task(problem, planner, seed, repetition, *hard, spec.metrics)
+
+    @cached_property
+    def parts(self) -> dict[str, Any]:
+        """What makes it this suite and no other, JSON-ready, part by part."""
+        spec = self.spec
+        return {
+            "planners": {planner.label: [planner.name, dict(planner.options)] for planner in self.planners},
+            "seeds": list(spec.seeds),
+            "repetitions": spec.repetitions,
+            "budget": spec.budget,
+            "limits": {"wall": spec.wall, "memory": spec.limits.memory},
+            "metrics": None if spec.metrics is None else list(spec.metrics),
+            "problems": {p.id: [p.hash, p.set_name, p.difficulty] for p in self.problems},
+        }
+
+    @property
+    def hash(self) -> str:
+        """SHA-256, in hex, of `parts`; neither the suite's name nor where files lie counts."""
+        return hashlib.sha256(json.dumps(self.parts, sort_keys=True).encode()).hexdigest()
+
+
+def load_suite(path: Path | str, scratch: Path) -> Suite:
+    """Read a suite file, find its problems and check its planners.
+
+    Args:
+        path: the YAML file.
+        scratch: folder for files that problems need and that no source holds; made only for such files.
+
+    Raises:
+        InputError: with every issue found; problems are checked as far as is possible without loading their scenes.
+        UnknownChoiceError: a robot that there is not.
+    """
+    spec, document = read_suite(path)
+    issues: list[Issue] = []
+    planners = _planners(spec, document, issues)
+    for index, name in enumerate(spec.metrics or ()):
+        if name not in METRICS:
+            issues.append(document.issue(("metrics", index), f"unknown metric '{name}'", choices(name, METRICS)))
+    problems = _problems(spec, document, scratch, issues)
+    if issues:
+        raise InputError(sorted(issues, key=lambda issue: (issue.file, issue.line or 0)))
+    return Suite(spec, document.path.read_text(encoding="utf-8"), problems, planners)
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    """What differs between the `parts` of two suites, one sentence each."""
+    words = []
+    for part in new:
+        if old.get(part) == new[part]:
+            continue
+        if part in ("planners", "problems"):
+            words += [f"{part}: {text}" for text in _entries(old.get(part, {}), new[part])]
+        else:
+            words.append(f"{part}: {json.dumps(old.get(part))} there, {json.dumps(new[part])} here")
+    return words
+
+
+def _entries(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
+    changed = [name for name in new if name in old and old[name] != new[name]]
+    for what, names in (("only there", old.keys() - new.keys()), ("only here", new.keys() - old.keys())):
+        if names:
+            yield f"{what}: {_some(sorted(names))}"
+    if changed:
+        yield f"changed: {_some(changed)}"
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+
+
+def _planners(spec: SuiteSpec, document: Document, issues: list[Issue]) -> tuple[BenchPlanner, ...]:
+    for index, planner in enumerate(spec.planners):
+        place = ("planners", index)
+        try:
+            make_planner(planner.name, planner.options)
+        except UnknownChoiceError as error:
+            issues.append(document.issue(place, f"unknown {error.kind} '{error.found}'", ", ".join(error.choices)))
+        except InputError as error:
+            issues += [document.issue((*place, issue.field), issue.found, issue.expected) for issue in error.issues]
+    return tuple(BenchPlanner(planner.shown, planner.name, planner.options) for planner in spec.planners)
+
+
+def _problems(spec: SuiteSpec, document: Document, scratch: Path, issues: list[Issue]) -> tuple[BenchProblem, ...]:
+    robots = RobotShelf()
+    found: dict[str, BenchProblem] = {}
+    for index, source in enumerate(spec.problems):
+        place = Place(source, index, document, scratch)
+        try:
+            for item in read_source(place):
+                problem = _problem(item, source.difficulty, robots)
+                if problem.id in found:
+                    raise place.refuse(source.kind, f"a second problem '{problem.id}'", "another set: for this source")
+                found[problem.id] = problem
+        except InputError as error:
+            issues += error.issues
+    return _labelled(found, spec, document, issues)
+
+
+def _problem(item: Found, difficulty: str | None, robots: RobotShelf) -> BenchProblem:
+    """Check an item against the schema, and take its identity.
+
+    Raises:
+        InputError: it does not fit, or its robot or meshes cannot be read.
+    """
+    id_ = f"{item.set_name}/{item.name}"
+    spec = validate(ProblemSpec, item.document or Document(Path(id_), item.data, {}))
+    try:
+        robot = robots(spec.robot, item.base, spec.locked, spec.group)
+        data, digest = source_of(spec, item.name, item.base, robot)
+    except InputError:
+        raise
+    except (OptiPlanError, OSError) as error:
+        file = str(item.document.path) if item.document else id_
+        raise InputError([Issue(file, None, "problem", str(error), "a robot and meshes that can be read")]) from error
+    return BenchProblem(id_, item.set_name, item.difficulty or difficulty, digest, data, item.origin)
+
+
+def _labelled(
+    found: Mapping[str, BenchProblem], spec: SuiteSpec, document: Document, issues: list[Issue]
+) -> tuple[BenchProblem, ...]:
+    """The problems with the labels of the suite's own table, which goes before those of the sources."""
+    labels: dict[str, str] = {}
+    for label, names in spec.difficulty.items():
+        for index, name in enumerate(names):
+            if name in found and name not in labels:
+                labels[name] = label
+            elif not issues:
+                what = f"'{name}' a second time" if name in labels else f"'{name}', which no source gives"
+                issues.append(document.issue(("difficulty", label, index), what, "ids of problems, each once"))
+    return tuple(replace(problem, difficulty=labels.get(id_, problem.difficulty)) for id_, problem in found.items())

@@ -1,0 +1,65 @@
+"""The process behind a slot: takes tasks from a pipe one by one, sends back what came of them.
+
+    python -m optiplan.bench.worker FD PARENT
+
+FD is one end of a pair of sockets, PARENT the process that must live for this one to live. Standard output and standard
+error belong to the planners: whatever they print is recorded with the run.
+"""
+
+import ctypes
+import json
+import os
+import resource
+import signal
+import sys
+from dataclasses import asdict
+from multiprocessing.connection import Connection
+
+PR_SET_PDEATHSIG = 1
+"""Of prctl(2): the signal to be sent to us when our parent ends."""
+
+
+def main() -> None:
+    """Serve until the other end is closed."""
+    connection, parent = Connection(int(sys.argv[1])), int(sys.argv[2])
+    _die_with(parent)
+    from optiplan.bench.execute import Executor  # takes half a second: after the line above
+
+    libc, execute = ctypes.CDLL(None), Executor()
+    from optiplan.bench.records import Task
+
+    def send(message: dict[str, object]) -> None:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        libc.fflush(None)  # what C++ printed belongs to this run, not to the next
+        connection.send_bytes(json.dumps(message, allow_nan=False).encode())
+
+    send({"phase": "ready"})
+    while True:
+        try:
+            task = Task.from_dict(json.loads(connection.recv_bytes()))
+        except EOFError:
+            return
+        limit_memory(task.memory)
+        outcome = execute(task, lambda name: send({"phase": name}))
+        send({"phase": "done", "row": asdict(outcome.row), "blob": outcome.trajectory is not None})
+        if outcome.trajectory is not None:
+            connection.send_bytes(outcome.trajectory)
+
+
+def limit_memory(megabytes: float) -> None:
+    """Refuse allocations beyond twice the limit at once: the watch over resident memory looks only now and then."""
+    hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    wanted = int(2e6 * megabytes)
+    resource.setrlimit(resource.RLIMIT_DATA, (wanted if hard < 0 else min(wanted, hard), hard))
+
+
+def _die_with(parent: int) -> None:
+    """End when the parent ends, however that happens."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it ended before we could ask
+        os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,130 @@
+"""`optiplan bench`: run a suite of problems and planners, go on with one, export what came of it."""
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any
+
+import typer
+
+from optiplan.cli.output import messages, print_json, results, stdout_is_ours
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+
+
+class _Group(typer.core.TyperGroup):
+    """`optiplan bench SUITE` stands for `optiplan bench run SUITE`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(cls=_Group, no_args_is_help=True)
+
+
+@app.callback()
+def bench() -> None:
+    """Run suites of problems and planners: optiplan bench SUITE.yaml [--workers N] [--out DIR]."""
+
+
+@app.command("run")
+def run(
+    suite: Annotated[Path, typer.Argument(metavar="SUITE", help="a suite file, such as benchmarks/suites/quick.yaml")],
+    workers: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="runs at a time; as many as there are cores unless given")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="where the results go (default: runs/bench/NAME)"),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+) -> int:
+    """Make every run of a suite that is not in the folder yet.
+
+    The same command again goes on where the last one ended, whatever ended it.
+
+    [bold]Examples[/]
+
+      optiplan bench benchmarks/suites/quick.yaml
+
+      optiplan bench mine.yaml --workers 4 --out results/mine
+
+    Exit code: 0 every run is there, whatever came of it · 2 bad input, or results cannot be written · 130 interrupted.
+    """
+    from optiplan.bench.pool import LocalPool
+    from optiplan.bench.runner import open_results, other_versions, run_suite
+    from optiplan.bench.suite import load_suite
+    from optiplan.cli.bench_summary import show_summary, summary_data
+
+    count = workers or len(os.sched_getaffinity(0))
+    with stdout_is_ours():
+        chosen = load_suite(suite, _scratch(suite, out))
+    folder = out or Path("runs", "bench", chosen.spec.name)
+    with open_results(chosen, folder) as store:
+        for words in other_versions(store):
+            messages().print(f"note: earlier runs were made with another version of {words}", style="yellow")
+        pool = LocalPool(count)
+        with _stopped_by_signals(pool), _progress(chosen.size, len(store.done())) as watch:
+            done = run_suite(chosen, store, pool, f"{count} local", watch)
+        if as_json:
+            print_json(summary_data(store, done))
+        else:
+            show_summary(results(), store, done)
+    if not done.complete:
+        left = done.total - done.found - done.made
+        messages().print(f"interrupted, {left} of {done.total} runs are left: the same command goes on", style="yellow")
+    return 0 if done.complete else INTERRUPTED
+
+
+def _scratch(suite: Path, out: Path | None) -> Path:
+    """Folder of files that problems need and no source holds, such as meshes out of scenes."""
+    return (out or Path("runs", "bench", suite.stem)).resolve() / "files"
+
+
+@contextmanager
+def _stopped_by_signals(pool: Any) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the runs under way and let what is done be stored."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        pool.close()
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _progress(total: int, found: int) -> Iterator[Any]:
+    """A bar with rate and time left, on stderr, where a person watches."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns: Sequence[Any] = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TextColumn("left:"),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
+    with Progress(*columns, console=messages(), transient=True, disable=not sys.stderr.isatty()) as bar:
+        line = bar.add_task("runs", total=total, completed=found, rate="")
+        began, made, good = time.perf_counter(), 0, 0
+
+        def watch(outcome: Any) -> None:
+            nonlocal made, good
+            made, good = made + 1, good + outcome.row.verified
+            rate = f"{made / (time.perf_counter() - began):.2f}/s, {100 * good / made:.0f} % verified"
+            bar.update(line, advance=1, rate=rate)
+
+        yield watch
