@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from importlib import import_module
+from operator import attrgetter
 from types import NoneType
 from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
 
@@ -102,14 +103,30 @@ PLANNERS: dict[str, PlannerEntry] = {
 
 
 def planner_entry(name: str) -> PlannerEntry:
-    """The entry of that name.
+    """The entry of that name; `package.module:Class` names a planner from outside, which need not be listed.
+
+    Such a class is like ours: made from its options, a frozen dataclass that it has as the attribute `Options`.
 
     Raises:
         UnknownChoiceError: there is none.
+        InputError: a planner from outside that cannot be imported, or has no `Options`.
     """
+    if ":" in name:
+        return _from_outside(name)
     if name not in PLANNERS:
         raise UnknownChoiceError("planner", name, PLANNERS)
     return PLANNERS[name]
+
+
+def _from_outside(name: str) -> PlannerEntry:
+    try:
+        summary = (_load(name).__doc__ or "").partition("\n")[0]
+        _load(f"{name}.Options")
+    except Exception as error:  # whatever happens while a foreign module is imported
+        found = f"{type(error).__name__}: {error}"
+        expected = "package.module:Class that can be imported, with an options dataclass as its attribute Options"
+        raise InputError([Issue(f"planner '{name}'", None, "name", found, expected)]) from error
+    return PlannerEntry(name, summary, name, f"{name}.Options", "outside")
 
 
 def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner:
@@ -158,4 +175,4 @@ def _frozen(value: Any) -> Any:
 
 def _load(target: str) -> Any:
     module, name = target.split(":")
-    return getattr(import_module(module), name)
+    return attrgetter(name)(import_module(module))

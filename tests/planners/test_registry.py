@@ -1,9 +1,12 @@
+import sys
+from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Literal
 
 import pytest
 
 from optiplan.errors import InputError, UnknownChoiceError
-from optiplan.planners.registry import PLANNERS, kind_of, make_planner
+from optiplan.planners.registry import PLANNERS, kind_of, make_planner, planner_entry
 
 
 @pytest.mark.parametrize("name", sorted(PLANNERS))
@@ -68,3 +71,28 @@ def test_an_int_stands_for_a_float():
 def test_values_out_of_range_are_input_errors(name, options):
     with pytest.raises(InputError, match=next(iter(options))):
         make_planner(name, options)
+
+
+@dataclass(frozen=True)
+class StillOptions:
+    seconds: float = 1.0
+
+
+class Still:
+    """Plans nothing."""
+
+    Options = StillOptions
+
+    def __init__(self, options):
+        self.options = options
+
+
+def test_a_planner_from_outside_is_named_by_module_and_class(monkeypatch):
+    monkeypatch.setitem(sys.modules, "somewhere", SimpleNamespace(Still=Still, Bare=object))
+    assert planner_entry("somewhere:Still").summary == "Plans nothing."
+    assert make_planner("somewhere:Still", {"seconds": 2}).options == StillOptions(2.0)
+    with pytest.raises(UnknownChoiceError, match=r"seconds \(float, default 1.0\)"):
+        make_planner("somewhere:Still", {"second": 2})
+    for name, words in (("nowhere:Still", "No module named 'nowhere'"), ("somewhere:Bare", "no attribute 'Options'")):
+        with pytest.raises(InputError, match=words):
+            make_planner(name)
