@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
-from optiplan.problem.spec import Name
+from optiplan.problem.values import Name
 from optiplan.yaml_lines import Document, Number, Strict, Whole, read_yaml, validate
 
 COMMON = frozenset({"set", "difficulty"})

@@ -24,7 +24,7 @@ from optiplan.model.scene import (
 )
 from optiplan.model.shapes import build_geometry
 from optiplan.problem.draft import Draft, Part
-from optiplan.problem.problem import JointGoal, PoseGoal
+from optiplan.problem.problem import JointGoal, PoseGoal, Via
 from optiplan.problem.spec import (
     AlternativeSpec,
     MeshSpec,
@@ -32,12 +32,17 @@ from optiplan.problem.spec import (
     PoseSpec,
     ShapeSpec,
     StartSpec,
+    ToleranceSpec,
+    ViaSpec,
 )
 from optiplan.yaml_lines import Document, Place
 from optiplan.yaml_words import choices, describe
 
 RobotLoader = Callable[[str, Path | None, Mapping[str, float] | None, str | None], Robot]
 """`load_robot`, or what stands in for it: reference, folder it is relative to, locked joints, group."""
+
+HIT = 1e-6
+"""Tolerance of a via that states none, rad or m: it is to be hit."""
 
 
 class Compiler:
@@ -92,6 +97,39 @@ class Compiler:
             if end is not None:
                 ends.append(Part(part.place, end))
         return ends
+
+    def vias(self, robot: Robot) -> list[Part[Via]]:
+        """The vias that can be used."""
+        vias: list[Part[Via]] = []
+        for part in self.draft.vias:
+            at, velocity = self._passed(robot, part), self._velocity(robot, part)
+            if at is not None:
+                vias.append(Part(part.place, Via(at, velocity, part.value.time)))
+        return vias
+
+    def _passed(self, robot: Robot, part: Part[ViaSpec]) -> JointGoal | PoseGoal | None:
+        spec = part.value
+        tolerance = HIT if spec.tolerance is None else spec.tolerance
+        if spec.pose is None:
+            named = spec.configuration is not None
+            one = StartSpec(configuration=spec.configuration) if named else StartSpec(joints=spec.joints)
+            q = self.configuration(robot, part.place, one)
+            return None if q is None else JointGoal(q, tolerance)
+        both = spec.pose.tolerance or ToleranceSpec(position=tolerance, orientation=tolerance)
+        pose = PoseGoalSpec(**spec.pose.model_dump(exclude={"tolerance"}), tolerance=both)
+        return self._pose_goal(robot, (*part.place, "pose"), pose)
+
+    def _velocity(self, robot: Robot, part: Part[ViaSpec]) -> Array | None:
+        if part.value.velocity is None:
+            return None
+        place, v, limit = (*part.place, "velocity"), np.array(part.value.velocity, float), robot.limits.velocity
+        if len(v) != robot.n:
+            self.report(place, f"{len(v)} values", f"{robot.n} values, one for each of {', '.join(robot.joint_names)}")
+            return None
+        for j in np.flatnonzero(np.abs(v) > limit):
+            found = f"{robot.joint_names[j]} = {v[j]:.10g}, beyond its limit"
+            self.report((*place, int(j)), found, f"a value in [{-limit[j]:.10g}, {limit[j]:.10g}]")
+        return v
 
     def _alternative(self, robot: Robot, part: Part[AlternativeSpec]) -> JointGoal | PoseGoal | None:
         if part.value.pose is None:

@@ -10,12 +10,12 @@ from optiplan.problem.spec import (
     AlternativeSpec,
     AttachedSpec,
     GoalSpec,
-    Name,
-    NamePair,
     ObstacleSpec,
     ProblemSpec,
     StartSpec,
+    ViaSpec,
 )
+from optiplan.problem.values import Name, NamePair
 from optiplan.yaml_lines import Number, Place
 
 T = TypeVar("T")
@@ -38,6 +38,7 @@ class Draft:
     locked: Mapping[str, float]
     start: Part[StartSpec] | None
     goal: tuple[Part[AlternativeSpec], ...]
+    vias: tuple[Part[ViaSpec], ...]
     obstacles: tuple[Part[ObstacleSpec], ...]
     attached: tuple[Part[AttachedSpec], ...]
     allowed: tuple[Part[tuple[str, ...]], ...]
@@ -52,6 +53,7 @@ class Draft:
             locked=spec.locked,
             start=Part(("start",), spec.start),
             goal=_alternatives(spec.goal),
+            vias=_parts(("via",), spec.via),
             obstacles=_parts(("scene", "obstacles"), scene.obstacles),
             attached=_parts(("scene", "attached"), scene.attached),
             allowed=_parts(("scene", "allowed_collisions"), scene.allowed_collisions),
@@ -72,6 +74,7 @@ class Draft:
             locked=_fit(dict[str, Number], root.get("locked", {})) or {},
             start=None if start is None else Part(("start",), start),
             goal=_alternatives(whole) if whole else _fits(("goal", "any_of"), AlternativeSpec, ends),
+            vias=_fits(("via",), ViaSpec, root.get("via")),
             obstacles=_fits(("scene", "obstacles"), ObstacleSpec, scene.get("obstacles")),
             attached=_fits(("scene", "attached"), AttachedSpec, scene.get("attached")),
             allowed=_fits(("scene", "allowed_collisions"), NamePair, scene.get("allowed_collisions")),

@@ -15,7 +15,7 @@ from optiplan.model.scene import Scene
 from optiplan.problem.compile import Compiler, RobotLoader
 from optiplan.problem.draft import Draft, Part
 from optiplan.problem.hashing import meshes_of, problem_hash
-from optiplan.problem.problem import JointGoal, Objective, PoseGoal, Problem
+from optiplan.problem.problem import Goal, JointGoal, Objective, PoseGoal, Problem, Via
 from optiplan.problem.spec import LimitsSpec, ProblemSpec
 from optiplan.yaml_lines import Document, Place, read_yaml, validate
 
@@ -32,6 +32,15 @@ class _Reading:
 
     problem: Problem | None
     issues: tuple[Issue, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where the motion begins, ends and passes, as far as that can be used."""
+
+    start: Array | None
+    goal: Sequence[Part[JointGoal | PoseGoal]]
+    vias: Sequence[Part[Via]]
 
 
 def load_problem(path: Path | str, **overrides: Any) -> Problem:
@@ -86,16 +95,16 @@ def _read(document: Document, base: Path, robots: RobotLoader = load_robot) -> _
     compiler = Compiler(document, base, Draft.of_data(document.data) if spec is None else Draft.of_spec(spec))
     robot = compiler.robot(robots)
     scene = compiler.scene(robot)
-    start = goal = None
+    places = _Places(None, (), ())
     if robot is not None:
-        start, goal = compiler.start(robot), compiler.goal(robot)
+        places = _Places(compiler.start(robot), compiler.goal(robot), compiler.vias(robot))
     issues += compiler.issues
     if robot is not None and not any(issue.field.startswith(DECIDES_COLLISIONS) for issue in issues):
-        issues += _collisions(document, CollisionModel(robot, scene), compiler.draft, start, goal or [])
-    if issues or spec is None or robot is None or start is None or goal is None:
+        issues += _collisions(document, CollisionModel(robot, scene), compiler.draft, places)
+    if issues or spec is None or robot is None or places.start is None:
         return _Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
-    ends = tuple(part.value for part in goal)
-    return _Reading(_assemble(spec, document, base, (robot, scene, start, ends)), ())
+    goal, vias = tuple(part.value for part in places.goal), tuple(part.value for part in places.vias)
+    return _Reading(_assemble(spec, document, base, (robot, scene, places.start, goal, vias)), ())
 
 
 def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:
@@ -109,9 +118,9 @@ def _assemble(
     spec: ProblemSpec,
     document: Document,
     base: Path,
-    parts: tuple[Robot, Scene, Array, tuple[JointGoal | PoseGoal, ...]],
+    parts: tuple[Robot, Scene, Array, Goal, tuple[Via, ...]],
 ) -> Problem:
-    robot, scene, start, goal = parts
+    robot, scene, start, goal, vias = parts
     source, digest = source_of(spec, document.path.stem.strip("<>"), base, robot)
     return Problem(
         name=source["name"],
@@ -119,6 +128,7 @@ def _assemble(
         scene=scene,
         start=start,
         goal=goal,
+        vias=vias,
         limits=_scaled(robot.limits, spec.limits),
         objective=Objective(spec.objective.time, spec.objective.jerk),
         planner=spec.planner.name,
@@ -162,19 +172,22 @@ def _collisions(
     document: Document,
     model: CollisionModel,
     draft: Draft,
-    start: Array | None,
-    goal: Sequence[Part[JointGoal | PoseGoal]],
+    places: _Places,
 ) -> list[Issue]:
-    """The start in collision, or every alternative of the goal."""
+    """The start in collision, a via, or every alternative of the goal."""
     issues = []
     cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
-    if start is not None and draft.start is not None:
-        found = _touching(model, start)
+    if places.start is not None and draft.start is not None:
+        found = _touching(model, places.start)
         if found:
             place = (*draft.start.place, draft.start.value.kind)
             issues.append(document.issue(place, f"the start is in collision: {found}", cure))
+    for via in places.vias:
+        found = _touching(model, via.value.at.q) if isinstance(via.value.at, JointGoal) else ""
+        if found:
+            issues.append(document.issue(via.place, f"the via is in collision: {found}", cure))
     hits: list[tuple[Place, str]] = []
-    for part in goal:
+    for part in places.goal:
         if isinstance(part.value, JointGoal):
             found = _touching(model, part.value.q)
             if found:

@@ -33,6 +33,21 @@ Goal = tuple[JointGoal | PoseGoal, ...]
 """Any one of these ends is good."""
 
 
+@dataclass(frozen=True, eq=False)
+class Via:
+    """A point to be passed on the way, after those before it: `at`, within its tolerances.
+
+    Attributes:
+        at: where; a pose is passed in any configuration that reaches it.
+        velocity: (n,) rad/s or m/s, a wish: with what velocity.
+        time: s from the start, a wish: when.
+    """
+
+    at: JointGoal | PoseGoal
+    velocity: Array | None = None
+    time: float | None = None
+
+
 @dataclass(frozen=True)
 class Objective:
     """Weights of the cost: time * T + jerk * (integral of squared jerk over the motion)."""
@@ -46,6 +61,7 @@ class Problem:
     """Everything a planner needs; same Problem, options and seed give the same result.
 
     Attributes:
+        vias: to be passed in this order.
         limits: the robot's limits times the fractions asked for.
         source: the validated file as plain data (what `run.json` stores); `hash` is its SHA-256 with that of the robot
             and of every mesh named.
@@ -57,6 +73,7 @@ class Problem:
     start: Array
     goal: Goal
     limits: Limits
+    vias: tuple[Via, ...] = ()
     objective: Objective = Objective()
     planner: str = "trajopt"
     options: Mapping[str, Any] = field(default_factory=dict)

@@ -4,54 +4,26 @@ These classes hold what the file says, after checks that need nothing but the fi
 against the robot and the scene.
 """
 
-from collections.abc import Callable
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
-from optiplan.geometry import unit
+from optiplan.problem.values import (
+    Coordinate,
+    Direction,
+    ExactlyOne,
+    Fraction,
+    Length,
+    Name,
+    NamePair,
+    NotNegative,
+    Quaternion,
+    Scale,
+    Size,
+    Vector,
+)
 from optiplan.yaml_lines import Number, Strict, Whole
-
-FARTHEST = 1e6
-"""Largest length and coordinate, m: nothing that an arm can meet, and squares of it are still exact enough."""
-
-Length = Annotated[float, Field(strict=True, gt=0.0, le=FARTHEST, allow_inf_nan=False)]
-"""A number > 0, m."""
-
-Coordinate = Annotated[float, Field(strict=True, ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
-"""A number of either sign, m (or rad, or of a unit vector)."""
-
-NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
-Fraction = Annotated[float, Field(strict=True, ge=1e-6, le=1.0, allow_inf_nan=False)]
-
-
-def _printable(text: str) -> str:
-    if not text.isprintable():  # they would rule the terminal that the name is printed to
-        raise ValueError(f"found {text[:60]!r}; expected text of one line without control characters")
-    return text
-
-
-Name = Annotated[str, Field(strict=True, min_length=1), AfterValidator(_printable)]
-
-
-def _sized(count: int, words: str) -> AfterValidator:
-    def check(values: tuple[Any, ...]) -> tuple[Any, ...]:
-        if len(values) != count:
-            raise ValueError(f"{count} values {words}")
-        return values
-
-    return AfterValidator(check)
-
-
-def _unit_length(values: tuple[float, ...]) -> tuple[float, ...]:
-    unit(values)
-    return values
-
-
-def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:
-    if len(set(names)) != len(names):
-        raise ValueError(f"found '{names[0]}' twice; expected the names of two bodies")
-    return names
 
 
 def _empty(what: str) -> AfterValidator:
@@ -63,55 +35,8 @@ def _empty(what: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-def _repeated(value: Any) -> Any:
-    return [value] * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
 def _named(value: Any) -> Any:
     return {"name": value} if isinstance(value, str) else value
-
-
-def _schema_size(count: int) -> Callable[[dict[str, Any]], None]:
-    def add(schema: dict[str, Any]) -> None:
-        schema.update(minItems=count, maxItems=count)
-
-    return add
-
-
-Vector = Annotated[tuple[Coordinate, ...], _sized(3, "[x, y, z]"), Field(json_schema_extra=_schema_size(3))]
-Size = Annotated[tuple[Length, ...], _sized(3, "[x, y, z]"), Field(json_schema_extra=_schema_size(3))]
-Scale = Annotated[Size, BeforeValidator(_repeated, json_schema_input_type=Length | Size)]
-Direction = Annotated[Vector, AfterValidator(_unit_length)]
-Quaternion = Annotated[
-    tuple[Number, ...],
-    _sized(4, "[x, y, z, w]"),
-    AfterValidator(_unit_length),
-    Field(json_schema_extra=_schema_size(4)),
-]
-NamePair = Annotated[
-    tuple[Name, ...],
-    _sized(2, "[name, name]"),
-    AfterValidator(_distinct),
-    Field(json_schema_extra=_schema_size(2)),
-]
-
-
-class ExactlyOne(Strict):
-    """A mapping that has exactly one of its keys."""
-
-    @model_validator(mode="after")
-    def _one(self) -> Self:
-        valid = f"exactly one of: {', '.join(type(self).model_fields)}"
-        if len(self.model_fields_set) != 1:
-            raise ValueError(valid)
-        if getattr(self, self.kind) is None:
-            raise ValueError(f"found '{self.kind}' without a value; expected {valid}")
-        return self
-
-    @property
-    def kind(self) -> str:
-        """The key that is there."""
-        return next(iter(self.model_fields_set))
 
 
 class PoseSpec(Strict):
@@ -227,6 +152,49 @@ class GoalSpec(AlternativeSpec):
     any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
 
 
+class ViaPoseSpec(PoseSpec):
+    """The pose of `frame` (default: the robot's tool frame) in the world, to be passed within `tolerance`."""
+
+    frame: Name | None = None
+    position: Vector
+    tolerance: ToleranceSpec | None = None
+
+
+class ViaSpec(Strict):
+    """A point to be passed between start and goal.
+
+    `tolerance` is of each joint or of both parts of a pose, rad or m; `velocity` (rad/s or m/s, one value per planned
+    joint) and `time` (s from the start) are wishes, which the planner `spline` can grant.
+    """
+
+    joints: tuple[Number, ...] | None = None
+    configuration: Name | None = None
+    pose: ViaPoseSpec | None = None
+    tolerance: Length | None = None
+    velocity: tuple[Number, ...] | None = None
+    time: Length | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        kinds = [key for key in ("joints", "configuration", "pose") if getattr(self, key) is not None]
+        if len(kinds) != 1:
+            found = " and ".join(kinds) or "none of them"
+            raise ValueError(f"found {found}; expected exactly one of: joints, configuration, pose")
+        if self.pose is not None and self.pose.tolerance is not None and self.tolerance is not None:
+            raise ValueError("found a tolerance of the via and one of its pose; expected at most one of them")
+        return self
+
+
+def _timed(vias: tuple[ViaSpec, ...]) -> tuple[ViaSpec, ...]:
+    times = [via.time for via in vias if via.time is not None]
+    if times and len(times) != len(vias):
+        raise ValueError(f"found a time at {len(times)} of {len(vias)} vias; expected one at each, or at none")
+    for before, after in pairwise(times):
+        if after <= before:
+            raise ValueError(f"found time {after:g} after time {before:g}; expected increasing times")
+    return vias
+
+
 class LimitsSpec(Strict):
     """Fractions of the robot's own limits; `jerk: none` lifts the jerk limits, so that the acceleration may jump."""
 
@@ -272,7 +240,7 @@ class ProblemSpec(Strict):
     start: StartSpec
     goal: GoalSpec
     scene: SceneSpec = SceneSpec()
-    via: Annotated[tuple[Any, ...], _empty("via points")] = ()
+    via: Annotated[tuple[ViaSpec, ...], AfterValidator(_timed)] = ()
     path_constraints: Annotated[tuple[Any, ...], _empty("path constraints")] = ()
     limits: LimitsSpec = LimitsSpec()
     objective: ObjectiveSpec = ObjectiveSpec()

@@ -14,7 +14,7 @@ NOT_TEXT = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"}
 
 
 def problem_text(data: Mapping[str, Any], comment: str = "") -> str:
-    """A problem as YAML 1.2, one line a key and one a body, floats in full: reading it gives `data` again.
+    """A problem as YAML 1.2, one line a key, a via and a body, floats in full: reading it gives `data` again.
 
     Args:
         data: plain data with text keys.
@@ -27,6 +27,8 @@ def problem_text(data: Mapping[str, Any], comment: str = "") -> str:
             for group, bodies in value.items():
                 lines.append(f"  {group}:" + ("" if bodies else " []"))
                 lines += [f"    - {_flow(body)}" for body in bodies]
+        elif key == "via" and value:
+            lines += ["via:", *(f"  - {_flow(via)}" for via in value)]
         else:
             lines.append(f"{key}: {_flow(value)}")
     return "\n".join(lines) + "\n"

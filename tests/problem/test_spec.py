@@ -89,7 +89,7 @@ BAD = [
         "'tip' twice",
         "two bodies",
     ),
-    ("seed: 0", "via: [1]", 12, "via", "a list of 1 value", "via points are not supported in this release"),
+    ("seed: 0", "via: [1]", 12, "via[0]", "1", "a mapping"),
     ("seed: 0", "path_constraints: [1]", 12, "path_constraints", "a list of 1", "not supported in this release"),
     ("seed: 0", "limits: {velocity: 1.5}", 12, "limits.velocity", "1.5", "a number ≤ 1"),
     ("seed: 0", "limits: {jerk: 0}", 12, "limits.jerk", "0", "a number ≥ 1e-06"),

@@ -16,7 +16,7 @@ value = st.recursive(
 
 @given(st.dictionaries(st.sampled_from(["name", "start", "seed", "locked"]), value), st.lists(value, max_size=3))
 def test_reading_gives_the_same_data_again(data, bodies):
-    data = {**data, "scene": {"obstacles": bodies, "attached": []}}
+    data = {**data, "via": bodies, "scene": {"obstacles": bodies, "attached": []}}
     again = YAML(typ="safe", pure=True).load(problem_text(data, "two\nlines"))
     assert again == data
     assert repr(again["scene"]) == repr(data["scene"])  # 1 and 1.0, 0.0 and -0.0 are told apart
