@@ -2,12 +2,14 @@
 
 import platform
 import time
+import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
 from typing import Any
 
 import optiplan
+from optiplan.errors import InputError, OptiPlanError
 from optiplan.metrics import Metrics, measure
 from optiplan.planners.base import Budget, Failure, Progress
 from optiplan.planners.registry import make_planner
@@ -133,6 +135,34 @@ def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budg
         timings=timings,
         stages=dict(result.timings),
         info=dict(result.info),
+    )
+
+
+def attempt(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budget, progress: Progress) -> Run:
+    """`run` as one of several: what the planner raises is its failure and does not end the comparison.
+
+    Failure kinds besides those of planners: `input`, it cannot do this problem with these options (witness: `issues`);
+    `bug`, it raised what it must not (witness: `traceback`).
+    """
+    began = time.perf_counter()
+    try:
+        return run(problem, planner, options, budget, progress)
+    except OptiPlanError as error:
+        issues = [vars(issue) for issue in error.issues] if isinstance(error, InputError) else []
+        failure = Failure("input", str(error), {"issues": issues})
+    except Exception as error:
+        failure = Failure("bug", f"{type(error).__name__}: {error}", {"traceback": traceback.format_exc()})
+    return Run(
+        problem=problem,
+        planner=planner,
+        options=dict(options),
+        trajectory=None,
+        failure=failure,
+        report=None,
+        lower_bound=None,
+        metrics=None,
+        timings={"plan": time.perf_counter() - began},
+        stages={},
     )
 
 

@@ -6,7 +6,6 @@ import typer
 
 from optiplan.cli.files import find_problem
 from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
-from optiplan.cli.planner_choice import planner_issues
 from optiplan.errors import InputError, Issue
 
 
@@ -40,6 +39,7 @@ def check(
 
 
 def _issues(file: str) -> list[Issue]:
+    from optiplan.cli.planner_choice import planner_issues
     from optiplan.problem.load import check_file
 
     try:

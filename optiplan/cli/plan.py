@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,7 +10,6 @@ import typer
 
 from optiplan.cli.files import find_problem
 from optiplan.cli.output import Exit, interrupts_held, print_json, results, stdout_is_ours
-from optiplan.cli.planner_choice import planner_issues
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError
 
@@ -19,6 +17,7 @@ BUDGET = 20.0
 """Seconds, when none are given."""
 PORT = 7000
 """First port that --view tries."""
+PLANNER = "instead of the file's; see: planners. all, or NAME,NAME,…: compares these"
 
 
 def _positive(seconds: float) -> float:
@@ -29,7 +28,7 @@ def _positive(seconds: float) -> float:
 
 def plan(
     file: Annotated[str, typer.Argument(metavar="FILE", help="a problem file, or the name of an example: 01_reach")],
-    planner: Annotated[str | None, typer.Option(metavar="NAME", help="instead of the file's; see: planners")] = None,
+    planner: Annotated[str | None, typer.Option(metavar="NAME", help=PLANNER)] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="instead of the file's")] = None,
     budget: Annotated[
         float, typer.Option(callback=_positive, metavar="S", help="seconds of wall time for the planner")
@@ -48,25 +47,57 @@ def plan(
 
       optiplan plan cell.yaml --planner rrtconnect --seed 3 --budget 5 --json
 
-    Exit code: 0 verified · 2 bad input · 3 no plan within the budget · 4 found but not verified.
-    """
-    from optiplan import pipeline
-    from optiplan.cli.report import show_run
-    from optiplan.planners.base import Budget
-    from optiplan.problem.load import load_problem
-    from optiplan.store import check_folder, save_run
-    from optiplan.verify.report import jsonable
+      optiplan plan cell.yaml --planner all --out runs   one table; runs/trajopt, runs/rrtconnect, …
 
-    path = find_problem(file)
+    Of several planners each has the whole budget, and the planner that the file names has the file's options.
+
+    Exit code: 0 verified · 2 bad input · 3 no plan within the budget · 4 found but not verified.
+    Of several planners: 0 one is verified · 4 one was found, none verified · 3 none found.
+    """
+    from optiplan.cli import comparison
+    from optiplan.problem.load import load_problem
+    from optiplan.store import check_folder
+
+    path, names = find_problem(file), comparison.several(planner)
     if out is not None:
-        check_folder(out)
-    with stdout_is_ours(), ProgressLine() as progress:
+        for folder in [out / name for name in names] or [out]:
+            check_folder(folder)
+    with stdout_is_ours():
         began = time.perf_counter()
         problem = load_problem(path) if seed is None else replace(load_problem(path), seed=seed)
         loaded = time.perf_counter() - began
-        chosen, options = _choice(path, problem, planner)
-        run = pipeline.run(problem, chosen, options, Budget(budget), progress)
-    run = replace(run, timings={"load": loaded, **run.timings})
+    if names:
+        runs = comparison.run_all(path, problem, names, budget, out)
+        code = comparison.show(runs, as_json)
+    else:
+        run = _run(path, problem, planner, budget)
+        runs = [replace(run, timings={"load": loaded, **run.timings})]
+        code = _finish(runs[0], out, as_json)
+    if view:
+        _view(runs)
+    return code
+
+
+def _run(path: Path, problem: Any, planner: str | None, seconds: float) -> Any:
+    """One run of one planner; what it finds wrong with the options of the file is told with their lines."""
+    from optiplan import pipeline
+    from optiplan.cli.planner_choice import choose, placed
+    from optiplan.planners.base import Budget
+
+    chosen, options = choose(path, problem, planner)
+    with stdout_is_ours(), ProgressLine() as progress:
+        try:
+            return pipeline.run(problem, chosen, options, Budget(seconds), progress)
+        except InputError as error:
+            raise placed(path, error) if options else error from None
+
+
+def _finish(run: Any, out: Path | None, as_json: bool) -> Exit:
+    """Save the run and print it; its exit code."""
+    from optiplan.cli.report import show_run
+    from optiplan.store import save_run
+    from optiplan.verify.report import jsonable
+
     code = Exit.VERIFIED if run.verified else Exit.NO_PLAN if run.trajectory is None else Exit.NOT_VERIFIED
     if out is not None:
         with interrupts_held():
@@ -75,22 +106,10 @@ def plan(
         print_json(jsonable({**run.to_dict(), "exit_code": int(code)}))
     else:
         show_run(results(), run)
-    if view:
-        _view(run)
     return code
 
 
-def _choice(path: Path, problem: Any, planner: str | None) -> tuple[str, Mapping[str, Any]]:
-    """The planner's name and options: the file's, unless another one is asked for."""
-    if planner is not None and planner != problem.planner:
-        return planner, {}
-    issues = planner_issues(path)
-    if issues:
-        raise InputError(issues)
-    return problem.planner, problem.options
-
-
-def _view(run: Any) -> None:
+def _view(runs: list[Any]) -> None:
     from optiplan.cli.viewing import serve_page, shown
 
-    serve_page(run.problem, [shown(run.to_dict(), run.trajectory)], PORT)
+    serve_page(runs[0].problem, [shown(run.to_dict(), run.trajectory) for run in runs], PORT)

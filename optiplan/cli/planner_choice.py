@@ -1,22 +1,23 @@
 """The planner that a problem file asks for: whether there is one, with the line where the file asks."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.planners.registry import make_planner
+from optiplan.problem.problem import Problem
+from optiplan.yaml_lines import Document, read_yaml
+from optiplan.yaml_words import choices
 
 
 def planner_issues(path: Path) -> list[Issue]:
     """What is wrong with the planner and the options that the file names; what its schema refuses is not told again."""
-    from optiplan.planners.registry import make_planner
-    from optiplan.yaml_lines import read_yaml
-    from optiplan.yaml_words import choices
-
     try:
         document = read_yaml(path)
     except InputError:
         return []
-    name, options = _choice(document.data)
+    name, options = _asked(document.data)
     try:
         if name is not None:
             make_planner(name, options)
@@ -25,11 +26,39 @@ def planner_issues(path: Path) -> list[Issue]:
         known = [choice.partition(" (")[0] for choice in error.choices]
         return [document.issue(place, f"unknown {error.kind} '{error.found}'", choices(error.found, known))]
     except InputError as error:
-        return [document.issue(("planner", issue.field), issue.found, issue.expected) for issue in error.issues]
+        return _placed(document, error)
     return []
 
 
-def _choice(data: Any) -> tuple[str | None, dict[str, Any]]:
+def choose(path: Path, problem: Problem, planner: str | None) -> tuple[str, Mapping[str, Any]]:
+    """The planner's name and options: the file's, unless another one is asked for.
+
+    Raises:
+        InputError: the file's planner is asked for, and what the file says of it is wrong.
+    """
+    if planner is not None and planner != problem.planner:
+        return planner, {}
+    issues = planner_issues(path)
+    if issues:
+        raise InputError(issues)
+    return problem.planner, problem.options
+
+
+def placed(path: Path, error: InputError) -> InputError:
+    """The same error with what is wrong with the options of the file's planner at its line of the file."""
+    return InputError(_placed(read_yaml(path), error))
+
+
+def _placed(document: Document, error: InputError) -> list[Issue]:
+    return [
+        document.issue(("planner", issue.field), issue.found, issue.expected)
+        if issue.line is None and issue.file.startswith("planner '")
+        else issue
+        for issue in error.issues
+    ]
+
+
+def _asked(data: Any) -> tuple[str | None, dict[str, Any]]:
     """Name and options as the file gives them; None for a name that is not there or no text."""
     asked = data.get("planner") if isinstance(data, dict) else None
     if isinstance(asked, dict):

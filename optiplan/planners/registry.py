@@ -1,5 +1,6 @@
 """Planners by name. They are imported when they are asked for: listing them costs nothing."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from importlib import import_module
@@ -154,7 +155,8 @@ def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner
     try:
         made = _load(entry.options)(**values)
     except ValueError as error:  # the dataclass checks ranges by itself
-        raise InputError([Issue(f"planner '{name}'", None, "options", str(error), "values in range")]) from None
+        named = next((key for key in valid if key in re.findall(r"\w+", str(error))), "options")
+        raise InputError([Issue(f"planner '{name}'", None, named, str(error), "values in range")]) from None
     return cast(Planner, _load(entry.planner)(made))
 
 

@@ -1,0 +1,157 @@
+"""Several planners on one problem: run one after the other, kept in folders of their own, shown in one table."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from optiplan.cli.output import Exit, interrupts_held, messages, print_json, results, stdout_is_ours
+from optiplan.cli.planner_choice import choose, placed
+from optiplan.cli.progress import ProgressLine
+from optiplan.errors import InputError, Issue
+from optiplan.pipeline import Run, attempt
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.registry import PLANNERS, planner_entry
+from optiplan.problem.problem import Problem
+from optiplan.store import save_run
+from optiplan.verify.report import jsonable
+
+ALL = "all"
+WIDTH = 150
+"""Characters of the table at least: where it is read by no terminal, and in a narrow one, which folds it."""
+
+
+def several(asked: str | None) -> tuple[str, ...]:
+    """The planners that `--planner` asks to compare: `all`, or names with commas between; () for a single one.
+
+    Raises:
+        UnknownChoiceError: there is no planner of such a name.
+    """
+    if asked is None or (asked != ALL and "," not in asked):
+        return ()
+    names = tuple(PLANNERS) if asked == ALL else tuple(dict.fromkeys(name.strip() for name in asked.split(",")))
+    return tuple(planner_entry(name).name for name in names)
+
+
+def run_all(path: Path, problem: Problem, names: Sequence[str], seconds: float, out: Path | None) -> list[Run]:
+    """One run a planner with the same budget each, best first; those of the file's planner take its options.
+
+    Each is saved in `out / name` as soon as it is there, and told on stderr.
+
+    Raises:
+        InputError: what the file says of its own planner is wrong.
+    """
+    if problem.planner in names:
+        choose(path, problem, None)
+    words = f"{len(names)} planners, each with {seconds:g} s to plan: up to {len(names) * seconds:g} s"
+    messages().print(f"{words}, and what it takes to verify", style="dim")
+    done: list[Run] = []
+    for k, name in enumerate(names, 1):
+        options = problem.options if name == problem.planner else {}
+        run = _place(path, _one(problem, name, options, seconds))
+        if out is not None:
+            with interrupts_held():
+                save_run(run, out / name)
+        messages().print(f"{k}/{len(names)} {name}: {_outcome(run)}", markup=False, soft_wrap=True)
+        done.append(run)
+    return sorted(done, key=_rank)
+
+
+def _one(problem: Problem, name: str, options: Mapping[str, Any], seconds: float) -> Run:
+    with stdout_is_ours(), ProgressLine() as line:
+        return attempt(problem, name, options, Budget(seconds), lambda stage, done: line(f"{name}: {stage}", done))
+
+
+def _place(path: Path, run: Run) -> Run:
+    """What is wrong with the options of the file's planner, told with their lines."""
+    failure = run.failure
+    if failure is None or failure.kind != "input" or run.planner != run.problem.planner:
+        return run
+    error = placed(path, InputError(Issue(**issue) for issue in failure.witness["issues"]))
+    witness = {"issues": [vars(issue) for issue in error.issues]}
+    return replace(run, failure=Failure(failure.kind, str(error), witness)) if error.issues else run
+
+
+def _rank(run: Run) -> tuple[bool, bool, float]:
+    """Verified ones first, then those that were refused, both by duration; then those without a motion."""
+    return not run.verified, run.trajectory is None, run.duration or 0.0
+
+
+def exit_code(runs: Sequence[Run]) -> Exit:
+    """The best of the runs decides, unless a planner has a bug."""
+    if any(run.failure is not None and run.failure.kind == "bug" for run in runs):
+        return Exit.BUG
+    if any(run.verified for run in runs):
+        return Exit.VERIFIED
+    return Exit.NOT_VERIFIED if any(run.trajectory is not None for run in runs) else Exit.NO_PLAN
+
+
+def show(runs: Sequence[Run], as_json: bool) -> Exit:
+    """Print the comparison on stdout, as a table or as one JSON object; its exit code."""
+    code = exit_code(runs)
+    if as_json:
+        print_json(jsonable({"runs": [run.to_dict() for run in runs], "exit_code": int(code)}))
+        return code
+    problem = runs[0].problem
+    console = results()
+    console.print(f"{problem.name} · {problem.robot.name} · seed {problem.seed}", style="bold", markup=False)
+    Console(width=max(console.width, WIDTH), highlight=False).print(_table(runs))
+    return code
+
+
+HEADINGS = ("", "planning\ns", "duration\ns", "duration\n/ bound", "tool path\nm", "peak jerk\nrad/s³", "of its\nlimit")
+MORE_HEADINGS = ("RMS torque\nN·m", "clearance\nmm", "least mani-\npulability")
+
+
+def _table(runs: Sequence[Run]) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="dim", padding=(0, 2, 0, 0))
+    table.add_column("planner", no_wrap=True)
+    for heading in (*HEADINGS, *MORE_HEADINGS):
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    table.add_column("why not", overflow="fold", min_width=24)
+    for run in runs:
+        word = "no plan" if run.trajectory is None else "not verified"
+        verdict = "[green]verified[/]" if run.verified else f"[red]{word}[/]"
+        table.add_row(run.planner, verdict, *_numbers(run), escape(_reason(run)))
+    return table
+
+
+def _numbers(run: Run) -> list[str]:
+    found = run.metrics
+    row = [f"{run.timings['plan']:.2f}", _text(run.duration, ".3f"), _text(run.ratio, ".3f")]
+    if found is None:
+        return [*row, *("–" for _ in range(6))]
+    return [
+        *row,
+        _text(found.tool_path, ".3f"),
+        _text(found.peak_jerk, ".4g"),
+        _text(found.jerk_share, ".0%"),
+        _text(found.rms_torque, ".2f"),
+        _text(found.clearance if found.clearance is None else 1e3 * found.clearance, ".2f"),
+        _text(found.manipulability, ".3g"),
+    ]
+
+
+def _text(value: float | None, form: str) -> str:
+    return "–" if value is None else "∞" if value == float("inf") else f"{value:{form}}"
+
+
+def _reason(run: Run) -> str:
+    """Why a run is not verified: its failure, or the first check that refused it; one line."""
+    if run.failure is not None:
+        return " ".join(f"{run.failure.kind}: {run.failure.detail}".split())
+    refused = run.report.failures[:1] if run.report is not None else ()
+    return "".join(f"{check.name}: {check.detail or check.place}" for check in refused)
+
+
+def _outcome(run: Run) -> str:
+    """A run in a few words."""
+    took = f"planned in {run.timings['plan']:.2f} s"
+    if run.trajectory is None:
+        return f"no plan ({took}): {_reason(run)}"
+    verdict = "verified" if run.verified else "not verified"
+    return f"{verdict}, a motion of {run.duration:.3f} s ({took})"
