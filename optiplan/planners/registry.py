@@ -50,16 +50,37 @@ PLANNERS: dict[str, PlannerEntry] = {
     entry.name: entry
     for entry in (
         PlannerEntry(
+            "arc",
+            "tool along a circle to the goal, through a point or about a centre (moveC)",
+            "optiplan.planners.cartesian.arc:Arc",
+            "optiplan.planners.cartesian.arc:ArcOptions",
+            "Cartesian",
+        ),
+        PlannerEntry(
             "bangbang",
             "least time under acceleration and velocity bounds: full acceleration, then full deceleration",
             "optiplan.planners.bangbang:BangBangPlanner",
             "optiplan.planners.bangbang:BangBangOptions",
         ),
         PlannerEntry(
+            "circle",
+            "tool once round and back to the start, whose pose is the goal",
+            "optiplan.planners.cartesian.circle:Circle",
+            "optiplan.planners.cartesian.circle:CircleOptions",
+            "Cartesian",
+        ),
+        PlannerEntry(
             "cubic",
             "one polynomial of degree three a joint, any velocities at the ends",
             "optiplan.planners.cubic:Cubic",
             "optiplan.planners.cubic:CubicOptions",
+        ),
+        PlannerEntry(
+            "line",
+            "tool straight to the goal, turning evenly about one axis (moveL)",
+            "optiplan.planners.cartesian.line:Line",
+            "optiplan.planners.cartesian.tool_motion:ToolMotionOptions",
+            "Cartesian",
         ),
         PlannerEntry(
             "lspb",
@@ -85,6 +106,13 @@ PLANNERS: dict[str, PlannerEntry] = {
             "fastest straight line in joint space with limited jerk (Ruckig)",
             "optiplan.planners.scurve:SCurvePlanner",
             "optiplan.planners.point_to_point:ProfileOptions",
+        ),
+        PlannerEntry(
+            "screw",
+            "tool along one screw to the goal: turning about an axis while sliding along it",
+            "optiplan.planners.cartesian.screw:Screw",
+            "optiplan.planners.cartesian.screw:ScrewOptions",
+            "Cartesian",
         ),
         PlannerEntry(
             "septic",

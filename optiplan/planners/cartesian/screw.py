@@ -1,0 +1,63 @@
+"""`screw`: the tool turns about one axis and slides along it, both evenly: X(s) = X(0) exp(s log(X(0)^-1 X(1)))."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.errors import InputError, Issue
+from optiplan.geometry import pose_to_data
+from optiplan.model.ik import pose_error
+from optiplan.planners.cartesian.path import ToolPath, screw, screw_about
+from optiplan.planners.cartesian.tool_motion import ToolMotion, ToolMotionOptions
+
+
+@dataclass(frozen=True)
+class ScrewOptions(ToolMotionOptions):
+    """Also another screw than the one that leads to the goal by half a turn at most.
+
+    Attributes:
+        turns: whole turns about the axis of that screw on top.
+        axis: (3,) of any length, with `point` and `angle`: this screw, which must end at the goal.
+        point: (3,) m, on the axis.
+        angle: rad.
+        pitch: m of sliding for every rad.
+    """
+
+    turns: int = 0
+    axis: tuple[float, ...] | None = None
+    point: tuple[float, ...] | None = None
+    angle: float | None = None
+    pitch: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        given = [name for name in ("axis", "point", "angle") if getattr(self, name) is not None]
+        if given and (len(given) < 3 or self.turns):
+            raise ValueError("a screw needs axis, point and angle together, and no turns with them")
+        if self.pitch is not None and not given:
+            raise ValueError("pitch goes with axis, point and angle")
+        if self.axis is not None and not np.any(self.axis):
+            raise ValueError("axis = [0, 0, 0] has no direction")
+
+
+class Screw(ToolMotion[ScrewOptions]):
+    """See the module."""
+
+    def path(self, start: pin.SE3, goal: pin.SE3, tolerance: tuple[float, float]) -> ToolPath:
+        """The screw given, or the one from pose to pose.
+
+        Raises:
+            InputError: the screw given does not end at the goal.
+        """
+        o = self.options
+        if o.axis is None or o.point is None or o.angle is None:
+            return screw(start, goal, o.turns)
+        axis = np.array(o.axis) / np.linalg.norm(o.axis)
+        path = screw_about(start, axis, np.array(o.point), o.angle, (o.pitch or 0.0) * o.angle)
+        distance, angle = pose_error(path.end, goal)
+        if distance > tolerance[0] or angle > tolerance[1]:
+            end = {key: np.round(value, 6).tolist() for key, value in pose_to_data(path.end).items()}
+            found = f"a pose {distance:.4g} m and {angle:.4g} rad from where the screw ends"
+            raise InputError([Issue("planner 'screw'", None, "goal", found, f"pose {end}")])
+        return path

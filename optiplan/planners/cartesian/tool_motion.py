@@ -1,0 +1,220 @@
+"""What the planners of one tool path share: the path is followed in joint space and timed, or the reason is given."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Any, Generic, Literal, TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.errors import InputError
+from optiplan.model.collision import CollisionModel
+from optiplan.model.jacobians import frame_pose
+from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.cartesian.approach import Branch, other_branches
+from optiplan.planners.cartesian.follow import follow
+from optiplan.planners.cartesian.path import ToolPath
+from optiplan.planners.cartesian.tracking import Aim, Tracker
+from optiplan.planners.failures import out_of_time, too_heavy
+from optiplan.planners.goals import ranked_goals
+from optiplan.planners.stopwatch import Stopwatch
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory.timelaw import Method, TimingOptions, ToolSpeed, time_path
+from optiplan.trajectory.trajectory import Trajectory
+
+_AVOIDANCES = (4.0, 20.0)  # of limits, by arms with more joints than they need; tried in this order
+_METHODS: dict[str, Method] = {"trapezoid": "toppra", "jerk": "jerk", "uniform": "uniform"}
+_SAMPLES = 200  # of a path, where gravity is looked for
+
+
+@dataclass(frozen=True)
+class ToolMotionOptions:
+    """Options of every planner of this family.
+
+    Attributes:
+        speed: of the tool, m/s, at most.
+        angular_speed: rad/s, at most.
+        acceleration: of the tool, m/s², at most.
+        profile: `trapezoid` runs at the limits and lets the acceleration jump, which only `limits: {jerk: none}` in the
+            problem allows; `jerk` keeps jerk limits; `uniform` is one S-curve, everywhere slowed down alike. None:
+            `jerk` where there are jerk limits, else `trapezoid`.
+        duration: s; None is the shortest within all limits.
+        free_orientation: only the position is prescribed.
+        change_branch: if the start's branch of the inverse kinematics leads nowhere, move to another one first.
+        goals: how many goal configurations a redundant arm may aim at, or branches may be changed to.
+    """
+
+    speed: float | None = None
+    angular_speed: float | None = None
+    acceleration: float | None = None
+    profile: Literal["trapezoid", "jerk", "uniform"] | None = None
+    duration: float | None = None
+    free_orientation: bool = False
+    change_branch: bool = False
+    goals: int = 8
+
+    def __post_init__(self) -> None:
+        for name in ("speed", "angular_speed", "acceleration", "duration", "goals"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < np.inf:
+                raise ValueError(f"{name} = {value} is not a positive number")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, tuple) and (len(value) != 3 or not np.isfinite(value).all()):
+                raise ValueError(f"{field.name} = {list(value)} is not three numbers")
+
+
+Options = TypeVar("Options", bound=ToolMotionOptions)
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """One call of `plan`."""
+
+    problem: Problem
+    model: CollisionModel
+    budget: Budget
+    watch: Stopwatch
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """One alternative of the goal: the frame, its path, and the configuration to end at if that is prescribed."""
+
+    frame: str
+    path: ToolPath
+    goal: Array | None
+
+
+class ToolMotion(ABC, Generic[Options]):
+    """A planner is this class and its `path`."""
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+
+    @abstractmethod
+    def path(self, start: pin.SE3, goal: pin.SE3, tolerance: tuple[float, float]) -> ToolPath:
+        """The tool's path between two poses of the frame in the world.
+
+        Args:
+            start: X_WF where the robot stands.
+            goal: X_WF that is wanted.
+            tolerance: of the goal, m and rad.
+
+        Raises:
+            InputError: the options do not go with these poses.
+        """
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan within the budget; see `planners.base.Planner`.
+
+        Raises:
+            InputError: the options do not go with the start and any of the goals.
+        """
+        work = _Work(problem, CollisionModel(problem.robot, problem.scene), budget, Stopwatch())
+        seconds = work.watch.seconds
+        with work.watch.stage("goals"):
+            goals = ranked_goals(problem, work.model, budget, self.options.goals)
+        if isinstance(goals, Failure) and goals.kind != "goal-unreachable":
+            return PlanResult(None, goals, seconds)
+        tasks, failures = self._tasks(problem), list[Failure]()
+        for k, (branch, task, aim) in enumerate(self._attempts(work, tasks, goals)):
+            if budget.over:
+                return PlanResult(None, out_of_time(budget, "following tool paths"), seconds)
+            progress("following", k / (k + 1.0))
+            found = self._attempt(work, task, branch, aim)
+            if isinstance(found, Trajectory):
+                info = {"tool_length": task.path.length, "tool_angle": task.path.angle}
+                return PlanResult(found, None, seconds, info | {"branch_changed": branch.changed})
+            failures.append(found)
+        return PlanResult(None, _reason(goals, failures), seconds)
+
+    def _attempt(self, work: _Work, task: _Task, branch: Branch, aim: Aim) -> Trajectory | Failure:
+        """The motion on one branch, or why there is none."""
+        with work.watch.stage("following"):
+            followed = follow(work.model, task.path, (task.frame, branch.q), work.budget, aim)
+        if isinstance(followed, Failure):
+            return followed
+        with work.watch.stage("timing"):
+            timed = self._timed(work, followed, task.frame)
+        if isinstance(timed, Failure):
+            return timed
+        with work.watch.stage("approach"):
+            return branch.before(work.problem, timed, work.budget)
+
+    def _tasks(self, problem: Problem) -> list[_Task]:
+        """The alternatives of the goal that the options go with."""
+        tasks, refused = [], []
+        for goal in problem.goal:
+            frame = goal.frame if isinstance(goal, PoseGoal) else problem.robot.tool_frame
+            start = frame_pose(problem.robot, problem.start, frame)
+            try:
+                if isinstance(goal, JointGoal):
+                    end = frame_pose(problem.robot, goal.q, frame)
+                    tasks.append(_Task(frame, self.path(start, end, (goal.tolerance, goal.tolerance)), goal.q))
+                else:
+                    path = self.path(start, goal.X_WG, (goal.position, goal.orientation))
+                    tasks.append(_Task(frame, path, None))
+            except InputError as error:
+                refused.append(error)
+        if not tasks:
+            raise refused[0]
+        return tasks
+
+    def _attempts(
+        self, work: _Work, tasks: list[_Task], goals: list[Array] | Failure
+    ) -> Iterator[tuple[Branch, _Task, Aim]]:
+        """The start's own branch for every task, then, if asked, the others."""
+        ends = [] if isinstance(goals, Failure) else goals
+        for task in tasks:
+            for aim in self._aims(work.problem, task, ends):
+                yield Branch(work.problem.start), task, aim
+        for task in tasks if self.options.change_branch else ():
+            with work.watch.stage("goals"):
+                branches = other_branches(work.problem, task.frame, (work.model, work.budget), self.options.goals)
+            for branch in branches:
+                yield branch, task, self._plain(task)
+
+    def _plain(self, task: _Task) -> Aim:
+        return Aim(task.goal, _AVOIDANCES[0], not self.options.free_orientation)
+
+    def _aims(self, problem: Problem, task: _Task, ends: list[Array]) -> Iterator[Aim]:
+        """Anywhere, or at the goal's configuration; a redundant arm may then avoid limits more, or aim at an end."""
+        plain = self._plain(task)
+        yield plain
+        tracker = Tracker(problem.robot, task.frame, task.path, plain)
+        if tracker.redundant:
+            yield replace(plain, avoidance=_AVOIDANCES[1])
+            exact = [] if task.goal is not None else [tracker.correct(1.0, q) for q in ends]
+            yield from (replace(plain, goal=q) for q in exact if q is not None)
+
+    def _timed(self, work: _Work, followed: Trajectory, frame: str) -> Trajectory | Failure:
+        o = self.options
+        given = {"linear": o.speed, "angular": o.angular_speed, "linear_acceleration": o.acceleration}
+        limits = {name: value for name, value in given.items() if value is not None}
+        tool = ToolSpeed(frame, **limits) if limits else None
+        method = None if o.profile is None else _METHODS[o.profile]
+        robot, joint_limits = work.problem.robot, work.problem.limits
+        timed = time_path(followed, robot, joint_limits, TimingOptions(method, tool))
+        if timed is None:
+            samples = followed(np.linspace(0.0, followed.duration, _SAMPLES))
+            return too_heavy(robot, joint_limits, samples)
+        if o.duration is None:
+            return timed
+        if o.duration < timed.duration:
+            detail = (
+                f"the path takes {timed.duration:.4g} s within all limits; a duration of {o.duration:.4g} s is asked"
+            )
+            return Failure("limits", detail, {"q": work.problem.start.tolist(), "duration": timed.duration})
+        return timed.scaled(o.duration)
+
+
+def _reason(goals: list[Array] | Failure, failures: list[Failure]) -> Failure:
+    """The failure that came farthest along its path; what is known of the goal comes first."""
+    farthest = max(failures, key=lambda failure: float(failure.witness.get("fraction", 1.0)))
+    if not isinstance(goals, Failure):
+        return farthest
+    witness: dict[str, Any] = {**goals.witness, **farthest.witness}
+    return Failure(goals.kind, f"{goals.detail}; {farthest.detail}", witness)
