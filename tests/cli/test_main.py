@@ -6,6 +6,7 @@ import pytest
 
 from optiplan import __version__
 from optiplan.cli import main
+from optiplan.planners.registry import PLANNERS
 
 
 @pytest.mark.parametrize("command", ["plan", "verify", "view", "check", "planners", "robots", "import"])
@@ -75,4 +76,4 @@ def test_main_ends_the_process_with_the_code(monkeypatch, capfd):
     with pytest.raises(SystemExit) as ended:
         main.main()
     assert ended.value.code == 0
-    assert set(json.loads(capfd.readouterr().out)["planners"]) == {"quintic", "rrtconnect", "trajopt"}
+    assert set(json.loads(capfd.readouterr().out)["planners"]) == set(PLANNERS)

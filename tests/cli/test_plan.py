@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from optiplan.planners.registry import PLANNERS
+from optiplan.trajectory.trajectory import Trajectory
 
 TOUCHING = """\
 version: 1

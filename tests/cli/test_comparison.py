@@ -1,0 +1,161 @@
+"""Several planners on one problem, as the command line compares them."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from optiplan.planners.quintic import Quintic
+from optiplan.planners.registry import PLANNERS
+
+LSPB = "planner: {name: lspb, duration: 18, velocity: 0.02}"
+
+
+@pytest.fixture
+def slow_lspb(free):
+    """The free problem, whose own planner cannot go so far so slowly: lspb would have to exceed D/T = 1/18."""
+    free.write_text(free.read_text().replace("planner: quintic", LSPB))
+    return free
+
+
+def rows(out):
+    """The planners of the table, from top to bottom, and the lines of each."""
+    found = {}
+    for line in out.splitlines():
+        name = line.split(" ")[0]
+        if name in PLANNERS:
+            found[name] = line
+    return found
+
+
+def test_table_has_verified_ones_first_by_duration(optiplan, optiplan_json, free):
+    code, out, err = optiplan("plan", free, "--planner", "bangbang,quintic,scurve")
+    assert code == 0
+    assert list(rows(out)) == ["scurve", "quintic", "bangbang"]
+    assert "verified" in rows(out)["scurve"]
+    assert "not verified" in rows(out)["bangbang"]
+    assert "∞" in rows(out)["bangbang"]
+    assert "rest: acceleration" in rows(out)["bangbang"]
+    assert err.startswith("3 planners, each with 20 s to plan: up to 60 s")
+    assert [line.split(":")[0] for line in err.splitlines()[1:]] == ["1/3 bangbang", "2/3 quintic", "3/3 scurve"]
+    code, data = optiplan_json("plan", free, "--planner", "bangbang, quintic, scurve,quintic")
+    assert code == data["exit_code"] == 0
+    assert [run["planner"] for run in data["runs"]] == ["scurve", "quintic", "bangbang"]
+    assert data["runs"][2]["metrics"]["peak_jerk"] is None
+    best = data["runs"][0]
+    assert f"{best['duration']:.3f}" in rows(out)["scurve"]
+    assert f"{best['metrics']['tool_path']:.3f}" in rows(out)["scurve"]
+    assert f"{best['metrics']['rms_torque']:.2f}" in rows(out)["scurve"]
+    assert f"{1e3 * best['metrics']['clearance']:.2f}" in rows(out)["scurve"]
+
+
+def test_all_are_the_planners_of_the_registry(optiplan_json, free):
+    data = optiplan_json("plan", free, "--planner", "all", "--budget", "0.2")[1]
+    assert sorted(run["planner"] for run in data["runs"]) == sorted(PLANNERS)
+    assert {"bug"}.isdisjoint((run["failure"] or {}).get("kind") for run in data["runs"])
+
+
+def test_a_row_is_the_run_of_the_planner_alone(optiplan_json, free):
+    alone = optiplan_json("plan", free, "--planner", "scurve", "--seed", "3")[1]
+    row = optiplan_json("plan", free, "--planner", "quintic,scurve", "--seed", "3")[1]["runs"][0]
+    different = {key for key in row if row[key] != alone[key]}
+    assert different == {"timings"}
+
+
+def test_every_planner_has_a_folder(optiplan, free, tmp_path):
+    out = tmp_path / "runs"
+    assert optiplan("plan", free, "--planner", "quintic,scurve", "--out", out)[0] == 0
+    assert sorted(str(path.relative_to(out)) for path in out.rglob("*.json")) == [
+        f"{name}/{file}.json" for name in ("quintic", "scurve") for file in ("run", "trajectory")
+    ]
+    assert json.loads((out / "scurve" / "run.json").read_text())["planner"] == "scurve"
+    (out / "quintic" / "run.json").unlink()
+    (out / "quintic" / "run.json").mkdir()
+    code, _, err = optiplan("plan", free, "--planner", "quintic,scurve", "--out", out)
+    assert code == 2
+    assert "run.json is a folder" in err
+
+
+def test_what_a_planner_cannot_do_is_a_row_with_the_line_of_its_option(optiplan, optiplan_json, slow_lspb):
+    code, out, _ = optiplan("plan", slow_lspb, "--planner", "lspb,quintic")
+    assert code == 0
+    assert list(rows(out)) == ["quintic", "lspb"]
+    assert "no plan" in rows(out)["lspb"]
+    run = optiplan_json("plan", slow_lspb, "--planner", "lspb,quintic")[1]["runs"][1]
+    assert run["failure"]["kind"] == "input"
+    assert run["failure"]["detail"].startswith(f"{slow_lspb}:7: planner.velocity: 0.02 rad/s")
+    assert run["failure"]["witness"]["issues"][0]["line"] == 7
+
+
+def test_the_same_of_the_planner_alone_is_bad_input(optiplan, slow_lspb):
+    code, out, err = optiplan("plan", slow_lspb)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"{slow_lspb}:7: planner.velocity: 0.02 rad/s")
+    assert "more than 0.0556 and at most 0.111" in err
+
+
+def test_options_that_no_problem_could_have_end_it_before_the_work(optiplan, free):
+    free.write_text(free.read_text().replace("planner: quintic", "planner:\n  name: rrtconnect\n  reach: -1.0"))
+    code, out, err = optiplan("plan", free, "--planner", "quintic,rrtconnect")
+    assert (code, out) == (2, "")
+    assert err.startswith(f"{free}:9: planner.reach: ")
+    assert optiplan("plan", free, "--planner", "quintic,scurve")[0] == 0
+
+
+def test_options_of_the_file_go_to_its_planner_only(optiplan_json, free):
+    free.write_text(free.read_text().replace("planner: quintic", "planner: {name: quintic, goals: 2}"))
+    runs = optiplan_json("plan", free, "--planner", "quintic,scurve")[1]["runs"]
+    assert {run["planner"]: run["options"] for run in runs} == {"quintic": {"goals": 2}, "scurve": {}}
+
+
+@pytest.mark.parametrize(("result", "expected"), [("refused", 4), ("none", 3)])
+def test_exit_code_without_a_verified_one(optiplan_json, free, result, expected):
+    if result == "none":
+        wall = "{box: [0.02, 0.6, 0.02]}, pose: {position: [0.74, 0.18, 0.05]}"
+        free.write_text(free.read_text().replace("{sphere: 0.1}, pose: {position: [-1, 0.18, 1]}", wall))
+    names = "bangbang,cubic" if result == "refused" else "bangbang,quintic"
+    code, data = optiplan_json("plan", free, "--planner", names)
+    assert code == data["exit_code"] == expected
+
+
+def test_a_bug_loses_no_other_run(optiplan, optiplan_json, free, monkeypatch, tmp_path):
+    def broken(self, problem, budget, progress):
+        raise ZeroDivisionError("by nothing")
+
+    monkeypatch.setattr(Quintic, "plan", broken)
+    code, out, err = optiplan("plan", free, "--planner", "quintic,scurve", "--out", tmp_path / "runs")
+    assert code == 1
+    assert list(rows(out)) == ["scurve", "quintic"]
+    assert "bug: ZeroDivisionError: by nothing" in err
+    code, data = optiplan_json("plan", free, "--planner", "quintic,scurve")
+    assert code == data["exit_code"] == 1
+    assert data["runs"][0]["verified"] is True
+    assert "Traceback" in data["runs"][1]["failure"]["witness"]["traceback"]
+    assert json.loads((tmp_path / "runs" / "quintic" / "run.json").read_text())["failure"]["kind"] == "bug"
+
+
+@pytest.mark.parametrize("names", ["quintic,quint", "quintic,", ",", "all,quintic"])
+def test_unknown_names_list_the_known(optiplan, free, names):
+    code, out, err = optiplan("plan", free, "--planner", names)
+    assert (code, out) == (2, "")
+    assert "unknown planner" in err
+    assert "rrtconnect" in err
+
+
+def test_ctrl_c_leaves_whole_folders_only(shut_in, tmp_path):
+    command = [sys.executable, "-c", "from optiplan.cli.main import main; main()", "plan", str(shut_in)]
+    out = tmp_path / "runs"
+    process = subprocess.Popen([*command, "--planner", "quintic,rrtconnect", "--out", str(out)])
+    end = time.monotonic() + 30.0
+    while not (out / "quintic" / "run.json").exists():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    began = time.monotonic()
+    assert process.wait(timeout=10) == -signal.SIGINT
+    assert time.monotonic() - began < 2.0
+    assert [str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()] == ["quintic/run.json"]
