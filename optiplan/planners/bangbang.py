@@ -2,7 +2,7 @@
 
 Over a distance D with acceleration a it switches at t_s = sqrt(D / a) and takes 2 t_s, unless the velocity bound comes
 between: then it cruises there. The acceleration jumps, so that only a problem with `limits: {jerk: none}` can have it
-verified. In a longer duration than the shortest: the same curve, stretched.
+verified. In a longer duration than the shortest: with the least acceleration that makes it.
 """
 
 from dataclasses import dataclass, replace

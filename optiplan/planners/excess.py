@@ -11,7 +11,7 @@ from optiplan.model.robot import Limits, Robot
 from optiplan.planners.base import Failure
 from optiplan.trajectory.trajectory import Trajectory
 
-_ROUNDING = 1e-8  # share of a limit, and rad or m, that numbers with sixteen digits may cost
+_ROUNDING = 5e-7  # share of a limit, and rad or m: short pieces late in a long motion have few digits left
 _STILL = 1e-6  # share of the acceleration limit: smaller steps are rounding
 _SAMPLES = 1000
 _ORDERS = ("position", "velocity", "acceleration", "jerk")

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import factorial, perm
+from math import comb, factorial
 
 import numpy as np
 
@@ -20,9 +20,10 @@ _ROUNDING = 1e-9
 def hermite(start: Array, end: Array, T: Array) -> Array:
     """Coefficients of the polynomials of degree 2k - 1 that join two states in the times T.
 
-    With tau = t / T, q = sum_i c_i tau^i: c_i = x_i T^i / i! for i < k, and the others solve
-    sum_{j>=k} j! / (j - i)! c_j = y_i T^i - sum_{j<k} j! / (j - i)! c_j, i < k. For k = 2 these are the lecture's
-    a_2 = (3 (y_0 - x_0) - (2 x_1 + y_1) T) / T^2 and a_3 = (2 (x_0 - y_0) + (x_1 + y_1) T) / T^3, times T^2 and T^3.
+    With tau = t / T, q = sum_j c_j tau^j: c_j = x_j T^j / j! for j < k, and the others solve
+    sum_{j>=k} C(j, i) c_j = y_i T^i / i! - sum_{j<k} C(j, i) c_j, i < k, whose matrix has an inverse in whole numbers.
+    For k = 2 these are the lecture's a_2 = (3 (y_0 - x_0) - (2 x_1 + y_1) T) / T^2 and
+    a_3 = (2 (x_0 - y_0) + (x_1 + y_1) T) / T^3, times T^2 and T^3.
 
     Args:
         start: (k, n) position x_0 and derivatives x_1 …, in rad or m and s.
@@ -33,11 +34,12 @@ def hermite(start: Array, end: Array, T: Array) -> Array:
         (N, 2k, n) in powers of tau.
     """
     k = len(start)
-    scale = T[:, None] ** np.arange(k)  # (N, k)
-    falling = np.array([[perm(j, i) for j in range(2 * k)] for i in range(k)], dtype=float)
-    low = scale[:, :, None] * start / np.array([factorial(i) for i in range(k)], dtype=float)[:, None]
-    rest = scale[:, :, None] * end - np.einsum("ij,Njn->Nin", falling[:, :k], low)
-    return np.concatenate([low, np.linalg.solve(falling[:, k:], rest)], axis=1)
+    powers = (T[:, None] ** np.arange(k) / [factorial(i) for i in range(k)])[:, :, None]  # (N, k, 1)
+    binomial = np.array([[comb(j, i) for j in range(2 * k)] for i in range(k)], dtype=float)
+    low = powers * start
+    rest = powers * end - np.einsum("ij,Njn->Nin", binomial[:, :k], low)
+    inverse = np.rint(np.linalg.inv(binomial[:, k:]))
+    return np.concatenate([low, np.einsum("ij,Njn->Nin", inverse, rest)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -153,7 +153,7 @@ class BangBang:
     """The least time under the bounds on acceleration and velocity: full acceleration, then full deceleration.
 
     Unless the velocity bound comes between, it switches at t_s = sqrt(1 / a), T = 2 t_s, with the peak velocity a t_s.
-    In a longer duration: the same curve, stretched.
+    In a longer duration: with the least acceleration under the velocity bound, 4 / T² unless that comes between.
     """
 
     def shortest(self, bounds: Bounds) -> float:
@@ -162,8 +162,9 @@ class BangBang:
 
     def pieces(self, duration: float, bounds: Bounds) -> Pieces:
         """See `Law`."""
-        least = self.shortest(bounds)
-        return Trapezoid(acceleration=bounds.acceleration).pieces(least, bounds).stretched(duration)
+        between = 1.0 < bounds.velocity * duration < 2.0
+        law = Trapezoid(velocity=bounds.velocity) if between else Trapezoid(acceleration=4.0 / duration**2)
+        return law.pieces(duration, bounds)
 
 
 @dataclass(frozen=True)

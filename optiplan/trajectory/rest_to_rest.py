@@ -121,7 +121,7 @@ class RestToRest:
         found = []
         for step in [d] if self.how == "synchronised" else each:
             bounds, law = _bounds(step, self.limits), self.law(float(np.abs(step).max()))
-            floor = SHORTEST if self.how == "synchronised" else SHORTEST / len(each)
+            floor = SHORTEST / (len(each) if self.how == "sequential" else 1)
             found.append(Part(step, law, bounds, 0.0, max(law.shortest(bounds), floor)))
         return found
 

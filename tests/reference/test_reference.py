@@ -12,8 +12,6 @@ from tests.reference.entries import HERE, REPORTS, entries
 
 PAGE = Path(HERE).parent.parent / "docs" / "reports.md"
 MOTIONS = {
-    "lecture": "cubic.coefficients example1 example2 quintic.v0_5 example4 example4.samples lspb.formula bangbang "
-    "profile_constants homework",
     "sclerp": "parameters J1 B_matrix limits_text pure_translation_u runs printed.b printed.c printed.d missing "
     "improved",
 }
