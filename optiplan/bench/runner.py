@@ -48,7 +48,9 @@ def open_results(suite: Suite, folder: Path) -> Store:
     if words:
         store.close()
         expected = "the same suite (or choose another folder with --out)"
-        raise InputError([Issue(str(folder), None, "suite", f"results of another suite: {w}", expected) for w in words])
+        raise InputError(
+            Issue(str(folder), None, "suite", f"results of another one: {text}", expected) for text in words
+        )
     store.fill(suite.problems, suite.planners)
     return store
 

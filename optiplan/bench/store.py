@@ -11,7 +11,7 @@ import os
 import sqlite3
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -48,6 +48,9 @@ CREATE TABLE runs (
     started_at TEXT NOT NULL, session INTEGER NOT NULL REFERENCES sessions (session),
     PRIMARY KEY (problem, planner, seed, repetition));
 """
+
+BATCH = 20_000
+"""Rows at a time."""
 
 JSON_COLUMNS = ("witness", "metrics", "timings", "info")
 INSERT = f"INSERT INTO runs ({', '.join(COLUMNS)}, session) VALUES ({', '.join('?' * (len(COLUMNS) + 1))})"
@@ -119,6 +122,9 @@ class Store:
 
     def close(self) -> None:
         """Close the database, and let other processes write."""
+        if self._lock is not None:
+            with suppress(sqlite3.Error):  # readers are there, or the disk is full: it stays as it is
+                self._db.execute("PRAGMA journal_mode = DELETE")  # one file, to be read from anywhere
         self._db.close()
         if self._lock is not None:
             os.close(self._lock)
@@ -139,6 +145,13 @@ class Store:
         """The rows of any SELECT; they can be asked by column name."""
         with self._told():
             return self._db.execute(sql, values).fetchall()
+
+    def batches(self, sql: str, values: tuple[Any, ...] = ()) -> Iterator[list[sqlite3.Row]]:
+        """The rows of any SELECT as of now, some at a time: memory does not grow with the results."""
+        with self._told():
+            cursor = self._db.execute(sql, values)
+            while rows := cursor.fetchmany(BATCH):
+                yield rows
 
     def done(self) -> set[Key]:
         """The runs that are there."""
@@ -226,6 +239,8 @@ class Store:
             text = f"{self.path}: {error}; what was stored before is whole"
             full = "full" in str(error) or "disk I/O" in str(error)
             raise StoreError(f"{text}: make room and give the same command again" if full else text) from error
+        except sqlite3.IntegrityError:  # a bug of ours: a run made twice
+            raise
         except sqlite3.DatabaseError as error:
             raise StoreError(f"{self.path}: no database of results: {error}") from error
 

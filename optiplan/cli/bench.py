@@ -84,6 +84,33 @@ def run(
     return 0 if done.complete else INTERRUPTED
 
 
+@app.command("export")
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="the folder of a suite's results")],
+    to: Annotated[Path | None, typer.Option(metavar="OUT", help="where the files go (default: DIR)")] = None,
+    kind: Annotated[str, typer.Option("--format", metavar="F", help="csv, parquet or all")] = "all",
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+) -> int:
+    """Write the results as tables: runs, problems, planners, sessions.
+
+    Also while the suite is running. Parquet needs the extra `results`.
+    """
+    from optiplan.bench import export as tables
+    from optiplan.bench.store import Store
+    from optiplan.errors import UnknownChoiceError
+
+    if kind not in (*tables.FORMATS, "all"):
+        raise UnknownChoiceError("format", kind, (*tables.FORMATS, "all"))
+    with Store(folder) as store:
+        wanted = tables.FORMATS if kind == "all" else (kind,)
+        written = [path for each in wanted for path in tables.export(store, to or folder, each)]
+    if as_json:
+        print_json({"written": [str(path) for path in written]})
+    else:
+        results().print("\n".join(map(str, written)), markup=False, soft_wrap=True)
+    return 0
+
+
 def _scratch(suite: Path, out: Path | None) -> Path:
     """Folder of files that problems need and no source holds, such as meshes out of scenes."""
     return (out or Path("runs", "bench", suite.stem)).resolve() / "files"

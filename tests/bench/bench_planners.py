@@ -1,0 +1,136 @@
+"""Planners for the tests of the runner, good and bad; named in suites as `bench_planners:Straight` and so on."""
+
+import ctypes
+import os
+import signal
+import sys
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.planners.base import Failure, PlanResult
+from optiplan.trajectory.timing import stop_at_corners
+
+
+@dataclass(frozen=True)
+class Options:
+    seconds: float = 0.0
+    only: str = ""
+
+
+class Straight:
+    """A straight line to the first goal, after some seconds; plans nothing for seeds of 7."""
+
+    Options = Options
+
+    def __init__(self, options):
+        self.options = options
+
+    def plan(self, problem, budget, progress):
+        if problem.name == self.options.only or not self.options.only:
+            self.misbehave()
+        time.sleep(0.0 if problem.name == "warm-up" else self.options.seconds)
+        if problem.seed == 7:
+            return PlanResult(None, Failure("no-path", "sevens are unlucky", {"q": problem.start.tolist()}), {})
+        path = np.array([problem.start, problem.goal[0].q])
+        motion = stop_at_corners(path, problem.limits, problem.robot.joint_names)
+        return PlanResult(motion, None, {"line": 0.0}, {"cut_short": False})
+
+    def misbehave(self):
+        """Nothing; others do."""
+
+
+class Hangs(Straight):
+    """Never answers."""
+
+    def misbehave(self):
+        while True:
+            time.sleep(1.0)
+
+
+class Eats(Straight):
+    """Takes ever more memory."""
+
+    def misbehave(self):
+        held = []
+        while True:
+            held.append(np.ones(2_000_000))
+            time.sleep(0.001)
+
+
+class Gulps(Straight):
+    """Asks for a terabyte at once."""
+
+    def misbehave(self):
+        np.ones(10**12 // 8)
+
+
+class Segfaults(Straight):
+    """Reads where there is nothing."""
+
+    def misbehave(self):
+        ctypes.string_at(0)
+
+
+class Prints(Straight):
+    """Prints from Python and from C, and to both streams."""
+
+    def misbehave(self):
+        print("from Python")
+        print("to stderr", file=sys.stderr)
+        ctypes.CDLL(None).puts(b"from C")
+
+
+class Floods(Straight):
+    """Prints some 20 MB."""
+
+    def misbehave(self):
+        for _ in range(200):
+            os.write(1, b"water " * 16_000)
+
+
+class Raises(Straight):
+    """Has a bug."""
+
+    def misbehave(self):
+        raise ZeroDivisionError("of all things")
+
+
+class Leaves(Straight):
+    """Ends the process."""
+
+    def misbehave(self):
+        os._exit(5)
+
+
+class Quits(Straight):
+    """Asks Python to end."""
+
+    def misbehave(self):
+        sys.exit(3)
+
+
+class KilledOnce(Straight):
+    """Is killed as if from outside, the first time."""
+
+    def misbehave(self):
+        path = os.environ["KILLED_ONCE"]
+        if not os.path.exists(path):
+            open(path, "w").close()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+class KilledAlways(Straight):
+    """Is killed as if from outside, every time."""
+
+    def misbehave(self):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+class ClosesItsStreams(Straight):
+    """Closes standard output and standard error."""
+
+    def misbehave(self):
+        os.close(1)
+        os.close(2)

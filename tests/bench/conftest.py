@@ -1,0 +1,58 @@
+"""Suites small enough to be run in a blink: a planar arm, planners of the tests' own."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from optiplan.bench.pool import LocalPool
+from optiplan.bench.runner import open_results, run_suite
+from optiplan.bench.suite import load_suite
+
+PROBLEM = """\
+version: 1
+name: {name}
+robot: planar2r
+start: {{joints: [0.5, 1.0]}}
+goal: {{joints: [-0.5, {end}]}}
+scene: {{obstacles: [{{name: far, shape: {{sphere: 0.1}}, pose: {{position: [-1, 0.18, 1]}}}}]}}
+"""
+
+
+@pytest.fixture
+def planners(monkeypatch):
+    """Makes `bench_planners` known here and in workers."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+
+
+@pytest.fixture
+def write_suite(tmp_path, planners):
+    """Writes a suite of so many problems; keys are put into the file as they are."""
+
+    def write(count=2, name="small", **keys):
+        folder = tmp_path / "problems"
+        folder.mkdir(exist_ok=True)
+        for index in range(count):
+            text = PROBLEM.format(name=f"p{index}", end=1.0 + 0.1 * index)
+            (folder / f"p{index}.yaml").write_text(text)
+        data = {"version": 1, "name": name, "problems": [{"glob": "problems/p*.yaml", "set": "plain"}]}
+        data |= {"planners": ["bench_planners:Straight"], "budget": 2, "limits": {"wall": 20, "memory": 2000}}
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(json.dumps(data | keys))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Runs a suite file into a folder: the summary and all rows by key."""
+
+    def run(path, folder=None, workers=1, watch=lambda outcome: None):
+        suite = load_suite(path, tmp_path / "files")
+        with open_results(suite, folder or tmp_path / "out") as store:
+            done = run_suite(suite, store, LocalPool(workers), f"{workers} local", watch)
+            rows = {tuple(row)[:4]: dict(row) for row in store.query("SELECT * FROM runs")}
+        return done, rows
+
+    return run

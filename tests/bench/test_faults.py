@@ -1,0 +1,80 @@
+"""Planners that misbehave in every way: each is recorded as what it did, and the suite completes."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from optiplan.bench.pool import LocalPool
+from optiplan.bench.runner import open_results, run_suite
+from optiplan.bench.suite import load_suite
+
+FAULTS = {
+    "Hangs": "timeout",
+    "Eats": "out-of-memory",
+    "Gulps": "out-of-memory",
+    "Segfaults": "crashed (signal 11)",
+    "Raises": "bug",
+    "Leaves": "crashed (exit 5)",
+    "Quits": "bug",
+    "KilledAlways": "crashed (signal 9)",
+    "KilledOnce": None,
+    "Prints": None,
+    "Floods": None,
+    "ClosesItsStreams": None,
+}
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory):
+    """One suite of all of them on two problems, the good planner last, made by two workers."""
+    folder = tmp_path_factory.mktemp("faults")
+    for name in "ab":
+        problem = {"version": 1, "robot": "planar2r", "start": {"joints": [0.5, 1.0]}, "goal": {"joints": [-0.5, 1.2]}}
+        (folder / f"{name}.yaml").write_text(json.dumps(problem))
+    planners = [{"name": f"bench_planners:{name}", "label": name, "only": "a"} for name in (*FAULTS, "Straight")]
+    suite = {"version": 1, "name": "faults", "problems": [{"glob": "?.yaml", "set": "s"}], "planners": planners}
+    suite |= {"budget": 1, "limits": {"wall": 1.5, "memory": 600}}
+    (folder / "suite.yaml").write_text(json.dumps(suite))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parent))
+        patch.setenv("KILLED_ONCE", str(folder / "killed"))
+        suite = load_suite(folder / "suite.yaml", folder / "files")
+        with open_results(suite, folder / "out") as store:
+            assert run_suite(suite, store, LocalPool(2), "2 local", lambda outcome: None).complete
+            return {(row["problem"], row["planner"]): dict(row) for row in store.query("SELECT * FROM runs")}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_each_is_recorded_as_what_it_did(rows, name):
+    row = rows["s/a", name]
+    assert row["failure_kind"] == FAULTS[name], row
+    assert bool(row["verified"]) == (FAULTS[name] is None)
+    assert row["failure_detail"] if FAULTS[name] else row["trajectory"]
+    assert row["worker"].startswith("local/")
+    assert row["started_at"].startswith("20")
+
+
+def test_the_good_planner_is_not_disturbed(rows):
+    assert all(rows[f"s/{problem}", "Straight"]["verified"] for problem in "ab")
+    hashes = {rows["s/a", name]["trajectory"] for name in FAULTS if FAULTS[name] is None}
+    assert hashes == {rows["s/a", "Straight"]["trajectory"]}
+
+
+def test_what_a_planner_prints_is_kept_with_its_run(rows):
+    assert rows["s/a", "Prints"]["output"].split("\n")[:3] == ["from Python", "to stderr", "from C"]
+    assert rows["s/a", "Floods"]["output"] == ("water " * 2000)[-8000:]
+    assert rows["s/a", "Straight"]["output"] == rows["s/b", "Prints"]["output"] == ""
+
+
+def test_limits_are_kept_to(rows):
+    assert 1.5 <= rows["s/a", "Hangs"]["wall_time"] < 3.5
+    assert "(phase: run)" in rows["s/a", "Hangs"]["failure_detail"]
+    assert 600 < rows["s/a", "Eats"]["memory"] < 1200
+    assert rows["s/a", "Gulps"]["memory"] < 600
+
+
+def test_a_bug_is_kept_with_its_traceback(rows):
+    row = rows["s/a", "Raises"]
+    assert row["failure_detail"] == "ZeroDivisionError: of all things"
+    assert "in misbehave" in json.loads(row["witness"])["traceback"]

@@ -1,0 +1,171 @@
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+
+import pytest
+
+from optiplan.bench.pool import LocalPool
+from optiplan.bench.runner import open_results, other_versions, run_suite
+from optiplan.bench.store import StoreError
+from optiplan.bench.suite import load_suite
+from optiplan.errors import InputError
+
+SLOW = {"name": "bench_planners:Straight", "label": "slow", "seconds": 0.05}
+
+
+def start(path, folder, workers=2):
+    """`optiplan bench` as a program of its own, in a process group of its own."""
+    code = "from optiplan.cli.main import main; main()"
+    command = [sys.executable, "-c", code, "bench", str(path), "--out", str(folder), "--workers", str(workers)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def stored(folder):
+    """Runs in the database so far, 0 when there is none yet."""
+    try:
+        with sqlite3.connect(f"file:{folder}/results.sqlite?mode=ro", uri=True) as db:
+            return db.execute("SELECT count(*) FROM runs").fetchone()[0]
+    except sqlite3.OperationalError:
+        return 0
+
+
+def wait_until(condition, patience=30.0):
+    end = time.monotonic() + patience
+    while not condition():
+        assert time.monotonic() < end, "never came"
+        time.sleep(0.01)
+
+
+def workers_of(process):
+    found = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True, check=False)
+    return [int(pid) for pid in found.stdout.split()]
+
+
+def verdicts(rows):
+    return {key: (row["verified"], row["failure_kind"], row["trajectory"]) for key, row in rows.items()}
+
+
+def test_every_run_is_made_once_whatever_the_number_of_workers(write_suite, run, tmp_path):
+    path = write_suite(seeds=[0, 7], repetitions=2)
+    done, rows = run(path)
+    assert (done.total, done.found, done.made) == (8, 0, 8)
+    assert verdicts(rows) == verdicts(run(path, tmp_path / "again", workers=3)[1])
+    assert all(bool(row["verified"]) == (row["seed"] == 0) for row in rows.values())
+    unlucky = rows["plain/p0", "bench_planners:Straight", 7, 1]
+    assert (unlucky["failure_kind"], unlucky["witness"]) == ("no-path", '{"q": [0.5, 1.0]}')
+    assert len({row["trajectory"] for row in rows.values() if row["verified"]}) == 2
+
+
+def test_the_same_again_makes_nothing_twice(write_suite, run):
+    path = write_suite(count=3)
+    seen = []
+
+    class Enough(Exception):
+        pass
+
+    def give_up(outcome):
+        seen.append(outcome.row.key)
+        if len(seen) == 2:
+            raise Enough
+
+    with pytest.raises(Enough):
+        run(path, watch=give_up)
+    done, rows = run(path, watch=lambda outcome: seen.append(outcome.row.key))
+    assert (done.found, done.made, done.complete) == (2, 1, True)
+    assert sorted(seen) == sorted(rows)
+    assert len({row["session"] for row in rows.values()}) == 2
+    assert run(path)[0].made == 0
+
+
+def test_another_suite_is_refused_and_what_differs_is_named(write_suite, run, tmp_path):
+    run(write_suite(count=1))
+    with pytest.raises(InputError) as caught:
+        run(write_suite(count=2, budget=3, planners=["bench_planners:Straight", SLOW]))
+    found = "\n".join(issue.found for issue in caught.value.issues)
+    assert "budget: 2.0 there, 3.0 here" in found
+    assert "planners: only here: slow" in found
+    assert "problems: only here: plain/p1" in found
+    (tmp_path / "problems" / "p1.yaml").unlink()
+    assert run(write_suite(count=1))[0].complete
+
+
+def test_other_versions_are_told(write_suite, run, tmp_path):
+    path = write_suite(count=1)
+    run(path)
+    with sqlite3.connect(tmp_path / "out" / "results.sqlite") as db:
+        db.execute("""UPDATE sessions SET versions = json_set(versions, '$.numpy', '0.1')""")
+    with open_results(load_suite(path, tmp_path), tmp_path / "out") as store:
+        assert [words.startswith("numpy: 0.1 before") for words in other_versions(store)] == [True]
+
+
+def test_a_problem_that_cannot_be_loaded_is_a_row(write_suite, run, tmp_path):
+    path = write_suite(count=1)
+    file = tmp_path / "problems" / "p0.yaml"
+    file.write_text(file.read_text().replace("[-1, 0.18, 1]", "[0.3, 0.18, 0.2]").replace("0.1}", "0.5}"))
+    (row,) = run(path)[1].values()
+    assert row["failure_kind"] == "bad-input"
+    assert "the start is in collision" in row["failure_detail"]
+
+
+def test_a_planner_that_hangs_while_warming_up_does_not_hold_up_the_suite(write_suite, run):
+    path = write_suite(count=1, planners=["bench_planners:Hangs", SLOW], limits={"wall": 1})
+    rows = run(path)[1]
+    hung = rows["plain/p0", "bench_planners:Hangs", 0, 0]
+    assert (hung["failure_kind"], "(phase: warm-up)" in hung["failure_detail"]) == ("timeout", True)
+    assert rows["plain/p0", "slow", 0, 0]["verified"]
+
+
+def test_ctrl_c_ends_cleanly_and_the_same_command_goes_on(write_suite, tmp_path, run):
+    path, folder = write_suite(count=3, planners=[SLOW], repetitions=10), tmp_path / "out"
+    process = start(path, folder)
+    wait_until(lambda: stored(folder) >= 3)
+    workers = workers_of(process)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=10)
+    assert process.returncode == 130
+    assert "the same command goes on" in err
+    assert not any(os.path.exists(f"/proc/{pid}") for pid in workers)
+    there = stored(folder)
+    done, rows = run(path, folder)
+    assert (done.found, done.total, len(rows)) == (there, 30, 30)
+
+
+def test_killed_at_any_moment_every_run_is_there_once(write_suite, tmp_path, run):
+    path, folder = write_suite(count=5, planners=[SLOW], repetitions=8), tmp_path / "out"
+    for least in (3, 12):
+        process = start(path, folder)
+        wait_until(lambda least=least: stored(folder) >= least)
+        workers = workers_of(process)
+        os.kill(workers[0], signal.SIGKILL)
+        time.sleep(0.1)
+        process.kill()
+        process.communicate(timeout=10)
+        wait_until(lambda workers=workers: not any(os.path.exists(f"/proc/{pid}") for pid in workers))
+    done, rows = run(path, folder, workers=2)
+    assert 12 <= done.found < 40
+    assert len(rows) == 40
+    assert all(row["verified"] for row in rows.values())
+
+
+def test_one_runner_a_folder(write_suite, tmp_path):
+    suite = load_suite(write_suite(), tmp_path)
+    with open_results(suite, tmp_path / "out"), pytest.raises(InputError, match="at this moment"):
+        open_results(suite, tmp_path / "out")
+
+
+def test_a_full_disk_is_told_and_loses_nothing(write_suite, tmp_path, run):
+    path = write_suite(count=4, repetitions=20)
+    suite = load_suite(path, tmp_path / "files")
+    with open_results(suite, tmp_path / "out") as store:
+        pages = store.query("PRAGMA page_count")[0][0]
+        store.query(f"PRAGMA max_page_count = {pages + 8}")
+        with pytest.raises(StoreError, match="full.*make room and give the same command again"):
+            run_suite(suite, store, LocalPool(1), "1 local", lambda outcome: None)
+        there = len(store.done())
+    assert 0 < there < 80
+    done, rows = run(path)
+    assert (done.found, len(rows)) == (there, 80)
