@@ -1,53 +1,136 @@
-"""A time law whose jerk is limited: a clamped cubic spline s(t), from the fastest law without such a limit."""
+"""A time law with limited jerk: a clamped cubic spline s(t), refined from the fastest law without such a limit.
+
+Its control points c are refined by sequential linear programming. At samples of t every limit is a function of s and
+its derivatives, |f(s, s', s'', s''')| <= bound; run tau times slower f shrinks by tau^p with p = 1 for speeds, 2 for
+accelerations and torques, 3 for jerks. One step minimises tau over changes of c, with f linear in c and
+tau^p >= 1 + p (tau - 1), inside a trust region. Whatever the linear f missed is repaired by slowing down,
+tau = max (f / bound)^(1/p): so every iterate holds at the samples, and the duration alone says how good a step was.
+"""
 
 import numpy as np
+import qpsolvers
+import scipy.sparse as sp
 
 from optiplan.arrays import Array
 from optiplan.model.robot import Limits
+from optiplan.trajectory.law_limits import Basis, Block, LawLimits
 from optiplan.trajectory.path_rows import Rows
 from optiplan.trajectory.trajectory import Trajectory
 
-_SPANS = 40  # of the spline, at least
-_FINEST = 2000  # the shortest span is the duration over this
+_PER_RAMP, _FEWEST, _MOST = 6, 60, 100  # spans of the spline: within a duration as long as the ramp; in all
+_DENSEST = 0.9  # in [0, 1): the spans at the ends are shorter than the mean by this share
+_RADIUS, _SMALLEST = 0.03, 1e-4  # of the trust region, first and last, as shares of the path's length
+_SHARES = (1.0, 0.5, 0.2, 0.08)  # of a step that are tried
+_STEPS = 10
+_ENOUGH = 1e-3  # gain of a whole step below which it is the last
+_ACTIVE = 0.5  # share of its bound from which on a value is part of the program
+_REGULARISATION = 1e-6  # makes the program strictly convex
+_LEAST_TAU = 0.8  # of one step: 1 + 3 (tau - 1) must stay positive
+_ACCURACY = 1e-6  # of the program's solution
 
 
 def smooth_law(path: Trajectory, limits: Limits, rows: Rows, fast: Trajectory) -> Trajectory:
-    """A cubic spline near the law `fast`: its control points are values of that law (Schoenberg's approximation).
+    """A law s(t) of continuous acceleration, at rest and without acceleration at both ends, never decreasing.
 
-    Never decreasing, because `fast` is; at rest, without acceleration, at both ends. Its jerk is limited by the length
-    of its spans, which are as short as the ramps of acceleration at the steps of `fast` need be.
+    It starts as Schoenberg's approximation of `fast`, whose values are its control points.
+
+    Holds at: three samples of every span of the spline and both sides of the path's breakpoints; joint velocity, tool
+    and torque limits are interpolated between the `rows`.
 
     Args:
         path: q over s.
-        limits: of the n joints.
-        rows: the grid of `fast`.
-        fast: piecewise quadratic, with a breakpoint at each s of the grid.
+        limits: of the n joints; their jerk is finite for one at least.
+        rows: the other limits, at the grid of `fast`.
+        fast: a law without regard to jerk, piecewise quadratic, with a breakpoint at each s of the grid.
     """
-    h = float((2.0 * limits.acceleration / limits.jerk).max())
-    t = np.linspace(0.0, fast.duration, int(np.clip(np.ceil(fast.duration / h), 40, 300)) + 1)
-    knots = np.concatenate([t[[0, 0, 0]], t, t[[-1, -1, -1]]])
-    greville = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0
-    control = fast(greville)[:, 0]
+    basis, limited = Basis(_breakpoints(path, limits, fast)), LawLimits(path, limits, rows)
+    control = fast((basis.knots[1:-3] + basis.knots[2:-2] + basis.knots[3:-1]) / 3.0)[:, 0]
     control[:3], control[-3:] = 0.0, path.duration
-    return Trajectory.from_bspline(("s",), knots, control[:, None], 3)
+    basis.slow_down(_slowness(limited(basis(control))))
+    radius = _RADIUS * path.duration
+    for _ in range(_STEPS):
+        step = _step(basis, control, limited(basis(control)), radius)
+        if step is None:
+            break
+        tau, share = _best_share(limited, basis, control, step)
+        if tau < 1.0:
+            control = control + share * step
+            basis.slow_down(tau)
+            radius = 2.0 * share * float(np.abs(step).max())
+        else:
+            radius *= 0.1
+        if (share == 1.0 and 1.0 - _ENOUGH < tau < 1.0) or radius < _SMALLEST * path.duration:
+            break
+    return Trajectory.from_bspline(("s",), basis.knots, control[:, None], 3)
 
 
-def _ramps(path: Trajectory, limits: Limits, rows: Rows, fast: Trajectory) -> Array:
-    """Time (k,) that the step of acceleration at each point of the grid takes at the jerk limits, s."""
-    u = 2.0 * fast.coefficients[:, 2, 0]
-    step = np.abs(np.diff(np.concatenate([[0.0], u, [0.0]])))
-    return np.asarray((np.abs(path(rows.s, 1)) / limits.jerk).max(axis=1) * step)
+def _breakpoints(path: Trajectory, limits: Limits, fast: Trajectory) -> Array:
+    """Of the spline, s: at the ends half as far apart as the acceleration takes to rise there at the jerk limits."""
+    T, ends = fast.duration, np.array([0.0, path.duration])
+    rise = np.abs(path(ends, 1)) * np.abs(2.0 * fast.coefficients[[0, -1], 2])
+    ramp = max(float((rise / limits.jerk).max()), 1e-9 * T)
+    spans = int(np.clip(_PER_RAMP * T / ramp, _FEWEST, _MOST))
+    dense = float(np.clip(1.0 - 0.5 * ramp * spans / T, 0.0, _DENSEST))
+    x = np.linspace(0.0, 1.0, spans + 1)
+    return np.asarray(T * (x - dense * np.sin(2.0 * np.pi * x) / (2.0 * np.pi)))
 
 
-def _knots(fast: Trajectory, ramps: Array) -> Array:
-    """Breakpoints in time: near a step of acceleration about half its ramp apart, ever farther away from it."""
-    t, T = fast.breakpoints, fast.duration
-    near = ramps > np.append(np.diff(t), T)  # a step: the acceleration changes faster than the jerk limit allows
-    near[[0, -1]] = True
-    x = np.linspace(0.0, T, 2 * _FINEST + 1)
-    span = np.full(len(x), T / _SPANS)
-    for at, ramp in zip(t[near], ramps[near], strict=True):
-        span = np.minimum(span, np.maximum(0.5 * ramp, 0.5 * np.abs(x - at)))
-    span = np.maximum(span, T / _FINEST)
-    count = np.concatenate([[0.0], np.cumsum(np.diff(x) / span[1:])])
-    return np.interp(np.linspace(0.0, count[-1], int(np.ceil(count[-1])) + 1), count, x)
+def _slowness(blocks: list[Block]) -> float:
+    return max(block.slowness() for block in blocks)
+
+
+def _best_share(limited: LawLimits, basis: Basis, control: Array, step: Array) -> tuple[float, float]:
+    """How slow the law must run after a share of the step, and that share: the first that the next does not beat."""
+    best = np.inf, 0.0
+    for share in _SHARES:
+        tau = _slowness(limited(basis(control + share * step)))
+        if tau >= best[0]:
+            break
+        best = tau, share
+    return best
+
+
+def _step(basis: Basis, control: Array, blocks: list[Block], radius: float) -> Array | None:
+    """The change of the control points (N,) that the linear program proposes; None when the solver gives up."""
+    count = len(control)
+    rows, by_tau, right = _program_rows(basis, blocks, count)
+    falling = sp.diags([1.0, -1.0], [0, 1], shape=(count - 1, count))
+    matrix = sp.bmat([[rows, sp.csr_matrix(by_tau[:, None])], [falling, None]], format="csc")
+    free = np.append(np.arange(3, count - 3), count)  # the others keep both ends at rest; the last column is tau - 1
+    low = np.append(np.full(count - 6, -radius), _LEAST_TAU - 1.0)
+    high = np.append(np.full(count - 6, radius), 0.0)
+    quadratic, linear = sp.diags(np.full(len(free), _REGULARISATION), format="csc"), np.zeros(len(free))
+    linear[-1] = 1.0
+    program = qpsolvers.Problem(
+        quadratic, linear, matrix[:, free], np.append(right, np.diff(control)), None, None, low, high
+    )
+    solution = qpsolvers.solve_problem(program, solver="piqp", eps_abs=_ACCURACY, eps_rel=_ACCURACY)
+    if not solution.found or solution.x is None:
+        return None
+    return np.concatenate([np.zeros(3), solution.x[:-1], np.zeros(3)])
+
+
+def _program_rows(basis: Basis, blocks: list[Block], count: int) -> tuple[sp.csr_matrix, Array, Array]:
+    """Rows a . dc + b (tau - 1) <= r of both signs of every limit: a (R, count), b (R,), r (R,).
+
+    Left out are values far from their bounds, but at each sample the one that grows most steeply stays: on a straight
+    stretch of the path all joints of a block are in proportion, and that one bounds the others.
+    """
+    columns, entries, by_tau, right = [], [], [], []
+    for block in blocks:
+        parts = zip(block.gradient, basis.values[:, block.sample], strict=True)
+        gradient = sum((g[:, :, None] * values[:, None, :] for g, values in parts), np.zeros(()))
+        steepest = (np.abs(block.gradient[block.power]) / block.bound).argmax(axis=1)
+        for sign in (1.0, -1.0):
+            share = sign * (block.value + block.offset) / block.bound
+            wanted = share > _ACTIVE
+            wanted[np.arange(len(share)), steepest] = True
+            k, j = np.nonzero(wanted)
+            columns.append(basis.first[block.sample[k], None] + np.arange(4))
+            entries.append(sign * gradient[k, j] / block.bound[j, None])
+            by_tau.append(-block.power * (1.0 - sign * block.offset[k, j] / block.bound[j]))
+            right.append(1.0 - share[k, j])
+    column, entry = np.concatenate(columns), np.concatenate(entries)
+    starts = 4 * np.arange(len(column) + 1)
+    matrix = sp.csr_matrix((entry.ravel(), column.ravel(), starts), shape=(len(column), count))
+    return matrix, np.concatenate(by_tau), np.concatenate(right)

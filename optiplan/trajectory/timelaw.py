@@ -69,11 +69,8 @@ def time_path(
     method = options.method or ("jerk" if np.isfinite(limits.jerk).any() else "toppra")
     kept = replace(limits, jerk=np.full_like(limits.jerk, np.inf)) if method == "toppra" else limits
     law = None if method == "uniform" else _law(path, robot, kept, options.tool)
-    plain = _held(compose(path, uniform_law(path, kept)), robot, kept, options.tool)
-    if law is None or plain is None:
-        return plain
-    best = _held(compose(path, law), robot, kept, options.tool)
-    return plain if best is None or best.duration > plain.duration else best
+    motion = compose(path, law if law is not None else uniform_law(path, kept))
+    return _held(motion, robot, kept, options.tool)
 
 
 def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:
