@@ -12,6 +12,7 @@ import optiplan
 from optiplan.errors import InputError, OptiPlanError
 from optiplan.metrics import Metrics, measure
 from optiplan.planners.base import Budget, Failure, Progress
+from optiplan.planners.legs import plan_through
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing import lower_bound
@@ -113,7 +114,7 @@ def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budg
     chosen = make_planner(planner, options)
     budget.start()
     began = time.perf_counter()
-    result = chosen.plan(problem, budget, progress)
+    result = plan_through(chosen, problem, budget, progress)
     timings = {"plan": time.perf_counter() - began}
     report = bound = metrics = None
     if result.trajectory is not None:

@@ -13,7 +13,8 @@ from optiplan.verify.report import Check, VerifyPolicy
 _ORDERS = ("position", "velocity", "acceleration", "jerk")
 _UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
 _MOST_SAMPLES = 200_000  # of torque, to bound memory; more than six minutes at 500 Hz
-_ROUNDING = 1e-9  # m or rad, on top of the tolerances of a goal
+ROUNDING = 1e-9
+"""On top of the tolerances of goals and vias, m or rad."""
 _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
 
 
@@ -45,17 +46,17 @@ def start(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Che
 
 def goal(problem: Problem, trajectory: Trajectory) -> Check:
     """The end lies in one of the goals, each within its own tolerance."""
-    found = [_miss(problem, one, trajectory.end) for one in problem.goal]
-    ratios = [max(error / (limit + _ROUNDING) for error, limit, _ in parts) for parts in found]
+    found = [miss(problem, one, trajectory.end) for one in problem.goal]
+    ratios = [max(error / (limit + ROUNDING) for error, limit, _ in parts) for parts in found]
     nearest = int(np.argmin(ratios))
-    error, limit, what = max(found[nearest], key=lambda part: part[0] / (part[1] + _ROUNDING))
+    error, limit, what = max(found[nearest], key=lambda part: part[0] / (part[1] + ROUNDING))
     unit = "m" if what.endswith("position") else "rad"
     detail = f"nearest is goal {nearest + 1} of {len(found)}" if len(found) > 1 else ""
     passed = bool(ratios[nearest] <= 1.0)
     return Check("goal", "exact", passed, error, limit, unit, trajectory.duration, what, detail)
 
 
-def _miss(problem: Problem, one: JointGoal | PoseGoal, q: Array) -> list[tuple[float, float, str]]:
+def miss(problem: Problem, one: JointGoal | PoseGoal, q: Array) -> list[tuple[float, float, str]]:
     """How far q misses a goal: (error, tolerance, what) of each part of it."""
     robot = problem.robot
     if isinstance(one, JointGoal):

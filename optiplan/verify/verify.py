@@ -8,6 +8,7 @@ from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import checks
 from optiplan.verify.certificate import Proof, certify
+from optiplan.verify.passing import vias
 from optiplan.verify.report import Check, Report, VerifyPolicy
 
 _DEFAULT = VerifyPolicy()
@@ -48,6 +49,7 @@ def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> l
     return [
         checks.start(problem, trajectory, policy),
         checks.goal(problem, trajectory),
+        *([vias(problem, trajectory)] if problem.vias else []),
         checks.rest(problem, trajectory, policy),
         checks.continuity(problem, trajectory, policy),
         checks.position(problem, trajectory, policy),

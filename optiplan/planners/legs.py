@@ -1,0 +1,61 @@
+"""Any planner from one point to another passes vias: leg by leg, at rest at each."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.trajectory import Trajectory
+
+
+def plan_through(planner: Planner, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+    """What the planner answers to the problem, or to the legs of it when there are vias.
+
+    A planner with a true attribute `passes_vias` gets the whole problem. Each leg of another ends where the planner
+    likes it best among the configurations that reach the via, the next begins there, and it may take its share of the
+    time that is left. A failure names its leg, counted from 1, in words and as `leg` of the witness.
+    """
+    if not problem.vias or getattr(planner, "passes_vias", False):
+        return planner.plan(problem, budget, progress)
+    ends = [*((via.at,) for via in problem.vias), problem.goal]
+    legs: list[Trajectory] = []
+    infos: list[dict[str, Any]] = []
+    seconds: Counter[str] = Counter()
+    for k, goal in enumerate(ends):
+        start = legs[-1].end if legs else problem.start
+        leg = replace(problem, start=start, goal=goal, vias=())
+        share = budget.share(1.0 / (len(ends) - k))
+        result = planner.plan(leg, share, _part_of(progress, k, len(ends)))
+        seconds.update(result.timings)
+        if result.trajectory is None:
+            return PlanResult(None, _of_leg(result.failure, k, len(ends)), seconds, dict(result.info))
+        legs.append(result.trajectory)
+        infos.append(dict(result.info))
+    cut_short = any(info.get("cut_short", False) for info in infos)
+    return PlanResult(joined(legs), None, seconds, {"legs": infos, "cut_short": cut_short})
+
+
+def joined(legs: Sequence[Trajectory]) -> Trajectory:
+    """One motion after another; each begins where the one before ends."""
+    size = max(leg.coefficients.shape[1] for leg in legs)
+    padded = [np.pad(leg.coefficients, ((0, 0), (0, size - leg.coefficients.shape[1]), (0, 0))) for leg in legs]
+    begins = np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])])
+    breakpoints = [leg.breakpoints[1:] + begin for leg, begin in zip(legs, begins, strict=False)]
+    return Trajectory(legs[0].joint_names, np.concatenate([[0.0], *breakpoints]), np.concatenate(padded))
+
+
+def _part_of(progress: Progress, k: int, count: int) -> Progress:
+    return lambda stage, fraction: progress(f"leg {k + 1}: {stage}", (k + fraction) / count)
+
+
+def _of_leg(failure: Failure | None, k: int, count: int) -> Failure | None:
+    if failure is None:
+        return None
+    origin = f"via {k}" if k else "the start"
+    target = f"via {k + 1}" if k + 1 < count else "the goal"
+    detail = f"leg {k + 1} of {count}, from {origin} to {target}: {failure.detail}"
+    return replace(failure, detail=detail, witness={**failure.witness, "leg": k + 1})

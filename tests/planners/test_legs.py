@@ -1,0 +1,93 @@
+"""Vias with planners that know nothing of them: leg by leg."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from optiplan.pipeline import run
+from optiplan.planners.base import Budget, Failure, PlanResult
+from optiplan.planners.legs import joined, plan_through
+from optiplan.planners.registry import make_planner
+from optiplan.problem.problem import JointGoal, PoseGoal, Via
+from optiplan.trajectory.trajectory import Trajectory
+from tests.planners import cases
+
+MIDDLE = 0.5 * (cases.READY + cases.LEFT) + 0.2
+POSE = PoseGoal("panda_hand_tcp", cases.tool_pose("panda", cases.READY + 0.15), 1e-6, 1e-6)
+
+
+def quiet(stage, fraction):
+    assert 0.0 <= fraction <= 1.0
+
+
+def through(*ends):
+    return replace(cases.free(), vias=tuple(Via(end) for end in ends))
+
+
+@pytest.mark.parametrize("name", ["quintic", "rrtconnect", "trajopt"])
+def test_every_planner_passes_vias_at_rest_and_is_verified(name):
+    problem = through(POSE, JointGoal(MIDDLE))
+    result = run(problem, name, {}, Budget(20.0), quiet)
+    assert result.verified, result.failure or result.report.failures
+    (check,) = [one for one in result.report.checks if one.name == "via"]
+    times = np.array(check.witness["times"])
+    assert result.trajectory(times)[1] == pytest.approx(MIDDLE, abs=1e-6)
+    assert np.abs(result.trajectory(times, 1)).max() < 1e-3
+    assert len(result.info["legs"]) == 3
+
+
+def test_a_failure_names_its_leg():
+    problem = through(JointGoal(MIDDLE), PoseGoal("panda_hand_tcp", cases.too_far().goal[0].X_WG))
+    result = plan_through(make_planner("quintic"), problem, Budget(5.0), quiet)
+    assert result.trajectory is None
+    assert result.failure.kind == "goal-unreachable"
+    assert result.failure.detail.startswith("leg 2 of 3, from via 1 to via 2: no configuration")
+    assert result.failure.witness["leg"] == 2
+    assert np.isfinite(result.failure.witness["q"]).all()
+
+
+class Clock:
+    """Notes what it was given and fails at leg `fails`."""
+
+    def __init__(self, fails=None):
+        self.asked, self.fails = [], fails
+
+    def plan(self, problem, budget, progress):
+        self.asked.append((problem, budget.seconds))
+        progress("stage", 0.5)
+        if len(self.asked) == self.fails:
+            return PlanResult(None, Failure("budget", "out of time"), {"work": 1.0})
+        c = np.stack([problem.start, problem.goal[0].q - problem.start])[None]
+        return PlanResult(Trajectory(problem.robot.joint_names, np.array([0.0, 1.0]), c), None, {"work": 1.0})
+
+
+def test_the_budget_is_shared_between_the_legs():
+    planner = Clock()
+    result = plan_through(planner, through(JointGoal(MIDDLE), JointGoal(cases.READY)), Budget(9.0), quiet)
+    assert [seconds for _, seconds in planner.asked] == pytest.approx([3.0, 4.5, 9.0], rel=0.05)
+    assert result.timings == {"work": 3.0}
+    assert result.trajectory(np.arange(4.0)) == pytest.approx(np.array([cases.READY, MIDDLE, cases.READY, cases.LEFT]))
+    assert all(not problem.vias for problem, _ in planner.asked)
+
+
+def test_a_planner_that_passes_vias_by_itself_gets_the_whole_problem():
+    planner = Clock()
+    planner.passes_vias = True
+    plan_through(planner, through(JointGoal(MIDDLE)), Budget(9.0), quiet)
+    assert [len(problem.vias) for problem, _ in planner.asked] == [1]
+
+
+def test_the_last_leg_ends_at_the_goal():
+    failure = plan_through(Clock(fails=2), through(JointGoal(MIDDLE)), Budget(9.0), quiet).failure
+    assert failure.detail == "leg 2 of 2, from via 1 to the goal: out of time"
+
+
+def test_motions_of_different_degrees_are_joined_without_loss():
+    a = Trajectory(("x",), np.array([0.0, 1.0]), np.array([[[0.0], [1.0]]]))
+    b = Trajectory(("x",), np.array([0.0, 0.5, 2.0]), np.array([[[1.0], [0.0], [4.0], [0.0]], [[2.0], [1], [0], [0]]]))
+    both = joined([a, b])
+    assert both.breakpoints.tolist() == [0.0, 1.0, 1.5, 3.0]
+    t = np.linspace(0.0, 2.0, 21)
+    assert both(1.0 + t)[1:] == pytest.approx(b(t)[1:], abs=1e-14)
+    assert np.array_equal(both(t[:10]), a(t[:10]))
