@@ -102,6 +102,13 @@ PLANNERS: dict[str, PlannerEntry] = {
             "sampling",
         ),
         PlannerEntry(
+            "sclerp",
+            "the tool moves along a screw: dual quaternions, every step a quadratic program within limits",
+            "optiplan.planners.sclerp.planner:Sclerp",
+            "optiplan.planners.sclerp.options:SclerpOptions",
+            "Cartesian",
+        ),
+        PlannerEntry(
             "scurve",
             "fastest straight line in joint space with limited jerk (Ruckig)",
             "optiplan.planners.scurve:SCurvePlanner",

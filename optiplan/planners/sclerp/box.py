@@ -1,0 +1,57 @@
+"""Bounded least squares, small and dense: the quadratic program of one step."""
+
+import numpy as np
+
+from optiplan.arrays import Array
+
+_ROUNDING = 1e-12  # of the gradient
+
+
+def bounded_least_squares(A: Array, b: Array, bounds: tuple[Array, Array], towards: Array, weight: float) -> Array:
+    """The x that minimises |A x - b|² + weight |x - towards|² subject to low <= x <= high.
+
+    A primal active-set method. From a point within the bounds it goes to the optimum over the components that are not
+    held, or as far as the first bound on the way, where that component is held from then on; at such an optimum the
+    component that gains most by leaving its bound is let go. The cost never rises and no set of held components
+    returns with it, so this ends; the program is strictly convex, so where it ends is the one solution.
+
+    Args:
+        A: (m, n).
+        b: (m,).
+        bounds: low (n,) and high (n,), low <= high.
+        towards: (n,).
+        weight: > 0.
+    """
+    low, high = bounds
+    H, g = A.T @ A + weight * np.eye(A.shape[1]), A.T @ b + weight * towards
+    x = np.clip(0.0, low, high)
+    held = np.zeros(len(x), dtype=bool)
+    for _ in range(100 * len(x)):
+        free = ~held
+        step = np.zeros(len(x))
+        if free.any():
+            step[free] = np.linalg.solve(H[np.ix_(free, free)], (g - H @ x)[free])
+        room = _room(x, step, low, high)
+        k = int(np.argmin(room))
+        if room[k] < 1.0:
+            x = x + room[k] * step
+            x[k] = high[k] if step[k] > 0.0 else low[k]
+            held[k] = True
+            continue
+        x = np.asarray(x + step)
+        descent = g - H @ x  # of a held component: points back inside if it gains by leaving its bound
+        gain = np.where(held & (low < high), np.where(x <= low, descent, -descent), 0.0)
+        k = int(np.argmax(gain))
+        if gain[k] <= _ROUNDING:
+            break
+        held[k] = False
+    return np.asarray(x)
+
+
+def _room(x: Array, step: Array, low: Array, high: Array) -> Array:
+    """Share of the step that each component may take before its bound, (n,); infinite where it does not move."""
+    bound = np.where(step > 0.0, high, low)
+    moving = step != 0.0
+    room = np.full(len(x), np.inf)
+    room[moving] = np.maximum((bound - x)[moving] / step[moving], 0.0)
+    return room

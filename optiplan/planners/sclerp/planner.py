@@ -1,0 +1,74 @@
+"""`sclerp`: goal by goal, the joint path of the chosen scheme, looked at for obstacles, then timed."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.model.collision import CollisionModel
+from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.failures import out_of_time, too_heavy
+from optiplan.planners.goals import ranked_goals
+from optiplan.planners.sclerp.attempt import Task, attempt
+from optiplan.planners.sclerp.options import SclerpOptions
+from optiplan.planners.sclerp.tool import Tool
+from optiplan.planners.stopwatch import Stopwatch
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory.timelaw import time_path
+from optiplan.trajectory.trajectory import Trajectory
+
+_SAMPLES = 200  # of a path, where gravity is looked for
+
+
+class Sclerp:
+    """The tool moves along the screw that leads from the start's pose to the goal's, as well as the scheme can."""
+
+    def __init__(self, options: SclerpOptions | None = None) -> None:
+        self.options = options or SclerpOptions()
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan within the budget; see `planners.base.Planner`."""
+        watch, model = Stopwatch(), CollisionModel(problem.robot, problem.scene)
+        with watch.stage("goals"):
+            goals = ranked_goals(problem, model, budget, self.options.goals)
+        if isinstance(goals, Failure) and goals.kind != "goal-unreachable":
+            return PlanResult(None, goals, watch.seconds)
+        failures: list[Failure] = []
+        for k, task in enumerate(self._tasks(problem, [] if isinstance(goals, Failure) else goals)):
+            progress("screws", k / (k + 1.0))
+            with watch.stage("screws"):
+                path = attempt(model, task, self.options, budget)
+            if budget.over:
+                return PlanResult(None, out_of_time(budget, "following a screw"), watch.seconds)
+            if isinstance(path, Failure):
+                failures.append(path)
+                continue
+            with watch.stage("timing"):
+                trajectory = time_path(path, problem.robot, problem.limits)
+            if trajectory is not None:
+                return PlanResult(trajectory, None, watch.seconds, task.info)
+            failures.append(_heavy(problem, path))
+        return PlanResult(None, _reason(goals, failures), watch.seconds)
+
+    def _tasks(self, problem: Problem, ends: list[Array]) -> Iterator[Task]:
+        """Every alternative of the goal; led to each goal configuration, if the options say so."""
+        led = self.options.scheme == "qp" and self.options.redundancy == "goal" and ends
+        for goal in problem.goal:
+            tool = Tool(problem.robot, goal.frame if isinstance(goal, PoseGoal) else problem.robot.tool_frame)
+            if isinstance(goal, JointGoal):
+                yield Task(tool, problem.start, tool.pose(goal.q), goal.q, True, {})
+            else:
+                for q in ends if led else (None,):
+                    yield Task(tool, problem.start, goal.X_WG, q, False, {})
+
+
+def _heavy(problem: Problem, path: Trajectory) -> Failure:
+    return too_heavy(problem.robot, problem.limits, path(np.linspace(0.0, path.duration, _SAMPLES)))
+
+
+def _reason(goals: list[Array] | Failure, failures: list[Failure]) -> Failure:
+    """The failure that came farthest along its screw; what is known of the goal comes first."""
+    farthest = max(failures, key=lambda failure: float(failure.witness.get("fraction", 1.0)))
+    if not isinstance(goals, Failure):
+        return farthest
+    return Failure(goals.kind, f"{goals.detail}; {farthest.detail}", {**goals.witness, **farthest.witness})

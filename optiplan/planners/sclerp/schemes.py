@@ -1,0 +1,158 @@
+"""The report's resolved-rate scheme for screw motion, as printed and with its errors mended.
+
+At every step the pose C is looked up that lies the share τ along the screw from the tool's pose A to the goal; the
+change of position and quaternion from A to C becomes a twist, the twist joint rates, and β of these are taken.
+
+Source: a course report on screw linear interpolation for Baxter; what is wrong in it: docs/reports.md.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.geometry import DualQuaternion, screw_between
+from optiplan.planners.sclerp.box import bounded_least_squares
+from optiplan.planners.sclerp.options import SclerpOptions
+from optiplan.planners.sclerp.tool import Tool
+
+REFLECTION = 1.1
+_LEAST_MOTION = 1e-10  # weight of |dq|² beside the squared error of the twist, so that one dq is the best
+
+
+@dataclass(frozen=True, eq=False)
+class Chase:
+    """What a scheme did.
+
+    Attributes:
+        Q: (k + 1, n), configurations from the start on, rad or m.
+        error: largest difference of an element of the tool's pose matrix from the goal's, m or 1.
+        converged: whether that is within the tolerance.
+        hits: (k, n) of bool: which joints each step carried to their limits or past them.
+    """
+
+    Q: Array
+    error: float
+    converged: bool
+    hits: np.ndarray[tuple[int, int], np.dtype[np.bool_]]
+
+    @property
+    def iterations(self) -> int:
+        """Steps taken."""
+        return len(self.Q) - 1
+
+
+def chase(
+    tool: Tool, start: Array, X_WG: pin.SE3, options: SclerpOptions, stop: Callable[[], bool] = lambda: False
+) -> Chase:
+    """Step from start (n,) until the tool is at the goal, the iterations are used up or `stop` says so.
+
+    Raises:
+        LinAlgError: J_s J_sᵀ has no inverse: the arm is singular, or has fewer than six joints.
+    """
+    goal, limits = X_WG.homogeneous, tool.robot.limits
+    q, Q = np.array(start, float), [np.array(start, float)]
+    hits: list[Array] = []
+    while True:
+        X_WT, J = tool.at(q)
+        error = float(np.abs(goal - X_WT.homogeneous).max())
+        if error <= options.tolerance or len(hits) == options.iterations or stop():
+            break
+        q = q + _joint_step(tool, q, J, options.beta * aim(X_WT, X_WG, options), options)
+        hits.append(np.asarray((q >= limits.upper) | (q <= limits.lower)))
+        if options.joint_limits == "reflect":
+            q = reflected(q, limits.lower, limits.upper)
+        elif options.joint_limits == "clip":
+            q = np.clip(q, limits.lower, limits.upper)
+        Q.append(q)
+    return Chase(np.array(Q), error, error <= options.tolerance, np.array(hits, dtype=bool).reshape(-1, len(q)))
+
+
+def aim(X_WT: pin.SE3, X_WG: pin.SE3, options: SclerpOptions) -> Array:
+    """Spatial twist (6,), m and rad, that should carry the tool the share τ along the screw to the goal.
+
+    (v, w) = [[I, 2 p̂ J1], [0, 2 J1]] (Δp, ΔQ), with p the tool's position, Q its quaternion and Δ their changes.
+    """
+    A = DualQuaternion.from_pose(X_WT)
+    literal = options.scheme == "literal"
+    X_WC = report_screw(X_WT, X_WG, options.tau) if literal else screw_between(X_WT, X_WG, options.tau)
+    C = DualQuaternion.from_pose(X_WC)
+    change = C.real - A.real if A.real @ C.real >= 0.0 else -C.real - A.real
+    J1 = report_J1(A.real) if literal else spatial_J1(A.real)
+    rates = np.concatenate([X_WC.translation - X_WT.translation, change])
+    return np.asarray(rates_to_twist(X_WT.translation, J1) @ rates)
+
+
+def rates_to_twist(p: Array, J1: Array) -> Array:
+    """[[I, 2 p̂ J1], [0, 2 J1]] (6, 7); p̂ J1 is p x J1, column by column."""
+    return np.block([[np.eye(3), 2.0 * np.cross(p, J1, axisb=0, axisc=0)], [np.zeros((3, 3)), 2.0 * J1]])
+
+
+def b_matrix(J: Array, p: Array, J1: Array) -> Array:
+    """B(θ) = J_sᵀ (J_s J_sᵀ)⁻¹ [[I, 2 p̂ J1], [0, 2 J1]], (n, 7): joint rates from those of position and quaternion.
+
+    Raises:
+        LinAlgError: there is no inverse.
+    """
+    return np.asarray(J.T @ np.linalg.solve(J @ J.T, rates_to_twist(p, J1)))
+
+
+def spatial_J1(Q: Array) -> Array:
+    """J1 (3, 4) with the angular velocity in world axes w = 2 J1 Q̇, for a unit quaternion Q (4,), scalar first."""
+    q0, q1, q2, q3 = Q
+    return np.array([[-q1, q0, -q3, q2], [-q2, q3, q0, -q1], [-q3, -q2, q1, q0]])
+
+
+def report_J1(Q: Array) -> Array:
+    """J1 as the report prints it: 2 J1 Q̇ is the angular velocity in *body* axes, right only where Q turns about w."""
+    q0, q1, q2, q3 = Q
+    return np.array([[-q1, q0, q3, -q2], [-q2, -q3, q0, q1], [-q3, q2, -q1, q0]])
+
+
+def report_screw(X_WA: pin.SE3, X_WB: pin.SE3, tau: float) -> pin.SE3:
+    """Power of a dual quaternion as the report has it: right but for pure translations.
+
+    With t and (θ, u) translation and rotation of X_AB: d = t · u, m = ½ (t x u + (t - d u) cot(θ/2)), and
+    X_AB^τ = (cos τθ/2, sin(τθ/2) u) + ε (-τd/2 sin τθ/2, τd/2 cos(τθ/2) u + sin(τθ/2) m). For θ = 0, tested exactly,
+    u is the direction of p_B - p_A in *world* axes, although t is in those of A, and m = ½ t x u.
+    """
+    A = DualQuaternion.from_pose(X_WA)
+    D = (A.conjugate * DualQuaternion.from_pose(X_WB)).shorter()
+    t, sine = D.pose().translation, math.hypot(*D.real[1:])
+    half = math.atan2(sine, D.real[0])
+    if half == 0.0:
+        way = X_WB.translation - X_WA.translation
+        u = way / max(float(np.linalg.norm(way)), 1e-300)
+        d, m = float(t @ u), 0.5 * np.cross(t, u)
+    else:
+        u = D.real[1:] / sine
+        d = float(t @ u)
+        m = 0.5 * (np.cross(t, u) + (t - d * u) / math.tan(half))
+    c, s, e = math.cos(tau * half), math.sin(tau * half), 0.5 * tau * d
+    return (A * DualQuaternion(np.array([c, *(s * u)]), np.array([-e * s, *(e * c * u + s * m)]))).pose()
+
+
+def reflected(q: Array, low: Array, high: Array) -> Array:
+    """Past a limit by x: back by 1.1 x, hence inside by 0.1 x (the report says "within 10 % of the limit")."""
+    q = np.where(q >= high, q - REFLECTION * (q - high), q)
+    return np.where(q <= low, q + REFLECTION * (low - q), q)
+
+
+def step_bounds(tool: Tool, q: Array, options: SclerpOptions) -> tuple[Array, Array]:
+    """Least and largest change (n,) of the joints in one step from q (n,), by position and velocity limits."""
+    limits = tool.robot.limits
+    longest = options.step * limits.velocity / limits.velocity.max()
+    return np.maximum(limits.lower - q, -longest), np.minimum(limits.upper - q, longest)
+
+
+def _joint_step(tool: Tool, q: Array, J: Array, twist: Array, options: SclerpOptions) -> Array:
+    """Change of the joints (n,) for a twist: Jᵀ (J Jᵀ + λ² I)⁻¹ twist, or the best within limits."""
+    damping = options.damping**2 if options.scheme == "damped" else 0.0
+    if options.joint_limits == "qp":
+        low, high = step_bounds(tool, q, options)
+        bounds = np.minimum(low, 0.0), np.maximum(high, 0.0)
+        return bounded_least_squares(J, twist, bounds, np.zeros(len(q)), max(damping, _LEAST_MOTION))
+    return np.asarray(J.T @ np.linalg.solve(J @ J.T + damping * np.eye(6), twist))
