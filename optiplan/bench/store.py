@@ -258,6 +258,7 @@ def _connected(path: Path, write: bool) -> sqlite3.Connection:
     if write:
         db.execute("PRAGMA journal_mode = WAL")
         db.execute("PRAGMA synchronous = NORMAL")
+        db.execute("PRAGMA wal_autocheckpoint = 200")  # pages of 4 KiB: the log takes little room beside the data
         db.execute("PRAGMA foreign_keys = ON")
     return db
 

@@ -163,9 +163,42 @@ def test_a_full_disk_is_told_and_loses_nothing(write_suite, tmp_path, run):
     with open_results(suite, tmp_path / "out") as store:
         pages = store.query("PRAGMA page_count")[0][0]
         store.query(f"PRAGMA max_page_count = {pages + 8}")
-        with pytest.raises(StoreError, match="full.*make room and give the same command again"):
+        with pytest.raises(StoreError, match=r"full.*make room and give the same command again"):
             run_suite(suite, store, LocalPool(1), "1 local", lambda outcome: None)
         there = len(store.done())
     assert 0 < there < 80
     done, rows = run(path)
     assert (done.found, len(rows)) == (there, 80)
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 2 MB in memory, where we may mount one."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=2m", "none", str(folder)]
+    if subprocess.run(command, capture_output=True, check=False).returncode != 0:
+        pytest.skip("no right to mount a tmpfs")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_full_tmpfs(write_suite, small_disk):
+    path, folder = write_suite(count=4, repetitions=20), small_disk / "out"
+    filler = small_disk / "filler"
+    filler.write_bytes(b"0" * 1_800_000)
+    process = start(path, folder)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 2, err
+    assert "make room and give the same command again" in err
+    assert "Traceback" not in err
+    there = stored(folder)
+    assert 0 < there < 80
+    filler.unlink()
+    process = start(path, folder)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert "80 of 80 runs" in out
+    with sqlite3.connect(folder / "results.sqlite") as db:
+        assert db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        assert db.execute("SELECT count(*), sum(verified) FROM runs").fetchone() == (80, 80)
