@@ -25,6 +25,7 @@ from optiplan.trajectory.trajectory import Trajectory
 _SLACK = 1e-9  # rad or m: rounding that does not count as beyond a limit
 _NEAR = 0.05  # as a sine: a singularity nearer than this has a part in a path that ends
 _BEYOND = 1e-3  # of s: where to look whether the pose can be reached at all
+_SINGULAR = 1e-3  # smallest singular value, 1 or m: above it, a path does not end for it
 _SEEDS = 60
 _SAME = 1e-6  # rad or m
 
@@ -122,6 +123,9 @@ def _stuck(tracker: Tracker, s: float, q: Array) -> Ending:
     smallest = float(measures(J[None]).smallest[0])
     missing = twist - J @ (np.linalg.pinv(J, rcond=_NEAR) @ twist)
     more: dict[str, Any] = {"measure": smallest}
+    branch = _other_branch(tracker, q)
+    if branch is not None and tracker.redundant and 1.0 - s < _BEYOND and smallest > _SINGULAR:
+        return branch
     if len(q) < len(J) and smallest > _NEAR and np.linalg.norm(missing) > _SAME * np.linalg.norm(twist):
         words = f"{len(q)} joints cannot move the tool in the way that the path asks for"
         return Ending(s, q, "unsupported", "reach", words, more)
