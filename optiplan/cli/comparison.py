@@ -21,7 +21,7 @@ from optiplan.store import save_run
 from optiplan.verify.report import jsonable
 
 ALL = "all"
-WIDTH = 150
+WIDTH = 170
 """Characters of the table at least: where it is read by no terminal, and in a narrow one, which folds it."""
 
 

@@ -58,4 +58,6 @@ def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:
 
 
 def _label(run: StoredRun, several: bool) -> str:
-    return f"{run.record.get('planner', 'run')} ({run.place.name})" if several else ""
+    """The planner, and the folder where that says something else."""
+    planner = run.record.get("planner", "run")
+    return f"{planner} ({run.place.name})" if several and run.place.name != planner else str(planner)

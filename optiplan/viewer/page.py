@@ -30,6 +30,7 @@ def render_page(scene: SceneData) -> str:
         licences=f"meshcat: {licence}\n{licences}".replace("--", "- -"),
         meshcat=_inline((bundle / "main.min.js").read_text("utf-8")),
         shapes=(own / "shapes.js").read_text("utf-8"),
+        paths=(own / "paths.js").read_text("utf-8"),
         ellipsoids=(own / "ellipsoids.js").read_text("utf-8"),
         scene=(own / "scene.js").read_text("utf-8"),
         player=(own / "player.js").read_text("utf-8"),

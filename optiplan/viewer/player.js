@@ -78,24 +78,52 @@
 
   function setSpeed(speed) { state.speed = speed; byId("speed").value = String(speed); }
 
-  function addRunCard(run, k) {
-    const card = make("div", "run"), label = make("label"), box = make("input");
+  // Of many runs only the best one's robot is drawn at first, and all paths; what failed waits to be looked at.
+  const several = data.runs.length > 1, crowd = data.runs.length > 3, first = Math.max(0, data.runs.findIndex((run) => run.path));
+
+  function checkbox(checked, title) {
+    const box = make("input");
     box.type = "checkbox";
-    box.checked = true;
-    box.addEventListener("change", () => {
-      scene.runs[k].figure.visible = box.checked;
-      if (scene.runs[k].path) scene.runs[k].path.visible = box.checked;
-      if (scene.runs[k].ellipsoids) scene.runs[k].ellipsoids.group.visible = box.checked;
+    box.checked = checked;
+    box.title = title;
+    return box;
+  }
+
+  function addRunCard(run, k) {
+    const card = make("div", "run"), label = make("label"), shown = scene.runs[k];
+    const moves = Boolean(run.path), box = checkbox(moves || !crowd, "Show this run"), robot = checkbox(!crowd || k === first, "Show its robot");
+    const update = () => {
+      const bodies = box.checked && robot.checked;
+      shown.figure.bodies.slice(1).forEach((body) => { body.visible = bodies; }); // what is bolted down stays
+      if (shown.path) shown.path.visible = box.checked;
+      if (shown.ellipsoids) shown.ellipsoids.group.visible = bodies;
+      shown.witness.visible = box.checked;
       scene.viewer.set_dirty();
-    });
+    };
+    box.addEventListener("change", update);
+    robot.addEventListener("change", update);
     const swatch = make("span", "swatch");
-    swatch.style.background = scene.runs[k].colour;
+    swatch.style.background = moves || !crowd ? shown.colour : "none";
     const kind = { verified: "good", "not checked": "open" }[run.badge] || "bad";
-    label.append(box, swatch, make("span", "name", run.label), make("span", "badge " + kind, run.badge));
+    label.append(box, swatch, make("span", "name", run.label));
+    if (several && moves) label.append(make("span", "time", run.duration.toFixed(2) + " s"));
+    label.append(make("span", "badge " + kind, run.badge));
     const facts = make("dl");
     for (const [name, value] of run.facts) facts.append(make("dt", "", name), make("dd", "", value));
-    card.append(label, facts, ...run.problems.map((text) => make("p", "problem", text)));
+    const told = [facts, ...run.problems.map((text) => make("p", "problem", text))];
+    card.append(label);
+    if (several) {
+      const choice = make("label", "robot");
+      choice.append(robot, "robot");
+      card.append(choice);
+    }
+    if (crowd) {
+      const more = make("details", "more");
+      more.append(make("summary", "", moves ? "results" : "why"), ...told);
+      card.append(more);
+    } else card.append(...told);
     byId("runs").append(card);
+    update();
   }
 
   function switchSets(view) {
@@ -138,7 +166,7 @@
     addLayer("ellipsoids", "Ellipsoids", wish.has("ellipsoids"), layer("ellipsoids"));
     byId("layer-ellipsoids").parentElement.title = "Of the tool: how fast it moves (green) and how hard it pushes (red) for the same effort of all joints, in each direction";
   }
-  if (scene.layers.witness.children.length) addLayer("witness", "Where it failed", true, layer("witness"));
+  if (data.runs.some((run) => run.witnesses.length)) addLayer("witness", "Where it failed", true, layer("witness"));
   data.runs.forEach(addRunCard);
   if (innerWidth < 620 || innerHeight < 420) byId("card").open = false;
 

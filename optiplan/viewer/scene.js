@@ -2,7 +2,7 @@
 // Builds the three.js objects of a page's data inside a meshcat viewer. World frame: metres, z up.
 const OptiPlanScene = (() => {
   const THREE = MeshCat.THREE, { floats, makeGeometry, rgb, named, place, palette } = OptiPlanShapes;
-  const RUN_COLOURS = ["#1769aa", "#d1701f", "#7b3fa0", "#2a8c5a", "#b8336a", "#6b7a0f"];
+  const { runColour, addPaths } = OptiPlanPaths;
   const START = "#2f9e5b", GOAL = "#2374c6", RED = "#d3261f";
 
   class Scene {
@@ -19,10 +19,12 @@ const OptiPlanScene = (() => {
       this.geometries = data.geometries.map(makeGeometry);
       this.material = palette();
       this.addObstacles();
+      this.coloured = 0;
       this.runs = data.runs.map((run, k) => this.addRun(run, k));
       if (!this.runs.length) this.runs.push(this.addRun({ duration: 0, witnesses: [] }, 0));
-      this.addGhost("start", data.start, START);
-      if (data.goal) this.addGhost("goal", data.goal, GOAL);
+      addPaths(this.runs, this.layers.path);
+      this.addGhost(this.layers.start, data.start, START);
+      if (data.goal) this.addGhost(this.layers.goal, data.goal, GOAL);
       for (const pose of data.targets) this.addTarget(pose);
       this.addStage();
       this.addEllipsoids();
@@ -88,20 +90,18 @@ const OptiPlanScene = (() => {
     }
 
     addRun(run, k) {
-      const colour = RUN_COLOURS[k % RUN_COLOURS.length], tint = k === 0 ? 0 : 0.55;
+      const colour = runColour(this.coloured), tint = this.coloured === 0 ? 0 : 0.55;
+      if (run.path) this.coloured++; // what did not move needs no colour of its own
       const mixed = new THREE.Color(colour).toArray(), behind = { polygonOffset: true, polygonOffsetFactor: 0.5 * k, polygonOffsetUnits: k };
       const material = (part) => this.surface(part.colour.map((c, i) => (i < 3 ? c + tint * (mixed[i] - c) : c)), k ? behind : {});
       const figure = this.figure(material, ["visual", "collision", "attached"]);
       figure.bodies[0].visible = k === 0; // what is bolted down is the same in every figure
       const poses = run.poses ? floats(run.poses) : floats(this.data.start);
-      const shown = { figure, poses, samples: run.samples || 1, duration: run.duration || 0, colour, path: null };
+      const shown = { figure, poses, samples: run.samples || 1, duration: run.duration || 0, colour, path: null, witness: new THREE.Group() };
+      this.layers.witness.add(shown.witness);
       this.pose(figure, poses);
-      if (run.path) {
-        shown.tool = floats(run.path);
-        shown.path = this.tube(shown.tool, colour);
-        this.layers.path.add(shown.path);
-      }
-      for (const witness of run.witnesses) this.addWitness(witness);
+      if (run.path) shown.tool = floats(run.path);
+      for (const witness of run.witnesses) this.addWitness(witness, shown.witness);
       return shown;
     }
 
@@ -113,21 +113,6 @@ const OptiPlanScene = (() => {
         run.ellipsoids = new OptiPlanEllipsoids.Ellipsoids(floats(packed), run.tool, size);
         this.layers.ellipsoids.add(run.ellipsoids.group);
       });
-    }
-
-    tube(points, colour) {
-      const line = [], last = new THREE.Vector3(Infinity, 0, 0);
-      for (let i = 0; i < points.length; i += 3) {
-        const p = new THREE.Vector3().fromArray(points, i);
-        if (p.distanceTo(last) > 2e-3) { line.push(p); last.copy(p); }
-      }
-      if (line.length < 2) return new THREE.Group();
-      const curve = new THREE.CatmullRomCurve3(line);
-      const geometry = new THREE.TubeGeometry(curve, Math.min(600, 3 * line.length), 0.004, 8);
-      const path = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ color: named(colour) }));
-      const hidden = { color: named(colour), depthTest: false, transparent: true, opacity: 0.22 };
-      path.add(new THREE.Mesh(geometry, new THREE.MeshBasicMaterial(hidden))); // faintly through what stands before it
-      return path;
     }
 
     // Depth first, colour second: a ghost shows its outer skin only, not the parts inside.
@@ -148,7 +133,7 @@ const OptiPlanScene = (() => {
       ghost.bodies[0].visible = false;
       for (const body of ghost.bodies) body.traverse((o) => { o.receiveShadow = false; });
       this.pose(ghost, floats(poses));
-      this.layers[layer].add(ghost);
+      layer.add(ghost);
     }
 
     addTarget(pose) {
@@ -157,14 +142,14 @@ const OptiPlanScene = (() => {
       this.layers.goal.add(axes);
     }
 
-    addWitness(witness) {
-      if (witness.poses) this.addGhost("witness", witness.poses, RED, 0.45);
+    addWitness(witness, layer) {
+      if (witness.poses) this.addGhost(layer, witness.poses, RED, 0.45);
       const material = this.material("red", () => new THREE.MeshBasicMaterial({ color: named(RED), depthTest: false, transparent: true }));
       for (const point of witness.points) {
         const ball = new THREE.Mesh(new THREE.SphereGeometry(0.012, 20, 12), material);
         ball.position.fromArray(point);
         ball.renderOrder = 5;
-        this.layers.witness.add(ball);
+        layer.add(ball);
       }
       if (witness.points.length === 2) {
         const ends = witness.points.map((p) => new THREE.Vector3(...p));
@@ -172,7 +157,7 @@ const OptiPlanScene = (() => {
           const rod = new THREE.TubeGeometry(new THREE.LineCurve3(...ends), 1, 0.004, 8);
           const line = new THREE.Mesh(rod, material);
           line.renderOrder = 5;
-          this.layers.witness.add(line);
+          layer.add(line);
         }
       }
     }
@@ -259,9 +244,9 @@ const OptiPlanScene = (() => {
 
     // The first view: of some directions around, the one from which obstacles hide least of the motion.
     bestDirection(centre, distance) {
-      const targets = [], rays = new THREE.Raycaster(), solid = this.layers.obstacle.children.filter((m) => !m.userData.plane);
+      const moving = this.runs.filter((run) => run.tool), targets = [], rays = new THREE.Raycaster(), solid = this.layers.obstacle.children.filter((m) => !m.userData.plane);
       const aim = (array, offset) => targets.push(this.root.localToWorld(new THREE.Vector3().fromArray(array, offset)));
-      for (const run of this.runs.slice(0, 2)) {
+      for (const run of (moving.length ? moving : this.runs).slice(0, 2)) {
         for (let k = 0; k < 9; k++) {
           const s = Math.round((k / 8) * (run.samples - 1));
           if (run.tool) aim(run.tool, 3 * s);
@@ -300,5 +285,5 @@ const OptiPlanScene = (() => {
       this.viewer.set_dirty();
     }
   }
-  return { Scene, RUN_COLOURS };
+  return { Scene };
 })();

@@ -190,6 +190,68 @@ def test_legend_tells_the_verdicts_and_escapes_names(visit, exported):
     assert page.locator(".problem").count() == 1
 
 
+@pytest.fixture(scope="module")
+def overlay(shelf, motion, tmp_path_factory) -> str:
+    """Address of a comparison: two runs along one path, one along another, one that failed."""
+    path = tmp_path_factory.mktemp("page") / "overlay.html"
+    away = dataclasses.replace(shelf, goal=(JointGoal(shelf.start + 0.4),))
+    failure = {"kind": "no-path", "detail": "there is none", "witness": {"q": shelf.goal[0].q.tolist(), "points": []}}
+    runs = [
+        ViewedRun("stuck", None, None, failure),
+        ViewedRun("quick", motion(shelf, 1.0), {"verified": True}),
+        ViewedRun("slow", motion(shelf, 1.5), {"verified": False, "checks": []}),
+        ViewedRun("around", motion(away, 2.0), {"verified": True}),
+    ]
+    export_page(shelf, runs, path)
+    return path.as_uri()
+
+
+def shown(page, what: str) -> list[bool]:
+    return page.evaluate(f"optiplan.scene.runs.map((run) => Boolean({what}))")
+
+
+def test_overlay_names_planners_with_colours_and_durations(visit, overlay):
+    page = visit(overlay + "#t=0.5&paused")
+    assert page.locator(".run .name").all_text_contents() == ["stuck", "quick", "slow", "around"]
+    assert page.locator(".run .time").all_text_contents() == ["1.00 s", "1.50 s", "2.00 s"]
+    assert page.locator(".badge").all_text_contents() == ["no plan", "verified", "not verified", "verified"]
+    colours = page.evaluate("optiplan.scene.runs.slice(1).map((run) => run.path.material.color.getHexString())")
+    assert len(set(colours)) == 3
+    assert shown(page, "run.path && run.path.visible") == [False, True, True, True]
+    assert shown(page, "run.figure.bodies[1].visible") == [False, True, False, False]
+    assert shown(page, "run.witness.visible") == [False, True, True, True]
+
+
+def test_overlay_runs_are_chosen_one_by_one(visit, overlay):
+    page = visit(overlay + "#t=0.5&paused")
+    before = pixels(page)
+    page.locator(".run").nth(3).locator(".robot input").check()
+    assert shown(page, "run.figure.bodies[1].visible") == [False, True, False, True]
+    both = pixels(page)
+    assert np.abs(both - before).max() > 5.0
+    page.locator(".run").nth(1).locator("input").first.uncheck()
+    assert shown(page, "run.path && run.path.visible") == [False, False, True, True]
+    assert shown(page, "run.figure.bodies[1].visible") == [False, False, False, True]
+    assert np.abs(pixels(page) - both).max() > 5.0
+    page.locator(".run").nth(0).locator("input").first.check()
+    assert shown(page, "run.witness.visible") == [True, False, True, True]
+
+
+def test_coinciding_paths_share_the_tube_in_stripes(visit, overlay):
+    page = visit(overlay + "#t=0.5&paused")
+    counts = page.evaluate("optiplan.scene.runs.slice(1).map((run) => run.path.geometry.index.count)")
+    assert counts[0] + counts[1] == counts[2]
+    assert counts[0] == pytest.approx(counts[1], rel=0.1)
+
+
+def test_colours_of_many_runs_differ(visit, overlay):
+    page = visit(overlay + "#t=0.5&paused")
+    names = page.evaluate("Array.from({ length: 24 }, (_, k) => OptiPlanPaths.runColour(k))")
+    rgb = np.array([[int(name[i : i + 2], 16) for i in (1, 3, 5)] for name in names], dtype=float)
+    apart = np.linalg.norm(rgb[:, None] - rgb, axis=2) + 1e3 * np.eye(24)
+    assert apart.min() > 24.0
+
+
 def test_same_address_same_picture(visit, exported):
     first, second = (pixels(visit(exported + "#t=0.6&paused")) for _ in range(2))
     assert np.array_equal(first, second)
