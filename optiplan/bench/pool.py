@@ -28,10 +28,15 @@ class LocalPool:
     """
 
     def __init__(self, workers: int) -> None:
-        self._workers = workers
         self._stop = threading.Event()
         self._lock = threading.Lock()
+        self._slots = [Slot(f"local/{index}", self._stop) for index in range(workers)]
         self._done: queue.Queue[Outcome | BaseException | None] = queue.Queue(4 * workers + 4)
+
+    @property
+    def starting(self) -> float:
+        """Seconds that the slots waited for new workers, in all."""
+        return sum(slot.starting for slot in self._slots)
 
     def outcomes(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
         """As `Workforce` says.
@@ -40,10 +45,7 @@ class LocalPool:
             WorkerError: no worker can be started.
         """
         shared = iter(tasks)
-        threads = [
-            threading.Thread(target=self._serve, args=(f"local/{index}", shared), daemon=True)
-            for index in range(self._workers)
-        ]
+        threads = [threading.Thread(target=self._serve, args=(slot, shared), daemon=True) for slot in self._slots]
         for thread in threads:
             thread.start()
         ended = 0
@@ -61,9 +63,8 @@ class LocalPool:
         """As `Workforce` says."""
         self._stop.set()
 
-    def _serve(self, name: str, tasks: Iterator[Task]) -> None:
+    def _serve(self, slot: Slot, tasks: Iterator[Task]) -> None:
         """One slot's thread."""
-        slot = Slot(name, self._stop)
         try:
             while not self._stop.is_set():
                 with self._lock:

@@ -4,6 +4,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 
 import pytest
 
@@ -27,7 +28,7 @@ def start(path, folder, workers=2):
 def stored(folder):
     """Runs in the database so far, 0 when there is none yet."""
     try:
-        with sqlite3.connect(f"file:{folder}/results.sqlite?mode=ro", uri=True) as db:
+        with closing(sqlite3.connect(f"file:{folder}/results.sqlite?mode=ro", uri=True)) as db:
             return db.execute("SELECT count(*) FROM runs").fetchone()[0]
     except sqlite3.OperationalError:
         return 0
@@ -199,6 +200,6 @@ def test_a_full_tmpfs(write_suite, small_disk):
     out, err = process.communicate(timeout=60)
     assert process.returncode == 0, err
     assert "80 of 80 runs" in out
-    with sqlite3.connect(folder / "results.sqlite") as db:
+    with closing(sqlite3.connect(folder / "results.sqlite")) as db:
         assert db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
         assert db.execute("SELECT count(*), sum(verified) FROM runs").fetchone() == (80, 80)
