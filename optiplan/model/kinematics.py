@@ -15,13 +15,13 @@ class BatchKinematics:
 
     def __init__(self, model: pin.Model) -> None:
         data = model.createData()
-        pin.computeJointJacobians(model, data, pin.neutral(model))
+        J = pin.computeJointJacobians(model, data, pin.neutral(model)).reshape(6, -1)  # of one joint it is (6,)
         self._parents = [int(p) for p in model.parents]
         self._placements = [np.array(M.homogeneous) for M in model.jointPlacements]
         self._columns = [joint.idx_v for joint in model.joints]
         # A column of the Jacobian is the joint's screw seen from the world; seen from the joint it is constant.
         self._screws = [np.zeros(6)] + [
-            data.oMi[j].actInv(pin.Motion(data.J[:, model.joints[j].idx_v])).vector for j in range(1, model.njoints)
+            data.oMi[j].actInv(pin.Motion(J[:, model.joints[j].idx_v])).vector for j in range(1, model.njoints)
         ]
         self.revolute: Array = np.zeros(model.nv)
         for j in range(1, model.njoints):
