@@ -44,7 +44,7 @@ class Descent:
     def jacobian(self, q: Array) -> Array:
         """The rows that count of the frame's Jacobian in world axes, linear first: (6, n) or (3, n)."""
         J = pin.computeFrameJacobian(self._model, self._data, q, self._frame, pin.LOCAL_WORLD_ALIGNED)
-        return np.asarray(J[: self._rows])
+        return np.asarray(J.reshape(6, -1)[: self._rows])  # of one joint it is (6,)
 
     def inside(self, q: Array) -> Array:
         """The nearest configuration within the limits, (n,)."""

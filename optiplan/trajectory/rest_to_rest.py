@@ -17,6 +17,7 @@ How = Literal["synchronised", "independent", "sequential"]
 
 SHORTEST = 1e-3  # s: a trajectory needs some duration, even one that goes nowhere
 _LEAST = 1e-9  # rad or m: smaller distances get no larger bounds on s, so that these stay finite
+_BRIEFEST = 1e-8  # share of the duration that a phase of a law takes at least
 _SAME = 1e-12  # share of the duration: breakpoints nearer than that are one
 
 
@@ -127,12 +128,17 @@ class RestToRest:
 
 
 def _bounds(step: Array, limits: Limits) -> Bounds:
-    """Bounds on s of a part that moves by `step` (n,): the least of limit_j / |step_j|."""
+    """Bounds on s of a part that moves by `step` (n,): the least of limit_j / |step_j|.
+
+    Acceleration and jerk so large that a phase would take less than 1e-8 of the motion are lowered to that: seconds
+    have sixteen digits, and a phase needs some of them. It costs as small a share of the duration.
+    """
     moving = step != 0.0
     size = np.maximum(np.abs(step[moving]), _LEAST)
     rates = (limits.velocity, limits.acceleration, limits.jerk)
     v, a, j = (float((limit[moving] / size).min()) for limit in rates)
-    return Bounds(v, a, j)
+    a = min(a, v**2 / _BRIEFEST)
+    return Bounds(v, a, j if np.isinf(j) else min(j, a / (_BRIEFEST * max(1.0 / v, 2.0 / a**0.5))))
 
 
 def _within(curve: Pieces, begin: float, T: float) -> Pieces:

@@ -118,3 +118,10 @@ def test_delbots_platform_gives_redundancy_but_no_way_out_of_that_singularity():
     assert np.linalg.matrix_rank(geometric_jacobian(robot, np.zeros(9), "wrist_3"), tol=1e-9) == 5
     q = np.array([0.1, 0.2, 0.3, 0.3, -0.8, 1.1, 0.4, 0.9, -0.5])
     assert np.linalg.matrix_rank(geometric_jacobian(robot, q, "wrist_3"), tol=1e-6) == 6
+
+
+def test_of_one_joint_it_is_a_matrix_too(tmp_path):
+    table = "dh: {convention: standard, unit: rad, radius: 0.05, rows: [{name: turn, joint: revolute, a: 0.3}]}"
+    (tmp_path / "robot.yaml").write_text(f"version: 1\nname: one\n{table}\n")
+    J = geometric_jacobian(load_robot(str(tmp_path / "robot.yaml")), np.array([0.5 * np.pi]), "turn")
+    assert J == pytest.approx(np.array([[-0.3], [0.0], [0.0], [0.0], [0.0], [1.0]]), abs=1e-12)

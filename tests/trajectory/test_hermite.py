@@ -13,7 +13,7 @@ from optiplan.trajectory.timing import speed_ratio
 NUMBER = st.floats(-3.0, 3.0)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(st.integers(1, 4), st.lists(NUMBER, min_size=16, max_size=16), st.floats(0.05, 20.0))
 def test_both_states_are_met(k, numbers, T):
     start, end = np.array(numbers).reshape(2, 4, 2)[:, :k]

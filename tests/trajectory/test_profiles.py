@@ -12,7 +12,7 @@ from tests.trajectory.test_timing import limits_of
 
 LAWS = {"cubic": CUBIC, "quintic": QUINTIC, "septic": SEPTIC, "lspb": Trapezoid(), "bangbang": BangBang()}
 LAWS |= {"scurve": SCurve()}
-SIZES = st.floats(-4.0, 4.0).map(lambda x: 10.0**x)
+SIZES = st.floats(-2.0, 2.0).map(lambda x: 10.0**x)
 BOUNDS = st.builds(Bounds, SIZES, SIZES, SIZES)
 
 
@@ -33,7 +33,7 @@ def kept(name: str, motion: Trajectory, bounds: Bounds) -> float:
 
 
 @pytest.mark.parametrize("name", sorted(LAWS))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(bounds=BOUNDS, longer=st.floats(1.0, 50.0))
 def test_from_rest_to_rest_within_bounds(name, bounds, longer):
     law = LAWS[name]
@@ -45,24 +45,24 @@ def test_from_rest_to_rest_within_bounds(name, bounds, longer):
         assert np.abs(motion(np.array([0.0, motion.duration]), 1)).max() * T < 1e-10
         assert np.abs(motion.jumps(0)).max(initial=0.0) < 1e-12
         assert np.abs(motion.jumps(1)).max(initial=0.0) * T < 1e-10
-        assert kept(name, motion, bounds) <= 1.0 + 5e-7
+        assert kept(name, motion, bounds) <= 1.0 + 1e-8
         middle = motion(0.5 * T * np.array([0.6, 1.0, 1.4]))[:, 0]
         assert middle[1] == pytest.approx(0.5, abs=1e-10)
         assert middle[0] + middle[2] == pytest.approx(1.0, abs=1e-10)
 
 
 @pytest.mark.parametrize("name", sorted(LAWS))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(bounds=BOUNDS)
 def test_shortest_is_shortest(name, bounds):
     """One of the bounds is met exactly, and a duration 1 % shorter breaks one."""
     law = LAWS[name]
     T = law.shortest(bounds)
-    assert kept(name, as_motion(law, T, bounds), bounds) == pytest.approx(1.0, rel=5e-7)
+    assert kept(name, as_motion(law, T, bounds), bounds) == pytest.approx(1.0, rel=1e-8)
     assert kept(name, as_motion(law, 0.99 * T, bounds), bounds) > 1.0
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(bounds=BOUNDS, distance=SIZES)
 def test_scurve_takes_the_lower_bound(bounds, distance):
     limits = limits_of(*([size * distance] for size in (bounds.velocity, bounds.acceleration, bounds.jerk)))

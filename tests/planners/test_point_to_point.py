@@ -1,0 +1,220 @@
+"""The planners of one profile: durations, limits, torque, options that make no sense, and odd robots."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from optiplan.errors import InputError
+from optiplan.planners.base import Budget, PlanResult
+from optiplan.planners.excess import excess
+from optiplan.planners.point_to_point import STEPS
+from optiplan.planners.registry import make_planner
+from optiplan.planners.torque import Gravity
+from optiplan.problem.load import problem_from_dict
+from optiplan.problem.problem import JointGoal, Problem
+from optiplan.trajectory.timing import lower_bound, speed_ratio
+from optiplan.verify.verify import verify
+from tests.planners import cases
+
+FAMILY = ["bangbang", "cubic", "lspb", "quintic", "scurve", "septic"]
+SMOOTH = ["quintic", "scurve", "septic"]
+MOTIONS = ["synchronised", "independent", "sequential"]
+
+
+def plan(problem: Problem, name: str, **options: object) -> PlanResult:
+    return make_planner(name, options).plan(problem, Budget(20.0), lambda stage, fraction: None)
+
+
+def free_of_jerk(problem: Problem) -> Problem:
+    return replace(problem, limits=replace(problem.limits, jerk=np.full(problem.robot.n, np.inf)))
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("name", FAMILY)
+def test_verified_in_the_shortest_time_and_in_a_longer_one(name, motion):
+    problem = cases.planar() if name in SMOOTH else free_of_jerk(cases.planar())
+    shortest = plan(problem, name, motion=motion).trajectory
+    assert speed_ratio(shortest, problem.limits) == pytest.approx(1.0, rel=1e-6)
+    longer = plan(problem, name, motion=motion, duration=2.0 * shortest.duration).trajectory
+    assert longer.duration == pytest.approx(2.0 * shortest.duration)
+    for trajectory in (shortest, longer):
+        assert verify(problem, trajectory).verified
+
+
+@pytest.mark.parametrize("name", FAMILY)
+def test_a_jump_of_the_acceleration_is_told_where_jerk_is_limited(name):
+    jerky = plan(cases.planar(), name)
+    assert verify(cases.planar(), jerky.trajectory).verified == (name in SMOOTH)
+    assert jerky.info.get("note") == (None if name in SMOOTH else STEPS)
+    assert "note" not in plan(free_of_jerk(cases.planar()), name).info
+
+
+def test_what_refuses_the_jump_names_the_way_out():
+    report = verify(cases.planar(), plan(cases.planar(), "lspb").trajectory)
+    assert {check.name for check in report.failures} == {"rest", "continuity"}
+    assert all("`limits: {jerk: none}` in the problem lifts this" in check.detail for check in report.failures)
+
+
+def test_the_s_curve_takes_the_lower_bound():
+    problem = cases.planar()
+    for motion in ("synchronised", "independent"):
+        found = plan(problem, "scurve", motion=motion).trajectory
+        bound = lower_bound(problem.start, found.end, problem.limits)
+        assert found.duration == pytest.approx(bound, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", FAMILY)
+def test_too_short_a_duration_is_refused_with_the_shortest(name):
+    problem = free_of_jerk(cases.planar())
+    failure = plan(problem, name, duration=0.3).failure
+    assert failure.kind == "limits"
+    place = failure.witness
+    assert place["joint"] in failure.detail
+    assert place["quantity"] in failure.detail
+    assert place["value"] > place["limit"]
+    assert np.isfinite(place["q"]).all()
+    told = float(failure.detail.split("the shortest duration is ")[1].split(" s")[0])
+    assert told == pytest.approx(place["shortest_duration"], rel=1e-5)
+    assert plan(problem, name, duration=told).failure is None
+    assert plan(problem, name, duration=0.999 * told).failure.kind == "limits"
+
+
+@pytest.mark.parametrize("name", FAMILY)
+def test_too_little_torque_slows_down_or_refuses_a_duration(name):
+    problem = free_of_jerk(cases.planar())
+    strong = plan(problem, name).trajectory
+    gravity = Gravity(problem.robot, problem.limits.torque)
+    most = np.max([gravity.torque(q) for q in strong(np.linspace(0.0, strong.duration, 99))], axis=0)
+    weak = replace(problem, limits=replace(problem.limits, torque=1.05 * most))
+    slower = plan(weak, name).trajectory
+    assert slower.duration > 1.01 * strong.duration
+    assert verify(weak, slower).verified
+    failure = plan(weak, name, duration=strong.duration).failure
+    assert (failure.kind, failure.witness["quantity"]) == ("limits", "torque")
+    assert failure.witness["shortest_duration"] == pytest.approx(slower.duration)
+
+
+def test_a_velocity_beyond_the_limit_has_no_duration():
+    problem = free_of_jerk(cases.planar())
+    failure = plan(problem, "lspb", velocity=5.0).failure
+    assert (failure.kind, failure.witness["quantity"]) == ("limits", "velocity")
+    assert "no other duration" in failure.detail
+
+
+LSPB = [({"velocity": 0.02}, "velocity", "more than 0.0833 and at most 0.167 rad/s")]
+LSPB += [({"velocity": 0.17}, "velocity", "more than 0.0833 and at most 0.167 rad/s")]
+LSPB += [({"velocity": 1.5 / 18.0}, "velocity", "more than 0.0833")]
+LSPB += [({"blend_time": 9.1}, "blend_time", "at most 9 s")]
+LSPB += [({"acceleration": 0.0185}, "acceleration", "at least 0.0185 rad/s²")]
+
+
+@pytest.mark.parametrize(("shape", "field", "bounds"), LSPB)
+def test_a_trapezoid_that_cannot_be_is_an_input_error(shape, field, bounds):
+    with pytest.raises(InputError) as caught:
+        plan(cases.planar(), "lspb", duration=18, **shape)
+    (issue,) = caught.value.issues
+    assert issue.field == field
+    assert bounds in issue.expected
+    assert "'shoulder', which moves 1.5 rad in 18 s" in issue.found
+
+
+@pytest.mark.parametrize("shape", [{"velocity": 1.5 / 9.0}, {"blend_time": 9}, {"acceleration": 0.0185186}, {}])
+def test_a_trapezoid_at_its_bounds_can_be(shape):
+    found = plan(cases.planar(), "lspb", duration=18, **shape).trajectory
+    assert found.duration == 18.0
+    assert found.end == pytest.approx([-1.0, 0.3], abs=1e-12)
+
+
+def test_each_joint_of_a_trapezoid_has_bounds_of_its_own():
+    """1.5 and 0.7 rad in 4 s: no velocity is above 1.5 / 4 and not above 2 · 0.7 / 4; one after another, all are."""
+    with pytest.raises(InputError, match=r"'elbow'.*at most 0\.35 rad/s"):
+        plan(cases.planar(), "lspb", duration=4, velocity=0.4, motion="independent")
+    found = plan(free_of_jerk(cases.planar()), "lspb", duration=4, velocity=0.8, motion="sequential").trajectory
+    assert np.abs(found.extrema(1)).max(axis=0) == pytest.approx([0.8, 0.8])
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("quintic", {"duration": 0.0}),
+        ("quintic", {"duration": float("inf")}),
+        ("quintic", {"motion": "together"}),
+        ("quintic", {"start_velocity": [0.1]}),
+        ("quintic", {"end_velocity": [0.1, float("nan")]}),
+        ("cubic", {"end_velocity": [0.1, 0.0], "motion": "sequential"}),
+        ("lspb", {"velocity": 1.0, "blend_time": 1.0}),
+        ("lspb", {"blend_time": -1.0}),
+        ("lspb", {"velocity": 0.0}),
+        ("bangbang", {"acceleration": -1.0}),
+        ("scurve", {"goals": 0}),
+    ],
+)
+def test_options_that_make_no_sense_are_input_errors(name, options):
+    with pytest.raises(InputError):
+        plan(cases.planar(), name, **options)
+
+
+def test_velocities_and_accelerations_at_the_ends():
+    ends = {"start_velocity": [0.2, -0.1], "end_velocity": [0.0, 0.3], "end_acceleration": [0.5, 0.0]}
+    found = plan(cases.planar(), "quintic", **ends).trajectory
+    t = np.array([0.0, found.duration])
+    assert found(t, 1) == pytest.approx(np.array([[0.2, -0.1], [0.0, 0.3]]), abs=1e-9)
+    assert found(t, 2) == pytest.approx(np.array([[0.0, 0.0], [0.5, 0.0]]), abs=1e-9)
+    assert excess(found, cases.planar().limits) is None
+    report = verify(cases.planar(), found)
+    assert {check.name for check in report.failures} == {"rest"}
+    with_jerk = plan(cases.planar(), "septic", **ends, start_jerk=[2.0, 0.0]).trajectory
+    assert with_jerk(np.zeros(1), 3)[0] == pytest.approx([2.0, 0.0], abs=1e-9)
+    failure = plan(cases.planar(), "cubic", start_velocity=[3.0, 0.0]).failure
+    assert (failure.kind, failure.witness["joint"], failure.witness["quantity"]) == ("limits", "shoulder", "velocity")
+
+
+def test_bangbang_takes_bounds_below_the_limits():
+    problem = free_of_jerk(cases.planar())
+    found = plan(problem, "bangbang", acceleration=0.5, velocity=0.6).trajectory
+    assert np.abs(found.extrema(1)).max() == pytest.approx(0.6)
+    assert np.abs(found.extrema(2)).max() == pytest.approx(0.5)
+    failure = plan(problem, "bangbang", acceleration=0.5, duration=2.0).failure
+    assert (failure.kind, failure.witness["limit"]) == ("limits", 0.5)
+
+
+def one_joint(tmp_path, row, goal, limits="{velocity: 2, acceleration: 8, jerk: 80}"):
+    table = f"dh:\n  convention: standard\n  unit: rad\n  radius: 0.05\n  rows:\n    - {row}\n"
+    (tmp_path / "robot.yaml").write_text(f"version: 1\nname: one\n{table}limits: {limits}\n")
+    data = {"version": 1, "robot": str(tmp_path / "robot.yaml"), "start": {"joints": [0.1]}, "goal": {"joints": [goal]}}
+    return problem_from_dict(data)
+
+
+@pytest.mark.parametrize("goal", [0.1, 0.1 + 1e-13, 0.1 - 1e-6, -3.0, 40.0])
+@pytest.mark.parametrize("name", SMOOTH)
+def test_one_endless_joint_moves_any_distance(tmp_path, name, goal):
+    problem = one_joint(tmp_path, "{name: turn, joint: revolute, a: 0.3}", goal)
+    assert np.isinf(problem.robot.limits.upper).all()
+    for motion in MOTIONS:
+        result = plan(problem, name, motion=motion)
+        assert result.failure is None
+        assert verify(problem, result.trajectory).verified
+        turns = (result.trajectory.end - goal) / (2.0 * np.pi)
+        assert turns == pytest.approx(np.rint(turns), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "limits", ["{velocity: 1.0e+6, acceleration: 1.0e+9, jerk: 1.0e+12}", "{velocity: 1.0e-4, jerk: 1.0e+6}"]
+)
+@pytest.mark.parametrize("name", SMOOTH)
+def test_huge_and_tiny_limits(tmp_path, name, limits):
+    problem = one_joint(tmp_path, "{name: rail, joint: prismatic, a: 0.3, limits: [-1, 1]}", -0.9, limits)
+    result = plan(problem, name)
+    assert result.failure is None
+    assert verify(problem, result.trajectory).verified
+
+
+def test_goals_are_tried_until_one_is_free():
+    away = JointGoal(0.5 * (cases.READY + cases.LEFT) + [0.0, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0])
+    problem = replace(cases.wall(), goal=(*cases.wall().goal, away))
+    result = plan(problem, "quintic")
+    blocked = plan(cases.wall(), "quintic").failure
+    assert blocked.kind == "collision"
+    assert "plate" in blocked.witness["pair"]
+    assert result.trajectory.end == pytest.approx(away.q)
