@@ -46,6 +46,13 @@ class PlannerEntry:
 FAMILIES = ("optimisation", "sampling", "polynomial", "via points", "Cartesian")
 """What planners are listed under: how they find their motion."""
 
+LIBRARIES = {
+    "optimisation": ("ompl.geometric", "toppra.algorithm"),
+    "sampling": ("ompl.geometric", "toppra.algorithm"),
+    "Cartesian": ("toppra.algorithm",),
+}
+"""Slow to import, by family: when a planner is made, because loading them is no part of anybody's budget."""
+
 PLANNERS: dict[str, PlannerEntry] = {
     entry.name: entry
     for entry in (
@@ -89,10 +96,24 @@ PLANNERS: dict[str, PlannerEntry] = {
             "optiplan.planners.lspb:LspbOptions",
         ),
         PlannerEntry(
+            "parabolic",
+            "constant velocities between vias, changed at constant rates around them (linear with parabolic blends)",
+            "optiplan.planners.parabolic:Parabolic",
+            "optiplan.planners.parabolic:ParabolicOptions",
+            "via points",
+        ),
+        PlannerEntry(
             "quintic",
             "one polynomial of degree five a joint, straight to the goal; the planner to read first",
             "optiplan.planners.quintic:Quintic",
             "optiplan.planners.quintic:QuinticOptions",
+        ),
+        PlannerEntry(
+            "rounded",
+            "straight joint-space lines between vias, corners rounded within a stated deviation, timed along the path",
+            "optiplan.planners.rounded:Rounded",
+            "optiplan.planners.rounded:RoundedOptions",
+            "via points",
         ),
         PlannerEntry(
             "rrtconnect",
@@ -126,6 +147,13 @@ PLANNERS: dict[str, PlannerEntry] = {
             "one polynomial of degree seven a joint, any velocities, accelerations and jerks at the ends",
             "optiplan.planners.septic:Septic",
             "optiplan.planners.septic:SepticOptions",
+        ),
+        PlannerEntry(
+            "spline",
+            "cubic or quintic spline through all vias without stopping: given, heuristic or smoothest velocities",
+            "optiplan.planners.spline:Spline",
+            "optiplan.planners.spline:SplineOptions",
+            "via points",
         ),
         PlannerEntry(
             "trajopt",
@@ -192,6 +220,8 @@ def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner
     except ValueError as error:  # the dataclass checks ranges by itself
         named = next((key for key in valid if key in re.findall(r"\w+", str(error))), "options")
         raise InputError([Issue(f"planner '{name}'", None, named, str(error), "values in range")]) from None
+    for module in LIBRARIES.get(entry.family, ()):
+        import_module(module)
     return cast(Planner, _load(entry.planner)(made))
 
 

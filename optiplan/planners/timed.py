@@ -7,14 +7,14 @@ from optiplan.model.collision import CollisionModel
 from optiplan.model.robot import Limits
 from optiplan.planners.base import Budget
 from optiplan.planners.sweep import first_contact
-from optiplan.trajectory.blend import blend_path, time_blended
+from optiplan.trajectory.blend import blend_path
+from optiplan.trajectory.timelaw import time_path
 from optiplan.trajectory.timing import stop_at_corners
 from optiplan.trajectory.torque import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 
 _SHRINK = 0.5
 _SHARPEST = 0.01  # share of half a segment; below it a corner is not worth rounding
-_GENTLEST = 0.1
 
 
 def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory | None:
@@ -46,18 +46,12 @@ def within_torque(model: CollisionModel, limits: Limits, trajectory: Trajectory)
 
 
 def _blend(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory | None:
-    fractions, gentleness = np.ones(len(waypoints) - 2), 1.0
-    while not budget.over and fractions.min(initial=1.0) > _SHARPEST and gentleness > _GENTLEST:
+    fractions = np.ones(len(waypoints) - 2)
+    while not budget.over and fractions.min(initial=1.0) > _SHARPEST:
         path = blend_path(waypoints, fractions, limits, model.robot.joint_names)
         touch = first_contact(model, path)
         if touch is None:
-            trajectory = time_blended(path, model.robot, limits, gentleness)
-            if trajectory is None:
-                return None
-            touch = first_contact(model, trajectory)
-            if touch is None:
-                return within_torque(model, limits, trajectory)
-            gentleness *= _SHRINK  # the path was free: the spline left it too far
+            return time_path(path, model.robot, limits)
         if not len(fractions):
             return None
         corner = int(np.argmin(np.linalg.norm((waypoints[1:-1] - touch.q) / limits.velocity, axis=1)))

@@ -7,6 +7,8 @@ tau^p >= 1 + p (tau - 1), inside a trust region. Whatever the linear f missed is
 tau = max (f / bound)^(1/p): so every iterate holds at the samples, and the duration alone says how good a step was.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import qpsolvers
 import scipy.sparse as sp
@@ -15,10 +17,13 @@ from optiplan.arrays import Array
 from optiplan.model.robot import Limits
 from optiplan.trajectory.law_limits import Basis, Block, LawLimits
 from optiplan.trajectory.path_rows import Rows
+from optiplan.trajectory.reachability import fastest_law
 from optiplan.trajectory.trajectory import Trajectory
 
-_PER_RAMP, _FEWEST, _MOST = 6, 60, 100  # spans of the spline: within a duration as long as the ramp; in all
-_DENSEST = 0.9  # in [0, 1): the spans at the ends are shorter than the mean by this share
+_FEWEST, _MOST, _FINEST = 60, 160, 4000  # spans of the spline: in all; the duration over the shortest
+_PER_RAMP, _PER_PIECE = 2, 4  # spans while the acceleration rises at the ends; in each piece of the path
+_GROWTH = 0.15  # of the spans with the distance from the ends
+_JERK_SHARE = 0.25  # of the jerk limit that the start may spend on the path's third derivative
 _RADIUS, _SMALLEST = 0.03, 1e-4  # of the trust region, first and last, as shares of the path's length
 _SHARES = (1.0, 0.5, 0.2, 0.08)  # of a step that are tried
 _STEPS = 10
@@ -29,10 +34,11 @@ _LEAST_TAU = 0.8  # of one step: 1 + 3 (tau - 1) must stay positive
 _ACCURACY = 1e-6  # of the program's solution
 
 
-def smooth_law(path: Trajectory, limits: Limits, rows: Rows, fast: Trajectory) -> Trajectory:
+def smooth_law(path: Trajectory, limits: Limits, rows: Rows) -> Trajectory | None:
     """A law s(t) of continuous acceleration, at rest and without acceleration at both ends, never decreasing.
 
-    It starts as Schoenberg's approximation of `fast`, whose values are its control points.
+    It starts as Schoenberg's approximation, whose control points are values of it, of TOPP-RA's law under a speed limit
+    more: sd^3 |q'''| <= a quarter of the jerk limit. That one knows what corners cost.
 
     Holds at: three samples of every span of the spline and both sides of the path's breakpoints; joint velocity, tool
     and torque limits are interpolated between the `rows`.
@@ -40,10 +46,15 @@ def smooth_law(path: Trajectory, limits: Limits, rows: Rows, fast: Trajectory) -
     Args:
         path: q over s.
         limits: of the n joints; their jerk is finite for one at least.
-        rows: the other limits, at the grid of `fast`.
-        fast: a law without regard to jerk, piecewise quadratic, with a breakpoint at each s of the grid.
+        rows: the other limits, at points of the path with all its breakpoints among them.
+
+    Returns:
+        None where TOPP-RA finds no law to start from.
     """
-    basis, limited = Basis(_breakpoints(path, limits, fast)), LawLimits(path, limits, rows)
+    fast = _start(path, limits, rows)
+    if fast is None:
+        return None
+    basis, limited = Basis(_breakpoints(path, limits, rows, fast)), LawLimits(path, limits, rows)
     control = fast((basis.knots[1:-3] + basis.knots[2:-2] + basis.knots[3:-1]) / 3.0)[:, 0]
     control[:3], control[-3:] = 0.0, path.duration
     basis.slow_down(_slowness(limited(basis(control))))
@@ -64,15 +75,31 @@ def smooth_law(path: Trajectory, limits: Limits, rows: Rows, fast: Trajectory) -
     return Trajectory.from_bspline(("s",), basis.knots, control[:, None], 3)
 
 
-def _breakpoints(path: Trajectory, limits: Limits, fast: Trajectory) -> Array:
-    """Of the spline, s: at the ends half as far apart as the acceleration takes to rise there at the jerk limits."""
+def _start(path: Trajectory, limits: Limits, rows: Rows) -> Trajectory | None:
+    before = np.nextafter(rows.s, 0.0)
+    bend = np.maximum(np.abs(path(rows.s, 3)), np.abs(path(before, 3)))
+    with np.errstate(divide="ignore"):
+        careful = np.cbrt(_JERK_SHARE / (bend / limits.jerk).max(axis=1))
+    return fastest_law(replace(rows, speed=np.minimum(rows.speed, careful)))
+
+
+def _breakpoints(path: Trajectory, limits: Limits, rows: Rows, fast: Trajectory) -> Array:
+    """Of the spline, s: close where much happens in a short time, never more than `_MOST` spans.
+
+    That is at the ends, where the acceleration rises at the jerk limits, and in short pieces of the path.
+    """
     T, ends = fast.duration, np.array([0.0, path.duration])
     rise = np.abs(path(ends, 1)) * np.abs(2.0 * fast.coefficients[[0, -1], 2])
-    ramp = max(float((rise / limits.jerk).max()), 1e-9 * T)
-    spans = int(np.clip(_PER_RAMP * T / ramp, _FEWEST, _MOST))
-    dense = float(np.clip(1.0 - 0.5 * ramp * spans / T, 0.0, _DENSEST))
-    x = np.linspace(0.0, 1.0, spans + 1)
-    return np.asarray(T * (x - dense * np.sin(2.0 * np.pi * x) / (2.0 * np.pi)))
+    ramp = float((rise / limits.jerk).max())
+    x = np.linspace(0.0, T, _FINEST + 1)
+    passed = np.interp(path.breakpoints, rows.s, fast.breakpoints)
+    piece = np.diff(passed)[np.searchsorted(passed[1:-1], x, side="right")]
+    graded = ramp / _PER_RAMP + _GROWTH * np.minimum(x, T - x)
+    span = np.minimum(np.minimum(graded, piece / _PER_PIECE), T / _FEWEST)
+    rate = 1.0 / np.maximum(span, T / _FINEST)
+    count = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))]) * (T / _FINEST)
+    spans = int(min(np.ceil(count[-1]), _MOST))
+    return np.interp(np.linspace(0.0, count[-1], spans + 1), count, x)
 
 
 def _slowness(blocks: list[Block]) -> float:

@@ -12,13 +12,8 @@ from optiplan.arrays import Array
 from optiplan.trajectory.path_rows import Rows
 from optiplan.trajectory.trajectory import Trajectory
 
+_QUIET = logging.NullHandler()  # "no solution" is a value here, not a warning
 _UNBOUNDED = 1e6  # stands for a speed without a limit
-
-
-def load() -> None:
-    """Import toppra now, which takes about a second, and not while somebody waits for a plan."""
-    logging.getLogger("toppra").addHandler(logging.NullHandler())
-    import toppra.algorithm  # noqa: F401
 
 
 def fastest_law(rows: Rows) -> Trajectory | None:
@@ -47,7 +42,7 @@ def fastest_law(rows: Rows) -> Trajectory | None:
 
 def _speeds(rows: Rows) -> Array | None:
     """Largest sd at every point of the grid, (k,); None where there is no solution."""
-    load()
+    logging.getLogger("toppra").addHandler(_QUIET)
     from toppra.algorithm import TOPPRA
     from toppra.constraint import LinearConstraint
     from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate

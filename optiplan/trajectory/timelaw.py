@@ -84,8 +84,7 @@ def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:
 
 def _law(path: Trajectory, robot: Robot, limits: Limits, tool: ToolSpeed | None) -> Trajectory | None:
     rows = rows_at(path, robot, limits, tool, _grid(path))
-    fast = fastest_law(rows)
-    return fast if fast is None or np.isinf(limits.jerk).all() else smooth_law(path, limits, rows, fast)
+    return fastest_law(rows) if np.isinf(limits.jerk).all() else smooth_law(path, limits, rows)
 
 
 def _grid(path: Trajectory) -> Array:

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.model.robot import Robot, load_robot
-from optiplan.planners.quintic import straight
+from optiplan.trajectory.timing import stop_at_corners
 from optiplan.trajectory.torque import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -18,7 +18,7 @@ def robot() -> Robot:
 @pytest.fixture(scope="module")
 def motion(robot: Robot) -> Trajectory:
     start = robot.configurations["ready"]
-    return straight(start, start + 0.6, robot.limits, robot.joint_names)
+    return stop_at_corners(np.stack([start, start + 0.6]), robot.limits, robot.joint_names)
 
 
 def torques(robot: Robot, trajectory: Trajectory, t: np.ndarray) -> np.ndarray:
