@@ -25,17 +25,15 @@ STEPS = "the acceleration jumps, which a finite jerk limit forbids; `limits: {je
 
 
 @dataclass(frozen=True)
-class ProfileOptions:
+class MotionOptions:
     """Options of every planner of this family.
 
     Attributes:
         duration: s; None is the shortest within velocity, acceleration, jerk and torque limits.
-        motion: all joints share one law; or each is as fast as it can; or one moves after another.
         goals: how many goal configurations to try, the quickest to reach first.
     """
 
     duration: float | None = None
-    motion: How = "synchronised"
     goals: int = 8
 
     def __post_init__(self) -> None:
@@ -43,6 +41,13 @@ class ProfileOptions:
             raise ValueError(f"duration = {self.duration} is not a positive number of seconds")
         if self.goals < 1:
             raise ValueError(f"goals = {self.goals} is not positive")
+
+
+@dataclass(frozen=True)
+class ProfileOptions(MotionOptions):
+    """Also `motion`: all joints share one law; or each is as fast as it can; or one moves after another."""
+
+    motion: How = "synchronised"
 
 
 class Profile(Protocol):
@@ -68,7 +73,7 @@ class Profile(Protocol):
         ...
 
 
-Options = TypeVar("Options", bound=ProfileOptions)
+Options = TypeVar("Options", bound=MotionOptions)
 
 
 class PointToPoint(ABC, Generic[Options]):
@@ -76,6 +81,10 @@ class PointToPoint(ABC, Generic[Options]):
 
     def __init__(self, options: Options) -> None:
         self.options = options
+
+    def targets(self, problem: Problem, model: CollisionModel, budget: Budget) -> list[Array] | Failure:
+        """What `profile` is asked for in turn: goal configurations (n,), the quickest to reach first."""
+        return ranked_goals(problem, model, budget, self.options.goals)
 
     @abstractmethod
     def profile(self, problem: Problem, goal: Array) -> Profile:
@@ -89,7 +98,7 @@ class PointToPoint(ABC, Generic[Options]):
         """Plan within the budget; see `planners.base.Planner`."""
         watch, model = Stopwatch(), CollisionModel(problem.robot, problem.scene)
         with watch.stage("goals"):
-            goals = ranked_goals(problem, model, budget, self.options.goals)
+            goals = self.targets(problem, model, budget)
         if isinstance(goals, Failure):
             return PlanResult(None, goals, watch.seconds)
         refused: list[Failure | InputError] = []

@@ -70,6 +70,13 @@ PLANNERS: dict[str, PlannerEntry] = {
             "optiplan.planners.bangbang:BangBangOptions",
         ),
         PlannerEntry(
+            "bitstar",
+            "sampled path that shortens batch by batch (OMPL's BIT*)",
+            "optiplan.planners.bitstar:BitStar",
+            "optiplan.planners.bitstar:BitStarOptions",
+            "sampling",
+        ),
+        PlannerEntry(
             "circle",
             "tool once round and back to the start, whose pose is the goal",
             "optiplan.planners.cartesian.circle:Circle",
@@ -81,6 +88,20 @@ PLANNERS: dict[str, PlannerEntry] = {
             "one polynomial of degree three a joint, any velocities at the ends",
             "optiplan.planners.cubic:Cubic",
             "optiplan.planners.cubic:CubicOptions",
+        ),
+        PlannerEntry(
+            "informed_rrtstar",
+            "RRT* that samples only where a shorter path can pass (OMPL's Informed RRT*)",
+            "optiplan.planners.rrtstar:InformedRrtStar",
+            "optiplan.planners.rrtstar:RrtStarOptions",
+            "sampling",
+        ),
+        PlannerEntry(
+            "kpiece",
+            "two trees guided by how well they cover the work space (OMPL's LBKPIECE1)",
+            "optiplan.planners.kpiece:Kpiece",
+            "optiplan.planners.kpiece:KpieceOptions",
+            "sampling",
         ),
         PlannerEntry(
             "line",
@@ -103,6 +124,13 @@ PLANNERS: dict[str, PlannerEntry] = {
             "via points",
         ),
         PlannerEntry(
+            "prm",
+            "lazy roadmap of the scene, reused by later queries of the same planner object",
+            "optiplan.planners.prm:Prm",
+            "optiplan.planners.prm:PrmOptions",
+            "sampling",
+        ),
+        PlannerEntry(
             "quintic",
             "one polynomial of degree five a joint, straight to the goal; the planner to read first",
             "optiplan.planners.quintic:Quintic",
@@ -120,6 +148,13 @@ PLANNERS: dict[str, PlannerEntry] = {
             "sampled path (OMPL's RRT-Connect), shortened, with rounded corners, then timed",
             "optiplan.planners.rrtconnect:RrtConnect",
             "optiplan.planners.rrtconnect:RrtConnectOptions",
+            "sampling",
+        ),
+        PlannerEntry(
+            "rrtstar",
+            "sampled path that shortens as its tree grows (OMPL's RRT*)",
+            "optiplan.planners.rrtstar:RrtStar",
+            "optiplan.planners.rrtstar:RrtStarOptions",
             "sampling",
         ),
         PlannerEntry(

@@ -1,0 +1,60 @@
+"""By how much must times be stretched until a motion that is no mere slowing down of another keeps its limits?"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.arrays import Array
+
+_FIRST, _RATIO, _MOST = 1.0 / 16.0, 1.25, 1e4
+_HALVINGS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class FreeTimes:
+    """Times of points, of which all may be stretched, or only what comes after the last via when theirs are given.
+
+    Attributes:
+        base: (k,) increasing from 0, s.
+        given: whether all but the last are.
+    """
+
+    base: Array
+    given: bool
+
+    @classmethod
+    def of(cls, vias: Array, base: Array) -> "FreeTimes":
+        """Those given at the vias (k - 2,), or none; base times (k,) stand for what is not given."""
+        if not len(vias):
+            return cls(base, False)
+        return cls(np.concatenate([[0.0], vias, [vias[-1] + base[-1] - base[-2]]]), True)
+
+    def at(self, factor: float) -> Array:
+        """Times (k,) of which the free ones are stretched by the factor."""
+        begin = self._begin
+        return np.asarray(np.where(self.base > begin, begin + factor * (self.base - begin), self.base))
+
+    def factor(self, duration: float) -> float:
+        """The factor with which the last time is `duration`, s."""
+        return float((duration - self._begin) / (self.base[-1] - self._begin))
+
+    @property
+    def _begin(self) -> float:
+        return float(self.base[-2]) if self.given else 0.0
+
+
+def least_stretch(good: Callable[[float], bool]) -> float | None:
+    """The first good factor >= 1/16, found in steps of 25 % and then by bisection; None when none up to 1e4 is.
+
+    Longer times need not be good as well: a velocity kept at a via for long is a long way.
+    """
+    low = high = _FIRST
+    while not good(high):
+        low, high = high, high * _RATIO
+        if high > _MOST:
+            return None
+    for _ in range(_HALVINGS if high > low else 0):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if good(middle) else (middle, high)
+    return high
