@@ -5,7 +5,7 @@
 Four suites of one worker on the numbered examples: real planners, and a planner that only waits (0.05, 0.2 and 1 s).
 *Runs' time* is what the worker spent in planning, verifying and measuring. *Overhead* is the rest of the wall time from
 the beginning to the last run, without starting the worker and without warm-up, as a share of the runs' time: loading
-problems, messages, packing trajectories, storing. To be run on a machine that does nothing else. The last line printed is
+problems, messages, packing trajectories, storing. For a machine that does nothing else. The last line printed is
 one JSON object.
 """
 

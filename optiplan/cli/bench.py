@@ -144,7 +144,9 @@ def _progress(total: int, found: int) -> Iterator[Any]:
         TextColumn("left:"),
         TimeRemainingColumn(elapsed_when_finished=True),
     )
-    with Progress(*columns, console=messages(), transient=True, disable=not sys.stderr.isatty()) as bar:
+    console = messages()
+    with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty()) as bar:
+        console.show_cursor(True)  # who is killed meanwhile leaves the terminal as it was
         line = bar.add_task("runs", total=total, completed=found, rate="")
         began, made, good = time.perf_counter(), 0, 0
 
