@@ -84,11 +84,13 @@ class Arc(ToolMotion[ArcOptions]):
                 raise _issue("normal", "nothing, with start, centre and goal in line", "the direction to turn about")
             return np.asarray(normal / np.linalg.norm(normal))
         normal = np.array(self.options.normal) / np.linalg.norm(self.options.normal)
+        across = normal - chord * (normal @ chord)
         if abs(normal @ chord) > _OFF:
-            fits = np.round(normal - chord * (normal @ chord), 6).tolist()
-            raise _issue("normal", f"{list(self.options.normal)}", f"one across the way to the goal, such as {fits}")
-        normal = normal - chord * (normal @ chord)
-        return np.asarray(normal / np.linalg.norm(normal))
+            other = np.cross(chord, np.eye(3)[np.abs(chord).argmin()])
+            fits = np.round(across if np.linalg.norm(across) > 0.1 else other, 6) + 0.0
+            expected = f"one across the way to the goal, such as {fits.tolist()}"
+            raise _issue("normal", f"{list(self.options.normal)}", expected)
+        return np.asarray(across / np.linalg.norm(across))
 
     def _angle(self, short: float) -> float:
         """The angle given, made exact, else `short`, in (-pi, pi], about the normal."""

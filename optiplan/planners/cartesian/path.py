@@ -17,7 +17,8 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 
-_STRAIGHT = 1e-9  # m or rad: shorter vectors have no direction
+_STRAIGHT = 1e-9  # rad: smaller rotations have no axis
+_IN_LINE = 1e-5  # as a sine: rounding of three points in line, an arc with a radius of kilometres
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +121,7 @@ def circle_through(a: Array, b: Array, c: Array) -> tuple[Array, Array] | None:
     """
     u, v = b - a, c - a
     n = np.cross(u, v)
-    if np.linalg.norm(n) <= _STRAIGHT * max(np.linalg.norm(u), np.linalg.norm(v)):
+    if np.linalg.norm(n) <= _IN_LINE * np.linalg.norm(u) * np.linalg.norm(v):
         return None
     centre = a + np.cross(u @ u * v - v @ v * u, n) / (2.0 * n @ n)
     axis = n / np.linalg.norm(n)
