@@ -16,7 +16,8 @@ class Failure:
 
     Attributes:
         kind: one of `goal-unreachable`, `start-in-collision`, `goal-in-collision`, `no-path`, `collision`, `budget`,
-            `cancelled`, `limits` (not within limits in the duration or with the shape asked for), `unsupported`.
+            `cancelled`, `limits` (not within limits in the duration or with the shape asked for), `singularity` and
+            `reach` (where the path asked for cannot be followed any further), `unsupported`.
         detail: one sentence for a person.
         witness: JSON-ready place where it failed: configuration `q`, time `t`, bodies `pair`, points `points`.
     """
