@@ -1,0 +1,206 @@
+"""`time_path`: the path is not changed, every limit holds, and it is nearly as fast as can be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial import cKDTree
+
+from optiplan.errors import UnknownChoiceError
+from optiplan.model.robot import load_robot
+from optiplan.problem.problem import JointGoal
+from optiplan.trajectory.blend import blend_path
+from optiplan.trajectory.path_rows import rows_at, tool_motion
+from optiplan.trajectory.timelaw import TimingOptions, ToolSpeed, time_path
+from optiplan.trajectory.timing import lower_bound, speed_ratio, stop_at_corners
+from optiplan.trajectory.torque import torque_scale
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.verify import verify
+from tests.planners import cases
+from tests.trajectory.paths import CORNERS, NAMES, PATHS, limits_of, straight
+
+WEIGHTLESS = None  # the robot is asked only for torques and tools, and only where they are limited
+METHODS = ("toppra", "jerk", "uniform")
+
+
+def farthest(motion, path, count=400):
+    """Largest distance of points of the motion from the path, by a search for the nearest parameter."""
+    points = motion(np.linspace(0.0, motion.duration, count))
+    s = np.linspace(0.0, path.duration, 20_001)
+    nearest = s[cKDTree(path(s)).query(points)[1]]
+    for _ in range(8):  # Gauss-Newton
+        q, d = path(np.clip(nearest, 0.0, path.duration)), path(np.clip(nearest, 0.0, path.duration), 1)
+        nearest = np.clip(nearest + ((points - q) * d).sum(axis=1) / (d * d).sum(axis=1), 0.0, path.duration)
+    return np.abs(path(nearest) - points).max()
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return load_robot("panda")
+
+
+@pytest.fixture(scope="module")
+def reach(panda):
+    """A path of the Panda with two rounded corners."""
+    ready = panda.configurations["ready"]
+    corners = ready + np.array([[0, 0, 0, 0, 0, 0, 0], [0.7, 0.3, 0, 0.2, 0, 0.3, 0], [0.2, 0.6, 0.5, 0.5, 0, 0, 0.5]])
+    return blend_path(corners, np.ones(1), panda.limits, panda.joint_names)
+
+
+@pytest.fixture(scope="module")
+def weak(panda, reach):
+    """Limits half-way between what holding the arm and what moving it fast takes."""
+    fast = time_path(reach, panda, replace(panda.limits, torque=np.full(panda.n, np.inf)), TimingOptions("jerk"))
+    t, data = np.linspace(0.0, fast.duration, 300), panda.model.createData()
+    Q, V, A = (fast(t, k) for k in range(3))
+    moving = [pin.rnea(panda.model, data, *row).copy() for row in zip(Q, V, A, strict=True)]
+    holding = [pin.computeGeneralizedGravity(panda.model, data, q).copy() for q in Q]
+    return replace(panda.limits, torque=0.5 * (np.abs(moving).max(axis=0) + np.abs(holding).max(axis=0)))
+
+
+@pytest.mark.parametrize("name", PATHS)
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_keeps_the_path_and_its_limits(name, method):
+    path, limits = PATHS[name], limits_of(200.0)
+    motion = time_path(path, WEIGHTLESS, limits, TimingOptions(method))
+    assert farthest(motion, path) < 1e-9
+    kept = limits if method != "toppra" else limits_of(np.inf)
+    assert speed_ratio(motion, kept) == pytest.approx(1.0, abs=1e-9)
+    ends = np.array([0.0, motion.duration])
+    assert np.abs(motion(ends) - path(np.array([0.0, path.duration]))).max() < 1e-12
+    assert np.abs(motion(ends, 1)).max() < 1e-9
+    if method != "toppra":
+        assert np.abs(motion(ends, 2)).max() < 1e-6
+        assert np.abs(motion.jumps(2)).max() < 1e-6
+
+
+@pytest.mark.parametrize("jerk", [30.0, 100.0, 500.0, 5000.0])
+def test_on_a_straight_line_it_comes_near_the_optimum(jerk):
+    limits = limits_of(jerk)
+    best = lower_bound(CORNERS[0], CORNERS[1], limits)
+    assert best <= time_path(straight(), WEIGHTLESS, limits).duration < 1.01 * best
+    unlimited = lower_bound(CORNERS[0], CORNERS[1], limits_of(np.inf))
+    assert time_path(straight(), WEIGHTLESS, limits, TimingOptions("toppra")).duration < 1.001 * unlimited
+    assert time_path(straight(), WEIGHTLESS, limits, TimingOptions("uniform")).duration == pytest.approx(best)
+
+
+@pytest.mark.parametrize("jerk", [100.0, 500.0, 5000.0])
+def test_a_better_law_is_a_faster_one(jerk):
+    limits = limits_of(jerk)
+    fast, smooth, uniform = (
+        time_path(PATHS["rounded"], WEIGHTLESS, limits, TimingOptions(method)).duration for method in METHODS
+    )
+    assert fast < smooth < 0.95 * uniform
+    assert smooth < stop_at_corners(CORNERS, limits, NAMES).duration
+    assert time_path(PATHS["rounded"], WEIGHTLESS, limits).duration == smooth
+    if jerk == 5000.0:
+        assert smooth < 1.02 * fast
+
+
+def test_without_a_jerk_limit_the_default_is_toppra():
+    limits = limits_of(np.inf)
+    options = TimingOptions("toppra")
+    default, asked = (time_path(PATHS["wave"], WEIGHTLESS, limits, o) for o in (None, options))
+    assert default.duration == asked.duration
+
+
+def test_going_nowhere_is_a_rest():
+    path = Trajectory(NAMES, np.array([0.0, 1.0]), np.ones((1, 1, 3)))
+    motion = time_path(path, WEIGHTLESS, limits_of(500.0))
+    assert np.abs(motion(np.array([0.0, motion.duration])) - 1.0).max() == 0.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_verifier_accepts_every_method(panda, reach, weak, method):
+    """Free space, joint, torque and (but for TOPP-RA) jerk limits; the torque limit bites."""
+    limits = weak
+    if method == "toppra":
+        limits = replace(limits, jerk=np.full(panda.n, np.inf))
+    motion = time_path(reach, panda, limits, TimingOptions(method))
+    assert farthest(motion, reach, 100) < 1e-9
+    problem = replace(cases.problem("panda", reach.start, [JointGoal(reach.end)]), limits=limits)
+    report = verify(problem, motion)
+    assert report.verified, [check for check in report.checks if not check.passed]
+    strong = time_path(reach, panda, replace(limits, torque=np.full(panda.n, np.inf)), TimingOptions(method))
+    assert motion.duration > (1.005 if method != "uniform" else 0.999) * strong.duration
+
+
+def test_torque_is_used_up_and_not_exceeded(panda, reach, weak):
+    for method in ("toppra", "jerk"):
+        motion = time_path(reach, panda, weak, TimingOptions(method))
+        t = np.linspace(0.0, motion.duration, 1500)
+        data = panda.model.createData()
+        tau = [pin.rnea(panda.model, data, *row).copy() for row in zip(*(motion(t, k) for k in range(3)), strict=True)]
+        assert 0.95 < (np.abs(tau) / weak.torque).max() <= 1.0
+        assert torque_scale(panda, weak.torque, motion) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_too_weak_to_stand_is_no_motion(panda, reach, method):
+    weaker = replace(panda.limits, torque=np.full(panda.n, 1.0))
+    assert time_path(reach, panda, weaker, TimingOptions(method)) is None
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("limit", [{"linear": 0.3}, {"angular": 0.5}, {"linear_acceleration": 1.5}])
+def test_tool_limits_hold_and_are_met(panda, reach, method, limit):
+    tool = ToolSpeed(panda.tool_frame, **limit)
+    motion = time_path(reach, panda, panda.limits, TimingOptions(method, tool))
+    free = time_path(reach, panda, panda.limits, TimingOptions(method))
+    assert motion.duration > 1.1 * free.duration
+    t = np.linspace(0.0, motion.duration, 5000)
+    twist, bend = tool_motion(panda, tool.frame, [motion(t, order) for order in range(3)])
+    found = {
+        "linear": np.linalg.norm(twist[:, :3], axis=1).max(),
+        "angular": np.linalg.norm(twist[:, 3:], axis=1).max(),
+        "linear_acceleration": np.linalg.norm(bend[:, :3], axis=1).max(),
+    }
+    ((name, value),) = limit.items()
+    assert 0.98 * value < found[name] <= value
+
+
+def test_tool_motion_is_the_derivative_of_the_pose(panda):
+    rng, h = np.random.default_rng(3), 1e-5
+    q, v, a = panda.configurations["ready"], *rng.normal(size=(2, panda.n))
+    data, frame = panda.model.createData(), panda.frame_id(panda.tool_frame)
+
+    def pose(t):
+        pin.framesForwardKinematics(panda.model, data, q + v * t + 0.5 * a * t**2)
+        return data.oMf[frame].copy()
+
+    back, here, ahead = (pose(t) for t in (-h, 0.0, h))
+    twist, bend = tool_motion(panda, panda.tool_frame, [x[None] for x in (q, v, a)])
+    assert twist[0, :3] == pytest.approx((ahead.translation - back.translation) / (2 * h), abs=1e-7)
+    assert twist[0, 3:] == pytest.approx(pin.log3(ahead.rotation @ back.rotation.T) / (2 * h), abs=1e-7)
+    second = (ahead.translation - 2.0 * here.translation + back.translation) / h**2
+    assert bend[0, :3] == pytest.approx(second, abs=1e-4)
+
+
+def test_rows_are_the_limits_of_the_motion(panda, reach):
+    """A sdd + B sd^2 + G is joint acceleration, then torque, then a component of the tool's acceleration."""
+    tool = ToolSpeed(panda.tool_frame, linear=0.5, linear_acceleration=2.0)
+    s = np.linspace(0.1, 0.9, 5) * reach.duration
+    rows = rows_at(reach, panda, panda.limits, tool, s)
+    sd, sdd = 0.7, -1.3
+    q, q1, q2 = (reach(s, order) for order in range(3))
+    v, a = q1 * sd, q1 * sdd + q2 * sd**2
+    data, n = panda.model.createData(), panda.n
+    tau = np.array([pin.rnea(panda.model, data, *row).copy() for row in zip(q, v, a, strict=True)])
+    value = rows.A * sdd + rows.B * sd**2 + rows.G
+    assert value[:, :n] == pytest.approx(a)
+    assert value[:, n : 2 * n] == pytest.approx(tau)
+    twist, bend = tool_motion(panda, tool.frame, [q, v, a])
+    size = np.linalg.norm(bend[:, :3], axis=1)
+    largest = np.abs(value[:, 2 * n :]).max(axis=1)
+    assert (largest <= size + 1e-9).all()
+    assert (largest >= size * np.cos(np.pi / 16.0) - 1e-9).all()
+    share = np.maximum((np.abs(v) / panda.limits.velocity).max(axis=1), np.linalg.norm(twist[:, :3], axis=1) / 0.5)
+    assert sd / rows.speed == pytest.approx(share)
+
+
+def test_bad_tools_are_told(panda, reach):
+    with pytest.raises(ValueError, match="linear = 0"):
+        ToolSpeed("tool", linear=0.0)
+    with pytest.raises(UnknownChoiceError):
+        time_path(reach, panda, panda.limits, TimingOptions(tool=ToolSpeed("no such frame", linear=1.0)))
