@@ -29,7 +29,10 @@ class Excess:
 
 
 def excess(trajectory: Trajectory, limits: Limits) -> Excess | None:
-    """The limit that a motion exceeds most, of position, velocity, acceleration and jerk, or None; all time."""
+    """The limit of position, velocity, acceleration or jerk that a motion exceeds most, or None; at all times.
+
+    Most is by how much slower it would have to be, (value / limit)^(1 / order).
+    """
     found: list[tuple[float, Excess]] = []
     e = trajectory.extrema_at(0)
     for value, limit, beyond, t in (
@@ -43,7 +46,7 @@ def excess(trajectory: Trajectory, limits: Limits) -> Excess | None:
         value = np.maximum(e.high, -e.low)
         t = np.where(e.high >= -e.low, e.t_high, e.t_low)
         j = int(np.argmax(value / limit))
-        share = float(value[j] / limit[j]) - 1.0
+        share = float(value[j] / limit[j]) ** (1.0 / order) - 1.0
         found.append((share, Excess(j, _ORDERS[order], float(value[j]), float(limit[j]), float(t[j]))))
     most, where = max(found, key=lambda entry: entry[0])
     return where if most > _ROUNDING else None
@@ -64,7 +67,7 @@ def beyond_limits(over: Excess, trajectory: Trajectory, shortest: float | None) 
     detail = f"{reached}, in {trajectory.duration:.6g} s; {_other_duration(shortest)}"
     q = trajectory(np.array([over.t]))[0].tolist()
     place = {"joint": joint, "quantity": over.quantity, "value": over.value, "limit": over.limit, "t": over.t, "q": q}
-    return Failure("limits", detail, place | {"shortest_duration": shortest})
+    return Failure("limits", detail, place | ({} if shortest is None else {"shortest_duration": shortest}))
 
 
 def beyond_torque(robot: Robot, limits: Limits, trajectory: Trajectory, shortest: float | None) -> Failure:

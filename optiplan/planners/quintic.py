@@ -29,7 +29,10 @@ class QuinticOptions(ProfileOptions):
 
 
 class Quintic(PointToPoint[QuinticOptions]):
-    """Polynomials of degree five, tried goal by goal until one is free at all times: `PointToPoint.plan` does that."""
+    """The polynomial above to every goal, until one is good: `PointToPoint.plan` tries them.
+
+    A planner of your own returns a profile of its own: anything with `shortest` and `trajectory(duration)`.
+    """
 
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The polynomial above from the start to a goal (n,), still of any duration T."""
