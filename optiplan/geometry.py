@@ -15,6 +15,8 @@ UNIT_TOLERANCE = 1e-3
 HALF_TURN = 1e-9
 """Components of a unit quaternion smaller than this are rounding when the shorter of two ways round is chosen."""
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
+_SERIES = tuple((-1) ** (n + 1) * 2 * (n + 1) / math.factorial(2 * n + 3) for n in reversed(range(9)))
+"""Coefficients of x^16 … x^0 in (cos x - sin x / x) / x²."""
 
 
 def unit(values: Sequence[float]) -> Array:
@@ -110,8 +112,20 @@ class DualQuaternion:
         """exp(exponent log(q)): the screw of q run through to that share."""
         return DualQuaternion.exp(exponent * self.log())
 
+    def towards(self, other: "DualQuaternion", tau: float) -> "DualQuaternion":
+        """ScLERP: X_W0 (X_W0⁻¹ X_W1)^τ, from this pose at τ = 0 to the other at τ = 1 by one screw motion.
+
+        Source: L. Kavan et al., "Dual quaternions for rigid transformation blending", 2006.
+        """
+        return self * (self.conjugate * other).power(tau)
+
+    @property
+    def position(self) -> Array:
+        """Of the pose: p = vec(2 dual real*), (3,), m."""
+        return np.asarray(2.0 * _product(self.dual, _CONJUGATE * self.real)[1:])
+
     def pose(self) -> pin.SE3:
-        """X_AB with p = vec(2 dual real*)."""
+        """X_AB."""
         w, x, y, z = self.real
         return pin.SE3(
             pin.Quaternion(w, x, y, z).toRotationMatrix(), 2.0 * _product(self.dual, _CONJUGATE * self.real)[1:]
@@ -165,12 +179,8 @@ class DualQuaternion:
 
 
 def screw_between(X_W0: pin.SE3, X_W1: pin.SE3, tau: float) -> pin.SE3:
-    """ScLERP: X_W0 (X_W0⁻¹ X_W1)^τ, from X_W0 at τ = 0 to X_W1 at τ = 1 by one screw motion.
-
-    Source: L. Kavan et al., "Dual quaternions for rigid transformation blending", 2006.
-    """
-    q_0 = DualQuaternion.from_pose(X_W0)
-    return (q_0 * (q_0.conjugate * DualQuaternion.from_pose(X_W1)).power(tau)).pose()
+    """`DualQuaternion.towards` for poses."""
+    return DualQuaternion.from_pose(X_W0).towards(DualQuaternion.from_pose(X_W1), tau).pose()
 
 
 def _product(a: Array, b: Array) -> Array:
@@ -189,11 +199,14 @@ def _product(a: Array, b: Array) -> Array:
 
 def _sinc(x: float) -> float:
     """The function sin x / x."""
-    return float(np.sinc(x / math.pi))
+    return math.sin(x) / x if x != 0.0 else 1.0
 
 
 def _sinc_slope(x: float) -> float:
     """(cos x - sin x / x) / x² = sinc'(x) / x; below 1 by its series, which is exact to rounding there."""
-    if x < 1.0:
-        return math.fsum((-1) ** (n + 1) * 2 * (n + 1) / math.factorial(2 * n + 3) * x ** (2 * n) for n in range(9))
-    return (math.cos(x) - math.sin(x) / x) / x**2
+    if x >= 1.0:
+        return (math.cos(x) - math.sin(x) / x) / x**2
+    value, square = 0.0, x * x
+    for coefficient in _SERIES:
+        value = value * square + coefficient
+    return value

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.geometry import DualQuaternion, screw_between
+from optiplan.geometry import DualQuaternion
 from optiplan.planners.sclerp.box import bounded_least_squares
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.tool import Tool
@@ -53,15 +53,15 @@ def chase(
     Raises:
         LinAlgError: J_s J_sᵀ has no inverse: the arm is singular, or has fewer than six joints.
     """
-    goal, limits = X_WG.homogeneous, tool.robot.limits
+    goal, limits = DualQuaternion.from_pose(X_WG), tool.robot.limits
     q, Q = np.array(start, float), [np.array(start, float)]
     hits: list[Array] = []
     while True:
         X_WT, J = tool.at(q)
-        error = float(np.abs(goal - X_WT.homogeneous).max())
+        error = float(np.abs(X_WG.homogeneous - X_WT.homogeneous).max())
         if error <= options.tolerance or len(hits) == options.iterations or stop():
             break
-        q = q + _joint_step(tool, q, J, options.beta * aim(X_WT, X_WG, options), options)
+        q = q + _joint_step(tool, q, J, options.beta * aim(X_WT, goal, options), options)
         hits.append(np.asarray((q >= limits.upper) | (q <= limits.lower)))
         if options.joint_limits == "reflect":
             q = reflected(q, limits.lower, limits.upper)
@@ -71,24 +71,26 @@ def chase(
     return Chase(np.array(Q), error, error <= options.tolerance, np.array(hits, dtype=bool).reshape(-1, len(q)))
 
 
-def aim(X_WT: pin.SE3, X_WG: pin.SE3, options: SclerpOptions) -> Array:
-    """Spatial twist (6,), m and rad, that should carry the tool the share τ along the screw to the goal.
+def aim(X_WT: pin.SE3, goal: DualQuaternion, options: SclerpOptions) -> Array:
+    """Spatial twist (6,), m and rad, that should carry the tool the share τ along the screw to the goal's pose.
 
     (v, w) = [[I, 2 p̂ J1], [0, 2 J1]] (Δp, ΔQ), with p the tool's position, Q its quaternion and Δ their changes.
     """
-    A = DualQuaternion.from_pose(X_WT)
-    literal = options.scheme == "literal"
-    X_WC = report_screw(X_WT, X_WG, options.tau) if literal else screw_between(X_WT, X_WG, options.tau)
-    C = DualQuaternion.from_pose(X_WC)
+    A, literal = DualQuaternion.from_pose(X_WT), options.scheme == "literal"
+    C = report_screw(A, goal, options.tau) if literal else A.towards(goal, options.tau)
     change = C.real - A.real if A.real @ C.real >= 0.0 else -C.real - A.real
     J1 = report_J1(A.real) if literal else spatial_J1(A.real)
-    rates = np.concatenate([X_WC.translation - X_WT.translation, change])
-    return np.asarray(rates_to_twist(X_WT.translation, J1) @ rates)
+    p = X_WT.translation
+    return np.asarray(rates_to_twist(p, J1) @ np.concatenate([C.position - p, change]))
 
 
 def rates_to_twist(p: Array, J1: Array) -> Array:
-    """[[I, 2 p̂ J1], [0, 2 J1]] (6, 7); p̂ J1 is p x J1, column by column."""
-    return np.block([[np.eye(3), 2.0 * np.cross(p, J1, axisb=0, axisc=0)], [np.zeros((3, 3)), 2.0 * J1]])
+    """[[I, 2 p̂ J1], [0, 2 J1]] (6, 7), p̂ the matrix of p x."""
+    matrix = np.zeros((6, 7))
+    matrix[0, 0] = matrix[1, 1] = matrix[2, 2] = 1.0
+    matrix[:3, 3:] = 2.0 * (pin.skew(p) @ J1)
+    matrix[3:, 3:] = 2.0 * J1
+    return matrix
 
 
 def b_matrix(J: Array, p: Array, J1: Array) -> Array:
@@ -112,27 +114,26 @@ def report_J1(Q: Array) -> Array:
     return np.array([[-q1, q0, q3, -q2], [-q2, -q3, q0, q1], [-q3, q2, -q1, q0]])
 
 
-def report_screw(X_WA: pin.SE3, X_WB: pin.SE3, tau: float) -> pin.SE3:
-    """Power of a dual quaternion as the report has it: right but for pure translations.
+def report_screw(A: DualQuaternion, B: DualQuaternion, tau: float) -> DualQuaternion:
+    """The pose at the share τ from A to B as the report has it: right but for pure translations.
 
-    With t and (θ, u) translation and rotation of X_AB: d = t · u, m = ½ (t x u + (t - d u) cot(θ/2)), and
-    X_AB^τ = (cos τθ/2, sin(τθ/2) u) + ε (-τd/2 sin τθ/2, τd/2 cos(τθ/2) u + sin(τθ/2) m). For θ = 0, tested exactly,
+    With t and (θ, u) translation and rotation of A⁻¹ B: d = t · u, m = ½ (t x u + (t - d u) cot(θ/2)), and
+    (A⁻¹ B)^τ = (cos τθ/2, sin(τθ/2) u) + ε (-τd/2 sin τθ/2, τd/2 cos(τθ/2) u + sin(τθ/2) m). For θ = 0, tested exactly,
     u is the direction of p_B - p_A in *world* axes, although t is in those of A, and m = ½ t x u.
     """
-    A = DualQuaternion.from_pose(X_WA)
-    D = (A.conjugate * DualQuaternion.from_pose(X_WB)).shorter()
-    t, sine = D.pose().translation, math.hypot(*D.real[1:])
+    D = (A.conjugate * B).shorter()
+    t, sine = D.position, math.hypot(*D.real[1:])
     half = math.atan2(sine, D.real[0])
     if half == 0.0:
-        way = X_WB.translation - X_WA.translation
+        way = B.position - A.position
         u = way / max(float(np.linalg.norm(way)), 1e-300)
-        d, m = float(t @ u), 0.5 * np.cross(t, u)
+        d, m = float(t @ u), 0.5 * pin.skew(t) @ u
     else:
         u = D.real[1:] / sine
         d = float(t @ u)
-        m = 0.5 * (np.cross(t, u) + (t - d * u) / math.tan(half))
+        m = 0.5 * (pin.skew(t) @ u + (t - d * u) / math.tan(half))
     c, s, e = math.cos(tau * half), math.sin(tau * half), 0.5 * tau * d
-    return (A * DualQuaternion(np.array([c, *(s * u)]), np.array([-e * s, *(e * c * u + s * m)]))).pose()
+    return A * DualQuaternion(np.array([c, *(s * u)]), np.array([-e * s, *(e * c * u + s * m)]))
 
 
 def reflected(q: Array, low: Array, high: Array) -> Array:
