@@ -80,7 +80,7 @@ class Rounded:
         return PlanResult(None, refused[0], watch.seconds)
 
     def _free_sections(self, model: CollisionModel, problem: Problem, chain: Array) -> list[Trajectory] | Failure:
-        """The path in sections from stop to stop, free everywhere, or what stands in the way of the sharpest corners."""
+        """The path in sections from stop to stop, free everywhere, or what stands in the way."""
         deviation, refused = self.options.deviation, None
         for _ in range(_HALVINGS + 1):
             sections = self._sections(problem, chain, deviation)
