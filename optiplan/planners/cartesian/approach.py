@@ -11,6 +11,7 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.path import line
 from optiplan.planners.cartesian.tracking import Aim, Tracker
 from optiplan.planners.goals import ranked_goals
+from optiplan.planners.legs import joined
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory.trajectory import Trajectory
@@ -35,7 +36,7 @@ class Branch:
         for name in _APPROACHES:
             result = make_planner(name).plan(there, budget.share(0.5), lambda stage, fraction: None)
             if result.trajectory is not None:
-                return _joined(result.trajectory, motion)
+                return joined([result.trajectory, motion])
             reasons.append(result.failure)
         return reasons[-1] or Failure("no-path", "no way to another branch")
 
@@ -47,11 +48,3 @@ def other_branches(problem: Problem, frame: str, tools: tuple[CollisionModel, Bu
     here = Tracker(problem.robot, frame, line(X, X), Aim())
     exact = [here.correct(0.0, q) for q in ([] if isinstance(goals, Failure) else goals)]
     return [Branch(q, changed=True) for q in exact if q is not None and np.abs(q - problem.start).max() > _OTHER]
-
-
-def _joined(first: Trajectory, second: Trajectory) -> Trajectory:
-    """One after the other, (m, degree + 1, n) coefficients filled up with zeros to one degree."""
-    size = max(first.coefficients.shape[1], second.coefficients.shape[1])
-    filled = [np.pad(c, ((0, 0), (0, size - c.shape[1]), (0, 0))) for c in (first.coefficients, second.coefficients)]
-    breakpoints = np.concatenate([first.breakpoints, first.duration + second.breakpoints[1:]])
-    return Trajectory(first.joint_names, breakpoints, np.concatenate(filled))

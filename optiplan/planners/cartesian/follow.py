@@ -27,6 +27,7 @@ _LONGEST, _SHORTEST = 0.125, 1e-7  # of s, a step
 _FARTHEST = 0.3  # rad or m: a joint in one step
 _ASTRAY = 0.05  # rad or m: a joint, by the correction
 _MOST_KNOTS = 3000
+_STILL = 1e-9  # rad or m: rounding, which is not to be timed as a motion
 
 
 @dataclass
@@ -71,7 +72,10 @@ def follow(
         return stuck(tracker, 0.0, start[1])
     followed = knots.path(model.robot.joint_names)
     ending = first_ending(model, tracker, followed)
-    return followed if ending is None else ending
+    if ending is not None:
+        return ending
+    still = max(np.abs(bound - start[1]).max() for bound in followed.extrema(0)) < _STILL
+    return Trajectory(followed.joint_names, np.array([0.0, 1.0]), start[1][None, None]) if still else followed
 
 
 def _march(tracker: Tracker, q: Array, budget: Budget) -> _Knots:
