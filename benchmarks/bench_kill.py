@@ -3,8 +3,9 @@
     python benchmarks/bench_kill.py                  # twenty kills, a few minutes
     python benchmarks/bench_kill.py --kills 5 --seed 3
 
-The suite: two numbered examples, the planner `quintic` with many repetitions, two workers. Each round starts the same
-command, waits a random time and sends SIGKILL: in turn to the runner, to one worker, to a worker and then the runner.
+The suite: two numbered examples, the planner `quintic` and one that waits 0.1 s, with many repetitions, two workers.
+Each round starts the same command, waits a random time and sends SIGKILL: in turn to the runner, to one worker, to a
+worker and then the runner.
 At the end the suite is completed and compared with one that was left in peace: every run once, the same verdicts and
 the same motions, and a database that SQLite finds whole. The last line printed is one JSON object.
 """
@@ -24,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-REPETITIONS = 600
+REPETITIONS = 500
 LONGEST = 6.0  # s from the start to the kill; the first second or two are imports
 
 
@@ -45,9 +46,9 @@ def main() -> None:
         killed, left = rows(folder / "killed"), rows(folder / "peace")
         result = {
             "kills": arguments.kills,
-            "runs": 2 * REPETITIONS,
+            "runs": 4 * REPETITIONS,
             "stored": len(killed),
-            "each_once": len(set(killed)) == len(killed) == 2 * REPETITIONS,
+            "each_once": len(set(killed)) == len(killed) == 4 * REPETITIONS,
             "same_as_in_peace": killed == left,
             "integrity": integrity(folder / "killed"),
             "exit_codes": [code, peace],
@@ -62,7 +63,8 @@ def write_suite(folder: Path, repetitions: int) -> Path:
     problems = [
         {"glob": str(ROOT / "problems" / f"{name}*.yaml"), "set": "examples"} for name in ("10_ur3", "12_planar")
     ]
-    suite = {"version": 1, "name": "kill", "problems": problems, "planners": ["quintic"], "budget": 5}
+    planners = ["quintic", {"name": "bench_overhead:Waits", "label": "waits", "seconds": 0.1}]
+    suite = {"version": 1, "name": "kill", "problems": problems, "planners": planners, "budget": 5}
     path = folder / "kill.yaml"
     path.write_text(json.dumps(suite | {"repetitions": repetitions}))
     return path
@@ -72,7 +74,10 @@ def start(suite: Path, folder: Path) -> "subprocess.Popen[bytes]":
     """The command, with two workers."""
     command = [sys.executable, "-c", "from optiplan.cli.main import main; main()", "bench", str(suite)]
     command += ["--out", str(folder), "--workers", "2"]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, sys.path)])}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "benchmarks"), *filter(None, sys.path)]),
+    }
     return subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 

@@ -118,7 +118,12 @@ def test_a_problem_comes_once(refused, problems):
     ]
 
 
-def test_motion_bench_maker(load, shared):
+@pytest.fixture
+def no_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+def test_motion_bench_maker(load, shared, no_cache):
     folder, robot = shared / "mbm" / "panda", shared / "robots" / "mbm_panda" / "robot.yaml"
     source = f"{{mbm: '{folder}', robot: '{robot}', sets: [cage, box], every: 20, first: 2}}"
     suite = load(f"problems: [{source}]\nplanners: [quintic]\n")
@@ -131,6 +136,19 @@ def test_motion_bench_maker(load, shared):
         f"problems: [{source.replace('first: 2', 'first: 1, set: arm').replace('cage, ', '')}]\nplanners: [quintic]\n"
     ).problems
     assert (other.id, other.set_name, other.hash) == ("arm-box/0001", "arm-box", suite.problems[2].hash)
+
+
+def test_a_conversion_is_kept_for_the_same_contents(load, shared, no_cache, tmp_path):
+    for source in (shared / "mbm" / "panda" / "box").glob("*0001.yaml"):
+        (tmp_path / "box").mkdir(exist_ok=True)
+        shutil.copy(source, tmp_path / "box")
+    text = "problems: [{mbm: ., robot: panda, sets: [box]}]\nplanners: [quintic]\n"
+    first, again = load(text), load(text)
+    assert len(list((tmp_path / "cache" / "optiplan" / "mbm").iterdir())) == 1
+    assert again.parts == first.parts
+    request = tmp_path / "box" / "request0001.yaml"
+    request.write_text(request.read_text().replace("velocity_scaling_factor: 0", "velocity_scaling_factor: 0.5"))
+    assert load(text).problems[0].data["limits"]["velocity"] == 0.5
 
 
 def test_motion_bench_maker_through_the_environment(load, refused, shared, monkeypatch):
