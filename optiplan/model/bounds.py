@@ -15,6 +15,9 @@ class PairBounds:
     """Bounding volumes of all bodies and the joints that move each pair apart, as arrays.
 
     A body is enclosed by an axis-aligned box in its own frame and by the ball about that box's centre.
+
+    Attributes:
+        plane_pairs: indices of the pairs with a half-space.
     """
 
     def __init__(self, model: pin.Model, geometry: pin.GeometryModel, pairs: list[tuple[int, int]]) -> None:
@@ -26,6 +29,9 @@ class PairBounds:
         self._centre = np.array([box[0] for box in boxes]).reshape(-1, 3)
         self._half = np.array([box[1] for box in boxes]).reshape(-1, 3)
         self._radius = np.array([box[2] for box in boxes])
+        signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+        edges = np.where(np.isfinite(self._half), self._half, 0.0)
+        self._corners = self._centre[:, None] + edges[:, None] * signs  # (G, 8, 3)
         self._pairs: Index = np.array(pairs, dtype=np.intp).reshape(-1, 2)
         supports = np.zeros((model.njoints, model.nv), dtype=bool)
         for j in range(1, model.njoints):
@@ -35,7 +41,7 @@ class PairBounds:
         # A joint that carries both bodies of a pair does not change their distance.
         self._moves = moves & ~moves[:, ::-1]
         planes = [isinstance(body.geometry, coal.Halfspace) for body in bodies]
-        self._plane_pairs: Index = np.flatnonzero(np.array(planes, dtype=bool)[self._pairs].any(axis=1))
+        self.plane_pairs: Index = np.flatnonzero(np.array(planes, dtype=bool)[self._pairs].any(axis=1))
         self._plane_of = {g: (np.array(bodies[g].geometry.n), bodies[g].geometry.d) for g, p in enumerate(planes) if p}
 
     def distances(self, Q: Array) -> Array:
@@ -51,7 +57,7 @@ class PairBounds:
             self._ball_to_box(rotation[:, b], centre[:, b], centre[:, a], b, a),
             self._ball_to_box(rotation[:, a], centre[:, a], centre[:, b], a, b),
         )
-        for pair in self._plane_pairs:
+        for pair in self.plane_pairs:
             plane, body = a[pair], b[pair]
             if int(plane) not in self._plane_of:
                 plane, body = body, plane
@@ -91,14 +97,23 @@ class PairBounds:
             moved += own
         return moved
 
+    def levers(self, stroke: Array) -> Array:
+        """Metres that a pair's bodies travel against each other at most for each rad or m of each joint: (P, n).
+
+        Holds at: every configuration with |q_j| <= stroke_j (n,), so that along a straight motion by d the distance of
+        pair p changes by at most sum_j levers[p, j] |d_j|.
+        """
+        corners = np.einsum("gij,gkj->gki", self._placement[:, :3, :3], self._corners) + self._placement[:, None, :3, 3]
+        bodies = [self.kinematics.levers(int(j), x, stroke) for j, x in zip(self._joint, corners, strict=True)]
+        both = np.array(bodies).reshape(-1, len(stroke))[self._pairs] * self._moves  # (P, 2, n)
+        return np.asarray(both.sum(axis=1))
+
     def _axis_distances(self, Q: Array) -> Array:
         """Distance, m, of the farthest corner of every body's box from every joint axis at Q (N, n): (N, G, n)."""
         poses = self.kinematics.poses(Q)
         direction, point = self.kinematics.axes(poses)  # (N, n, 3)
         placed = poses[:, self._joint] @ self._placement
-        signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-        local = self._centre[:, None] + np.where(np.isfinite(self._half), self._half, 0.0)[:, None] * signs  # (G, 8, 3)
-        corners = np.einsum("ngij,gkj->ngki", placed[..., :3, :3], local) + placed[:, :, None, :3, 3]
+        corners = np.einsum("ngij,gkj->ngki", placed[..., :3, :3], self._corners) + placed[:, :, None, :3, 3]
         flat = corners.reshape(len(Q), -1, 3)
         along = flat @ direction.transpose(0, 2, 1) - np.einsum("nji,nji->nj", point, direction)[:, None]
         squared = (
@@ -108,7 +123,7 @@ class PairBounds:
             - along**2
         )
         # The difference of squares loses half the digits near the axis: 1e-6 m covers it within 10 m of the origin.
-        farthest = np.sqrt(np.maximum(squared, 0.0)).reshape(*corners.shape[:3], -1).max(axis=2) + 1e-6
+        farthest = np.sqrt(np.maximum(squared, 0.0)).reshape(*corners.shape[:3], Q.shape[1]).max(axis=2) + 1e-6
         return np.asarray(farthest)
 
     def witness_gradients(self, Q: Array, pairs: Index, points: Array, normals: Array) -> Array:

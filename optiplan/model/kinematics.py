@@ -47,6 +47,27 @@ class BatchKinematics:
             point[:, column] = poses[:, j, :3, 3]
         return direction, point
 
+    def levers(self, joint: int, points: Array, stroke: Array) -> Array:
+        """Bounds, m, on the distances of points (K, 3) fixed to a joint from the axes of all joints: (n,).
+
+        Holds at: every configuration with |q_j| <= stroke_j; `stroke` (n,) matters for prismatic joints only, m. Seen
+        from the frame of a joint, what the next joint carries stays within a ball about that joint's origin, which
+        is fixed there. A prismatic joint has lever 1 (m of travel a m); one that does not carry the points has 0.
+        """
+        result = np.zeros(len(stroke))
+        ball = 0.0
+        while joint > 0:
+            column = self._columns[joint]
+            if self.revolute[column]:
+                result[column] = np.linalg.norm(np.cross(points, self._screws[joint][3:]), axis=1).max() + ball
+            else:
+                result[column] = 1.0
+                ball += float(stroke[column])
+            ball += float(np.linalg.norm(points, axis=1).max())
+            points = self._placements[joint][None, :3, 3]
+            joint = self._parents[joint]
+        return result
+
 
 def _screw_motion(screw: Array, q: Array) -> Array:
     """exp([S] q) for a unit rotation about, or a unit translation along, an axis through the origin: (N, 4, 4)."""

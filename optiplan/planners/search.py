@@ -1,20 +1,24 @@
-"""RRT-Connect of OMPL, made repeatable, interruptible and silent."""
+"""OMPL's searches, made repeatable, interruptible and silent."""
 
 import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import count
-from typing import Any
+from math import isfinite
+from typing import Any, Literal
 
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.model.robot import Limits
 from optiplan.planners.base import Budget
 from optiplan.planners.motion import MotionCheck
+from optiplan.planners.space import Ends, SearchSpace
 
-_TURN = np.pi  # rad beyond start and goals that a joint without bounds may go
+Kind = Literal["rrtconnect", "rrtstar", "informed_rrtstar", "bitstar", "kpiece"]
+
 _START, _GOAL = 1, 2  # OMPL's tags of the two trees
 _SAMPLE = 500  # states of a tree that are reported
+_BATCH = 100  # samples that BIT* adds at a time
 _OMPL = threading.Lock()  # OMPL's random numbers start from one seed of the whole process
 
 
@@ -23,9 +27,10 @@ class Search:
     """What a search left behind.
 
     Attributes:
-        path: (k, n) waypoints from the start to one of the goals, rad or m; None when the trees did not meet.
+        path: (k, n) waypoints from the start to one of the goals, rad or m; None when none was found.
         start_tree: (s, n) states reached from the start, at most some hundreds of them.
-        goal_tree: (g, n) states from which a goal is reached, likewise.
+        goal_tree: (g, n) states from which a goal is reached, likewise; the goals alone where one tree is grown. BIT*
+            does not show its tree.
         sizes: number of states of the two trees.
     """
 
@@ -37,97 +42,148 @@ class Search:
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """`reach`: longest tree edge in s at full joint speed (2-norm over joints); `seed` > 0; most `iterations`."""
+    """How to search.
 
-    reach: float
-    seed: int
-    iterations: int | None = None
-
-
-def rrt_connect(
-    check: MotionCheck, ends: tuple[Array, Array], limits: Limits, budget: Budget, options: SearchOptions
-) -> Search:
-    """Two trees from the start (n,) and the goals (k, n) = `ends`, in coordinates q / velocity limit (s).
-
-    Same arguments, same result, unless the budget cut it. Source: Kuffner and LaValle, "RRT-Connect", ICRA 2000.
+    Attributes:
+        kind: which of OMPL's planners.
+        reach: longest tree edge, s at full joint speed (2-norm over joints).
+        effort: where the path improves with time, the iterations (batches of samples for `bitstar`) after which it
+            is good enough; a search that has no path by then goes on until it has one.
     """
-    from ompl import base, geometric, util
+
+    kind: Kind
+    reach: float = 0.4
+    effort: int = 0
+
+
+Searcher = Callable[[MotionCheck, Ends, Budget, int], Search]
+"""(check, (start, goals), budget, seed > 0) -> what was found."""
+
+
+def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, options: SearchOptions) -> Search:
+    """Connect the start (n,) with one of the goals (k, n) = `ends`, in coordinates q / velocity limit (s).
+
+    Same arguments, same result, unless the budget cut it. Sources: Kuffner and LaValle, "RRT-Connect", ICRA 2000;
+    Karaman and Frazzoli, "Sampling-based algorithms for optimal motion planning", IJRR 2011 (RRT*); Gammell et al.,
+    "Informed RRT*", IROS 2014, and "Batch informed trees", IJRR 2020; Sucan and Kavraki, "KPIECE", WAFR 2008.
+    """
+    from ompl import base
+
+    back = options.kind in _ONE_TREE and _goals_are_tighter(check, ends)
+    trees = (ends[1], ends[0][None]) if back else (ends[0][None], ends[1])
+    with seeded(seed, budget) as mine:
+        if not mine:
+            return Search(None, ends[0][None], ends[1], (1, len(ends[1])))
+        space = SearchSpace(check, ends)
+        problem = space.problem(*trees)
+        planner, enough = _PLANNERS[options.kind](space, problem, options)
+        planner.setProblemDefinition(problem)
+        planner.setup()
+        planner.solve(base.PlannerTerminationCondition(lambda: budget.over or enough()))
+        found = _collect(planner, space, problem, trees)
+        space.close()
+    if not back:
+        return found
+    path = None if found.path is None else found.path[::-1]
+    return Search(path, found.goal_tree, found.start_tree, (found.sizes[1], found.sizes[0]))
+
+
+def rrt_connect(check: MotionCheck, ends: Ends, budget: Budget, seed: int) -> Search:
+    """The quickest `Searcher`, as its options are by default."""
+    return search(check, ends, budget, seed, SearchOptions("rrtconnect"))
+
+
+def _goals_are_tighter(check: MotionCheck, ends: Ends) -> bool:
+    """A single tree finds out of a narrow place more easily than into it, so it is rooted where less space is."""
+    start, *goals = [check.model.clearance(q) for q in np.vstack(ends)]
+    return start is not None and max(goal.distance for goal in goals if goal is not None) < start.distance
+
+
+@contextmanager
+def seeded(seed: int, budget: Budget) -> Iterator[bool]:
+    """OMPL for this thread alone, its random numbers from `seed`; False when the budget ended before its turn came."""
+    from ompl import util
 
     while not _OMPL.acquire(timeout=0.02):
         if budget.over:
-            return Search(None, ends[0][None], ends[1], (1, len(ends[1])))
+            yield False
+            return
     try:
         util.setLogLevel(util.LogLevel.LOG_NONE)
-        util.RNG.setSeed(options.seed)
-        problem, information = _describe(check, ends, limits)
-        planner = geometric.RRTConnect(information)
-        planner.setRange(options.reach)
-        planner.setProblemDefinition(problem)
-        planner.setup()
-        turns = count() if options.iterations is None else iter(range(options.iterations))
-        planner.solve(base.PlannerTerminationCondition(lambda: budget.over or next(turns, None) is None))
-        return _collect(planner, problem, information, ends, limits)
+        util.RNG.setSeed(seed)
+        yield True
     finally:
         _OMPL.release()
 
 
-def _describe(check: MotionCheck, ends: tuple[Array, Array], limits: Limits) -> tuple[Any, Any]:
-    """OMPL's problem and space information."""
-    from ompl import base
-
-    n, speed = check.model.robot.n, limits.velocity
-    both = np.vstack([ends[0], ends[1]])
-    low = np.where(np.isfinite(limits.lower), limits.lower, both.min(axis=0) - _TURN) / speed
-    high = np.where(np.isfinite(limits.upper), limits.upper, both.max(axis=0) + _TURN) / speed
-    space, bounds = base.RealVectorStateSpace(n), base.RealVectorBounds(n)
-    for j in range(n):
-        bounds.setLow(j, float(low[j]))
-        bounds.setHigh(j, float(high[j]))
-    space.setBounds(bounds)
-    information = base.SpaceInformation(space)
-    information.setStateValidityChecker(lambda state: not check.blocked(_read(state, n) * speed))
-
-    class Validator(base.MotionValidator):  # type: ignore[misc]  # ompl has no types
-        def checkMotion(self, a: Any, b: Any) -> bool:
-            return check.free(_read(a, n) * speed, _read(b, n) * speed)
-
-    information.setMotionValidator(Validator(information))
-    information.setup()
-
-    def state(q: Array) -> Any:
-        result = information.allocState()
-        for j, x in enumerate(np.clip(q / speed, low, high)):
-            result[j] = float(x)
-        return result
-
-    problem, goals = base.ProblemDefinition(information), base.GoalStates(information)
-    problem.addStartState(state(ends[0]))
-    for q in ends[1]:
-        goals.addState(state(q))
-    problem.setGoal(goals)
-    return problem, information
+Made = tuple[Any, Callable[[], bool]]
+"""A planner of OMPL, and whether its path is good enough."""
 
 
-def _collect(planner: Any, problem: Any, information: Any, ends: tuple[Array, Array], limits: Limits) -> Search:
-    from ompl import base
+def _connect(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
+    from ompl import geometric
 
-    n, speed = len(ends[0]), limits.velocity
-    data = base.PlannerData(information)
-    planner.getPlannerData(data)
+    planner = geometric.RRTConnect(space.information)
+    planner.setRange(options.reach)
+    return planner, lambda: False
+
+
+def _star(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
+    from ompl import geometric
+
+    problem.setOptimizationObjective(space.path_time())
+    informed = options.kind == "informed_rrtstar"
+    planner = geometric.InformedRRTstar(space.information) if informed else geometric.RRTstar(space.information)
+    planner.setRange(options.reach)
+    return planner, lambda: planner.numIterations() >= options.effort and isfinite(planner.bestCost().value())
+
+
+def _batches(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
+    from ompl import geometric
+
+    problem.setOptimizationObjective(space.path_time())
+    planner = geometric.BITstar(space.information)
+    planner.setSamplesPerBatch(_BATCH)
+    return planner, lambda: planner.numBatches() > options.effort and isfinite(planner.bestCost().value())
+
+
+def _pieces(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
+    from ompl import geometric
+
+    planner = geometric.LBKPIECE1(space.information)
+    planner.setRange(options.reach)
+    planner.setProjectionEvaluator(space.tool_cells())
+    return planner, lambda: False
+
+
+_PLANNERS: dict[Kind, Callable[[SearchSpace, Any, SearchOptions], Made]] = {
+    "rrtconnect": _connect,
+    "rrtstar": _star,
+    "informed_rrtstar": _star,
+    "bitstar": _batches,
+    "kpiece": _pieces,
+}
+_ONE_TREE = ("rrtstar", "informed_rrtstar")
+
+
+def _collect(planner: Any, space: SearchSpace, problem: Any, roots: tuple[Array, Array]) -> Search:
+    from ompl import base, geometric
+
+    data = base.PlannerData(space.information)
+    if not isinstance(planner, geometric.BITstar):  # asked for its data, it never frees what it holds (OMPL 2.0.1)
+        planner.getPlannerData(data)
     tags = np.array([data.getVertex(i).getTag() for i in range(data.numVertices())])
+    if not (tags == _GOAL).any():
+        tags[:] = _START  # one tree, whose states OMPL does not tag
     trees, sizes = [], []
-    for tag, roots in ((_START, ends[0][None]), (_GOAL, ends[1])):
+    for tag, ends in zip((_START, _GOAL), roots, strict=True):
         members = np.flatnonzero(tags == tag)
         some = members[:: len(members) // _SAMPLE + 1].tolist()
-        trees.append(np.array([_read(data.getVertex(i).getState(), n) * speed for i in some]) if some else roots)
-        sizes.append(len(members))
+        trees.append(np.array([space.read(data.getVertex(i).getState()) for i in some]) if some else ends)
+        sizes.append(max(len(members), len(ends)))
     path = None
     if problem.hasExactSolution():
-        path = np.array([_read(x, n) for x in problem.getSolutionPath().getStates()]) * speed
-        path[0] = ends[0]
-        path[-1] = ends[1][np.argmin(np.abs(ends[1] - path[-1]).max(axis=1))]
+        path = np.array([space.read(state) for state in problem.getSolutionPath().getStates()])
+        for place, ends in zip((0, -1), roots, strict=True):
+            path[place] = ends[np.argmin(np.abs(ends - path[place]).max(axis=1))]
     return Search(path, trees[0], trees[1], (sizes[0], sizes[1]))
-
-
-def _read(state: Any, n: int) -> Array:
-    return np.array([state[j] for j in range(n)])

@@ -6,16 +6,24 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.motion import MotionCheck
 
+TWO_NORM_SHARE = 0.1
+"""Share of the 2-norm in the cost of a path."""
 
-def path_time(waypoints: Array, velocity: Array) -> Array:
-    """Cost of each segment between waypoints (k, n): (k - 1,) in s.
+
+def path_times(start: Array, end: Array, velocity: Array) -> Array:
+    """Cost of each motion from start (k, n) to end (k, n): (k,) in s.
 
     max_j |dq_j| / v_j + 0.1 ||dq / v||: the time at full speed, plus a little of the 2-norm, because many paths share
     the same largest joint and the straight one of them is wanted.
     """
-    x = np.abs(np.diff(waypoints, axis=0)) / velocity
-    cost: Array = x.max(axis=1) + 0.1 * np.linalg.norm(x, axis=1)
+    x = np.abs(end - start) / velocity
+    cost: Array = x.max(axis=1) + TWO_NORM_SHARE * np.linalg.norm(x, axis=1)
     return cost
+
+
+def path_time(waypoints: Array, velocity: Array) -> Array:
+    """The same cost of each segment between waypoints (k, n): (k - 1,) in s."""
+    return path_times(waypoints[:-1], waypoints[1:], velocity)
 
 
 def shorten(check: MotionCheck, waypoints: Array, velocity: Array, draws: Array, budget: Budget) -> Array:

@@ -24,17 +24,17 @@ def test_unknown_planner_lists_the_choices():
 
 
 def test_unknown_option_lists_options_with_types():
-    with pytest.raises(UnknownChoiceError, match=r"goals \(int, default 8\), reach \(float, default 0.4\)"):
+    with pytest.raises(UnknownChoiceError, match=r"goals \(int, default 8\), .*reach \(float, default 0.4\)"):
         make_planner("rrtconnect", {"raech": 1.0})
 
 
 def test_all_wrong_types_are_reported_at_once():
     with pytest.raises(InputError) as caught:
-        make_planner("rrtconnect", {"reach": "far", "goals": 2.5, "step": True})
+        make_planner("rrtconnect", {"reach": "far", "goals": 2.5, "attempts": True})
     assert [(issue.field, issue.found, issue.expected) for issue in caught.value.issues] == [
         ("reach", "'far'", "float"),
         ("goals", "2.5", "int"),
-        ("step", "True", "float"),
+        ("attempts", "True", "int"),
     ]
 
 
@@ -59,7 +59,7 @@ def test_an_int_stands_for_a_float():
 @pytest.mark.parametrize(
     ("name", "options"),
     [
-        ("rrtconnect", {"step": 0.0}),
+        ("rrtconnect", {"reach": 0.0}),
         ("rrtconnect", {"attempts": -1}),
         ("quintic", {"goals": 0}),
         ("trajopt", {"spans": 2}),

@@ -88,34 +88,12 @@ def test_two_threads_get_what_one_would():
     assert all(np.array_equal(together[seed], alone[seed - 1]) for seed in (1, 2))
 
 
-def test_a_thin_plate_between_the_steps_is_gone_around():
-    """At steps of half a radian the quick check sees nothing of a plate that the proof finds."""
-    plate = cases.box("plate", (0.4, 0.001, 0.1), (0.5, 0.25, 0.55))
-    problem = cases.problem("panda", cases.READY, cases.free().goal, plate)
-    model = CollisionModel(problem.robot, problem.scene)
-    straight = np.array([cases.READY, cases.LEFT])
-    assert MotionCheck(model, 1.5).polyline_free(straight)
-    assert polyline_contact(model, straight) is not None
-    path = sample(problem, step=1.5)
-    assert path.info["repairs"] > 0
-    assert polyline_contact(model, path.waypoints) is None
-
-
-def test_blocked_places_are_refused_however_fine_the_step():
-    model = CollisionModel(cases.robot("planar2r"), cases.planar().scene)
-    check = MotionCheck(model, 0.1)
-    assert check.free(np.zeros(2), np.ones(2))
-    check.block(np.array([0.5, 0.51]), 0.02)
-    assert not check.free(np.zeros(2), np.ones(2))
-    assert check.free(np.zeros(2), np.array([1.0, 0.0]))
-
-
 def test_shortcuts_never_lengthen_and_keep_the_ends():
     model = CollisionModel(cases.robot("panda"), cases.wall().scene)
     limits = model.robot.limits
     rng = np.random.default_rng(0)
     path = cases.READY + np.cumsum(np.vstack([np.zeros(7), rng.uniform(-0.15, 0.15, (8, 7))]), axis=0)
-    check = MotionCheck(model, 0.05)
+    check = MotionCheck(model, limits)
     assert check.polyline_free(path)
     shorter = shorten(check, path, limits.velocity, rng.uniform(size=(100, 3)), Budget(10.0))
     assert np.array_equal(shorter[[0, -1]], path[[0, -1]])

@@ -1,0 +1,42 @@
+"""`rrtstar` and `informed_rrtstar`: one tree whose branches are rewired to shorter ones, OMPL's RRT*."""
+
+from dataclasses import dataclass
+from functools import partial
+
+from optiplan.planners.base import Budget, PlanResult, Progress
+from optiplan.planners.sampled import SampledOptions, Task, plan_sampled
+from optiplan.planners.search import Kind, SearchOptions, search
+from optiplan.problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class RrtStarOptions(SampledOptions):
+    """Options of every sampling planner, and those of the tree.
+
+    Attributes:
+        reach: longest tree edge, s at full joint speed.
+        iterations: after which the path is taken; where there is none yet, the first one found later.
+    """
+
+    reach: float = 0.8
+    iterations: int = 600
+
+
+class RrtStar:
+    """Shortens joint-space path time (`shortcut.path_time`) as the tree grows."""
+
+    kind: Kind = "rrtstar"
+
+    def __init__(self, options: RrtStarOptions | None = None) -> None:
+        self.options = options or RrtStarOptions()
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan within the budget; see `planners.base.Planner`."""
+        how = SearchOptions(self.kind, self.options.reach, self.options.iterations)
+        return plan_sampled(Task(problem, budget, progress), self.options, partial(search, options=how))
+
+
+class InformedRrtStar(RrtStar):
+    """Samples only where a shorter path than the best one can pass, once there is one."""
+
+    kind: Kind = "informed_rrtstar"
