@@ -9,7 +9,6 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.model.robot import Limits
 from optiplan.planners.chains import ThroughVias, distinct, via_times
-from optiplan.planners.excess import excess
 from optiplan.planners.point_to_point import MotionOptions, Profile
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.parabolic import Blends, blends_by_acceleration, blends_by_time, run_blends, with_pseudo_vias
@@ -72,8 +71,11 @@ class ParabolicMotion:
     options: ParabolicOptions
     limits: Limits
     joint_names: tuple[str, ...]
-    stretchable = False
-    """Slowed down as a whole it has another acceleration than was asked for, and blends of other durations."""
+
+    @property
+    def stretchable(self) -> bool:
+        """Whether times, accelerations and durations of blends are free."""
+        return self.options.acceleration is None and self.options.blend_time is None and not len(self.times)
 
     @property
     def shortest(self) -> float:
@@ -99,19 +101,16 @@ class ParabolicMotion:
         return self._chosen(min(found, default=1.0))
 
     def _good(self, share: float, factor: float) -> bool:
-        blends = self._blends(factor, share)
-        if blends.overlap() is not None:
-            return False
-        return excess(run_blends(self.points[0], blends, self.joint_names), self.limits) is None
+        return self._blends(factor, share).keeps(self.limits.velocity, self.limits.acceleration)
 
     def _chosen(self, factor: float) -> Trajectory:
         """The first motion within limits, else the first whose blends do not overlap."""
-        options = [self._blends(factor, share) for share in _SHARES]
-        fitting = [blends for blends in options if blends.overlap() is None]
+        found = [self._blends(factor, share) for share in _SHARES]
+        fitting = [blends for blends in found if blends.overlap() is None]
         if not fitting:
-            raise InputError([self._issue(options[-1])])
-        motions = [run_blends(self.points[0], blends, self.joint_names) for blends in fitting]
-        return next((motion for motion in motions if excess(motion, self.limits) is None), motions[0])
+            raise InputError([self._issue(found[-1])])
+        kept = (blends for blends in fitting if blends.keeps(self.limits.velocity, self.limits.acceleration))
+        return run_blends(self.points[0], next(kept, fitting[0]), self.joint_names)
 
     @cached_property
     def _times(self) -> FreeTimes:

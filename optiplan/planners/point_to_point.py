@@ -123,8 +123,10 @@ class PointToPoint(ABC, Generic[Options]):
         self, model: CollisionModel, problem: Problem, profile: Profile, watch: Stopwatch
     ) -> Trajectory | Failure:
         """The motion to one goal, proved free and within limits, or why it is not."""
-        motion = profile.trajectory(self.options.duration)
-        over = excess(motion, profile.limits)
+        with watch.stage("motion"):
+            with watch.stage("profile"):
+            motion = profile.trajectory(self.options.duration)
+            over = excess(motion, profile.limits)
         if over is not None:
             return beyond_limits(over, motion, self._shortest(model, profile))
         with watch.stage("collision"):

@@ -12,6 +12,7 @@ from optiplan.arrays import Array
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.trajectory.via_splines import heuristic_velocities
 
+_ROUNDING = 1e-9  # share of a limit
 _SAME = 1e-12  # share of the duration: edges of blends that are nearer in time are one
 
 
@@ -44,6 +45,14 @@ class Blends:
         miss = np.abs(self.accelerations) * self.durations**2 / 8.0
         miss[[0, -1]] = 0.0
         return np.asarray(miss)
+
+    def keeps(self, velocity: Array, acceleration: Array) -> bool:
+        """Whether no joint is faster than its limit velocity (n,) or acceleration (n,), and no blends overlap."""
+        v = np.cumsum(self.accelerations * self.durations, axis=0)
+        slow = bool((np.abs(v) <= velocity * (1.0 + _ROUNDING)).all())  # NaN is not
+        return slow and bool(
+            (np.abs(self.accelerations) <= acceleration * (1.0 + _ROUNDING)).all() and not self.overlap()
+        )
 
     def overlap(self) -> tuple[int, int, float] | None:
         """The segment and the joint whose blends do not fit, the one that lacks most, and by how many s; or None."""
