@@ -124,7 +124,6 @@ class PointToPoint(ABC, Generic[Options]):
     ) -> Trajectory | Failure:
         """The motion to one goal, proved free and within limits, or why it is not."""
         with watch.stage("motion"):
-            with watch.stage("profile"):
             motion = profile.trajectory(self.options.duration)
             over = excess(motion, profile.limits)
         if over is not None:
