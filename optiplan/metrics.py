@@ -26,6 +26,7 @@ _NODES, _WEIGHTS = np.array(  # of five points on [0, 1]
     ]
 )
 _ACCURACY = 1e-6  # of an integral, relative
+_NOTHING = 1e-3  # m, rad, (N m)^2 s: integrals smaller than this need no more digits than this one
 _PANELS = 64  # at least, of a motion: a kink that slips between their points is too small to count
 _HALVINGS = 12  # at most, of a panel: speed has kinks where the tool stands still
 _MOST_PANELS = 20_000  # looked at together; beyond that the integral is taken as it is
@@ -120,7 +121,7 @@ def integral(f: Callable[[Array], Array], trajectory: Trajectory) -> Array:
         middle = 0.5 * (a + b)
         left, right = _gauss(f, a, middle), _gauss(f, middle, b)
         fine = left + right
-        allowed = _ACCURACY * (total + fine.sum(axis=0)) * ((b - a) / trajectory.duration)[:, None]
+        allowed = _ACCURACY * np.maximum(total + fine.sum(axis=0), _NOTHING) * ((b - a) / trajectory.duration)[:, None]
         rough = (np.abs(fine - coarse) > allowed).any(axis=1)
         total = total + fine[~rough].sum(axis=0)
         a, b = np.concatenate([a[rough], middle[rough]]), np.concatenate([middle[rough], b[rough]])

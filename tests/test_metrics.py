@@ -104,6 +104,16 @@ def test_clearance_is_the_reports():
     assert 0.0 < proved.clearance <= proved.lowest_clearance
 
 
+def test_a_motion_to_nowhere_is_measured_at_once():
+    """Rounding alone moves the tool: its path, of 1e-15 m, needs no digits."""
+    problem, trajectory = moving([0.2, 0.7], [0.2 + 1e-15, 0.7])
+    calls = []
+    found = integral(lambda t: (calls.append(t), np.abs(trajectory(t, 1))[:, :1])[1], trajectory)
+    assert found == pytest.approx([0.0], abs=1e-12)
+    assert len(calls) == 3
+    assert measured(problem, trajectory).tool_path < 1e-12
+
+
 def test_motion_of_another_robot_is_not_measured():
     problem, _ = moving([0.2, 0.7], [1.0, 0.7])
     _, other = moving(cases.READY, cases.LEFT, "panda")
