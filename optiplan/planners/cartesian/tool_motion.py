@@ -81,10 +81,11 @@ class _Work:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """One alternative of the goal: the frame, its path, and the configuration to end at if that is prescribed."""
+    """One alternative of the goal: the frame, its path, whether its orientation counts, and the end if prescribed."""
 
     frame: str
     path: ToolPath
+    orientation: bool
     goal: Array | None
 
 
@@ -146,17 +147,17 @@ class ToolMotion(ABC, Generic[Options]):
 
     def _tasks(self, problem: Problem) -> list[_Task]:
         """The alternatives of the goal that the options go with."""
-        tasks, refused = [], []
+        tasks, refused, robot = [], [], problem.robot
         for goal in problem.goal:
-            frame = goal.frame if isinstance(goal, PoseGoal) else problem.robot.tool_frame
-            start = frame_pose(problem.robot, problem.start, frame)
+            frame = goal.frame if isinstance(goal, PoseGoal) else robot.tool_frame
+            start, oriented, end = frame_pose(robot, problem.start, frame), not self.options.free_orientation, None
+            if isinstance(goal, JointGoal):
+                X, tolerance, end = frame_pose(robot, goal.q, frame), (goal.tolerance, goal.tolerance), goal.q
+            else:
+                X, tolerance = goal.X_WG, (goal.position, goal.orientation)
+                oriented = oriented and goal.orientation < np.pi
             try:
-                if isinstance(goal, JointGoal):
-                    end = frame_pose(problem.robot, goal.q, frame)
-                    tasks.append(_Task(frame, self.path(start, end, (goal.tolerance, goal.tolerance)), goal.q))
-                else:
-                    path = self.path(start, goal.X_WG, (goal.position, goal.orientation))
-                    tasks.append(_Task(frame, path, None))
+                tasks.append(_Task(frame, self.path(start, X, tolerance), oriented, end))
             except InputError as error:
                 refused.append(error)
         if not tasks:
@@ -178,7 +179,7 @@ class ToolMotion(ABC, Generic[Options]):
                 yield branch, task, self._plain(task)
 
     def _plain(self, task: _Task) -> Aim:
-        return Aim(task.goal, _AVOIDANCES[0], not self.options.free_orientation)
+        return Aim(task.goal, _AVOIDANCES[0], task.orientation)
 
     def _aims(self, problem: Problem, task: _Task, ends: list[Array]) -> Iterator[Aim]:
         """Anywhere, or at the goal's configuration; a redundant arm may then avoid limits more, or aim at an end."""

@@ -358,6 +358,16 @@ def test_options_that_make_no_sense_are_refused(name, options):
         make_planner(name, options)
 
 
+def test_a_goal_without_orientation_leaves_it_free_on_the_way():
+    what = problem(shifted((0.0, 0.2, 0.0), (3.0, 0.0, 0.0)))
+    free = replace(what, goal=(replace(what.goal[0], orientation=np.pi),))
+    trajectory = plan("line", free).trajectory
+    assert verify(free, trajectory).verified
+    assert off_line(tool_points(trajectory)) <= 1e-6
+    turned = pin.log3(pose(UR5).rotation.T @ pose(trajectory.end).rotation)
+    assert np.linalg.norm(turned) < 1.0
+
+
 def test_no_motion_where_the_goal_is_the_start():
     result = plan("line", problem(UR5))
     assert isinstance(result.trajectory, Trajectory)
