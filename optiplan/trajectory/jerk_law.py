@@ -20,10 +20,10 @@ from optiplan.trajectory.path_rows import Rows
 from optiplan.trajectory.reachability import fastest_law
 from optiplan.trajectory.trajectory import Trajectory
 
-_FEWEST, _MOST, _FINEST = 60, 160, 4000  # spans of the spline: in all; the duration over the shortest
-_PER_RAMP, _PER_PIECE = 2, 4  # spans while the acceleration rises at the ends; in each piece of the path
-_GROWTH = 0.15  # of the spans with the distance from the ends
-_JERK_SHARE = 0.25  # of the jerk limit that the start may spend on the path's third derivative
+_FEWEST, _MOST, _FINEST = 80, 160, 4000  # spans of the spline: in all; the duration over the shortest
+_PER_RAMP, _PER_PIECE = 1, 8  # spans while the acceleration rises at the ends; in each piece of a path of few
+_GROWTH = 0.3  # of the spans with the distance from the ends
+_JERK_SHARE = 0.5  # of the jerk limit that the start may spend on the path's third derivative
 _RADIUS, _SMALLEST = 0.03, 1e-4  # of the trust region, first and last, as shares of the path's length
 _SHARES = (1.0, 0.5, 0.2, 0.08)  # of a step that are tried
 _STEPS = 10
@@ -38,7 +38,7 @@ def smooth_law(path: Trajectory, limits: Limits, rows: Rows) -> Trajectory | Non
     """A law s(t) of continuous acceleration, at rest and without acceleration at both ends, never decreasing.
 
     It starts as Schoenberg's approximation, whose control points are values of it, of TOPP-RA's law under a speed limit
-    more: sd^3 |q'''| <= a quarter of the jerk limit. That one knows what corners cost.
+    more: sd^3 |q'''| <= half the jerk limit. That one knows what corners cost.
 
     Holds at: three samples of every span of the spline and both sides of the path's breakpoints; joint velocity, tool
     and torque limits are interpolated between the `rows`.
@@ -95,7 +95,8 @@ def _breakpoints(path: Trajectory, limits: Limits, rows: Rows, fast: Trajectory)
     passed = np.interp(path.breakpoints, rows.s, fast.breakpoints)
     piece = np.diff(passed)[np.searchsorted(passed[1:-1], x, side="right")]
     graded = ramp / _PER_RAMP + _GROWTH * np.minimum(x, T - x)
-    span = np.minimum(np.minimum(graded, piece / _PER_PIECE), T / _FEWEST)
+    per_piece = min(_PER_PIECE, _FEWEST / len(path.coefficients))  # many pieces are no corners
+    span = np.minimum(np.minimum(graded, piece / per_piece), T / _FEWEST)
     rate = 1.0 / np.maximum(span, T / _FINEST)
     count = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))]) * (T / _FINEST)
     spans = int(min(np.ceil(count[-1]), _MOST))
