@@ -11,14 +11,14 @@ from optiplan.trajectory.trajectory import Trajectory
 
 _STEP = 1e-3  # s, at most, between samples
 _LEAST, _LEAST_IN_ALL = 5, 256  # samples in a piece; in a trajectory
-_MOST = 100_000  # samples in all, but for the least: a motion of hours is slow, so its torque changes slowly
+_MOST = 20_000  # samples in all, but for the least: a long motion is slow, so its torque changes slowly
 _RESERVE = 1e-3  # share of the limit kept free for what happens between samples
 
 
 def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
     """Factor s >= 1 on the duration at which |tau| <= limit (n,); inf where gravity exceeds it and speed does not help.
 
-    Holds at: samples at most 1 ms apart (in motions of up to 100 s), both ends of every polynomial piece and three
+    Holds at: samples at most 1 ms apart (in motions of up to 20 s), both ends of every polynomial piece and three
     within, 256 in all at least.
 
     Run s times slower, the same path needs tau(s) = g(q) + (tau(1) - g(q)) / s^2: inertial and Coriolis torques scale
