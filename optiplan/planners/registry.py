@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from importlib import import_module
+from inspect import cleandoc
 from operator import attrgetter
 from types import NoneType
 from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
@@ -16,11 +17,15 @@ from optiplan.planners.base import Planner
 
 @dataclass(frozen=True)
 class Option:
-    """One setting of a planner: its type in words (`float`, `list of float`, `a | b`), and its default."""
+    """One setting of a planner: its type in words (`float`, `list of float`, `a | b`), its default and its meaning.
+
+    The meaning is what the `Attributes:` of the options' class say of it; empty when they do not.
+    """
 
     name: str
     kind: str
     default: Any
+    meaning: str = ""
 
 
 @dataclass(frozen=True)
@@ -40,7 +45,12 @@ class PlannerEntry:
         """What can be set, with defaults; imports the options' module."""
         cls = _load(self.options)
         types = get_type_hints(cls)
-        return tuple(Option(f.name, kind_of(types[f.name]), f.default) for f in fields(cls) if f.default is not MISSING)
+        told = _meanings(cls)
+        return tuple(
+            Option(f.name, kind_of(types[f.name]), f.default, told.get(f.name, ""))
+            for f in fields(cls)
+            if f.default is not MISSING
+        )
 
 
 FAMILIES = ("optimisation", "sampling", "polynomial", "via points", "Cartesian")
@@ -273,6 +283,15 @@ def kind_of(hint: Any) -> str:
 def _frozen(value: Any) -> Any:
     """Lists of YAML as tuples, at any depth."""
     return tuple(map(_frozen, value)) if isinstance(value, list) else value
+
+
+def _meanings(cls: type) -> dict[str, str]:
+    """Each attribute's lines in the docstrings of a class and its bases, as one."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        for name, text in re.findall(r"^ {4}(\w+): (.+(?:\n {5,}.+)*)", cleandoc(base.__doc__ or ""), re.MULTILINE):
+            found[name] = " ".join(text.split())
+    return found
 
 
 def _load(target: str) -> Any:

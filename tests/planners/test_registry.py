@@ -11,10 +11,11 @@ from optiplan.planners.registry import PLANNERS, kind_of, make_planner, planner_
 
 @pytest.mark.parametrize("name", sorted(PLANNERS))
 def test_every_entry_loads_and_lists_its_options(name):
-    planner = make_planner(name)
+    planner = make_planner(name, cases.OPTIONS.get(name))
     options = PLANNERS[name].option_list()
     assert options
     assert all(option.kind for option in options)
+    assert PLANNERS[name].family in FAMILIES
     assert type(planner).__module__ == PLANNERS[name].planner.split(":")[0]
 
 
@@ -36,6 +37,18 @@ def test_all_wrong_types_are_reported_at_once():
         ("goals", "2.5", "int"),
         ("attempts", "True", "int"),
     ]
+
+
+def test_meanings_come_from_the_docstrings_of_a_class_and_its_bases():
+    options = {option.name: option.meaning for option in PLANNERS["rrtstar"].option_list()}
+    assert options["reach"] == "longest tree edge, s at full joint speed."
+    assert options["goals"].startswith("goal configurations")
+
+
+def test_a_value_out_of_range_is_told_of_its_option():
+    with pytest.raises(InputError) as caught:
+        make_planner("rrtconnect", {"reach": -1.0})
+    assert [issue.field for issue in caught.value.issues] == ["reach"]
 
 
 @pytest.mark.parametrize(
