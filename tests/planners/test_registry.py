@@ -6,7 +6,8 @@ from typing import Literal
 import pytest
 
 from optiplan.errors import InputError, UnknownChoiceError
-from optiplan.planners.registry import PLANNERS, kind_of, make_planner, planner_entry
+from optiplan.planners.registry import FAMILIES, PLANNERS, kind_of, make_planner, planner_entry
+from tests.planners import cases
 
 
 @pytest.mark.parametrize("name", sorted(PLANNERS))
