@@ -1,8 +1,12 @@
+import re
+from dataclasses import fields
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.metrics import integral, least_manipulability, measure, peak_jerk
+from optiplan.metrics import Metrics, integral, least_manipulability, measure, peak_jerk
 from optiplan.problem.problem import JointGoal
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
@@ -118,3 +122,9 @@ def test_motion_of_another_robot_is_not_measured():
     problem, _ = moving([0.2, 0.7], [1.0, 0.7])
     _, other = moving(cases.READY, cases.LEFT, "panda")
     assert measured(problem, other) is None
+
+
+def test_every_metric_is_documented():
+    text = (Path(__file__).parent.parent / "docs" / "run.md").read_text()
+    table = text[text.index("key of `metrics`") : text.index("## The comparison")]
+    assert {field.name for field in fields(Metrics)} <= set(re.findall(r"`([a-z_]+)`", table))
