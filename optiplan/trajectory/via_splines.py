@@ -10,15 +10,15 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.model.robot import Limits
-from optiplan.trajectory import polynomial
 from optiplan.trajectory.hermite import hermite
-from optiplan.trajectory.timing import speed_ratio
+from optiplan.trajectory.timing import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
 
 Degree = Literal[3, 5]
 
 _SHORTEST = 1e-3  # s between two points
 _ROUNDS = 12  # of evening out the segments
+_SAMPLES = 17  # of a segment
 _EVENING = 0.5  # power of a segment's excess by which it is stretched
 
 
@@ -127,33 +127,26 @@ def smooth_spline(
 def evened_times(points: Array, times: Array, limits: Limits, degree: Degree) -> Array:
     """Times (k,) in other proportions with which the smooth spline, scaled to the limits, is faster.
 
-    Segments that come nearer to a limit than others get more time, in a few rounds; the best is kept.
+    Segments that come nearer to a limit than others, at samples, get more time, in a few rounds; the best is kept.
     """
     names = tuple(map(str, range(points.shape[1])))
     still = bool(np.isfinite(limits.jerk).any())
-    best, best_duration, h = times, np.inf, np.diff(times)
+    found, h = [], np.diff(times)
     for _ in range(_ROUNDS):
         knots = np.concatenate([[0.0], np.cumsum(h)])
-        trajectory = smooth_spline(points, knots, degree, names, still)
-        ratio = speed_ratio(trajectory, limits)
-        if knots[-1] * ratio < best_duration:
-            best, best_duration = knots, knots[-1] * ratio
-        h = h * np.maximum(_segment_ratios(trajectory, knots, limits) / ratio, 0.1) ** _EVENING
-    return best
+        ratios = _segment_ratios(smooth_spline(points, knots, degree, names, still), knots, limits)
+        found.append((knots[-1] * ratios.max(), knots))
+        h = h * np.maximum(ratios / ratios.max(), 0.1) ** _EVENING
+    best = min(found, key=lambda one: one[0])[1]
+    exact = [scale_to_limits(smooth_spline(points, t, degree, names, still), limits).duration for t in (times, best)]
+    return best if exact[1] < exact[0] else times
 
 
 def _segment_ratios(trajectory: Trajectory, times: Array, limits: Limits) -> Array:
-    """What `speed_ratio` is on each of the segments between times (k,): (k - 1,)."""
-    h = np.diff(trajectory.breakpoints)
-    ratios = np.zeros(len(h))
+    """What `speed_ratio` is on each of the segments between times (k,), at samples: (k - 1,)."""
+    t = times[:-1, None] + np.diff(times)[:, None] * np.linspace(0.0, 1.0, _SAMPLES)
+    ratios = np.zeros(len(t))
     for order, limit in ((1, limits.velocity), (2, limits.acceleration), (3, limits.jerk)):
-        c = np.swapaxes(trajectory.derivatives(order), 1, 2)
-        m, n, size = c.shape
-        unit = (c * h[:, None, None] ** np.arange(size)).reshape(m * n, size)
-        low, high, _, _ = polynomial.unit_extrema(unit)
-        share = np.maximum(-low, high).reshape(m, n) / limit
-        ratios = np.maximum(ratios, share.max(axis=1) ** (1.0 / order))
-    segment = np.searchsorted(times[1:-1], 0.5 * (trajectory.breakpoints[1:] + trajectory.breakpoints[:-1]))
-    found = np.zeros(len(times) - 1)
-    np.maximum.at(found, segment, ratios)
-    return found
+        share = np.abs(trajectory(t.ravel(), order)) / limit
+        ratios = np.maximum(ratios, share.max(axis=1).reshape(t.shape).max(axis=1) ** (1.0 / order))
+    return ratios
