@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.planners.point_to_point import PointToPoint, Profile, ProfileOptions
+from optiplan.planners.point_to_point import PointToPoint, Profile, ProfileOptions, require_size
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.profiles import BangBang
 from optiplan.trajectory.rest_to_rest import RestToRest
@@ -25,10 +25,8 @@ class BangBangOptions(ProfileOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("acceleration", "velocity"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 < value < np.inf:
-                raise ValueError(f"{name} = {value} is not a positive number")
+        require_size("acceleration", self.acceleration)
+        require_size("velocity", self.velocity)
 
 
 class BangBangPlanner(PointToPoint[BangBangOptions]):

@@ -8,11 +8,9 @@ allow; with nothing the motion is the fastest of its kind. The acceleration jump
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
-from optiplan.planners.point_to_point import PointToPoint, Profile, ProfileOptions
+from optiplan.planners.point_to_point import PointToPoint, Profile, ProfileOptions, require_size
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.profiles import Law, Trapezoid
 from optiplan.trajectory.rest_to_rest import Part, RestToRest
@@ -35,12 +33,12 @@ class LspbOptions(ProfileOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given = {name: getattr(self, name) for name in _SHAPES if getattr(self, name) is not None}
+        given = [name for name in _SHAPES if getattr(self, name) is not None]
         if len(given) > 1:
             raise ValueError(f"{' and '.join(given)} are given; only one of them can be chosen")
-        for name, value in given.items():
-            if value == 0.0 or not np.isfinite(value) or (name == "blend_time" and value < 0.0):
-                raise ValueError(f"{name} = {value} is not a positive number")
+        require_size("velocity", None if self.velocity is None else abs(self.velocity))
+        require_size("blend_time", self.blend_time)
+        require_size("acceleration", self.acceleration)
 
 
 class Lspb(PointToPoint[LspbOptions]):
@@ -76,7 +74,7 @@ class Lspb(PointToPoint[LspbOptions]):
         return Trapezoid(
             None if o.velocity is None else abs(o.velocity) / distance,
             o.blend_time,
-            None if o.acceleration is None else abs(o.acceleration) / distance,
+            None if o.acceleration is None else o.acceleration / distance,
         )
 
     def _issue(self, part: Part, profile: RestToRest) -> Issue | None:
@@ -91,8 +89,8 @@ class Lspb(PointToPoint[LspbOptions]):
         elif o.blend_time is not None and o.blend_time > 0.5 * T * (1.0 + _ROUNDING):
             field, found, unit = "blend_time", o.blend_time, "s"
             expected = f"more than 0 and at most {0.5 * T:.3g} s (T/2)"
-        elif o.acceleration is not None and abs(o.acceleration) < 4.0 * D / T**2 * (1.0 - _ROUNDING):
-            field, found, unit = "acceleration", abs(o.acceleration), "rad/s²"
+        elif o.acceleration is not None and o.acceleration < 4.0 * D / T**2 * (1.0 - _ROUNDING):
+            field, found, unit = "acceleration", o.acceleration, "rad/s²"
             expected = f"at least {4.0 * D / T**2:.3g} rad/s² (4 D/T²)"
         else:
             return None

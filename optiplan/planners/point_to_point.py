@@ -22,6 +22,7 @@ from optiplan.trajectory.rest_to_rest import How
 from optiplan.trajectory.trajectory import Trajectory
 
 STEPS = "the acceleration jumps, which a finite jerk limit forbids; `limits: {jerk: none}` in the problem allows it"
+_SIZES = (1e-6, 1e7)
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,7 @@ class MotionOptions:
     goals: int = 8
 
     def __post_init__(self) -> None:
-        if self.duration is not None and not 0.0 < self.duration < np.inf:
-            raise ValueError(f"duration = {self.duration} is not a positive number of seconds")
+        require_size("duration", self.duration)
         if self.goals < 1:
             raise ValueError(f"goals = {self.goals} is not positive")
 
@@ -48,6 +48,16 @@ class ProfileOptions(MotionOptions):
     """Also `motion`: all joints share one law; or each is as fast as it can; or one moves after another."""
 
     motion: How = "synchronised"
+
+
+def require_size(name: str, value: float | None) -> None:
+    """Options that are a time, a velocity or an acceleration are of a size that numbers with sixteen digits can take.
+
+    Raises:
+        ValueError: the value is given and not within 1e-6 to 1e7.
+    """
+    if value is not None and not _SIZES[0] <= value <= _SIZES[1]:
+        raise ValueError(f"{name} = {value} is not within {_SIZES[0]:g} to {_SIZES[1]:g}")
 
 
 class Profile(Protocol):

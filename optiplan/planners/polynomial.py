@@ -12,6 +12,8 @@ from optiplan.trajectory.hermite import Hermite
 from optiplan.trajectory.profiles import PolynomialLaw
 from optiplan.trajectory.rest_to_rest import RestToRest
 
+_MOST = 1e7  # of an end velocity, acceleration or jerk
+
 
 @dataclass(frozen=True)
 class Family:
@@ -42,8 +44,8 @@ def _rate(family: Family, options: ProfileOptions, problem: Problem, name: str) 
     value = getattr(options, name)
     if value is None:
         return np.zeros(problem.robot.n)
-    if len(value) != problem.robot.n or not np.isfinite(value).all():
-        raise _issue(family, name, f"{list(value)}", f"{problem.robot.n} finite numbers, one for each joint")
+    if len(value) != problem.robot.n or not (np.abs(value) <= _MOST).all():
+        raise _issue(family, name, f"{list(value)}", f"{problem.robot.n} numbers up to {_MOST:g}, one for each joint")
     return np.array(value)
 
 

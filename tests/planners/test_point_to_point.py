@@ -139,6 +139,9 @@ def test_each_joint_of_a_trapezoid_has_bounds_of_its_own():
     [
         ("quintic", {"duration": 0.0}),
         ("quintic", {"duration": float("inf")}),
+        ("quintic", {"duration": 1e-7}),
+        ("cubic", {"start_velocity": [1e300, 0.0]}),
+        ("lspb", {"velocity": float("nan")}),
         ("quintic", {"motion": "together"}),
         ("quintic", {"start_velocity": [0.1]}),
         ("quintic", {"end_velocity": [0.1, float("nan")]}),
@@ -168,6 +171,15 @@ def test_velocities_and_accelerations_at_the_ends():
     assert with_jerk(np.zeros(1), 3)[0] == pytest.approx([2.0, 0.0], abs=1e-9)
     failure = plan(cases.planar(), "cubic", start_velocity=[3.0, 0.0]).failure
     assert (failure.kind, failure.witness["joint"], failure.witness["quantity"]) == ("limits", "shoulder", "velocity")
+
+
+@pytest.mark.parametrize("name", FAMILY)
+def test_durations_of_any_size(name):
+    problem = free_of_jerk(cases.planar())
+    assert plan(problem, name, duration=1e-6).failure.kind == "limits"
+    slow = plan(problem, name, duration=1e7).trajectory
+    assert slow.end == pytest.approx([-1.0, 0.3], abs=1e-12)
+    assert excess(slow, problem.limits) is None
 
 
 def test_bangbang_takes_bounds_below_the_limits():
