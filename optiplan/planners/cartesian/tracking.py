@@ -50,8 +50,8 @@ class Tracker:
         self._model, self._data, self._frame = robot.model, robot.model.createData(), robot.frame_id(frame)
         limits = robot.limits
         self._bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper) & (limits.upper > limits.lower)
-        self._middle = np.where(self._bounded, 0.5 * (limits.lower + limits.upper), 0.0)
-        self._half = np.where(self._bounded, 0.5 * (limits.upper - limits.lower), 1.0)
+        low, high = np.where(self._bounded, limits.lower, -1.0), np.where(self._bounded, limits.upper, 1.0)
+        self._middle, self._half = 0.5 * (low + high), 0.5 * (high - low)
 
     def error(self, s: float, q: Array) -> Array:
         """(6,): p(s) - p(q), m, and the rotation vector from R(q) to R(s), rad, both in world axes; 0 if left free."""
