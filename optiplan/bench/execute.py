@@ -33,7 +33,7 @@ WARM_UP = {
 }
 """What every planner solves once, unmeasured, in each worker: libraries are loaded and caches filled by it."""
 
-WARM_UP_BUDGET = 1.0
+WARM_UP_BUDGET = 0.5
 """s."""
 
 Phase = Callable[[str], None]

@@ -55,8 +55,7 @@ class Eats(Straight):
     def misbehave(self):
         held = []
         while True:
-            held.append(np.ones(2_000_000))
-            time.sleep(0.001)
+            held.append(np.ones(5_000_000))
 
 
 class Gulps(Straight):
