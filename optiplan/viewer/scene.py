@@ -36,7 +36,7 @@ class SceneData:
         bodies: how many joints move.
         start: poses of the joints at the start, (1, bodies, 7).
         goal: the same at the end to be reached, None when it is not known.
-        targets: poses that the goal names.
+        targets: poses that the goal names, and those of the vias: the tool's where a via gives joint values.
         runs: what is played, see `runs.show_run`.
     """
 
@@ -104,9 +104,22 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         bodies=problem.robot.model.njoints - 1,
         start=packed(poses.of(problem.start[None])[0]),
         goal=None if goal is None else packed(poses.of(goal[None])[0]),
-        targets=tuple(pin.SE3ToXYZQUAT(end.X_WG).tolist() for end in problem.goal if isinstance(end, PoseGoal)),
+        targets=_targets(problem),
         runs=tuple(show_run(problem, poses, run) for run in viewed),
     )
+
+
+def _targets(problem: Problem) -> tuple[list[float], ...]:
+    robot = problem.robot
+    data = robot.model.createData()
+    poses = [end.X_WG for end in problem.goal if isinstance(end, PoseGoal)]
+    for via in problem.vias:
+        if isinstance(via.at, PoseGoal):
+            poses.append(via.at.X_WG)
+        else:
+            pin.framesForwardKinematics(robot.model, data, via.at.q)
+            poses.append(data.oMf[robot.model.getFrameId(robot.tool_frame)].copy())
+    return tuple(pin.SE3ToXYZQUAT(X).tolist() for X in poses)
 
 
 def _add_robot(parts: _Parts, robot: Robot) -> None:

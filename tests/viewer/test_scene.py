@@ -9,7 +9,7 @@ import pytest
 
 from optiplan.errors import OptiPlanError
 from optiplan.model.scene import Box, Obstacle, Scene
-from optiplan.problem.problem import PoseGoal, Problem
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem, Via
 from optiplan.viewer.scene import build_scene
 
 
@@ -77,3 +77,14 @@ def test_run_of_another_robot_is_refused(shelf, motion, planar):
     other = Problem("flat", planar, Scene(), np.zeros(2), (), planar.limits)
     with pytest.raises(OptiPlanError, match="run 'quintic' moves 7 joints; robot 'planar2r' has 2"):
         build_scene(other, [("quintic", motion(shelf), None)])
+
+
+def test_vias_are_marked_where_the_tool_passes(shelf):
+    X = pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.3]))
+    vias = (Via(PoseGoal("panda_hand_tcp", X)), Via(JointGoal(shelf.start)))
+    marked = build_scene(dataclasses.replace(shelf, vias=vias), []).targets[-2:]
+    data = shelf.robot.model.createData()
+    pin.framesForwardKinematics(shelf.robot.model, data, shelf.start)
+    tool = data.oMf[shelf.robot.model.getFrameId(shelf.robot.tool_frame)]
+    assert marked[0] == pytest.approx([0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0])
+    assert marked[1] == pytest.approx(pin.SE3ToXYZQUAT(tool))
