@@ -8,6 +8,7 @@ import time
 
 import pytest
 
+from optiplan.cli import viewing
 from optiplan.planners.quintic import Quintic
 from optiplan.planners.registry import PLANNERS
 
@@ -135,6 +136,15 @@ def test_a_bug_loses_no_other_run(optiplan, optiplan_json, free, monkeypatch, tm
     assert data["runs"][0]["verified"] is True
     assert "Traceback" in data["runs"][1]["failure"]["witness"]["traceback"]
     assert json.loads((tmp_path / "runs" / "quintic" / "run.json").read_text())["failure"]["kind"] == "bug"
+
+
+def test_view_opens_one_page_of_all_runs_best_first(optiplan, slow_lspb, monkeypatch):
+    opened = []
+    monkeypatch.setattr(viewing, "serve_page", lambda problem, runs, port: opened.append(runs))
+    assert optiplan("plan", slow_lspb, "--planner", "lspb,quintic,scurve", "--view")[0] == 0
+    assert [run.label for run in opened[0]] == ["scurve", "quintic", "lspb"]
+    assert [run.trajectory is None for run in opened[0]] == [False, False, True]
+    assert opened[0][2].failure["kind"] == "input"
 
 
 @pytest.mark.parametrize("names", ["quintic,quint", "quintic,", ",", "all,quintic"])
