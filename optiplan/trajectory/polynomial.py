@@ -3,6 +3,8 @@
 Coefficients ascend along the last axis: p(x) = sum_k c[..., k] x^k.
 """
 
+from math import comb
+
 import numpy as np
 
 from optiplan.arrays import Array
@@ -70,6 +72,20 @@ def unit_extrema(coefficients: Array) -> tuple[Array, Array, Array, Array]:
     rows = np.arange(count)
     low, high = value.argmin(axis=1), value.argmax(axis=1)
     return value[rows, low], value[rows, high], x[rows, low], x[rows, high]
+
+
+def may_hold_extrema(coefficients: Array) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+    """Which of m x n polynomials (m, n, d + 1) can hold, on [0, 1], the minimum or maximum of their column: (m, n).
+
+    A polynomial stays between its smallest and largest Bernstein coefficient b_i = sum_k C(i, k) / C(d, k) c_k and
+    takes b_0 and b_d at the ends; so one whose coefficients lie within what others reach needs no closer look.
+    """
+    d = coefficients.shape[-1] - 1
+    to_bernstein = np.array([[comb(i, k) / comb(d, k) for k in range(d + 1)] for i in range(d + 1)])
+    b = coefficients @ to_bernstein.T
+    ends = b[..., [0, -1]]
+    lowest, highest = ends.min(axis=(0, 2)), ends.max(axis=(0, 2))
+    return np.asarray((b.min(axis=2) <= lowest) | (b.max(axis=2) >= highest))
 
 
 def rising_root(coefficients: Array) -> Array:

@@ -45,7 +45,7 @@ def time_path(
     """Run exactly along a path from rest to rest, within all limits.
 
     q(t) = path(s(t)): `options.method` makes s(t), and the result is stretched or shortened as a whole until its
-    tightest limit is just met. It never fails: where a better law is not found, `uniform` is the answer.
+    tightest limit is just met. It never fails: where no faster law is found, `uniform` is the answer.
 
     Holds at: all times for velocity, acceleration and (but for `toppra`) jerk, on exact extrema; torque and tool limits
     at samples at most 1 ms apart.
@@ -68,9 +68,11 @@ def time_path(
         return rest if np.isfinite(torque_scale(robot, limits.torque, rest)) else None
     method = options.method or ("jerk" if np.isfinite(limits.jerk).any() else "toppra")
     kept = replace(limits, jerk=np.full_like(limits.jerk, np.inf)) if method == "toppra" else limits
+    path = path.scaled(uniform_law(path, kept).duration)  # ds/dt is about 1 then, whatever the path's own parameter is
     law = None if method == "uniform" else _law(path, robot, kept, options.tool)
-    motion = compose(path, law if law is not None else uniform_law(path, kept))
-    return _held(motion, robot, kept, options.tool)
+    laws = [uniform_law(path, kept)] if law is None else [uniform_law(path, kept), law]
+    motions = [_held(compose(path, law), robot, kept, options.tool) for law in laws]
+    return min((motion for motion in motions if motion is not None), key=lambda motion: motion.duration, default=None)
 
 
 def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:

@@ -135,7 +135,9 @@ class Trajectory:
         m, n, size = c.shape
         h = np.diff(self.breakpoints)
         unit = c * h[:, None, None] ** np.arange(size)
-        low, high, x_low, x_high = (a.reshape(m, n) for a in polynomial.unit_extrema(unit.reshape(m * n, size)))
+        low, high, x_low, x_high = np.full((m, n), np.inf), np.full((m, n), -np.inf), *np.zeros((2, m, n))
+        asked = polynomial.may_hold_extrema(unit)
+        low[asked], high[asked], x_low[asked], x_high[asked] = polynomial.unit_extrema(unit[asked])
         i, k, j = low.argmin(axis=0), high.argmax(axis=0), np.arange(n)
         t_low = self.breakpoints[i] + h[i] * x_low[i, j]
         t_high = self.breakpoints[k] + h[k] * x_high[k, j]
