@@ -83,7 +83,7 @@ def _walked(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | 
         name = task.tool.robot.joint_names[j]
         words = f"the screw ends in another configuration, '{name}' at {end[j]:.4g} instead of {task.goal[j]:.4g}"
         return task.failure(1.0, end, ("no-path", "branch", words), {"joint": name, "goal": task.goal.tolist()})
-    path = on_screw(walker, walk)
+    path = on_screw(walker, walk, lambda: budget.over)
     task.info["knots"] = len(path.breakpoints)
     return path
 

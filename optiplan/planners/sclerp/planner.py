@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
@@ -51,15 +52,20 @@ class Sclerp:
         return PlanResult(None, _reason(goals, failures), watch.seconds)
 
     def _tasks(self, problem: Problem, ends: list[Array]) -> Iterator[Task]:
-        """Every alternative of the goal; led to each goal configuration, if the options say so."""
-        led = self.options.scheme == "qp" and self.options.redundancy == "goal" and ends
+        """Every alternative of the goal; led to each goal configuration, if the options say so.
+
+        A goal without orientation is a goal for each orientation that a goal configuration has.
+        """
+        led = self.options.scheme == "qp" and self.options.redundancy == "goal"
         for goal in problem.goal:
             tool = Tool(problem.robot, goal.frame if isinstance(goal, PoseGoal) else problem.robot.tool_frame)
             if isinstance(goal, JointGoal):
                 yield Task(tool, problem.start, tool.pose(goal.q), goal.q, True, {})
-            else:
-                for q in ends if led else (None,):
-                    yield Task(tool, problem.start, goal.X_WG, q, False, {})
+                continue
+            free = goal.orientation >= np.pi
+            for q in ends if ends and (led or free) else [problem.start]:
+                X_WG = pin.SE3(tool.pose(q).rotation, goal.X_WG.translation) if free else goal.X_WG
+                yield Task(tool, problem.start, X_WG, q if led and ends else None, False, {})
 
 
 def _heavy(problem: Problem, path: Trajectory) -> Failure:

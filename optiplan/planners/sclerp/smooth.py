@@ -1,5 +1,7 @@
 """Points on a joint path become a curve with two continuous derivatives."""
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
@@ -25,17 +27,20 @@ def spline(joint_names: tuple[str, ...], s: Array, Q: Array) -> Trajectory:
     return Trajectory(joint_names, s, np.swapaxes(curve.c[::-1], 0, 1))
 
 
-def on_screw(walker: Walker, walk: Walk) -> Trajectory:
+def on_screw(walker: Walker, walk: Walk, stop: Callable[[], bool] = lambda: False) -> Trajectory:
     """Joint path q(s) through a walk's points that keeps the tool within 1e-6 m and rad of X(s), and within limits.
 
     Where it is farther off between two points, or beyond a limit, another point of the screw is put there. All knots
     are on the screw, so between them the error is that of a cubic spline, which falls with the fourth power of their
     distance. Holds at: everywhere for the limits (exact extrema), three points between knots for the tool, with a
-    reserve of a half; both as far as 2,000 knots can do it.
+    reserve of a half; both as far as 2,000 knots can do it, and
+    until `stop` says so.
     """
     names = walker.tool.robot.joint_names
     s, Q = walk.s, walk.Q
     for _ in range(_ROUNDS):
+        if stop():
+            break
         path = spline(names, s, Q)
         wide = np.flatnonzero((_error(walker, path, s) > _TOLERANCE) | _outside(walker, path))
         points = [(x, walker.reach(x, path(np.array([x]))[0], walker.inside())) for x in 0.5 * (s[wide] + s[wide + 1])]

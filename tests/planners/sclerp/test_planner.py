@@ -1,5 +1,7 @@
 """`sclerp` as a planner: screws followed and verified, endings named, options. The report's runs: tests/reference."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -86,6 +88,14 @@ def test_goals_out_of_reach_are_followed_as_far_as_it_goes():
     failure = plan(cases.too_far()).failure
     assert failure.kind == "goal-unreachable"
     assert 0.0 < failure.witness["fraction"] < 1.0
+
+
+def test_a_goal_without_orientation_is_reached_with_some():
+    problem = cases.pose()
+    goal = problem.goal[0]
+    X_WG = pin.SE3(np.eye(3), goal.X_WG.translation)  # an orientation that the hand cannot have there
+    free = replace(problem, goal=(PoseGoal(goal.frame, X_WG, 1e-4, 4.0),))
+    assert run(free, "sclerp", {}, Budget(30.0), silent).verified
 
 
 def test_too_few_joints_for_the_screw_is_told():
