@@ -4,8 +4,8 @@
     python benchmarks/bench_kill.py --kills 5 --seed 3
 
 The suite: two numbered examples, the planner `quintic` and one that waits 0.1 s, with many repetitions, two workers.
-Each round starts the same command, waits a random time and sends SIGKILL: in turn to the runner, to one worker, to a
-worker and then the runner.
+Each round starts the same command, waits a random time (every fifth round from the start, else from the first run) and
+sends SIGKILL: in turn to the runner, to one worker and a second later to the runner, to both at once.
 At the end the suite is completed and compared with one that was left in peace: every run once, the same verdicts and
 the same motions, and a database that SQLite finds whole. The last line printed is one JSON object.
 """
@@ -25,8 +25,8 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-REPETITIONS = 500
-LONGEST = 6.0  # s from the start to the kill; the first second or two are imports
+REPETITIONS = 400
+LONGEST = 3.0  # s to the kill, from the start of every fifth command, and of others from their first run
 
 
 def main() -> None:
@@ -83,19 +83,24 @@ def start(suite: Path, folder: Path) -> "subprocess.Popen[bytes]":
 
 def one_round(suite: Path, folder: Path, rng: random.Random, number: int) -> dict[str, Any]:
     """Start, wait, kill; what was killed when, and how many runs there were then."""
-    process = start(suite, folder)
-    moment, victim = rng.uniform(0.0, LONGEST), ("runner", "worker", "both")[number % 3]
-    time.sleep(moment)
+    before, process = len(rows(folder)), start(suite, folder)
+    began = time.perf_counter()
+    while number % 5 and len(rows(folder)) == before and process.poll() is None:
+        time.sleep(0.02)
+    time.sleep(rng.uniform(0.0, LONGEST))
+    victim = ("runner", "worker", "both")[number % 3]
     if victim != "runner":
         for pid in children(process.pid)[:1]:
             os.kill(pid, signal.SIGKILL)
+    if victim == "worker":
         time.sleep(rng.uniform(0.0, 1.0))
-    orphans = children(process.pid)
-    process.kill()  # without this a round that killed a worker only would run to its end
+    moment, orphans, alive = time.perf_counter() - began, children(process.pid), process.poll() is None
+    process.kill()
     process.wait()
     time.sleep(0.2)
     left = sum(Path(f"/proc/{pid}").exists() for pid in orphans)
-    return {"killed": victim, "after": round(moment, 2), "stored": len(rows(folder)), "orphans": left}
+    made = len(rows(folder)) - before
+    return {"killed": victim, "after": round(moment, 2), "alive": alive, "made": made, "orphans": left}
 
 
 def children(pid: int) -> list[int]:
