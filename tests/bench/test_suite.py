@@ -1,13 +1,17 @@
 import os
 import shutil
+from pathlib import Path
 
 import pytest
 
 from optiplan.bench.records import Task
 from optiplan.bench.sources import READERS, Found
+from optiplan.bench.spec import read_suite
 from optiplan.bench.suite import differences, load_suite
 from optiplan.errors import InputError
 from optiplan.problem.load import load_problem, problem_from_dict
+
+SUITES = Path(__file__).parents[2] / "benchmarks" / "suites"
 
 
 @pytest.fixture
@@ -180,3 +184,16 @@ def generated(place):
             "goal": {"joints": [0.1 * index, 1.2]},
         }
         yield Found(f"{spec.seed}-{index}", spec.generate, data, place.folder, {}, "hard" if index else None)
+
+
+def test_the_quick_suite_is_whole(tmp_path):
+    suite = load_suite(SUITES / "quick.yaml", tmp_path)
+    assert len(suite.planners) == 6
+    assert len(suite.problems) >= 25
+    assert {problem.difficulty for problem in suite.problems} >= {"easy", "hard"}
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in SUITES.glob("*.yaml")))
+def test_shipped_suites_are_read(name):
+    spec, _ = read_suite(SUITES / name)
+    assert spec.name == name.removesuffix(".yaml")
