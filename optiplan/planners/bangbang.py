@@ -18,7 +18,12 @@ from optiplan.trajectory.rest_to_rest import RestToRest
 
 @dataclass(frozen=True)
 class BangBangOptions(ProfileOptions):
-    """Also bounds on every joint below the problem's limits: `acceleration` (rad/s²) and `velocity` (rad/s)."""
+    """Also bounds on every joint, where they are below the problem's limits.
+
+    Attributes:
+        acceleration: rad/s² or m/s²; None is the limit alone.
+        velocity: rad/s or m/s; None is the limit alone.
+    """
 
     acceleration: float | None = None
     velocity: float | None = None

@@ -16,7 +16,12 @@ from optiplan.trajectory.profiles import CUBIC
 
 @dataclass(frozen=True)
 class CubicOptions(ProfileOptions):
-    """Also velocities at the ends, rad/s or m/s, one a joint; None is rest."""
+    """Also velocities at the ends.
+
+    Attributes:
+        start_velocity: rad/s or m/s, one a joint; None is at rest.
+        end_velocity: the same at the goal.
+    """
 
     start_velocity: tuple[float, ...] | None = None
     end_velocity: tuple[float, ...] | None = None

@@ -21,10 +21,14 @@ _SHAPES = ("velocity", "blend_time", "acceleration")
 
 @dataclass(frozen=True)
 class LspbOptions(ProfileOptions):
-    """Also at most one of `velocity` (V, rad/s; its sign is that of the motion), `blend_time` and `acceleration`.
+    """Also at most one of three, of the joint that moves farthest, or of every joint when they share no law.
 
-    They are those of the joint that moves farthest when all share one law, else those of every joint that moves.
     Without a duration, the motion is the fastest that has it.
+
+    Attributes:
+        velocity: V, rad/s or m/s; its sign is that of the motion.
+        blend_time: t_b, s.
+        acceleration: a, rad/s² or m/s².
     """
 
     velocity: float | None = None

@@ -20,7 +20,14 @@ from optiplan.trajectory.profiles import QUINTIC
 
 @dataclass(frozen=True)
 class QuinticOptions(ProfileOptions):
-    """Also velocities (rad/s or m/s) and accelerations (rad/s² or m/s²) at the ends, one a joint; None is rest."""
+    """Also velocities and accelerations at the ends.
+
+    Attributes:
+        start_velocity: rad/s or m/s, one a joint; None is at rest.
+        end_velocity: the same at the goal.
+        start_acceleration: rad/s² or m/s², one a joint; None is none.
+        end_acceleration: the same at the goal.
+    """
 
     start_velocity: tuple[float, ...] | None = None
     end_velocity: tuple[float, ...] | None = None

@@ -15,7 +15,16 @@ from optiplan.trajectory.profiles import SEPTIC
 
 @dataclass(frozen=True)
 class SepticOptions(ProfileOptions):
-    """Also velocities, accelerations and jerks at the ends, rad or m over s, s² and s³, one a joint; None is rest."""
+    """Also velocities, accelerations and jerks at the ends.
+
+    Attributes:
+        start_velocity: rad/s or m/s, one a joint; None is at rest.
+        end_velocity: the same at the goal.
+        start_acceleration: rad/s² or m/s², one a joint; None is none.
+        end_acceleration: the same at the goal.
+        start_jerk: rad/s³ or m/s³, one a joint; None is none.
+        end_jerk: the same at the goal.
+    """
 
     start_velocity: tuple[float, ...] | None = None
     end_velocity: tuple[float, ...] | None = None
