@@ -127,9 +127,9 @@ class ToolMotion(ABC, Generic[Options]):
             progress("following", k / (k + 1.0))
             found = self._attempt(work, task, branch, aim)
             if isinstance(found, Trajectory):
-                info = {"tool_length": task.path.length, "tool_angle": task.path.angle}
+                info = {"tool_length": task.path.length, "tool_angle": task.path.angle, "attempts": k + 1}
                 return PlanResult(found, None, seconds, info | {"branch_changed": branch.changed})
-            failures.append(found)
+            failures.append(replace(found, detail=f"on another branch, {found.detail}") if branch.changed else found)
         return PlanResult(None, _reason(goals, failures), seconds)
 
     def _attempt(self, work: _Work, task: _Task, branch: Branch, aim: Aim) -> Trajectory | Failure:

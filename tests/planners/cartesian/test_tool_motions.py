@@ -368,6 +368,18 @@ def test_a_goal_without_orientation_leaves_it_free_on_the_way():
     assert np.linalg.norm(turned) < 1.0
 
 
+def test_a_redundant_arm_aims_at_other_ends_when_its_elbow_is_in_the_way():
+    robot = load_robot("panda")
+    ready = robot.configurations["ready"]
+    X = frame_pose(robot, ready, robot.tool_frame)
+    cube = Obstacle("cube", Box((0.08, 0.08, 0.08)), pin.SE3(np.eye(3), np.array([-0.12, 0.17, 0.68])))
+    goal = PoseGoal(robot.tool_frame, pin.SE3(X.rotation, X.translation + np.array([-0.11, 0.38, 0.06])))
+    what = Problem("case", robot, Scene((cube,)), ready, (goal,), robot.limits)
+    result = plan("line", what, profile="uniform")
+    assert result.info["attempts"] > 2  # the first two go where limits are far
+    assert verify(what, result.trajectory).verified
+
+
 def test_no_motion_where_the_goal_is_the_start():
     result = plan("line", problem(UR5))
     assert isinstance(result.trajectory, Trajectory)
