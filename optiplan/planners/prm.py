@@ -21,11 +21,11 @@ class PrmOptions(SampledOptions):
 
     Attributes:
         vertices: of the roadmap before its first query; a query that finds no path adds half as many again and again.
-        most_vertices: where that ends; bounds the memory, some 100 MB.
+        most_vertices: where that ends; bounds the memory, some 50 MB.
     """
 
     vertices: int = 400
-    most_vertices: int = 10_000
+    most_vertices: int = 4000
 
 
 class Prm:
@@ -44,11 +44,18 @@ class Prm:
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
+        return plan_sampled(Task(problem, budget, progress), self.options, self.search)
 
-        def searcher(check: MotionCheck, ends: Ends, budget: Budget, seed: int) -> Search:
-            return self._search(self._roadmap(check, ends, seed), check, ends, budget)
-
-        return plan_sampled(Task(problem, budget, progress), self.options, searcher)
+    def search(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int) -> Search:
+        """Ask the roadmap of this scene, and let it grow until it knows a way; a `search.Searcher`."""
+        roadmap = self._roadmap(check, ends, seed)
+        count = max(self.options.vertices, len(roadmap.vertices))
+        while True:
+            roadmap.grow(check, count, ends, budget)
+            found = roadmap.query(check, ends, budget)
+            if found.path is not None or budget.over or count >= self.options.most_vertices:
+                return found
+            count = min(count + max(1, self.options.vertices // 2), self.options.most_vertices)
 
     def _roadmap(self, check: MotionCheck, ends: Ends, seed: int) -> Roadmap:
         box = search_bounds(check.limits, ends)
@@ -58,15 +65,6 @@ class Prm:
         while len(self.roadmaps) > _KEPT:
             self.roadmaps.popitem(last=False)
         return roadmap
-
-    def _search(self, roadmap: Roadmap, check: MotionCheck, ends: Ends, budget: Budget) -> Search:
-        count = max(self.options.vertices, len(roadmap.vertices))
-        while True:
-            roadmap.grow(check, count, ends, budget)
-            found = roadmap.query(check, ends, budget)
-            if found.path is not None or budget.over or count >= self.options.most_vertices:
-                return found
-            count = min(count + max(1, self.options.vertices // 2), self.options.most_vertices)
 
 
 def world_key(model: CollisionModel) -> tuple[object, ...]:

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from optiplan.arrays import Array
@@ -43,20 +43,24 @@ class Roadmap:
         self.vertices = np.zeros((0, len(velocity)))
         self.tried: dict[tuple[int, int], bool] = {}
         self._edges: Edges = np.zeros((0, 2), dtype=np.intp)
+        self._linked = 0  # vertices that have their edges
 
     def grow(self, check: MotionCheck, count: int, ends: Ends, budget: Budget) -> None:
         """Draw until there are `count` vertices, half of the new ones near the ends; a cut budget leaves fewer."""
         found = list(self.vertices)
         while len(found) < count and not budget.over:
             found += [q for q in self._draw(np.vstack(ends)) if not check.blocked(q)]
-        self.vertices = np.array(found[:count]).reshape(-1, len(self._velocity))
-        self._edges = self._links(self.vertices, 0)
+        self.vertices = np.array(found[: max(count, len(self.vertices))]).reshape(-1, len(self._velocity))
+        if not budget.over and self._linked < len(self.vertices):
+            self._edges, self._linked = self._links(self.vertices, 0), len(self.vertices)
 
     def query(self, check: MotionCheck, ends: Ends, budget: Budget) -> Search:
         """The shortest path from the start to a goal whose edges are proved free, or how far the two sides reach.
 
         The ends are joined with the roadmap for this query only.
         """
+        if budget.over:
+            return Search(None, ends[0][None], ends[1], (1, len(ends[1])))
         n, points = len(self.vertices), np.vstack([self.vertices, *ends])
         edges = np.vstack([self._edges, self._links(points, n)])
         cost = path_times(points[edges[:, 0]], points[edges[:, 1]], self._velocity)
@@ -67,7 +71,7 @@ class Roadmap:
             reached, before = _shortest(len(points), edges[alive], cost[alive], n)
             goal = n + 1 + int(np.argmin(reached[n + 1 :]))
             if budget.over or not np.isfinite(reached[goal]):
-                return self._failed(points, reached)
+                return self._failed(points, own)
             path = _walk(before, n, goal)
             blocked = self._first_blocked(check, points, path, own)
             if blocked is None:
@@ -108,11 +112,16 @@ class Roadmap:
                 return edge
         return None
 
-    def _failed(self, points: Array, reached: Array) -> Search:
-        from_start, others = np.isfinite(reached), ~np.isfinite(reached)
-        others[len(self.vertices) + 1 :] = True
-        trees = [points[side][:: int(side.sum()) // _SAMPLE + 1] for side in (from_start, others)]
-        return Search(None, trees[0], trees[1], (int(from_start.sum()), int(others.sum())))
+    def _failed(self, points: Array, own: dict[tuple[int, int], bool]) -> Search:
+        """No path: what is joined with the start, and with a goal, by motions that are proved free."""
+        n = len(self.vertices)
+        free = [edge for edge, is_free in (*self.tried.items(), *own.items()) if is_free]
+        edges = np.array(free, dtype=np.intp).reshape(-1, 2)
+        graph = csr_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
+        _, part = connected_components(graph, directed=False)
+        sides = [np.flatnonzero(np.isin(part, part[ends])) for ends in ([n], range(n + 1, len(points)))]
+        trees = [points[side[:: len(side) // _SAMPLE + 1]] for side in sides]
+        return Search(None, trees[0], trees[1], (len(sides[0]), len(sides[1])))
 
 
 def _shortest(count: int, edges: Edges, cost: Array, start: int) -> tuple[Array, Edges]:

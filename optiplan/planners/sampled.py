@@ -89,4 +89,4 @@ def _smooth(task: Task, model: CollisionModel, path: SampledPath) -> Trajectory 
 
 def _info(path: SampledPath, budget: Budget, smooth: bool) -> dict[str, Any]:
     named = {"goal": path.goal_index, "waypoints": len(path.waypoints), "smooth": smooth}
-    return {**named, "cut_short": budget.over, **path.info}
+    return {**named, **path.info, "cut_short": budget.over or path.info["cut_short"]}

@@ -43,7 +43,7 @@ class SampledPath:
         waypoints: (k, n), rad or m; k >= 2.
         goal_index: which of the goals it ends in.
         cost: sum over segments of max_j |dq_j| / v_j, s, plus a tenth of the 2-norm (see `shortcut.path_time`).
-        info: number of states the search looked at, JSON-ready.
+        info: number of `states` the search looked at, and whether it was `cut_short` by the clock; JSON-ready.
     """
 
     waypoints: Array
@@ -66,16 +66,17 @@ def sample_path(
     if not len(free_goals):
         return end_collides(model, goals[0], "goal")
     check = MotionCheck(model, limits, Gravity(model.robot, limits.torque, _RESERVE))
-    path, states = np.array([start, free_goals[0]]), 0
+    path, info = np.array([start, free_goals[0]]), {"states": 0, "cut_short": False}
     if not check.free(start, free_goals[0]):
         rng = np.random.default_rng(options.seed)
         found = options.searcher(check, (start, free_goals), options.budget, int(rng.integers(1, 2**31)))
         if found.path is None:
             return _no_path(model, found, limits, options.budget)
         draws = rng.uniform(size=(options.attempts, 3))
-        path, states = shorten(check, found.path, limits.velocity, draws, options.budget), sum(found.sizes)
+        path = shorten(check, found.path, limits.velocity, draws, options.budget)
+        info = {"states": sum(found.sizes), "cut_short": found.cut_short}
     index = int(np.argmin([np.abs(q - path[-1]).max() for q in goals]))
-    return SampledPath(path, index, float(path_time(path, limits.velocity).sum()), {"states": states})
+    return SampledPath(path, index, float(path_time(path, limits.velocity).sum()), info)
 
 
 def _no_path(model: CollisionModel, search: Search, limits: Limits, budget: Budget) -> Failure:

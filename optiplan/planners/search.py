@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any, Literal
 
@@ -19,6 +19,8 @@ Kind = Literal["rrtconnect", "rrtstar", "informed_rrtstar", "bitstar", "kpiece"]
 _START, _GOAL = 1, 2  # OMPL's tags of the two trees
 _SAMPLE = 500  # states of a tree that are reported
 _BATCH = 100  # samples that BIT* adds at a time
+_SEARCHING = 0.7  # share of the budget for improving a path; the rest is for shortening and timing it
+_AROUND, _LOOKS = 0.4, 50  # s at full speed, and configurations looked at to tell how narrow a place is
 _OMPL = threading.Lock()  # OMPL's random numbers start from one seed of the whole process
 
 
@@ -32,12 +34,14 @@ class Search:
         goal_tree: (g, n) states from which a goal is reached, likewise; the goals alone where one tree is grown. BIT*
             does not show its tree.
         sizes: number of states of the two trees.
+        cut_short: the clock ended it before its effort was spent.
     """
 
     path: Array | None
     start_tree: Array
     goal_tree: Array
     sizes: tuple[int, int]
+    cut_short: bool = False
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,8 @@ class SearchOptions:
         kind: which of OMPL's planners.
         reach: longest tree edge, s at full joint speed (2-norm over joints).
         effort: where the path improves with time, the iterations (batches of samples for `bitstar`) after which it
-            is good enough; a search that has no path by then goes on until it has one.
+            is good enough; a search that has no path by then goes on until it has one. When most of the budget is
+            gone, any path is good enough.
     """
 
     kind: Kind
@@ -69,7 +74,7 @@ def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, options: S
     """
     from ompl import base
 
-    back = options.kind in _ONE_TREE and _goals_are_tighter(check, ends)
+    back = options.kind in _ONE_TREE and _goals_are_tighter(check, ends, seed)
     trees = (ends[1], ends[0][None]) if back else (ends[0][None], ends[1])
     with seeded(seed, budget) as mine:
         if not mine:
@@ -79,13 +84,14 @@ def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, options: S
         planner, enough = _PLANNERS[options.kind](space, problem, options)
         planner.setProblemDefinition(problem)
         planner.setup()
-        planner.solve(base.PlannerTerminationCondition(lambda: budget.over or enough()))
-        found = _collect(planner, space, problem, trees)
+        early = budget.share(_SEARCHING)
+        planner.solve(base.PlannerTerminationCondition(lambda: budget.over or enough(early)))
+        found = replace(_collect(planner, space, problem, trees), cut_short=options.effort > 0 and early.over)
         space.close()
     if not back:
         return found
-    path = None if found.path is None else found.path[::-1]
-    return Search(path, found.goal_tree, found.start_tree, (found.sizes[1], found.sizes[0]))
+    path, sizes = None if found.path is None else found.path[::-1], found.sizes[::-1]
+    return replace(found, path=path, start_tree=found.goal_tree, goal_tree=found.start_tree, sizes=sizes)
 
 
 def rrt_connect(check: MotionCheck, ends: Ends, budget: Budget, seed: int) -> Search:
@@ -93,10 +99,11 @@ def rrt_connect(check: MotionCheck, ends: Ends, budget: Budget, seed: int) -> Se
     return search(check, ends, budget, seed, SearchOptions("rrtconnect"))
 
 
-def _goals_are_tighter(check: MotionCheck, ends: Ends) -> bool:
-    """A single tree finds out of a narrow place more easily than into it, so it is rooted where less space is."""
-    start, *goals = [check.model.clearance(q) for q in np.vstack(ends)]
-    return start is not None and max(goal.distance for goal in goals if goal is not None) < start.distance
+def _goals_are_tighter(check: MotionCheck, ends: Ends, seed: int) -> bool:
+    """A single tree finds out of a narrow place more easily than into it, so it is rooted where less space is free."""
+    steps = np.random.default_rng(seed).uniform(-_AROUND, _AROUND, (_LOOKS, len(ends[0]))) * check.limits.velocity
+    start, *goals = [sum(not check.blocked(q + step) for step in steps) for q in np.vstack(ends)]
+    return max(goals) < start
 
 
 @contextmanager
@@ -116,8 +123,8 @@ def seeded(seed: int, budget: Budget) -> Iterator[bool]:
         _OMPL.release()
 
 
-Made = tuple[Any, Callable[[], bool]]
-"""A planner of OMPL, and whether its path is good enough."""
+Made = tuple[Any, Callable[[Budget], bool]]
+"""A planner of OMPL, and whether its path is good enough, now that so much is left of the time to improve it."""
 
 
 def _connect(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
@@ -125,7 +132,7 @@ def _connect(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
 
     planner = geometric.RRTConnect(space.information)
     planner.setRange(options.reach)
-    return planner, lambda: False
+    return planner, lambda early: False
 
 
 def _star(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
@@ -135,7 +142,7 @@ def _star(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
     informed = options.kind == "informed_rrtstar"
     planner = geometric.InformedRRTstar(space.information) if informed else geometric.RRTstar(space.information)
     planner.setRange(options.reach)
-    return planner, lambda: planner.numIterations() >= options.effort and isfinite(planner.bestCost().value())
+    return planner, lambda early: _improved(planner, planner.numIterations() >= options.effort or early.over)
 
 
 def _batches(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
@@ -144,7 +151,11 @@ def _batches(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
     problem.setOptimizationObjective(space.path_time())
     planner = geometric.BITstar(space.information)
     planner.setSamplesPerBatch(_BATCH)
-    return planner, lambda: planner.numBatches() > options.effort and isfinite(planner.bestCost().value())
+    return planner, lambda early: _improved(planner, planner.numBatches() > options.effort or early.over)
+
+
+def _improved(planner: Any, spent: bool) -> bool:
+    return spent and isfinite(planner.bestCost().value())
 
 
 def _pieces(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
@@ -153,7 +164,7 @@ def _pieces(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
     planner = geometric.LBKPIECE1(space.information)
     planner.setRange(options.reach)
     planner.setProjectionEvaluator(space.tool_cells())
-    return planner, lambda: False
+    return planner, lambda early: False
 
 
 _PLANNERS: dict[Kind, Callable[[SearchSpace, Any, SearchOptions], Made]] = {

@@ -1,0 +1,241 @@
+"""The sampling planners: proved, repeatable, interruptible; better with more effort; a roadmap that is found again."""
+
+import threading
+import time
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from optiplan.errors import InputError
+from optiplan.model.collision import CollisionModel
+from optiplan.model.scene import Scene
+from optiplan.pipeline import run
+from optiplan.planners.base import Budget
+from optiplan.planners.motion import MotionCheck
+from optiplan.planners.prm import Prm, PrmOptions, world_key
+from optiplan.planners.registry import make_planner
+from optiplan.planners.roadmap import Roadmap
+from optiplan.planners.sampling import SamplingOptions, sample_path
+from optiplan.planners.search import SearchOptions, search
+from optiplan.planners.shortcut import path_time, path_times
+from optiplan.planners.smoothing import smooth_path, spline_along
+from optiplan.planners.space import SearchSpace, search_bounds
+from optiplan.planners.sweep import first_contact, polyline_contact
+from optiplan.trajectory.trajectory import Trajectory
+from tests.planners import cases
+
+QUICK = {
+    "rrtconnect": {},
+    "rrtstar": {"iterations": 120},
+    "informed_rrtstar": {"iterations": 120},
+    "bitstar": {"batches": 2},
+    "kpiece": {},
+    "prm": {"vertices": 60},
+}
+SEARCHES = {
+    "rrtconnect": SearchOptions("rrtconnect"),
+    "rrtstar": SearchOptions("rrtstar", 0.8, 120),
+    "informed_rrtstar": SearchOptions("informed_rrtstar", 0.8, 120),
+    "bitstar": SearchOptions("bitstar", effort=2),
+    "kpiece": SearchOptions("kpiece"),
+}
+
+
+def quiet(stage, fraction):
+    pass
+
+
+def plan(planner, problem, budget=None):
+    return planner.plan(problem, budget or Budget(30.0), quiet)
+
+
+def bar():
+    """The planar arm has to fold its elbow to pass over a bar."""
+    goal = cases.JointGoal(np.array([3.0, 0.2]))
+    return cases.problem("planar2r", [0.0, 0.3], [goal], cases.box("bar", (0.1, 0.6, 2.0), (0.0, 0.15, -1.2)))
+
+
+def checked(problem):
+    model = CollisionModel(problem.robot, problem.scene)
+    return model, MotionCheck(model, problem.limits)
+
+
+@pytest.mark.parametrize("name", sorted(QUICK))
+def test_answers_are_verified_and_repeatable(name):
+    problem = bar()
+    first, again = (run(problem, name, QUICK[name], Budget(30.0), quiet) for _ in range(2))
+    assert first.verified
+    assert not first.info["cut_short"]
+    assert first.info["states"] > 0
+    assert np.array_equal(first.trajectory.coefficients, again.trajectory.coefficients)
+    other = plan(make_planner(name, QUICK[name]), replace(problem, seed=1)).trajectory
+    assert not np.array_equal(first.trajectory.coefficients, other.coefficients)
+
+
+@pytest.mark.parametrize("kind", sorted(SEARCHES))
+def test_searches_end_exactly_and_their_motions_are_free(kind):
+    problem = cases.wall()
+    model, check = checked(problem)
+    goals = np.array([cases.LEFT, cases.LEFT + 0.05])
+    found = search(check, (problem.start, goals), Budget(30.0), 3, SEARCHES[kind])
+    assert np.array_equal(found.path[0], problem.start)
+    assert any(np.array_equal(found.path[-1], goal) for goal in goals)
+    assert polyline_contact(model, found.path) is None
+
+
+@pytest.mark.parametrize("name", sorted(QUICK))
+def test_no_way_is_told_within_the_budget(name):
+    began = time.perf_counter()
+    failure = plan(make_planner(name), cases.barred(), Budget(0.4)).failure
+    assert time.perf_counter() - began < 0.8
+    assert failure.kind == "no-path"
+    assert failure.witness["pair"][1].startswith("bar")
+
+
+@pytest.mark.parametrize("name", sorted(QUICK))
+def test_cancelled_at_once(name):
+    cancel = threading.Event()
+    threading.Timer(0.3, cancel.set).start()
+    began = time.perf_counter()
+    failure = plan(make_planner(name), cases.barred(), Budget(30.0, cancel)).failure
+    assert failure.kind == "cancelled"
+    assert time.perf_counter() - began < 0.3 + 0.4  # 0.2 s, and as much again for a busy machine
+
+
+@pytest.mark.parametrize("kind", ["rrtstar", "informed_rrtstar", "bitstar"])
+def test_more_effort_gives_a_shorter_path(kind):
+    problem = bar()
+    _, check = checked(problem)
+    ends = (problem.start, problem.goal[0].q[None])
+    few, many = (2, 8) if kind == "bitstar" else (50, 300)
+    costs = [
+        path_time(search(check, ends, Budget(60.0), 2, how).path, problem.limits.velocity)
+        for how in (SearchOptions(kind, 0.8, few), SearchOptions(kind, 0.8, many))
+    ]
+    assert costs[1].sum() < costs[0].sum()
+
+
+def test_most_of_the_budget_goes_to_improving_and_the_answer_says_so():
+    result = plan(make_planner("rrtstar", {"iterations": 10**9}), bar(), Budget(0.5))
+    assert result.trajectory is not None
+    assert result.info["cut_short"]
+
+
+def test_objective_is_path_time_and_cells_are_tool_positions():
+    problem = cases.wall()
+    _, check = checked(problem)
+    space = SearchSpace(check, (problem.start, cases.LEFT[None]))
+    a, b = space.information.allocState(), space.information.allocState()
+    for state, q in ((a, cases.READY), (b, cases.LEFT)):
+        for j, x in enumerate(q / problem.limits.velocity):
+            state[j] = float(x)
+    cost = path_times(cases.READY[None], cases.LEFT[None], problem.limits.velocity)[0]
+    dx = np.abs(cases.LEFT - cases.READY) / problem.limits.velocity
+    assert cost == pytest.approx(dx.max() + 0.1 * np.linalg.norm(dx))
+    assert space.path_time().motionCost(a, b).value() == pytest.approx(cost)
+    position = np.zeros(3)
+    space.tool_cells().project(b, position)
+    assert position == pytest.approx(cases.tool_pose("panda", cases.LEFT).translation)
+    space.close()
+
+
+def test_second_query_is_faster_and_finds_the_roadmap_again():
+    problem, planner = cases.wall(), Prm(PrmOptions(vertices=800))
+
+    def ask(start, goal):
+        began, check = time.thread_time(), checked(problem)[1]
+        found = planner.search(check, (start, goal[None]), Budget(30.0), 1)
+        assert polyline_contact(check.model, found.path) is None
+        return found.path, time.thread_time() - began
+
+    path, first = ask(cases.READY, cases.LEFT)
+    (roadmap,) = planner.roadmaps.values()
+    vertices, tried = roadmap.vertices.copy(), dict(roadmap.tried)
+    again, second = ask(cases.READY, cases.LEFT)
+    assert np.array_equal(again, path)
+    assert roadmap.tried == tried, "no motion between vertices is proved twice"
+    assert second < 0.8 * first
+    _, third = ask(cases.LEFT, cases.READY + 0.02)
+    assert third < first
+    assert np.array_equal(roadmap.vertices, vertices)
+    assert list(planner.roadmaps.values()) == [roadmap]
+
+
+def test_roadmaps_belong_to_their_scene_and_few_are_kept():
+    planner = Prm(PrmOptions(vertices=20, attempts=0))
+    for k in range(5):
+        problem = bar()
+        plan(
+            planner, replace(problem, scene=Scene((*problem.scene.obstacles, cases.box("far", (0.1,) * 3, (9, k, 0)))))
+        )
+    assert len(planner.roadmaps) == 4
+    keys = {world_key(CollisionModel(p.robot, p.scene)) for p in (cases.wall(), cases.free(), cases.planar())}
+    assert len(keys) == 3
+
+
+def test_a_roadmap_stops_growing():
+    planner = Prm(PrmOptions(vertices=50, most_vertices=120))
+    result = plan(planner, cases.barred())
+    (roadmap,) = planner.roadmaps.values()
+    assert result.failure.kind == "no-path"
+    assert len(roadmap.vertices) == 120
+
+
+def test_roadmap_finds_the_shortest_way_through_its_vertices():
+    """Without obstacles nothing is ruled out: the path is the cheapest of the graph, here the direct edge."""
+    problem = cases.planar()
+    _, check = checked(problem)
+    ends = (problem.start, problem.goal[0].q[None])
+    roadmap = Roadmap(search_bounds(problem.limits, ends), problem.limits.velocity, 0)
+    roadmap.grow(check, 5, ends, Budget(10.0))
+    found = roadmap.query(check, ends, Budget(10.0))
+    direct = path_time(np.vstack(ends), problem.limits.velocity).sum()
+    assert path_time(found.path, problem.limits.velocity).sum() == pytest.approx(direct)
+
+
+@pytest.mark.parametrize("smoothing", ["corners", "bspline"])
+def test_smoothed_answers_are_verified(smoothing):
+    answer = run(cases.wall(), "rrtconnect", {"smoothing": smoothing}, Budget(30.0), quiet)
+    assert answer.verified
+    assert answer.info["smooth"] == (smoothing == "bspline")
+
+
+def test_smooth_path_is_free_keeps_its_ends_and_straight_lines():
+    problem = cases.wall()
+    model = CollisionModel(problem.robot, problem.scene)
+    velocity = problem.limits.velocity
+    path = sample_path(model, problem.start, [cases.LEFT], problem.limits, SamplingOptions(Budget(30.0), seed=1))
+    curve = smooth_path(model, path.waypoints, velocity, Budget(30.0))
+    assert curve.start == pytest.approx(path.waypoints[0], abs=1e-12)
+    assert curve.end == pytest.approx(path.waypoints[-1], abs=1e-12)
+    assert first_contact(model, curve) is None
+    straight = np.array([cases.READY, 0.5 * (cases.READY + cases.LEFT), cases.LEFT])
+    line = Trajectory(problem.robot.joint_names, *spline_along(np.array([0.0, 0.5, 1.0]), straight, 8))
+    s = np.linspace(0.0, 1.0, 50)
+    assert line(s) == pytest.approx(cases.READY + s[:, None] * (cases.LEFT - cases.READY), abs=1e-12)
+
+
+def test_blocked_curves_fall_back_to_corners():
+    """No curve of few spans is free here, and with no time left none is tried."""
+    problem = cases.wall()
+    model = CollisionModel(problem.robot, problem.scene)
+    through = np.array([cases.READY, cases.LEFT])
+    assert smooth_path(model, through, problem.limits.velocity, Budget(30.0)) is None
+    assert smooth_path(model, through, problem.limits.velocity, Budget(0.0)) is None
+
+
+@pytest.mark.parametrize("options", [{"iterations": 0}, {"reach": -1.0}, {"attempts": -1}, {"smoothing": "sand"}])
+def test_options_out_of_range_are_input_errors(options):
+    with pytest.raises(InputError, match=next(iter(options))):
+        make_planner("rrtstar", options)
+
+
+def test_any_search_serves_as_the_first_path():
+    problem = bar()
+    model = CollisionModel(problem.robot, problem.scene)
+    for kind, how in SEARCHES.items():
+        options = SamplingOptions(Budget(30.0), searcher=partial(search, options=how))
+        path = sample_path(model, problem.start, [problem.goal[0].q], problem.limits, options)
+        assert polyline_contact(model, path.waypoints) is None, kind
