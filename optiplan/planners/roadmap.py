@@ -51,32 +51,38 @@ class Roadmap:
         while len(found) < count and not budget.over:
             found += [q for q in self._draw(np.vstack(ends)) if not check.blocked(q)]
         self.vertices = np.array(found[: max(count, len(self.vertices))]).reshape(-1, len(self._velocity))
-        if not budget.over and self._linked < len(self.vertices):
-            self._edges, self._linked = self._links(self.vertices, 0), len(self.vertices)
 
     def query(self, check: MotionCheck, ends: Ends, budget: Budget) -> Search:
         """The shortest path from the start to a goal whose edges are proved free, or how far the two sides reach.
 
-        The ends are joined with the roadmap for this query only.
+        The ends become vertices, so that a place that is left or reached again is known.
         """
-        if budget.over:
-            return Search(None, ends[0][None], ends[1], (1, len(ends[1])))
-        n, points = len(self.vertices), np.vstack([self.vertices, *ends])
-        edges = np.vstack([self._edges, self._links(points, n)])
+        start, *goals = (self._vertex(q) for q in np.vstack(ends))
+        if self._linked < len(self.vertices) and not budget.over:
+            self._edges, self._linked = self._links(), len(self.vertices)
+        points, edges = self.vertices, self._edges
         cost = path_times(points[edges[:, 0]], points[edges[:, 1]], self._velocity)
         place = {(i, j): k for k, (i, j) in enumerate(edges.tolist())}
         alive = np.array([self.tried.get(edge, True) for edge in place], dtype=bool)
-        own: dict[tuple[int, int], bool] = {}
-        while True:
-            reached, before = _shortest(len(points), edges[alive], cost[alive], n)
-            goal = n + 1 + int(np.argmin(reached[n + 1 :]))
-            if budget.over or not np.isfinite(reached[goal]):
-                return self._failed(points, own)
-            path = _walk(before, n, goal)
-            blocked = self._first_blocked(check, points, path, own)
+        while not budget.over:
+            reached, before = _shortest(len(points), edges[alive], cost[alive], start)
+            goal = goals[int(np.argmin(reached[goals]))]
+            if not np.isfinite(reached[goal]):
+                break
+            path = _walk(before, start, goal)
+            blocked = self._first_blocked(check, path)
             if blocked is None:
-                return Search(points[path], points[n : n + 1], points[n + 1 :], (n + 1, len(ends[1])))
+                return Search(points[path], points[[start]], points[goals], (len(points), len(goals)))
             alive[place[blocked]] = False
+        return self._failed(start, goals)
+
+    def _vertex(self, q: Array) -> int:
+        """Index of the vertex at q (n,), a new one where there was none."""
+        there = np.flatnonzero((self.vertices == q).all(axis=1))
+        if len(there):
+            return int(there[0])
+        self.vertices = np.vstack([self.vertices, q])
+        return len(self.vertices) - 1
 
     def _draw(self, ends: Array) -> Array:
         size = (_LOOKS, len(self._velocity))
@@ -87,39 +93,33 @@ class Roadmap:
         local = self._rng.uniform(size=(_LOOKS, 1)) < _LOCAL
         return np.where(local, np.clip(near, low, high), anywhere)
 
-    def _links(self, points: Array, first: int) -> Edges:
-        """Edges (E, 2), i < j, from the points `first` on to their nearest neighbours among all."""
-        if len(points) < 2:
-            return np.zeros((0, 2), dtype=np.intp)
-        count = min(len(points) - 1, int(np.ceil(_NEIGHBOURS * np.log(len(points)))))
-        scaled = points / self._velocity
-        _, near = cKDTree(scaled).query(scaled[first:], k=count + 1)
-        pairs = np.column_stack([np.repeat(np.arange(first, len(points)), count + 1), near.ravel()])
+    def _links(self) -> Edges:
+        """Edges (E, 2), i < j, from every vertex to its nearest neighbours."""
+        total = len(self.vertices)
+        count = min(total, 1 + int(np.ceil(_NEIGHBOURS * np.log(total))))
+        scaled = self.vertices / self._velocity
+        _, near = cKDTree(scaled).query(scaled, k=count)
+        pairs = np.column_stack([np.repeat(np.arange(total), count), near.ravel()])
         pairs = np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1)
         return np.asarray(np.unique(pairs, axis=0), dtype=np.intp)
 
-    def _first_blocked(
-        self, check: MotionCheck, points: Array, path: list[int], own: dict[tuple[int, int], bool]
-    ) -> tuple[int, int] | None:
-        """The first edge of a path that is not free; `own` remembers those of the query, `tried` the others."""
-        n = len(self.vertices)
+    def _first_blocked(self, check: MotionCheck, path: list[int]) -> tuple[int, int] | None:
+        """The first edge of a path that is not free; every one looked at is remembered."""
         for a, b in pairwise(path):
             edge = (min(a, b), max(a, b))
-            known = self.tried if edge[1] < n else own
-            if edge not in known:
-                known[edge] = check.free(points[a], points[b])
-            if not known[edge]:
+            if edge not in self.tried:
+                self.tried[edge] = check.free(self.vertices[a], self.vertices[b])
+            if not self.tried[edge]:
                 return edge
         return None
 
-    def _failed(self, points: Array, own: dict[tuple[int, int], bool]) -> Search:
+    def _failed(self, start: int, goals: list[int]) -> Search:
         """No path: what is joined with the start, and with a goal, by motions that are proved free."""
-        n = len(self.vertices)
-        free = [edge for edge, is_free in (*self.tried.items(), *own.items()) if is_free]
-        edges = np.array(free, dtype=np.intp).reshape(-1, 2)
+        points = self.vertices
+        edges = np.array([edge for edge, free in self.tried.items() if free], dtype=np.intp).reshape(-1, 2)
         graph = csr_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
         _, part = connected_components(graph, directed=False)
-        sides = [np.flatnonzero(np.isin(part, part[ends])) for ends in ([n], range(n + 1, len(points)))]
+        sides = [np.flatnonzero(np.isin(part, part[ends])) for ends in ([start], goals)]
         trees = [points[side[:: len(side) // _SAMPLE + 1]] for side in sides]
         return Search(None, trees[0], trees[1], (len(sides[0]), len(sides[1])))
 
