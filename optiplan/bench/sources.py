@@ -17,6 +17,8 @@ from optiplan.yaml_lines import Document, read_yaml
 READERS: dict[str, str] = {
     "glob": "optiplan.bench.sources:problem_files",
     "mbm": "optiplan.bench.mbm:motion_bench_maker",
+    "robometrics": "optiplan.bench.robometrics:robometrics_file",
+    "generate": "optiplan.bench.generate:generated",
 }
 """Kind of source to `module:function` of its reader, imported when a suite asks for it."""
 
