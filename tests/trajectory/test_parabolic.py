@@ -14,7 +14,7 @@ NAMES = ("a", "b")
 
 
 def test_craig_example():
-    """Craig, 3rd edition, example 7.3: points 10, 35, 25, 10 degrees, 2, 1 and 3 s, 50 degrees/s² at every blend; recomputed."""
+    """Craig, 3rd edition, example 7.3, recomputed: 10, 35, 25, 10 degrees in 2, 1 and 3 s, 50 degrees/s² at blends."""
     blends = blends_by_acceleration(np.array([[10.0], [35], [25], [10]]), np.array([0.0, 2, 3, 6]), np.array([50.0]))
     assert blends.durations.ravel() == pytest.approx([0.268, 0.468, 0.098, 0.102], abs=1e-3)
     assert blends.linear.ravel() == pytest.approx([1.498, 0.717, 2.849], abs=1e-3)
