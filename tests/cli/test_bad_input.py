@@ -20,7 +20,7 @@ HELD = "attached: [{name: h, shape: {half_space: {normal: [0, 0, 1]}}, link: for
         ("planner: quintic", "planner: {name: trajopt, spams: 3}", 7, "did you mean 'spans'"),
         ("planner: quintic", "planner: {name: trajopt, spans: -3}", 7, "not within 4 to 1000"),
         ("planner: quintic", "planner: {name: trajopt, solver: foo}", 7, "is not one of"),
-        ("planner: quintic", "planner: {name: rrtconnect, step: 1.0e-9}", 7, "longer than any budget"),
+        ("planner: quintic", "planner: {name: rrtconnect, reach: -1.0}", 7, "not positive"),
         ("planner: quintic", "planner: {name: quintic, 3: 4}", 7, "the key '3'"),
         ("planner: quintic", "limits: {velocity: 1.0e-320}", 7, "≥ 1e-06"),
         ("robot: planar2r", "robot: no/robot.yaml", 3, "there is no file"),
