@@ -16,7 +16,7 @@ _RESERVE = 1e-3  # share of the limit kept free for what happens between samples
 
 
 def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
-    """Factor s >= 1 on the duration at which |tau| <= limit (n,); inf where gravity exceeds it and speed does not help.
+    """Factor s >= 1 on the duration at which |tau| <= limit (n,); inf where gravity exceeds it.
 
     Holds at: samples at most 1 ms apart (in motions of up to 20 s), both ends of every polynomial piece and three
     within, 256 in all at least.
@@ -32,11 +32,8 @@ def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
     Q, V, A = (trajectory(t, order) for order in range(3))
     data = robot.model.createData()
     tau = np.array([pin.rnea(robot.model, data, q, v, a) for q, v, a in zip(Q, V, A, strict=True)])
-    allowed = limit * (1.0 - _RESERVE)
-    if (np.abs(tau) <= allowed).all():
-        return 1.0
     gravity = np.array([pin.computeGeneralizedGravity(robot.model, data, q) for q in Q])
-    motion = tau - gravity
+    motion, allowed = tau - gravity, limit * (1.0 - _RESERVE)
     if (np.abs(gravity) > allowed).any():
         return float("inf")
     with np.errstate(divide="ignore", invalid="ignore"):
