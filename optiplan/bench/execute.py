@@ -63,13 +63,16 @@ class Executor:
             options, budget = task.planner.options, Budget(task.budget)
             done = run(replace(problem, seed=task.seed), task.planner.name, options, budget, lambda stage, part: None)
             stored, blob = packed(done.trajectory)
-            row |= result_columns(done, task.metrics) | {"trajectory": stored}
-            timings |= {**done.timings, "stages": dict(done.stages)}
+            columns = result_columns(done, task.metrics) | {"trajectory": stored}
+            spent = timings | {**done.timings, "stages": dict(done.stages)}
+            json.dumps([columns, spent], allow_nan=False)  # a planner may tell what nobody can store
+            row, timings = row | columns, spent
         except OptiPlanError as error:
             row |= failure("bad-input", str(error))
         except MemoryError:
             row |= failure("out-of-memory", "an allocation was refused")
         except (Exception, SystemExit) as error:
+            blob = None
             row |= failure("bug", f"{type(error).__name__}: {error}", {"traceback": traceback.format_exc(limit=-8)})
         row |= {"cpu_time": time.process_time() - cpu, "wall_time": time.perf_counter() - began}
         return Outcome(Row(**row, timings=timings), blob)

@@ -24,6 +24,8 @@ OUTPUT = 8000
 """Bytes of what a run prints that are kept, the last ones."""
 CHUNKS = 64
 """Reads of at most 64 KiB at a time."""
+BOOT = "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from optiplan.bench.worker import main; main()"
+"""Makes a worker look for modules where we do, without a word to the programs that planners start."""
 FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)
 """Signals that no planner sends itself: a run that ends by them is made once more."""
 
@@ -132,15 +134,14 @@ class _Worker:
 
     def __init__(self) -> None:
         ours, theirs = socket.socketpair()
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "OMP_NUM_THREADS": "1"}
-        command = [sys.executable, "-m", "optiplan.bench.worker", str(theirs.fileno()), str(os.getpid())]
+        command = [sys.executable, "-c", BOOT, json.dumps(sys.path), str(theirs.fileno()), str(os.getpid())]
         with theirs:
             self._process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
-                env=environment,
+                env={**os.environ, "OMP_NUM_THREADS": "1"},
                 pass_fds=(theirs.fileno(),),
                 start_new_session=True,  # Ctrl-C is for the runner; and what a planner starts is ended with it
             )

@@ -1,9 +1,7 @@
 """The process behind a slot: takes tasks from a pipe one by one, sends back what came of them.
 
-    python -m optiplan.bench.worker FD PARENT
-
-FD is one end of a pair of sockets, PARENT the process that must live for this one to live. Standard output and standard
-error belong to the planners: whatever they print is recorded with the run.
+Its arguments are the folders of Python modules (JSON), one end of a pair of sockets, and the process that must live for
+this one to live. Standard output and standard error belong to the planners: what they print is recorded with the run.
 """
 
 import ctypes
@@ -21,7 +19,7 @@ PR_SET_PDEATHSIG = 1
 
 def main() -> None:
     """Serve until the other end is closed."""
-    connection, parent = Connection(int(sys.argv[1])), int(sys.argv[2])
+    connection, parent = Connection(int(sys.argv[2])), int(sys.argv[3])
     _die_with(parent)
     from optiplan.bench.execute import Executor  # takes half a second: after the line above
 
@@ -59,7 +57,3 @@ def _die_with(parent: int) -> None:
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:  # it ended before we could ask
         os._exit(1)
-
-
-if __name__ == "__main__":
-    main()

@@ -5,7 +5,7 @@ import os
 import signal
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -94,6 +94,14 @@ class Raises(Straight):
 
     def misbehave(self):
         raise ZeroDivisionError("of all things")
+
+
+class Babbles(Straight):
+    """Tells about its work what no file can hold."""
+
+    def plan(self, problem, budget, progress):
+        result = super().plan(problem, budget, progress)
+        return replace(result, info={"self": self} if problem.name == self.options.only else {})
 
 
 class Leaves(Straight):

@@ -15,6 +15,7 @@ FAULTS = {
     "Gulps": "out-of-memory",
     "Segfaults": "crashed (signal 11)",
     "Raises": "bug",
+    "Babbles": "bug",
     "Leaves": "crashed (exit 5)",
     "Quits": "bug",
     "KilledAlways": "crashed (signal 9)",
