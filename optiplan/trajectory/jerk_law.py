@@ -10,7 +10,6 @@ tau = max (f / bound)^(1/p): so every iterate holds at the samples, and the dura
 from dataclasses import replace
 
 import numpy as np
-import qpsolvers
 import scipy.sparse as sp
 
 from optiplan.arrays import Array
@@ -129,6 +128,8 @@ def _step(basis: Basis, control: Array, blocks: list[Block], radius: float) -> A
     high = np.append(np.full(count - 6, radius), 0.0)
     quadratic, linear = sp.diags(np.full(len(free), _REGULARISATION), format="csc"), np.zeros(len(free))
     linear[-1] = 1.0
+    import qpsolvers
+
     program = qpsolvers.Problem(
         quadratic, linear, matrix[:, free], np.append(right, np.diff(control)), None, None, low, high
     )
