@@ -19,6 +19,7 @@ from optiplan.trajectory.timelaw import time_path
 from optiplan.trajectory.trajectory import Trajectory
 
 _SAMPLES = 200  # of a path, where gravity is looked for
+_NEEDED = 6  # joints, for a screw; an arm with more of them can be led
 
 
 class Sclerp:
@@ -56,7 +57,7 @@ class Sclerp:
 
         A goal without orientation is a goal for each orientation that a goal configuration has.
         """
-        led = self.options.scheme == "qp" and self.options.redundancy == "goal"
+        led = self.options.scheme == "qp" and self.options.redundancy == "goal" and problem.robot.n > _NEEDED
         for goal in problem.goal:
             tool = Tool(problem.robot, goal.frame if isinstance(goal, PoseGoal) else problem.robot.tool_frame)
             if isinstance(goal, JointGoal):

@@ -16,6 +16,7 @@ _TOLERANCE = 5e-7  # m and rad, at the points looked at: half of what is promise
 _BETWEEN = (0.2, 0.5, 0.8)
 _ROUNDS = 12
 _MOST_KNOTS = 2000
+_ANCHORS = 0.3  # rad or m between the steps that are kept; those between have the unevenness of steps
 _SPACING = 0.01  # rad or m, the way of a tool's step that is worth a knot
 
 
@@ -28,23 +29,23 @@ def spline(joint_names: tuple[str, ...], s: Array, Q: Array) -> Trajectory:
 
 
 def on_screw(walker: Walker, walk: Walk, stop: Callable[[], bool] = lambda: False) -> Trajectory:
-    """Joint path q(s) through a walk's points that keeps the tool within 1e-6 m and rad of X(s), and within limits.
+    """Joint path q(s) along a walk that keeps the tool within 1e-6 m and rad of X(s), and within limits.
 
-    Where it is farther off between two points, or beyond a limit, another point of the screw is put there. All knots
-    are on the screw, so between them the error is that of a cubic spline, which falls with the fourth power of their
-    distance. Holds at: everywhere for the limits (exact extrema), three points between knots for the tool, with a
-    reserve of a half; both as far as 2,000 knots can do it, and
-    until `stop` says so.
+    It goes through some of the walk's points. Where it is farther off, or beyond a limit, the screw's point nearest
+    to it becomes a knot too: so it does not repeat the unevenness of the steps. All knots are on the screw, so between
+    them the error is that of a cubic spline, which falls with the fourth power of their distance. Holds at: everywhere
+    for the limits (exact extrema), three points between knots for the tool, with a reserve of a half; both as far as
+    2,000 knots can do it, and until `stop` says so.
     """
     names = walker.tool.robot.joint_names
-    s, Q = walk.s, walk.Q
+    kept = _spaced(walk.Q, _ANCHORS)
+    s, Q = walk.s[kept], walk.Q[kept]
     for _ in range(_ROUNDS):
         if stop():
             break
         path = spline(names, s, Q)
         wide = np.flatnonzero((_error(walker, path, s) > _TOLERANCE) | _outside(walker, path))
-        points = [(x, walker.reach(x, path(np.array([x]))[0], walker.inside())) for x in 0.5 * (s[wide] + s[wide + 1])]
-        found = [(x, q) for x, q in points if q is not None]
+        found = [point for i in wide if (point := _between(walker, walk, path, s[i : i + 2])) is not None]
         if not found or len(s) + len(found) > _MOST_KNOTS:
             break
         order = np.argsort(np.concatenate([s, [x for x, _ in found]]), kind="stable")
@@ -55,15 +56,33 @@ def on_screw(walker: Walker, walk: Walk, stop: Callable[[], bool] = lambda: Fals
 
 def through(joint_names: tuple[str, ...], Q: Array) -> Trajectory:
     """Smooth path through the steps Q (k, n) of a scheme, over the length of their polygon; close ones left out."""
-    kept = [0]
-    for k in range(1, len(Q) - 1):
-        if np.linalg.norm(Q[k] - Q[kept[-1]]) >= _SPACING and np.linalg.norm(Q[-1] - Q[k]) >= 0.5 * _SPACING:
-            kept.append(k)
-    points = np.vstack([Q[kept], Q[-1:]]) if len(Q) > 1 else Q[[0, 0]]
+    points = Q[_spaced(Q, _SPACING)]
     length = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if length.sum() < 1e-9:
         return spline(joint_names, np.array([0.0, 1.0]), points[[0, 0]])
     return spline(joint_names, np.concatenate([[0.0], np.cumsum(length)]), points)
+
+
+def _spaced(Q: Array, spacing: float) -> list[int]:
+    """Indices of points of Q (k, n), the ends among them, that are at least `spacing` apart (rad or m, 2-norm)."""
+    kept = [0]
+    for k in range(1, len(Q) - 1):
+        if np.linalg.norm(Q[k] - Q[kept[-1]]) >= spacing and np.linalg.norm(Q[-1] - Q[k]) >= 0.5 * spacing:
+            kept.append(k)
+    return [*kept, len(Q) - 1]
+
+
+def _between(walker: Walker, walk: Walk, path: Trajectory, ends: Array) -> tuple[float, Array] | None:
+    """A point of the screw between two knots: the nearest to the path at the middle, else one of the walk's own."""
+    middle = float(0.5 * ends.sum())
+    q = walker.reach(middle, path(np.array([middle]))[0], walker.inside())
+    if q is not None:
+        return middle, q
+    inner = np.flatnonzero((walk.s > ends[0]) & (walk.s < ends[1]))
+    if not len(inner):
+        return None
+    k = inner[np.abs(walk.s[inner] - middle).argmin()]
+    return float(walk.s[k]), walk.Q[k]
 
 
 def _error(walker: Walker, path: Trajectory, s: Array) -> Array:
