@@ -38,7 +38,7 @@ GENERATORS: dict[str, str] = {
 LEVELS = ("easy", "medium", "hard")
 _ROBOTS = {"aisle": {"robot": "delbot", "group": "all"}}  # the others: panda
 _ARM = 7  # joints of an arm; more is a mobile one
-_DRAWS = 300  # scenes drawn for one problem before giving up
+_DRAWS = 150  # scenes drawn for one problem before giving up
 _ENDS = GoalOptions(count=1, solutions=8, attempts=20)
 
 
