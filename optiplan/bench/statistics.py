@@ -1,0 +1,192 @@
+"""Statistics of a comparison: intervals, paired tests, curves. NumPy only; what is drawn is drawn from a seed.
+
+All intervals are of 95 % confidence.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from optiplan.arrays import Array
+
+Z = 1.959963984540054
+"""Quantile 0.975 of the normal distribution."""
+
+TAIL = 2.5
+"""Percent of the bootstrap distribution on either side of an interval."""
+
+RESAMPLES = 1000
+FEWEST = 5
+"""Groups without which an interval of a median is not given: so few say nothing about the others."""
+
+EXACT = 50
+"""Pairs up to which the signed-rank test is exact."""
+
+_BLOCK = 2_000_000  # numbers in memory at a time
+
+
+class Interval(NamedTuple):
+    """An estimate with its confidence interval; nan where there is none."""
+
+    value: float
+    low: float
+    high: float
+
+
+def wilson(successes: int, tries: int) -> Interval:
+    """Success rate p = k / n with Wilson's score interval.
+
+    (p + z^2 / 2n -+ z sqrt(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n), z = 1.96. Unlike p -+ z s it stays within
+    [0, 1] and has a width for k = 0 and k = n.
+
+    Source: Wilson, JASA 22 (1927) 209; Newcombe, Statistics in Medicine 17 (1998) 857, method 3.
+    """
+    if tries == 0:
+        return Interval(math.nan, 0.0, 1.0)
+    p = successes / tries
+    middle = p + Z**2 / (2 * tries)
+    spread = Z * math.sqrt(p * (1.0 - p) / tries + Z**2 / (4 * tries**2))
+    scale = 1.0 + Z**2 / tries
+    low = 0.0 if successes == 0 else (middle - spread) / scale  # exactly, not but for rounding
+    high = 1.0 if successes == tries else (middle + spread) / scale
+    return Interval(p, low, high)
+
+
+def median_interval(values: Array, seed: int, groups: npt.NDArray[np.int64] | None = None) -> Interval:
+    """Median of values (n,) with the percentile interval of its bootstrap distribution.
+
+    Args:
+        values: (n,), in any unit; finite.
+        seed: of the resamples.
+        groups: (n,), which problem a value is of. Whole groups are drawn, as runs of one problem are alike and say
+            less than as many of different problems. None: every value is one of its own.
+
+    Source: Efron and Tibshirani, An Introduction to the Bootstrap (1993), ch. 13; groups: Davison and Hinkley,
+    Bootstrap Methods and their Application (1997), sec. 3.8.
+    """
+    if len(values) == 0:
+        return Interval(math.nan, math.nan, math.nan)
+    median = float(np.median(values))
+    order = np.argsort(values)
+    numbers = np.arange(len(values)) if groups is None else np.unique(groups, return_inverse=True)[1]
+    count = int(numbers.max()) + 1
+    if count < FEWEST:
+        return Interval(median, math.nan, math.nan)
+    rng = np.random.default_rng(seed)
+    ordered = values[order]
+    alone = count == len(values)
+    drawn = _medians_of_values(ordered, rng) if alone else _medians_of_groups(ordered, numbers[order], rng)
+    low, high = np.percentile(drawn, [TAIL, 100.0 - TAIL])
+    return Interval(median, float(low), float(high))
+
+
+def _medians_of_values(ordered: Array, rng: np.random.Generator) -> Array:
+    """Medians of resamples of ordered values (n,).
+
+    The k-th smallest of a resample is the value at rank floor(n U_(k)), U_(k) the k-th smallest of n uniform numbers,
+    which has distribution Beta(k, n - k + 1): it is drawn at once instead of n ranks, to the same distribution. For
+    even n the next one is U_(k) + (1 - U_(k)) (1 - V^(1 / (n - k))), the smallest of the n - k that are left.
+    """
+    n = len(ordered)
+    k = (n + 1) // 2
+    lower = rng.beta(k, n - k + 1, RESAMPLES)
+    upper = lower if n % 2 else lower + (1.0 - lower) * (1.0 - rng.random(RESAMPLES) ** (1.0 / (n - k)))
+    ranks = np.minimum((n * np.array([lower, upper])).astype(np.int64), n - 1)
+    return np.asarray(0.5 * ordered[ranks].sum(axis=0))
+
+
+def _medians_of_groups(ordered: Array, groups: npt.NDArray[np.int64], rng: np.random.Generator) -> Array:
+    """Medians of resamples of whole groups; values (n,) in order, group numbers (n,) from 0."""
+    count = int(groups.max()) + 1
+    rows = max(1, min(RESAMPLES, _BLOCK // len(ordered)))
+    medians: list[Array] = []
+    for begin in range(0, RESAMPLES, rows):
+        size = min(rows, RESAMPLES - begin)
+        drawn = rng.integers(count, size=(size, count)) + count * np.arange(size)[:, None]
+        times = np.bincount(drawn.ravel(), minlength=size * count).reshape(size, count)
+        upto = np.cumsum(times[:, groups], axis=1)  # values at this rank or below, in each resample
+        half = 0.5 * upto[:, -1:]
+        ranks = np.array([np.argmax(upto >= half, axis=1), np.argmax(upto > half, axis=1)])
+        medians.append(0.5 * ordered[ranks].sum(axis=0))
+    return np.concatenate(medians)
+
+
+def sign_test(wins: int, losses: int) -> float:
+    """Probability of a split at least as uneven if both were as likely: min(1, 2 P(X <= min(w, l))), X ~ B(w + l, 1/2).
+
+    Ties do not count.
+    """
+    n = wins + losses
+    logs = [math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1) for k in range(min(wins, losses) + 1)]
+    return min(1.0, 2.0 * math.fsum(math.exp(value - n * math.log(2.0)) for value in logs))
+
+
+def signed_rank_test(differences: Array) -> float:
+    """Wilcoxon's two-sided test of paired differences (n,) about zero: the probability of a rank sum as far out.
+
+    T is the sum of the ranks of |d| where d > 0, ties at their mean rank, zeros left out. Up to 50 pairs the
+    distribution of T is counted over all 2^n signs, exactly also with ties; beyond, it is taken as normal with mean
+    n (n + 1) / 4 and variance (n (n + 1) (2n + 1) - sum of (t^3 - t) / 2 over ties of t) / 24.
+
+    Source: Wilcoxon, Biometrics Bulletin 1 (1945) 80.
+    """
+    d = differences[differences != 0.0]
+    n = len(d)
+    if n == 0:
+        return 1.0
+    _, place, ties = np.unique(np.abs(d), return_inverse=True, return_counts=True)
+    doubled = (2 * np.cumsum(ties) - ties + 1)[place]  # twice the rank, a whole number
+    total, found = int(doubled.sum()), int(doubled[d > 0.0].sum())
+    if n <= EXACT:
+        ways = np.zeros(total + 1)
+        ways[0] = 1.0
+        for rank in doubled:
+            ways[rank:] += ways[:-rank].copy()
+        return min(1.0, 2.0 * float(ways[: min(found, total - found) + 1].sum()) / 2.0**n)
+    variance = (n * (n + 1) * (2 * n + 1) - float((ties.astype(float) ** 3 - ties).sum()) / 2.0) / 24.0
+    return math.erfc(abs(found / 2.0 - n * (n + 1) / 4.0) / math.sqrt(2.0 * variance))
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """Probabilities corrected for the number of tests: max over j <= i of min(1, (m - j + 1) p_(j)), p_(j) ascending.
+
+    Rejecting those below alpha errs anywhere with probability at most alpha, whatever depends on what.
+
+    Source: Holm, Scandinavian Journal of Statistics 6 (1979) 65.
+    """
+    corrected = [0.0] * len(p)
+    worst = 0.0
+    for place, index in enumerate(sorted(range(len(p)), key=lambda i: p[i])):
+        worst = max(worst, min(1.0, (len(p) - place) * p[index]))
+        corrected[index] = worst
+    return corrected
+
+
+def share_within(costs: Array, tries: int) -> tuple[Array, Array]:
+    """Steps of the share of all tries that cost at most x: x ascending (m,), share after each (m,).
+
+    Args:
+        costs: (k,), in any unit, of the tries that succeeded; what is not finite counts as a failure, at any x.
+        tries: all, failures included.
+    """
+    x = np.sort(costs[np.isfinite(costs)])
+    return x, np.arange(1, len(x) + 1) / max(tries, 1)
+
+
+def performance_ratios(costs: Array) -> Array:
+    """Cost of each solver relative to the best one's on the same problem, (problems, solvers).
+
+    r_ps = c_ps / min over s of c_ps, inf where solver s failed. The share of *all* problems with r_ps <= tau, over tau,
+    is the performance profile: at 1 how often a solver is best, at the right how often it succeeds.
+
+    Args:
+        costs: (problems, solvers), positive; what is not finite is a failure.
+
+    Source: Dolan and More, Mathematical Programming 91 (2002) 201.
+    """
+    finite = np.where(np.isfinite(costs), costs, np.inf)
+    best = finite.min(axis=1, keepdims=True)
+    return np.asarray(np.where(np.isfinite(finite), finite / np.where(np.isfinite(best), best, 1.0), np.inf))
