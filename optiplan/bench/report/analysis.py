@@ -1,0 +1,170 @@
+"""The numbers of a report, from the runs alone: no text, no pictures.
+
+A run succeeds when it is *verified*. Times and durations are of verified runs only; a failure has none, and counts as
+a failure wherever shares of all runs are told.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.bench.report.pairs import Pair, pairs
+from optiplan.bench.runs import Flags, Indices, Runs, load_runs
+from optiplan.bench.statistics import Interval, median_interval, performance_ratios, wilson
+from optiplan.bench.store import Store
+
+PERCENTILES = (50, 75, 95, 99)
+SAME = 1.01
+"""Two costs within 1 % are the same."""
+
+
+class Spread(NamedTuple):
+    """How a quantity of verified runs is spread: how many, median, percentiles 50, 75, 95, 99."""
+
+    runs: int
+    median: Interval
+    percentiles: tuple[float, ...]
+
+
+class PlannerNumbers(NamedTuple):
+    """What a planner did.
+
+    Attributes:
+        label: of the planner.
+        runs: how many are stored.
+        planned, timed, verified: how many got so far.
+        executed: how many a controller followed; None where that was not tried.
+        success: share of verified runs.
+        plan_time: s, of verified runs.
+        ratio: duration / lower bound, of verified runs.
+        quickest: share of tasks on which no planner was quicker; of those that all planners were given.
+        shortest: share of tasks on which no motion was shorter; likewise.
+        cut_short: runs in which the clock ended some of the work.
+    """
+
+    label: str
+    runs: int
+    planned: int
+    timed: int
+    verified: int
+    executed: int | None
+    success: Interval
+    plan_time: Spread
+    ratio: Spread
+    quickest: float
+    shortest: float
+    cut_short: int
+
+
+class Part(NamedTuple):
+    """Some of the problems (a set, a difficulty): success and median planning time (s; nan without) by planner."""
+
+    name: str
+    problems: int
+    success: tuple[Interval, ...]
+    plan_time: tuple[float, ...]
+    ratio: tuple[float, ...]
+
+
+class Analysis(NamedTuple):
+    """Everything that is reported.
+
+    Attributes:
+        runs: what it is of.
+        planners: numbers of each, in the suite's order.
+        sets, difficulties: by part of the problems; empty where there is but one.
+        common: tasks that all planners were given.
+        time_ratios, duration_ratios: (tasks, planners), Dolan and More's ratios over the common tasks.
+        pairs: comparisons of two planners each.
+    """
+
+    runs: Runs
+    planners: tuple[PlannerNumbers, ...]
+    sets: tuple[Part, ...]
+    difficulties: tuple[Part, ...]
+    common: int
+    time_ratios: Array
+    duration_ratios: Array
+    pairs: tuple[Pair, ...]
+
+
+def analyse(store: Store, seed: int = 0) -> Analysis:
+    """Numbers of all runs that are stored; `seed` is that of the bootstrap."""
+    runs = load_runs(store)
+    grid = runs.grid()
+    common = grid.there.all(axis=1)
+    times, durations = (performance_ratios(costs[common]) for costs in (grid.plan_time, grid.duration))
+    numbers = []
+    for k, label in enumerate(runs.planners):
+        firsts = [_share(ratios[:, k] <= SAME) for ratios in (times, durations)]
+        numbers.append(_planner(runs, k, label, firsts, seed))
+    return Analysis(
+        runs,
+        tuple(numbers),
+        _parts(runs, runs.sets),
+        _parts(runs, [label or "no label" for label in runs.difficulties]) if any(runs.difficulties) else (),
+        int(common.sum()),
+        times,
+        durations,
+        pairs(runs, grid, seed),
+    )
+
+
+def _planner(runs: Runs, k: int, label: str, firsts: Sequence[float], seed: int) -> PlannerNumbers:
+    mine = runs.planner == k
+    verified = mine & runs.verified
+    tried = mine & np.isfinite(runs.executed)
+    planned, timed, good = (int((mine & flags).sum()) for flags in (runs.planned, runs.timed, runs.verified))
+    plan_time, ratio = (_spread(x[verified], runs.problem[verified], seed) for x in (runs.plan_time, runs.ratio))
+    return PlannerNumbers(
+        label=label,
+        runs=int(mine.sum()),
+        planned=planned,
+        timed=timed,
+        verified=good,
+        executed=int(runs.executed[tried].sum()) if tried.any() else None,
+        success=wilson(good, int(mine.sum())),
+        plan_time=plan_time,
+        ratio=ratio,
+        quickest=firsts[0],
+        shortest=firsts[1],
+        cut_short=int((mine & runs.cut_short).sum()),
+    )
+
+
+def _spread(values: Array, problems: Indices, seed: int) -> Spread:
+    known = np.isfinite(values)
+    values = values[known]
+    if len(values) == 0:
+        return Spread(0, median_interval(values, seed), (np.nan,) * len(PERCENTILES))
+    percentiles = np.percentile(values, PERCENTILES)
+    return Spread(len(values), median_interval(values, seed, problems[known]), tuple(map(float, percentiles)))
+
+
+def _parts(runs: Runs, names: Sequence[str]) -> tuple[Part, ...]:
+    """Numbers by name of a problem's part, in the order in which the parts come."""
+    order = list(dict.fromkeys(names))
+    part = np.array([order.index(name) for name in names], dtype=np.int64)
+    of_run = part[runs.problem]
+    found = []
+    for number, name in enumerate(order):
+        success, times, ratios = [], [], []
+        for k in range(len(runs.planners)):
+            mine = (of_run == number) & (runs.planner == k)
+            good = mine & runs.verified
+            success.append(wilson(int(good.sum()), int(mine.sum())))
+            times.append(_median(runs.plan_time[good]))
+            ratios.append(_median(runs.ratio[good]))
+        found.append(Part(name, int((part == number).sum()), tuple(success), tuple(times), tuple(ratios)))
+    return tuple(found)
+
+
+def _median(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def _share(flags: Flags) -> float:
+    return float(flags.mean()) if len(flags) else float("nan")
