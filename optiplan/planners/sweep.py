@@ -71,20 +71,6 @@ def trajectory_curve(trajectory: Trajectory) -> Curve:
     return curve
 
 
-def polyline_contact(model: CollisionModel, waypoints: Array, margin: float = 0.0) -> Touch | None:
-    """Like `first_contact` for straight segments between waypoints (k, n); t is segment index plus fraction."""
-    start, step = waypoints[:-1], np.diff(waypoints, axis=0)
-    parts = np.ceil(np.abs(step).sum(axis=1) / _FIRST_STEP)
-    intervals = _subdivide(np.arange(len(waypoints), dtype=float), parts)
-
-    def curve(middle: Array, half: Array) -> tuple[Array, Array]:
-        segment = np.floor(middle).astype(int)
-        fraction = (middle - segment)[:, None]
-        return start[segment] + fraction * step[segment], half[:, None] * np.abs(step[segment])
-
-    return sweep(model, curve, intervals, margin, 1e-6)
-
-
 def sweep(
     model: CollisionModel, curve: Curve, intervals: tuple[Array, Array], margin: float, resolution: float
 ) -> Touch | None:

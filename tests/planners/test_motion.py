@@ -9,9 +9,9 @@ from optiplan.model.margins import PairMargins
 from optiplan.model.robot import load_robot
 from optiplan.model.scene import Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
 from optiplan.planners.motion import MotionCheck
-from optiplan.planners.sweep import polyline_contact
 from optiplan.planners.torque import Gravity
 from tests.planners import cases
+from tests.planners.polyline import polyline_contact
 
 
 def scene():

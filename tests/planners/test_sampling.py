@@ -11,9 +11,9 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.motion import MotionCheck
 from optiplan.planners.sampling import SamplingOptions, sample_path
 from optiplan.planners.shortcut import path_time, shorten
-from optiplan.planners.sweep import polyline_contact
 from optiplan.planners.timed import timed_path
 from tests.planners import cases
+from tests.planners.polyline import polyline_contact
 
 
 def sample(problem, goals=None, **options):

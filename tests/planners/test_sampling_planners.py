@@ -22,9 +22,10 @@ from optiplan.planners.search import SearchOptions, search
 from optiplan.planners.shortcut import path_time, path_times
 from optiplan.planners.smoothing import smooth_path, spline_along
 from optiplan.planners.space import SearchSpace, search_bounds
-from optiplan.planners.sweep import first_contact, polyline_contact
+from optiplan.planners.sweep import first_contact
 from optiplan.trajectory.trajectory import Trajectory
 from tests.planners import cases
+from tests.planners.polyline import polyline_contact
 
 QUICK = {
     "rrtconnect": {},

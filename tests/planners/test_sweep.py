@@ -5,9 +5,10 @@ import pytest
 
 from optiplan.model.collision import CollisionModel
 from optiplan.model.scene import Obstacle, Scene, Sphere
-from optiplan.planners.sweep import first_contact, polyline_contact, trajectory_curve
+from optiplan.planners.sweep import first_contact, trajectory_curve
 from optiplan.trajectory.timing import stop_at_corners
 from tests.planners import cases
+from tests.planners.polyline import polyline_contact
 
 
 def swing(n=1):
