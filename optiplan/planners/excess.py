@@ -84,5 +84,10 @@ def beyond_torque(robot: Robot, limits: Limits, trajectory: Trajectory, shortest
 def _other_duration(shortest: float | None) -> str:
     if shortest is None:
         return "no other duration makes up for it"
-    digit = 10.0 ** (floor(log10(shortest)) - 5)
-    return f"the shortest duration is {ceil(shortest / digit) * digit:.6g} s"  # rounded up: it can be asked for
+    return f"the shortest duration is {rounded_up(shortest)} s"
+
+
+def rounded_up(value: float) -> str:
+    """A positive number in six digits, not smaller than it is: who asks for what is written gets it."""
+    digit = 10.0 ** (floor(log10(value)) - 5)
+    return f"{ceil(value / digit) * digit:.6g}"

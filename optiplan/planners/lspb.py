@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
+from optiplan.planners.excess import rounded_up
 from optiplan.planners.point_to_point import PointToPoint, Profile, ProfileOptions, require_size
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.profiles import Law, Trapezoid
 from optiplan.trajectory.rest_to_rest import Part, RestToRest
 
-_ROUNDING = 1e-9  # share of a bound
+_ABOVE = 1.0 + 1e-9  # a bound and its rounding
 _SHAPES = ("velocity", "blend_time", "acceleration")
 
 
@@ -26,7 +27,7 @@ class LspbOptions(ProfileOptions):
     Without a duration, the motion is the fastest that has it.
 
     Attributes:
-        velocity: V, rad/s or m/s; its sign is that of the motion.
+        velocity: V, rad/s or m/s, as a speed; or with a minus where the joint moves the negative way.
         blend_time: t_b, s.
         acceleration: a, rad/s² or m/s².
     """
@@ -66,10 +67,9 @@ class Lspb(PointToPoint[LspbOptions]):
             share_by_distance=o.velocity is not None and o.duration is not None,
             stretchable=not shaped,
         )
-        if o.duration is not None:
-            issues = [issue for part in profile.parts(o.duration) if (issue := self._issue(part, profile)) is not None]
-            if issues:
-                raise InputError(issues)
+        issues = [issue for part in profile.parts(o.duration) if (issue := self._issue(part, profile)) is not None]
+        if issues:
+            raise InputError(issues)
         return profile
 
     def _law(self, distance: float) -> Law:
@@ -82,20 +82,20 @@ class Lspb(PointToPoint[LspbOptions]):
         )
 
     def _issue(self, part: Part, profile: RestToRest) -> Issue | None:
-        """What does not go with the part's distance and duration."""
+        """What does not go with the part's distance and duration, or with its direction."""
         o, D, T = self.options, part.distance, part.duration
-        who = f"for joint '{profile.joint_names[part.joint]}', which moves {D:.4g} rad in {T:.4g} s"
-        if o.velocity is not None and not D / T * (1.0 + _ROUNDING) < abs(o.velocity) <= 2.0 * D / T * (
-            1.0 + _ROUNDING
-        ):
-            field, found, unit = "velocity", abs(o.velocity), "rad/s"
-            expected = f"more than {D / T:.3g} and at most {2.0 * D / T:.3g} rad/s (D/T < V <= 2 D/T)"
-        elif o.blend_time is not None and o.blend_time > 0.5 * T * (1.0 + _ROUNDING):
-            field, found, unit = "blend_time", o.blend_time, "s"
-            expected = f"more than 0 and at most {0.5 * T:.3g} s (T/2)"
-        elif o.acceleration is not None and o.acceleration < 4.0 * D / T**2 * (1.0 - _ROUNDING):
-            field, found, unit = "acceleration", o.acceleration, "rad/s²"
-            expected = f"at least {4.0 * D / T**2:.3g} rad/s² (4 D/T²)"
+        speeds = f"more than {D / T:.3g} and at most {2.0 * D / T:.3g} rad/s (D/T < |V| <= 2 D/T)"
+        if o.velocity is not None and o.velocity < 0.0 < part.step[part.joint]:
+            field, unit, expected = "velocity", "rad/s", f"a positive one, as the motion: {speeds}"
+        elif o.duration is None:  # the shortest has what was asked for
+            return None
+        elif o.velocity is not None and not D / T * _ABOVE < abs(o.velocity) <= 2.0 * D / T * _ABOVE:
+            field, unit, expected = "velocity", "rad/s", speeds
+        elif o.blend_time is not None and o.blend_time > 0.5 * T * _ABOVE:
+            field, unit, expected = "blend_time", "s", f"more than 0 and at most {0.5 * T:.3g} s (T/2)"
+        elif o.acceleration is not None and o.acceleration * _ABOVE < 4.0 * D / T**2:
+            field, unit, expected = "acceleration", "rad/s²", f"at least {rounded_up(4.0 * D / T**2)} rad/s² (4 D/T²)"
         else:
             return None
-        return Issue("planner 'lspb'", None, field, f"{found:.6g} {unit} {who}", expected)
+        who = f"for joint '{profile.joint_names[part.joint]}', which moves {D:.4g} rad in {T:.4g} s"
+        return Issue("planner 'lspb'", None, field, f"{getattr(o, field):.6g} {unit} {who}", expected)

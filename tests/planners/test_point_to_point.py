@@ -105,8 +105,9 @@ def test_a_velocity_beyond_the_limit_has_no_duration():
 LSPB = [({"velocity": 0.02}, "velocity", "more than 0.0833 and at most 0.167 rad/s")]
 LSPB += [({"velocity": 0.17}, "velocity", "more than 0.0833 and at most 0.167 rad/s")]
 LSPB += [({"velocity": 1.5 / 18.0}, "velocity", "more than 0.0833")]
+LSPB += [({"velocity": -0.17}, "velocity", "more than 0.0833 and at most 0.167 rad/s")]
 LSPB += [({"blend_time": 9.1}, "blend_time", "at most 9 s")]
-LSPB += [({"acceleration": 0.0185}, "acceleration", "at least 0.0185 rad/s²")]
+LSPB += [({"acceleration": 0.0185}, "acceleration", "at least 0.0185186 rad/s²")]
 
 
 @pytest.mark.parametrize(("shape", "field", "bounds"), LSPB)
@@ -117,6 +118,16 @@ def test_a_trapezoid_that_cannot_be_is_an_input_error(shape, field, bounds):
     assert issue.field == field
     assert bounds in issue.expected
     assert "'shoulder', which moves 1.5 rad in 18 s" in issue.found
+
+
+def test_a_velocity_against_the_motion_is_an_input_error():
+    """The shoulder moves by -1.5 rad: a negative velocity is its own; the other way round it is not."""
+    there = cases.planar()
+    back = replace(there, start=there.goal[0].q, goal=(JointGoal(there.start),))
+    for duration in ({"duration": 18}, {}):
+        assert plan(there, "lspb", velocity=-0.1, **duration).trajectory is not None
+        with pytest.raises(InputError, match=r"-0\.1 rad/s for joint 'shoulder'.*a positive one"):
+            plan(back, "lspb", velocity=-0.1, **duration)
 
 
 @pytest.mark.parametrize("shape", [{"velocity": 1.5 / 9.0}, {"blend_time": 9}, {"acceleration": 0.0185186}, {}])
