@@ -1,0 +1,248 @@
+"""The figures of a report: drawn once by matplotlib, for the page (in its colours, light or dark) and as files.
+
+Colours are those of Okabe and Ito without black and yellow, told apart also by the colour-blind; with more than seven
+planners the line's style tells on: solid, dashed, dotted, dash-dotted.
+"""
+
+import io
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.bench.report.analysis import Analysis
+from optiplan.bench.runs import Runs
+from optiplan.bench.statistics import share_within
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#868686")
+DASHES = ("", "5 2", "1.2 1.6", "6 2 1.2 2")
+"""Lengths of dashes and gaps, in widths of the line."""
+
+INK, LINE = "#1d2429", "#d5dade"
+"""Text and grid; the page's own colours take their place there."""
+
+FARTHEST = 100.0
+"""End of a performance profile at most."""
+
+STEPS = 300
+"""Points of a curve at most: more cannot be seen."""
+
+_STYLE: dict[str, Any] = {
+    "text.parse_math": False,
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "svg.fonttype": "none",
+    "text.color": INK,
+    "axes.edgecolor": LINE,
+    "axes.labelcolor": INK,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": LINE,
+    "grid.linewidth": 0.6,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "legend.frameon": False,
+}
+
+
+class Figure(NamedTuple):
+    """A figure: file name, heading, what it shows and how to read it, and what draws it on axes."""
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[[Analysis, Any], None]
+
+
+def figures(analysis: Analysis) -> list[Figure]:
+    """The figures there is something to draw in."""
+    found = [FIGURES[0]]
+    if analysis.runs.verified.any():
+        found += [figure for figure in FIGURES[1:] if analysis.common > 1 or not figure.name.startswith("profile")]
+    return found
+
+
+def line_of(k: int) -> tuple[str, str]:
+    """Colour and dashes of the k-th planner; they come again after the 28th."""
+    return COLOURS[k % len(COLOURS)], DASHES[k // len(COLOURS) % len(DASHES)]
+
+
+def inline_svg(figure: Figure, analysis: Analysis) -> str:
+    """The figure as an SVG element for the page: transparent, in the page's colours, ids of its own."""
+    buffer = io.StringIO()
+    with _drawn(figure, analysis) as canvas:
+        canvas.figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = text.replace(INK, "currentColor").replace(LINE, "var(--line)")
+    text = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font-size: \1; font-family: inherit", text)
+    text = re.sub(r'(\bid="|url\(#|xlink:href="#)', rf"\g<1>{figure.name}-", text)
+    return text.replace("<svg ", f'<svg role="img" aria-label="{figure.title}" ', 1)
+
+
+def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
+    """Write every figure as `<name>.png` (200 dpi) and `<name>.svg`, on white."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for figure in figures(analysis):
+        with _drawn(figure, analysis) as canvas:
+            for kind in ("png", "svg"):
+                path = folder / f"{figure.name}.{kind}"
+                dated = {"Date": None} if kind == "svg" else {}  # the same runs give the same files
+                canvas.figure.savefig(path, dpi=200, facecolor="white", metadata=dated)
+                written.append(path)
+    return written
+
+
+@contextmanager
+def _drawn(figure: Figure, analysis: Analysis) -> Iterator[Any]:
+    import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure as Sheet
+
+    rows = len(analysis.planners)
+    style: Any = {**_STYLE, "svg.hashsalt": figure.name}
+    with matplotlib.rc_context(style):
+        sheet = Sheet(figsize=(7.2, max(3.3, 0.225 * rows + 1.0)), layout="constrained")
+        canvas = FigureCanvasSVG(sheet)
+        figure.draw(analysis, sheet.add_subplot())
+        yield canvas
+
+
+def _ladder(analysis: Analysis, ax: Any) -> None:
+    rows = np.arange(len(analysis.planners))
+    stages = (("planned", "#a9cfe6"), ("timed", "#56a5d0"), ("verified", COLOURS[0]))
+    for (stage, colour), height in zip(stages, (0.78, 0.58, 0.38), strict=True):
+        widths = [100.0 * getattr(one, stage) / max(one.runs, 1) for one in analysis.planners]
+        ax.barh(rows, widths, height, color=colour, label=stage)
+    value, low, high = 100.0 * np.array([one.success for one in analysis.planners]).T
+    value = np.nan_to_num(value)
+    ax.errorbar(value, rows, xerr=[value - low, high - value], fmt="none", color=INK, lw=1.0, capsize=2.5)
+    tried = [
+        (100.0 * one.executed / one.runs, k) for k, one in enumerate(analysis.planners) if one.executed is not None
+    ]
+    if tried:
+        ax.plot(*zip(*tried, strict=True), "d", color=COLOURS[1], ms=5, label="executed")
+    _name_rows(analysis, ax)
+    ax.set(xlim=(0, 102), xlabel="share of all runs, % (line: 95 % confidence of “verified”)")
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, borderaxespad=0.2)
+
+
+def _over_time(analysis: Analysis, ax: Any) -> None:
+    runs = analysis.runs
+    end = float(np.nanmax(runs.plan_time[runs.verified]))
+    for k, one in enumerate(analysis.planners):
+        times = runs.plan_time[(runs.planner == k) & runs.verified]
+        _step(ax, k, one.label, share_within(times, one.runs), end)
+    _plain_log(ax)
+    ax.set(ylim=(0, 102), xlabel="planning time, s", ylabel="verified by then, % of all runs")
+    _legend(ax)
+
+
+def _profile(analysis: Analysis, ax: Any, ratios: Array, what: str) -> None:
+    end = float(np.clip(ratios[np.isfinite(ratios)].max(initial=1.0), 1.1, FARTHEST))
+    for k, one in enumerate(analysis.planners):
+        _step(ax, k, one.label, share_within(ratios[:, k], len(ratios)), end)
+    _plain_log(ax)
+    ax.set(xlim=(1.0, end), ylim=(0, 102), xlabel=what, ylabel="within this factor, % of tasks")
+    _legend(ax)
+
+
+def _profile_time(analysis: Analysis, ax: Any) -> None:
+    _profile(analysis, ax, analysis.time_ratios, "planning time / that of the quickest")
+
+
+def _profile_duration(analysis: Analysis, ax: Any) -> None:
+    _profile(analysis, ax, analysis.duration_ratios, "duration of the motion / that of the shortest")
+
+
+def _boxes(analysis: Analysis, ax: Any, values: Callable[[Runs], Array]) -> None:
+    runs = analysis.runs
+    for k in range(len(analysis.planners)):
+        mine = values(runs)[(runs.planner == k) & runs.verified]
+        mine = mine[np.isfinite(mine)]
+        if len(mine) == 0:
+            continue
+        p5, p25, p50, p75, p95 = np.percentile(mine, [5, 25, 50, 75, 95])
+        ax.plot([p5, p95], [k, k], color=COLOURS[0], lw=1.2)
+        ax.plot([p25, p75], [k, k], color=COLOURS[0], lw=7.0, alpha=0.55, solid_capstyle="butt")
+        ax.plot(p50, k, "o", color=COLOURS[1], ms=4.5)
+    _name_rows(analysis, ax)
+
+
+def _ratios(analysis: Analysis, ax: Any) -> None:
+    _boxes(analysis, ax, lambda runs: runs.ratio)
+    _plain_log(ax)
+    ax.axvline(1.0, color=INK, lw=0.8)
+    ax.set_xlabel("duration / lower bound")
+
+
+def _times(analysis: Analysis, ax: Any) -> None:
+    _boxes(analysis, ax, lambda runs: runs.plan_time)
+    _plain_log(ax)
+    ax.set_xlabel("planning time, s")
+
+
+def _step(ax: Any, k: int, label: str, curve: tuple[Array, Array], end: float) -> None:
+    """A curve of shares (m,) reached at x (m,), from 0 and on to the end, thinned to what can be seen."""
+    x, share = curve
+    if len(x) > STEPS:
+        keep = np.unique(np.linspace(0, len(x) - 1, STEPS).astype(int))
+        x, share = x[keep], share[keep]
+    if len(x):
+        x = np.concatenate([x[:1], x, [max(end, x[-1])]])
+        share = np.concatenate([[0.0], share, share[-1:]])
+    colour, dashes = line_of(k)
+    style = (0, tuple(map(float, dashes.split()))) if dashes else "-"
+    (line,) = ax.step(x, 100.0 * share, where="post", label=label, color=colour, linestyle=style, lw=1.7)
+    line.set_gid(f"planner{k}")
+
+
+def _legend(ax: Any) -> None:
+    ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.02), handlelength=2.6, labelspacing=0.35, fontsize=8.5)
+
+
+def _name_rows(analysis: Analysis, ax: Any) -> None:
+    rows = range(len(analysis.planners))
+    ax.set_yticks(rows, [one.label for one in analysis.planners])
+    ax.set_ylim(len(rows) - 0.4, -0.6)
+    ax.tick_params(axis="y", length=0)
+    ax.grid(visible=False, axis="y")
+
+
+def _plain_log(ax: Any) -> None:
+    """A logarithmic axis with numbers as people write them, also within one decade."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    ax.set_xscale("log")
+    low, high = ax.get_xlim()
+    steps: Sequence[float] = (1.0,) if high / low > 1000.0 else (1.0, 2.0, 5.0)
+    steps = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0) if high / low < 6.0 else steps
+    ax.xaxis.set_major_locator(LogLocator(subs=steps))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
+
+
+_BOX = "Dot: median; bar: the middle half; line: from the 5th to the 95th percentile; verified runs only."
+_RULE = "Left end: how often a planner is the best; right end: how often it succeeds. Tasks that nobody solved count."
+
+FIGURES = (
+    Figure("ladder", "How far runs get", "Each bar stands for all runs of a planner, failures included.", _ladder),
+    Figure(
+        "success-over-time",
+        "Success within a time",
+        "Share of all runs that were planned within the time and then verified. A failure never counts as a time.",
+        _over_time,
+    ),
+    Figure("planning-time", "Planning time", _BOX, _times),
+    Figure("duration-ratio", "Duration / lower bound", f"No motion can be below 1. {_BOX}", _ratios),
+    Figure("profile-time", "Performance profile of planning time", _RULE, _profile_time),
+    Figure("profile-duration", "Performance profile of duration", _RULE, _profile_duration),
+)

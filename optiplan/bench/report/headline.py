@@ -1,0 +1,86 @@
+"""What a report says first: which planner to take, and what to beware of."""
+
+import html
+import json
+import math
+
+from optiplan.bench.report.analysis import Analysis, PlannerNumbers
+from optiplan.bench.report.tables import number, percent
+from optiplan.bench.store import Store
+
+BROKEN = ("timeout", "out-of-memory", "crashed", "bug", "bad-input")
+"""How kinds of failures begin that tell of a fault, not of a hard problem."""
+
+Card = tuple[str, str, str]
+"""Heading, the few words that answer it, and what they rest on, as HTML."""
+
+
+def cards(analysis: Analysis) -> list[Card]:
+    """The answers that a person wants within ten seconds."""
+    planners = [one for one in analysis.planners if one.runs]
+    if not planners:
+        return [("No runs yet", "–", "The suite has not been run.")]
+    best = max(one.success.value for one in planners)
+    first = [one for one in planners if one.success.value == best]
+    top = first[0]
+    every = f"{top.verified} of {top.runs} runs" if len({one.runs for one in first}) == 1 else "of their runs"
+    low, high = percent(top.success.low), percent(top.success.high)
+    found = [("Most reliable", _names(first), f"verified {percent(best)}: {every}, 95 % confidence {low} to {high}")]
+    if best > 0.0 and len(planners) > 1 and analysis.common:
+        quick = _leaders([(one.quickest, one) for one in planners])
+        short = _leaders([(one.shortest, one) for one in planners])
+        seconds = f"{number(quick[0].plan_time.median.value)} s median"
+        ratio = f"{number(short[0].ratio.median.value)} × lower bound, median"
+        found += [
+            ("Quickest to plan", _names(quick), f"first on {percent(quick[0].quickest)} of the tasks; {seconds}"),
+            ("Shortest motions", _names(short), f"shortest on {percent(short[0].shortest)} of the tasks; {ratio}"),
+        ]
+    return found
+
+
+def _leaders(scored: list[tuple[float, PlannerNumbers]]) -> list[PlannerNumbers]:
+    known = [pair for pair in scored if not math.isnan(pair[0])]
+    best = max(score for score, _ in known)
+    return [one for score, one in known if score == best]
+
+
+def _names(found: list[PlannerNumbers]) -> str:
+    if len(found) > 3:
+        return f"{len(found)} planners alike"
+    return " · ".join(html.escape(one.label) for one in found)
+
+
+def facts(store: Store, analysis: Analysis) -> str:
+    """What was run, in one line."""
+    runs = analysis.runs
+    verified = percent(float(runs.verified.mean())) if runs.size else "0 %"
+    expected = _expected(store, analysis)
+    of_all = f"{runs.size} of {expected}" if expected != runs.size else f"{runs.size}"
+    return f"{len(runs.problems)} problems × {len(runs.planners)} planners: {of_all} runs, {verified} verified"
+
+
+def warnings(store: Store, analysis: Analysis) -> list[str]:
+    """What a reader must know before believing the rest."""
+    runs, found = analysis.runs, []
+    expected = _expected(store, analysis)
+    if runs.size < expected:
+        found.append(f"Not complete: {expected - runs.size} of {expected} runs are missing.")
+    broken = sum(any(str(kind).startswith(word) for word in BROKEN) for kind in runs.kind)
+    if broken:
+        found.append(f"{broken} runs ended by a fault (crash, time-out, memory, bug, bad input): see failures.")
+    cut = int(runs.cut_short.sum())
+    if cut:
+        found.append(f"The clock ended some of the work in {cut} runs: on another machine they may come out otherwise.")
+    for column, what in (("machine", "machines"), ("versions", "versions of the software")):
+        kept = [json.loads(row[0]) for row in store.query(f"SELECT DISTINCT {column} FROM sessions")]
+        for one in kept:
+            one.pop("load", None)
+        if len({json.dumps(one, sort_keys=True) for one in kept}) > 1:
+            found.append(f"The runs were made on several {what}: their times are not of one kind.")
+    return found
+
+
+def _expected(store: Store, analysis: Analysis) -> int:
+    """How many runs the suite has."""
+    suite = store.meta("parts")
+    return len(analysis.runs.problems) * len(analysis.runs.planners) * len(suite["seeds"]) * int(suite["repetitions"])

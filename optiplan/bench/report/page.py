@@ -1,0 +1,133 @@
+"""The page: one HTML file with everything in it, which asks for nothing from anywhere."""
+
+import html
+import os
+import shlex
+import tempfile
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+from string import Template
+
+from optiplan.bench.report import tables
+from optiplan.bench.report.analysis import Analysis, analyse
+from optiplan.bench.report.failures import REASONS, Failed, Reason, reasons
+from optiplan.bench.report.figures import figures, inline_svg
+from optiplan.bench.report.headline import Card, cards, facts, warnings
+from optiplan.bench.report.settings import settings
+from optiplan.bench.store import Store
+
+FILE = "report.html"
+
+Link = Callable[[Failed], str | None]
+"""Where a run can be looked at; None where only a command shows it."""
+
+
+def write_page(store: Store, analysis: Analysis | None = None, path: Path | None = None) -> Path:
+    """Write the report of a suite's results, as they are now, whole or not at all.
+
+    Args:
+        store: the results.
+        analysis: of them; made when it is not given.
+        path: `report.html` beside the database unless given.
+    """
+    path = path or store.folder / FILE
+    text = render(store, analysis or analyse(store))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+    return path
+
+
+def render(store: Store, analysis: Analysis, link: Link = lambda run: None) -> str:
+    """The page as text; everything that comes from the results is escaped."""
+    own = resources.files("optiplan.bench.report")
+    name = str(store.meta("name"))
+    return Template((own / "report.html").read_text("utf-8")).substitute(
+        title=html.escape(name),
+        style=(own / "report.css").read_text("utf-8"),
+        script=(own / "report.js").read_text("utf-8"),
+        facts=html.escape(facts(store, analysis)),
+        warnings="".join(f"<p class=warning>{html.escape(text)}</p>" for text in warnings(store, analysis)),
+        cards="".join(
+            f"<div class=card><h3>{t}</h3><p class=big>{b}</p><p>{m}</p></div>" for t, b, m in cards(analysis)
+        ),
+        ladder=tables.ladder(analysis),
+        figures=_figures(analysis),
+        times=tables.percentiles(analysis, "plan_time"),
+        ratios=tables.percentiles(analysis, "ratio"),
+        parts=_parts(analysis),
+        pairs=_pairs(analysis),
+        failures=_failures(store, link),
+        settings=settings(store),
+    )
+
+
+def _card(card: Card) -> str:
+    heading, answer, reason = card
+    return f"<div class=card><h3>{heading}</h3><p class=big>{answer}</p><p>{reason}</p></div>"
+
+
+def _figures(analysis: Analysis) -> str:
+    return "\n".join(
+        f'<figure id="figure-{figure.name}"><h3>{html.escape(figure.title)}</h3>{inline_svg(figure, analysis)}'
+        f"<figcaption>{html.escape(figure.caption)}</figcaption></figure>"
+        for figure in figures(analysis)
+    )
+
+
+def _parts(analysis: Analysis) -> str:
+    note = "<p class=note>Share of verified runs; below it median planning time and median duration / lower bound.</p>"
+    found = [("set", analysis.sets), ("difficulty", analysis.difficulties)]
+    return note + "".join(f"<h3>By {what}</h3>{tables.parts(analysis, part, what)}" for what, part in found if part)
+
+
+def _pairs(analysis: Analysis) -> str:
+    if not analysis.pairs:
+        return "<p class=note>There is but one planner.</p>"
+    text = ""
+    for field, what in (("duration", "Duration of the motion"), ("plan_time", "Planning time")):
+        text += f"<h3>{what}: median ratio, row / column</h3>{tables.matrix(analysis, field)}"
+    more = f"<details><summary>Every pair with its counts and tests</summary>{tables.pair_table(analysis)}</details>"
+    return text + more
+
+
+def _failures(store: Store, link: Link) -> str:
+    found = reasons(store)
+    if not found:
+        return "<p class=good>Every run is verified.</p>"
+    text = "".join(_reason(store, reason, link) for reason in found[:REASONS])
+    rest = found[REASONS:]
+    if rest:
+        text += f"<p class=note>{len(rest)} more reasons, of {sum(one.runs for one in rest)} runs.</p>"
+    return text
+
+
+def _reason(store: Store, reason: Reason, link: Link) -> str:
+    planners = ", ".join(f"{html.escape(label)} {count}" for label, count in reason.planners.items())
+    shown = len(reason.examples)
+    which = "" if shown == reason.runs else f"<p class=note>{shown} of {reason.runs} runs:</p>"
+    items = "".join(_example(store, run, link(run)) for run in reason.examples)
+    problems = f"{reason.problems} problem{'s' if reason.problems != 1 else ''}"
+    return (
+        f"<details class=reason><summary><b>{reason.runs}</b> <span class=kind>{html.escape(reason.kind)}</span> "
+        f"{html.escape(reason.words)}</summary><p>{planners} · on {problems}</p>{which}<ul>{items}</ul></details>"
+    )
+
+
+def _example(store: Store, run: Failed, address: str | None) -> str:
+    command = shlex.join(["optiplan", "bench", "show", str(store.folder), *map(str, run[:4])])
+    opened = f'<a href="{html.escape(address)}">open scene{" and witness" if run.seen else ""}</a> ' if address else ""
+    seen = "" if run.seen else " <small>no witness</small>"
+    return (
+        f"<li>{html.escape(run.planner)} on <b>{html.escape(run.problem)}</b>, seed {run.seed}, "
+        f"repetition {run.repetition}: {html.escape(run.detail)}{seen}<br>{opened}"
+        f"<code>{html.escape(command)}</code> <button class=copy>copy</button></li>"
+    )

@@ -1,0 +1,85 @@
+"""How the runs were made: machine, versions, settings, the suite itself, and what the times mean."""
+
+import html
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from optiplan.bench.report.tables import NOTHING, Cell, Head, table
+from optiplan.bench.store import Store
+
+MEANING = """
+<p>A run is <b>planned</b> when a path was found, <b>timed</b> when it has times, <b>verified</b> when the verifier
+proved it free of collisions and within all limits at all times, <b>executed</b> when a controller followed it.
+Percentages are of all runs, failures included; times and durations are of verified runs only.</p>
+<p><b>Planning time</b> is wall time from the planner's call to its answer, path and times included; without loading,
+warm-up and verification. Runs that shared the machine slowed each other down, see workers and load. The median of one
+planner is over the problems that <em>it</em> solves, often the easier ones: compare two planners by the pairwise
+tables, on what both solve, or by the performance profiles.</p>
+<p><b>Duration / lower bound</b>: no motion can be shorter than the bound of the problem's velocity, acceleration and
+jerk limits; obstacles may make 1 impossible. Intervals of medians are bootstrap percentiles (1000 resamples of whole
+problems, seed 0), those of shares Wilson's, both of 95 %. Pairwise tests take a problem's runs together.</p>
+"""
+
+
+def settings(store: Store) -> str:
+    """The last section, as HTML."""
+    parts = store.meta("parts")
+    given = {name: parts[name] for name in ("seeds", "repetitions", "budget", "limits", "metrics") if name in parts}
+    given |= {"suite hash": store.meta("suite_hash"), "schema version": store.meta("schema_version")}
+    text = html.escape(str(store.meta("suite")))
+    return (
+        f"{MEANING}<h3>Settings</h3>{_values(given)}<h3>Planners</h3>{_planners(store)}"
+        f"<h3>Sessions</h3>{_sessions(store)}<h3>Versions</h3>{_versions(store)}"
+        f"<details><summary>The suite</summary><pre>{text}</pre></details>"
+    )
+
+
+def _values(values: Mapping[str, Any]) -> str:
+    rows = "".join(
+        f"<dt>{html.escape(name)}</dt><dd>{html.escape(_words(value))}</dd>" for name, value in values.items()
+    )
+    return f"<dl>{rows}</dl>"
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, Mapping):
+        units = {"wall": " s", "memory": " MB"}
+        return ", ".join(f"{key} {_words(item)}{units.get(key, '')}" for key, item in value.items()) or "defaults"
+    if isinstance(value, list):
+        return ", ".join(map(_words, value))
+    return "all" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _planners(store: Store) -> str:
+    rows = store.query("SELECT label, name, options FROM planners ORDER BY position")
+    cells = [(row["label"], row["name"], _words(json.loads(row["options"]))) for row in rows]
+    heads = [Head(text, words=True) for text in ("planner", "name", "options")]
+    return table(heads, [[Cell(html.escape(text), text) for text in row] for row in cells])
+
+
+def _sessions(store: Store) -> str:
+    heads = [Head(text, words=True) for text in ("from", "to", "ended", "workers", "host", "processor", "system")]
+    heads += [Head("cores"), Head("memory, MB"), Head("load", "of the machine at the start")]
+    rows = []
+    for row in store.query("SELECT started_at, ended_at, how, workers, machine FROM sessions ORDER BY session"):
+        machine = json.loads(row["machine"])
+        words = [
+            row["started_at"][:19],
+            (row["ended_at"] or "–")[:19],
+            row["how"] or "killed or running",
+            row["workers"],
+        ]
+        words += [str(machine.get(name, NOTHING)) for name in ("host", "cpu", "system")]
+        numbers = [machine.get(name) for name in ("cores", "memory", "load")]
+        cells = [
+            Cell("–" if value is None else f"{value:g}" if value < 1e5 else f"{value:.0f}", value) for value in numbers
+        ]
+        rows.append([*(Cell(html.escape(text), text) for text in words), *cells])
+    return table(heads, rows)
+
+
+def _versions(store: Store) -> str:
+    found = [json.loads(row[0]) for row in store.query("SELECT DISTINCT versions FROM sessions")]
+    names = dict.fromkeys(name for one in found for name in one)
+    return _values({name: ", ".join(dict.fromkeys(str(one.get(name, NOTHING)) for one in found)) for name in names})
