@@ -1,7 +1,7 @@
 """What travels between the runner and its workers, and what is stored: plain data, JSON-ready."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from optiplan.verify.report import jsonable
@@ -71,7 +71,7 @@ class Task:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready form, inverse of `from_dict`."""
-        return asdict(self)
+        return vars(self) | {"problem": vars(self.problem), "planner": vars(self.planner)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Task":

@@ -12,7 +12,6 @@ import sqlite3
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -209,7 +208,7 @@ class Store:
         Raises:
             StoreError: the disk is full or failing; nothing of the run is stored.
         """
-        row = asdict(outcome.row)
+        row = dict(vars(outcome.row))
         for name in JSON_COLUMNS:
             row[name] = None if row[name] is None else json.dumps(row[name], allow_nan=False)
         with self._transaction():

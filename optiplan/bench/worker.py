@@ -10,7 +10,6 @@ import os
 import resource
 import signal
 import sys
-from dataclasses import asdict
 from multiprocessing.connection import Connection
 
 PR_SET_PDEATHSIG = 1
@@ -40,7 +39,7 @@ def main() -> None:
             return
         limit_memory(task.memory)
         outcome = execute(task, lambda name: send({"phase": name}))
-        send({"phase": "done", "row": asdict(outcome.row), "blob": outcome.trajectory is not None})
+        send({"phase": "done", "row": vars(outcome.row), "blob": outcome.trajectory is not None})
         if outcome.trajectory is not None:
             connection.send_bytes(outcome.trajectory)
 
