@@ -45,6 +45,9 @@ def run(
         Path | None,
         typer.Option(metavar="DIR", help="where the results go (default: runs/bench/NAME)"),
     ] = None,
+    dask: Annotated[
+        str | None, typer.Option(metavar="tcp://…", help="address of a Dask scheduler whose workers make the runs")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
 ) -> int:
     """Make every run of a suite that is not in the folder yet.
@@ -57,23 +60,23 @@ def run(
 
       optiplan bench mine.yaml --workers 4 --out results/mine
 
+      optiplan bench mine.yaml --dask tcp://10.0.0.1:8786
+
     Exit code: 0 every run is there, whatever came of it · 2 bad input, or results cannot be written · 130 interrupted.
     """
-    from optiplan.bench.pool import LocalPool
     from optiplan.bench.runner import open_results, other_versions, run_suite
     from optiplan.bench.suite import load_suite
     from optiplan.cli.bench_summary import show_summary, summary_data
 
-    count = workers or len(os.sched_getaffinity(0))
+    pool, label = _workforce(workers, dask)
     with stdout_is_ours():
         chosen = load_suite(suite, _scratch(suite, out))
     folder = out or Path("runs", "bench", chosen.spec.name)
     with open_results(chosen, folder) as store:
         for words in other_versions(store):
             messages().print(f"note: earlier runs were made with another version of {words}", style="yellow")
-        pool = LocalPool(count)
         with _stopped_by_signals(pool), _progress(chosen.size, len(store.done())) as watch:
-            done = run_suite(chosen, store, pool, f"{count} local", watch)
+            done = run_suite(chosen, store, pool, label, watch)
         if as_json:
             print_json(summary_data(store, done))
         else:
@@ -109,6 +112,21 @@ def export(
     else:
         results().print("\n".join(map(str, written)), markup=False, soft_wrap=True)
     return 0
+
+
+def _workforce(workers: int | None, dask: str | None) -> tuple[Any, str]:
+    """Whoever makes the runs, and its name in the results."""
+    if dask is None:
+        from optiplan.bench.pool import LocalPool
+
+        count = workers or len(os.sched_getaffinity(0))
+        return LocalPool(count), f"{count} local"
+    if workers is not None:
+        raise typer.BadParameter("--dask brings its own workers: leave out --workers")
+    from optiplan.bench.cluster import DaskCluster
+
+    cluster = DaskCluster(dask)
+    return cluster, f"{cluster.slots} dask {dask}"
 
 
 def _scratch(suite: Path, out: Path | None) -> Path:

@@ -56,3 +56,48 @@ def run(tmp_path):
         return done, rows
 
     return run
+
+
+TETRAHEDRON = """\
+solid tetrahedron
+facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0 .1 0\nvertex .1 0 0\nendloop\nendfacet
+facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex .1 0 0\nvertex 0 0 .1\nendloop\nendfacet
+facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0 .1\nvertex 0 .1 0\nendloop\nendfacet
+facet normal 0 0 0\nouter loop\nvertex .1 0 0\nvertex 0 .1 0\nvertex 0 0 .1\nendloop\nendfacet
+endsolid tetrahedron
+"""
+
+URDF = """\
+<robot name="arm">
+  <link name="base"/>
+  <link name="arm"><collision><geometry><mesh filename="file://{folder}/meshes/link.stl"/></geometry></collision></link>
+  <joint name="turn" type="revolute">
+    <parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" velocity="2" effort="10"/>
+  </joint>
+</robot>
+"""
+
+OURS = """\
+version: 1
+robot: robot.yaml
+start: {start}
+goal: {{joints: [1.0]}}
+scene:
+  obstacles: [{{name: block, shape: {{mesh: {{file: block.stl}}}}, pose: {{position: [1, 1, 0]}}}}]
+"""
+
+
+@pytest.fixture
+def robot_of_ours(tmp_path):
+    """Folder of two problems and of a robot that is not shipped, whose URDF names a mesh by its absolute path."""
+    folder = tmp_path / "ours"
+    (folder / "meshes").mkdir(parents=True)
+    (folder / "meshes" / "link.stl").write_text(TETRAHEDRON)
+    (folder / "block.stl").write_text(TETRAHEDRON.replace(".1", ".2"))
+    (folder / "arm.urdf").write_text(URDF.format(folder=folder))
+    limits = "limits: {acceleration: 5, jerk: 50}"
+    (folder / "robot.yaml").write_text(f"version: 1\nname: arm\nurdf: arm.urdf\ntool_frame: arm\n{limits}\n")
+    for index in range(2):
+        (folder / f"p{index}.yaml").write_text(OURS.format(start=f"{{joints: [{0.1 * index}]}}"))
+    return folder

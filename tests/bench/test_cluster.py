@@ -1,0 +1,182 @@
+"""A real Dask scheduler and real worker processes on this machine; nothing in a worker is shared with us."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from optiplan.bench import station
+from optiplan.bench.cluster import ClusterError, DaskCluster
+from optiplan.bench.runner import open_results, run_suite
+from optiplan.bench.suite import load_suite
+from optiplan.cli.main import run as main_run
+
+SLOW = {"name": "bench_planners:Straight", "label": "slow", "seconds": 0.1}
+
+
+class Dask:
+    """A scheduler and its workers, each a process of its own with a cache and a working folder of its own."""
+
+    def __init__(self, folder):
+        self.folder, self.processes = folder, []
+        self.scheduler = self.start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+        self.address = self.told(self.scheduler, r"Scheduler at:\s+(tcp://\S+)")
+
+    def start(self, what, *words, **environment):
+        number = len(self.processes)
+        home = self.folder / f"{what}{number}"
+        home.mkdir()
+        code = f"from distributed.cli.dask_{what} import main; main()"
+        paths = os.pathsep.join(sys.path)
+        environment = {**os.environ, "PYTHONPATH": paths, "XDG_CACHE_HOME": str(home / "cache")} | environment
+        with (home / "log").open("w") as log:
+            command = [sys.executable, "-c", code, *words]
+            process = subprocess.Popen(command, cwd=home, env=environment, stdout=log, stderr=log)
+        process.log = home / "log"
+        process.home = home
+        self.processes.append(process)
+        return process
+
+    def worker(self, **environment):
+        words = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", "--memory-limit", "0")
+        process = self.start("worker", self.address, *words, **environment)
+        return process
+
+    def told(self, process, pattern, patience=40.0):
+        end = time.monotonic() + patience
+        while not (found := re.search(pattern, process.log.read_text())):
+            assert process.poll() is None, process.log.read_text()
+            assert time.monotonic() < end, process.log.read_text()
+            time.sleep(0.05)
+        return found[1]
+
+    def workers(self, count):
+        started = [self.worker() for _ in range(count)]
+        for process in started:
+            self.told(process, r"(Registered to)")
+        return started
+
+    def close(self):
+        for process in self.processes:
+            process.kill()
+        for process in self.processes:
+            process.wait(10)
+
+
+@pytest.fixture
+def dask(tmp_path, planners):
+    station.signature.cache_clear()  # who edits optiplan while tests run has another one
+    started = Dask(tmp_path)
+    yield started
+    started.close()
+
+
+def run_there(path, folder, address, watch=lambda outcome: None):
+    suite = load_suite(path, folder / "files")
+    with open_results(suite, folder) as store:
+        done = run_suite(suite, store, DaskCluster(address), "dask", watch)
+        rows = {tuple(row)[:4]: dict(row) for row in store.query("SELECT * FROM runs")}
+    return done, rows
+
+
+def verdicts(rows):
+    return {key: (row["verified"], row["failure_kind"], row["trajectory"]) for key, row in rows.items()}
+
+
+def test_four_workers_one_killed_midway_give_what_a_local_run_gives(write_suite, run, dask, tmp_path):
+    path = write_suite(count=4, planners=[SLOW, "quintic", "rrtconnect"], seeds=[0, 7], repetitions=2)
+    workers = dask.workers(4)
+    seen = []
+
+    def kill_one(outcome):
+        seen.append(outcome.row)
+        if len(seen) == 8:
+            victim = next(p for p in workers if f"/{p.pid}/" in outcome.row.worker)
+            victim.send_signal(signal.SIGKILL)
+
+    done, rows = run_there(path, tmp_path / "there", dask.address, kill_one)
+    assert (done.total, done.made, len(rows)) == (48, 48, 48)
+    assert sum(process.poll() is not None for process in workers) == 1
+    assert len({row["worker"] for row in rows.values()}) == 4
+    local = run(path, workers=2)[1]
+    assert verdicts(rows) == verdicts(local)
+    assert run_there(path, tmp_path / "there", dask.address)[0].made == 0
+
+
+def test_robots_and_meshes_travel(write_suite, tmp_path, dask, robot_of_ours):
+    (worker,) = dask.workers(1)
+    path = write_suite(planners=["quintic"], problems=[{"glob": str(robot_of_ours / "p*.yaml")}])
+    rows = run_there(path, tmp_path / "there", dask.address)[1]
+    assert [(row["failure_kind"], row["verified"]) for row in rows.values()] == [(None, 1)] * 2
+    kept = worker.home / "cache" / "optiplan" / "travel"
+    names = sorted(path.name for path in kept.rglob("*.*") if path.is_file())
+    assert names == ["arm.urdf", "block.stl", "link.stl", "robot.yaml"]
+    assert str(kept) in next(kept.rglob("arm.urdf")).read_text()
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "127.0.0.1", "nonsense://x:1"])
+def test_no_scheduler(address, monkeypatch):
+    monkeypatch.setattr("optiplan.bench.cluster.CONNECT", 0.5)
+    with pytest.raises(ClusterError, match=r"no Dask scheduler at .*expected a running one"):
+        DaskCluster(address)
+
+
+def test_a_worker_of_another_version_is_refused(write_suite, dask, tmp_path, monkeypatch):
+    theirs = station.signature()
+    dask.workers(1)
+    monkeypatch.setattr(station, "signature", lambda: theirs | {"numpy": "0.1", "code": "x"})
+    with pytest.raises(ClusterError, match=r"worker tcp://.* numpy [\d.]+ there, 0.1 here; code None there, x here"):
+        DaskCluster(dask.address)
+
+
+def test_one_that_comes_later_too(write_suite, dask, tmp_path, monkeypatch):
+    cluster = DaskCluster(dask.address)
+    theirs = station.signature()
+    monkeypatch.setattr(station, "signature", lambda: theirs | {"numpy": "0.1"})
+    dask.workers(1)
+    suite = load_suite(write_suite(count=1), tmp_path / "files")
+    with pytest.raises(ClusterError, match=r"that came later has other versions: numpy"):
+        next(cluster.outcomes(suite.tasks()))
+
+
+def test_stopping_gives_up_the_runs_under_way_and_ends_their_processes(write_suite, dask, tmp_path):
+    path = write_suite(count=1, planners=["bench_planners:Hangs"], limits={"wall": 60})
+    workers = dask.workers(1)
+    cluster = DaskCluster(dask.address)
+    threading.Timer(3.0, cluster.close).start()
+    assert list(cluster.outcomes(load_suite(path, tmp_path).tasks())) == []
+    found = subprocess.run(["pgrep", "-P", str(workers[0].pid)], capture_output=True, check=False)
+    assert found.stdout == b""
+
+
+def test_a_scheduler_that_ends_is_an_error(write_suite, dask, tmp_path):
+    path = write_suite(count=2, planners=[SLOW], repetitions=20)
+    dask.workers(1)
+
+    def end(outcome):
+        dask.scheduler.kill()
+
+    with pytest.raises(ClusterError, match=r"fails.*go on later"):
+        run_there(path, tmp_path / "there", dask.address, end)
+
+
+def test_the_command_line(write_suite, dask, tmp_path, capfd):
+    dask.workers(1)
+    words = ["bench", str(write_suite()), "--out", str(tmp_path / "there"), "--dask"]
+    assert main_run([*words, dask.address]) == 0
+    assert "2 of 2 runs" in capfd.readouterr().out
+    assert main_run([*words, "tcp://127.0.0.1:9"]) == 2
+    assert "no Dask scheduler at tcp://127.0.0.1:9" in capfd.readouterr().err
+    assert main_run([*words, dask.address, "--workers", "2"]) == 2
+    assert "leave out --workers" in capfd.readouterr().err
+
+
+def test_without_distributed_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ClusterError, match=r"pip install 'optiplan\[cluster\]'"):
+        DaskCluster("tcp://127.0.0.1:9")

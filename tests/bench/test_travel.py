@@ -1,0 +1,48 @@
+import shutil
+
+import pytest
+
+from optiplan.bench.suite import load_suite
+from optiplan.bench.travel import Packer, TravelError, keep, lacking, unpack
+from optiplan.problem.load import problem_from_dict
+
+
+@pytest.fixture
+def problems(write_suite, robot_of_ours, tmp_path):
+    path = write_suite(planners=["quintic"], problems=[{"glob": str(robot_of_ours / "p*.yaml")}])
+    return load_suite(path, tmp_path / "files").problems
+
+
+def test_what_arrives_is_whole_without_its_home(problems, robot_of_ours, tmp_path, monkeypatch):
+    packer = Packer()
+    packed = [packer.pack(problem) for problem in problems]
+    assert lacking(packed[0]) == lacking(packed[1])
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "elsewhere"))
+    wanted = lacking(packed[0])
+    freight = {digest: packer.freight(digest) for digest in wanted}
+    assert len(wanted) == 2
+    here = problem_from_dict(problems[0].data)
+    shutil.rmtree(robot_of_ours)
+    for digest, content in freight.items():
+        keep(digest, content)
+        keep(digest, content)
+    assert lacking(packed[0]) == set()
+    there = problem_from_dict(unpack(packed[0]).data)
+    assert there.robot.joint_names == here.robot.joint_names
+    assert there.robot.source.is_relative_to(tmp_path / "elsewhere")
+    assert len(there.robot.geometry.geometryObjects) == len(here.robot.geometry.geometryObjects) == 1
+    assert there.start.tolist() == here.start.tolist()
+
+
+def test_shipped_robots_stay_names(write_suite, tmp_path):
+    (problem, _) = load_suite(write_suite(), tmp_path / "files").problems
+    packed = Packer().pack(problem)
+    assert packed == problem
+    assert lacking(packed) == set()
+    assert unpack(packed) == problem
+
+
+def test_a_robot_that_is_not_whole_without_its_surroundings_is_refused(problems, monkeypatch):
+    monkeypatch.setattr("optiplan.bench.travel._settled", lambda content, home, folder: b"<nothing/>")
+    with pytest.raises(TravelError, match=r"robot .*ours.* cannot be taken to other machines"):
+        Packer().pack(problems[0])
