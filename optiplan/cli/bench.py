@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from optiplan.cli import bench_report
 from optiplan.cli.output import messages, print_json, results, stdout_is_ours
 
 INTERRUPTED = 130
@@ -127,6 +128,10 @@ def _workforce(workers: int | None, dask: str | None) -> tuple[Any, str]:
 
     cluster = DaskCluster(dask)
     return cluster, f"{cluster.slots} dask {dask}"
+
+
+app.command("report")(bench_report.report)
+app.command("show")(bench_report.show)
 
 
 def _scratch(suite: Path, out: Path | None) -> Path:

@@ -35,6 +35,10 @@ class PageServer(ThreadingHTTPServer):
         tried = f"port {port}" if last == port + 1 else f"ports {port} to {last - 1}"
         raise OptiPlanError(f"cannot serve the page on {host}, {tried}: {reason}")
 
+    def answer(self, path: str) -> bytes | None:
+        """The page at an address of this server, without its host; None: there is none."""
+        return self.page if path.split("?")[0] == "/" else None
+
     @property
     def url(self) -> str:
         """Where a browser finds the page."""
@@ -47,15 +51,16 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer with the page at `/`, and with 404 anywhere else."""
-        if self.path.split("?")[0] != "/":
+        page = self.server.answer(self.path)
+        if page is None:
             self.send_error(404)
             return
         self.send_response(200)
         self.send_header("Content-Type", "text/html; charset=utf-8")
-        self.send_header("Content-Length", str(len(self.server.page)))
+        self.send_header("Content-Length", str(len(page)))
         self.send_header("Cache-Control", "no-store")
         self.end_headers()
-        self.wfile.write(self.server.page)
+        self.wfile.write(page)
 
     def log_message(self, format: str, *args: object) -> None:
         """Say nothing: standard error belongs to the command."""

@@ -82,6 +82,8 @@ def inline_svg(figure: Figure, analysis: Analysis) -> str:
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = text.replace(INK, "currentColor").replace(LINE, "var(--line)")
+    for k, colour in enumerate(COLOURS):
+        text = text.replace(colour, f"var(--c{k})")
     text = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font-size: \1; font-family: inherit", text)
     text = re.sub(r'(\bid="|url\(#|xlink:href="#)', rf"\g<1>{figure.name}-", text)
     return text.replace("<svg ", f'<svg role="img" aria-label="{figure.title}" ', 1)
@@ -224,7 +226,10 @@ def _plain_log(ax: Any) -> None:
     ax.set_xscale("log")
     low, high = ax.get_xlim()
     steps: Sequence[float] = (1.0,) if high / low > 1000.0 else (1.0, 2.0, 5.0)
-    steps = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0) if high / low < 6.0 else steps
+    if high / low < 6.0:
+        steps = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0)
+    if high / low < 2.2:
+        steps = (*(0.1 * k for k in range(10, 20)), 2.0, 2.2, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
     ax.xaxis.set_major_locator(LogLocator(subs=steps))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())

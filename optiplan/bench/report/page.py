@@ -10,10 +10,11 @@ from pathlib import Path
 from string import Template
 
 from optiplan.bench.report import tables
-from optiplan.bench.report.analysis import Analysis, analyse
+from optiplan.bench.report.analysis import Analysis
 from optiplan.bench.report.failures import REASONS, Failed, Reason, reasons
 from optiplan.bench.report.figures import figures, inline_svg
 from optiplan.bench.report.headline import Card, cards, facts, warnings
+from optiplan.bench.report.scenes import write_scenes
 from optiplan.bench.report.settings import settings
 from optiplan.bench.store import Store
 
@@ -23,16 +24,17 @@ Link = Callable[[Failed], str | None]
 """Where a run can be looked at; None where only a command shows it."""
 
 
-def write_page(store: Store, analysis: Analysis | None = None, path: Path | None = None) -> Path:
-    """Write the report of a suite's results, as they are now, whole or not at all.
+def write_page(store: Store, analysis: Analysis, path: Path | None = None) -> Path:
+    """Write the report of a suite's results whole or not at all, and scenes of failures beside it.
 
     Args:
         store: the results.
-        analysis: of them; made when it is not given.
+        analysis: of them.
         path: `report.html` beside the database unless given.
     """
     path = path or store.folder / FILE
-    text = render(store, analysis or analyse(store))
+    found = reasons(store)
+    text = render(store, analysis, found, write_scenes(store, found, path).get)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
@@ -46,7 +48,7 @@ def write_page(store: Store, analysis: Analysis | None = None, path: Path | None
     return path
 
 
-def render(store: Store, analysis: Analysis, link: Link = lambda run: None) -> str:
+def render(store: Store, analysis: Analysis, found: list[Reason], link: Link) -> str:
     """The page as text; everything that comes from the results is escaped."""
     own = resources.files("optiplan.bench.report")
     name = str(store.meta("name"))
@@ -65,7 +67,7 @@ def render(store: Store, analysis: Analysis, link: Link = lambda run: None) -> s
         ratios=tables.percentiles(analysis, "ratio"),
         parts=_parts(analysis),
         pairs=_pairs(analysis),
-        failures=_failures(store, link),
+        failures=_failures(store, found, link),
         settings=settings(store),
     )
 
@@ -86,7 +88,7 @@ def _figures(analysis: Analysis) -> str:
 def _parts(analysis: Analysis) -> str:
     note = "<p class=note>Share of verified runs; below it median planning time and median duration / lower bound.</p>"
     found = [("set", analysis.sets), ("difficulty", analysis.difficulties)]
-    return note + "".join(f"<h3>By {what}</h3>{tables.parts(analysis, part, what)}" for what, part in found if part)
+    return note + "".join(f"<h3>By {what}</h3>{tables.parts(analysis, part)}" for what, part in found if part)
 
 
 def _pairs(analysis: Analysis) -> str:
@@ -99,8 +101,7 @@ def _pairs(analysis: Analysis) -> str:
     return text + more
 
 
-def _failures(store: Store, link: Link) -> str:
-    found = reasons(store)
+def _failures(store: Store, found: list[Reason], link: Link) -> str:
     if not found:
         return "<p class=good>Every run is verified.</p>"
     text = "".join(_reason(store, reason, link) for reason in found[:REASONS])

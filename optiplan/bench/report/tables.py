@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from optiplan.bench.report.analysis import PERCENTILES, Analysis, Part, Spread
-from optiplan.bench.report.figures import line_of
+from optiplan.bench.report.figures import COLOURS, line_of
 from optiplan.bench.report.pairs import TIE, Pair, Paired
 from optiplan.bench.statistics import Interval, holm
 
@@ -86,8 +86,8 @@ def within(value: Interval, what: str = "median") -> Cell:
 
 def planner(k: int, label: str) -> Cell:
     """A planner's name with the line that it has in the figures."""
-    colour, dashes = line_of(k)
-    path = f'<path d="M0 3H22" stroke="{colour}" stroke-dasharray="{_scaled(dashes)}"/>'
+    number, dashes = k % len(COLOURS), line_of(k)[1]
+    path = f'<path d="M0 3H22" style="stroke: var(--c{number})" stroke-dasharray="{_scaled(dashes)}"/>'
     chip = f'<svg class=chip viewBox="0 0 22 6" aria-hidden="true">{path}</svg>'
     return Cell(f'<span class=planner data-planner="{k}">{chip}{html.escape(label)}</span>', label)
 
@@ -143,21 +143,23 @@ def percentiles(analysis: Analysis, field: str) -> str:
     return table(heads, rows)
 
 
-def parts(analysis: Analysis, found: Sequence[Part], what: str) -> str:
-    """Success and median planning time by part of the problems, planners side by side."""
-    heads = [Head(what, words=True), Head("problems"), *(Head(one.label) for one in analysis.planners)]
+def parts(analysis: Analysis, found: Sequence[Part]) -> str:
+    """Success, median planning time and ratio of every planner on parts of the problems, side by side."""
+    heads = [Head("planner", words=True)]
+    heads += [Head(f"{part.name} ({part.problems})", f"{part.name}: {part.problems} problems") for part in found]
     rows = []
-    for part in found:
-        row = [Cell(html.escape(part.name), part.name), Cell(str(part.problems), part.problems)]
-        for value, seconds, ratio in zip(part.success, part.plan_time, part.ratio, strict=True):
-            if math.isnan(value.value):
-                row.append(Cell(NOTHING, kind="none"))
-                continue
-            more = f"<br><small>{number(seconds)} s · {number(ratio)}</small>" if not math.isnan(seconds) else ""
-            tip = f"verified {percent(value.low)} to {percent(value.high)} with 95 % confidence"
-            row.append(_shaded(f"{percent(value.value)}{more}", value.value, tip))
-        rows.append(row)
+    for k, label in enumerate(analysis.runs.planners):
+        rows.append([planner(k, label), *(_part(part, k) for part in found)])
     return table(heads, rows)
+
+
+def _part(part: Part, k: int) -> Cell:
+    share, seconds, ratio = part.success[k], part.plan_time[k], part.ratio[k]
+    if math.isnan(share.value):
+        return Cell(NOTHING, kind="none")
+    more = "" if math.isnan(seconds) else f"<br><small>{number(seconds)} s · {number(ratio)}</small>"
+    tip = f"verified {percent(share.low)} to {percent(share.high)} with 95 % confidence"
+    return _shaded(f"{percent(share.value)}{more}", share.value, tip)
 
 
 def _shaded(text: str, share: float, tip: str) -> Cell:

@@ -1,0 +1,55 @@
+"""The report on a local port: there its failures are links that open scene and witness in the viewer."""
+
+import html
+from pathlib import Path
+from urllib.parse import parse_qs, urlencode, urlsplit
+
+from optiplan.bench.report.analysis import analyse
+from optiplan.bench.report.failures import Failed, reasons
+from optiplan.bench.report.page import render
+from optiplan.bench.show import stored_view
+from optiplan.bench.store import Store
+from optiplan.errors import OptiPlanError
+from optiplan.viewer.page import render_page
+from optiplan.viewer.scene import build_scene
+from optiplan.viewer.server import PageServer
+
+FIRST_PORT = 7200
+
+
+class ReportServer(PageServer):
+    """The report of a folder of results at `/`, as it is now, and any of its runs at `/show?…`.
+
+    Raises:
+        InputError, StoreError: as `Store`.
+        OptiPlanError: no port can be had.
+    """
+
+    def __init__(self, folder: Path, port: int = FIRST_PORT) -> None:
+        self.folder = folder
+        with Store(folder) as store:
+            page = render(store, analyse(store), reasons(store), address)
+        super().__init__(page, port=port)
+
+    def answer(self, path: str) -> bytes | None:
+        """The report, or the viewer's page of a run; what is wrong with a run is told as a page, too."""
+        parts = urlsplit(path)
+        if parts.path != "/show":
+            return super().answer(path)
+        given = parse_qs(parts.query)
+        try:
+            key = given["problem"][0], given["planner"][0], int(given["seed"][0]), int(given["repetition"][0])
+        except (KeyError, ValueError):
+            return None
+        try:
+            with Store(self.folder) as store:
+                problem, run = stored_view(store, key)
+            return render_page(build_scene(problem, [run])).encode("utf-8")
+        except OptiPlanError as error:
+            return f"<!doctype html><title>OptiPlan</title><pre>{html.escape(str(error))}</pre>".encode()
+
+
+def address(run: Failed) -> str:
+    """Where the server shows a run."""
+    names = ("problem", "planner", "seed", "repetition")
+    return f"show?{urlencode(dict(zip(names, run[:4], strict=True)))}"
