@@ -14,9 +14,9 @@ from optiplan.planners.base import Budget, Failure, PlanResult, Progress
 from optiplan.planners.excess import acceleration_steps, beyond_limits, beyond_torque, excess
 from optiplan.planners.failures import out_of_time, too_heavy
 from optiplan.planners.goals import ranked_goals
-from optiplan.planners.stopwatch import Stopwatch
 from optiplan.planners.sweep import Touch, first_contact
 from optiplan.planners.timed import within_torque
+from optiplan.planners.work import Work
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.rest_to_rest import How
 from optiplan.trajectory.trajectory import Trajectory
@@ -106,9 +106,10 @@ class PointToPoint(ABC, Generic[Options]):
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        watch, model = Stopwatch(), CollisionModel(problem.robot, problem.scene)
+        work = Work.on(problem, budget)
+        watch = work.watch
         with watch.stage("goals"):
-            goals = self.targets(problem, model, budget)
+            goals = self.targets(problem, work.model, budget)
         if isinstance(goals, Failure):
             return PlanResult(None, goals, watch.seconds)
         refused: list[Failure | InputError] = []
@@ -117,7 +118,7 @@ class PointToPoint(ABC, Generic[Options]):
                 return PlanResult(None, out_of_time(budget, "trying goals"), watch.seconds)
             progress("goals", k / len(goals))
             try:
-                found = self._attempt(model, problem, self.profile(problem, goal), watch)
+                found = self._attempt(work, self.profile(problem, goal))
             except InputError as error:
                 refused.append(error)
                 continue
@@ -125,32 +126,33 @@ class PointToPoint(ABC, Generic[Options]):
                 notes = {"note": STEPS} if acceleration_steps(found, problem.limits) else {}
                 return PlanResult(found, None, watch.seconds, {"goal": k, **notes})
             refused.append(found)
+        if budget.over:
+            return PlanResult(None, out_of_time(budget, "trying goals"), watch.seconds)
         if isinstance(refused[0], InputError):
             raise refused[0]
         return PlanResult(None, refused[0], watch.seconds)
 
-    def _attempt(
-        self, model: CollisionModel, problem: Problem, profile: Profile, watch: Stopwatch
-    ) -> Trajectory | Failure:
+    def _attempt(self, work: Work, profile: Profile) -> Trajectory | Failure:
         """The motion to one goal, proved free and within limits, or why it is not."""
+        model, limits, watch = work.model, work.problem.limits, work.watch
         with watch.stage("motion"):
             motion = profile.trajectory(self.options.duration)
             over = excess(motion, profile.limits)
         if over is not None:
             return beyond_limits(over, motion, self._shortest(model, profile))
         with watch.stage("collision"):
-            touch = first_contact(model, motion)
+            touch = first_contact(model, motion, lambda: work.budget.over)
         if touch is not None:
             return _collision(touch)
         with watch.stage("torque"):
-            slower = within_torque(model, problem.limits, motion)
+            slower = within_torque(model, limits, motion)
         if slower is None:
-            return too_heavy(model.robot, problem.limits, np.array([motion.start, motion.end]))
+            return too_heavy(model.robot, limits, np.array([motion.start, motion.end]))
         if slower is motion or slower.duration == motion.duration:
             return motion
         if self.options.duration is None and profile.stretchable:
             return slower
-        return beyond_torque(model.robot, problem.limits, motion, self._shortest(model, profile))
+        return beyond_torque(model.robot, limits, motion, self._shortest(model, profile))
 
     def _shortest(self, model: CollisionModel, profile: Profile) -> float | None:
         """The shortest duration of this motion within all limits, torque included, s; None when there is none."""

@@ -7,20 +7,20 @@ from typing import Literal
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.model.collision import CollisionModel
 from optiplan.planners.base import Budget, Failure, PlanResult, Progress
 from optiplan.planners.chains import distinct, ranked_chains
 from optiplan.planners.failures import contact_witness, out_of_time, too_heavy
 from optiplan.planners.legs import joined
-from optiplan.planners.stopwatch import Stopwatch
 from optiplan.planners.sweep import first_contact
+from optiplan.planners.work import Work
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.corners import bezier_corners, bspline_corners, reversals, through_corners
-from optiplan.trajectory.timelaw import time_path
+from optiplan.trajectory.timelaw import TimingOptions, time_path
 from optiplan.trajectory.timing import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
-_SHARPEST = 1e-4
+_DOING = "rounding corners"
+_SHARPEST = 1e-4  # rad or m, of a deviation
 _HALVINGS = 4  # of the deviation, where the rounded path touches something
 
 
@@ -56,36 +56,38 @@ class Rounded:
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        watch, model = Stopwatch(), CollisionModel(problem.robot, problem.scene)
+        work = Work.on(problem, budget)
+        watch = work.watch
         with watch.stage("goals"):
-            chains = ranked_chains(problem, model, budget, self.options.goals)
+            chains = ranked_chains(problem, work.model, budget, self.options.goals)
         if isinstance(chains, Failure):
             return PlanResult(None, chains, watch.seconds)
         refused: list[Failure] = []
         for k, chain in enumerate(chains):
             if budget.over:
-                return PlanResult(None, out_of_time(budget, "rounding corners"), watch.seconds)
+                return PlanResult(None, out_of_time(budget, _DOING), watch.seconds)
             progress("goals", k / len(chains))
             with watch.stage("collision"):
-                sections = self._free_sections(model, problem, chain)
+                sections = self._free_sections(work, chain)
             if isinstance(sections, Failure):
                 refused.append(sections)
                 continue
             with watch.stage("timing"):
-                timed = [time_path(path, problem.robot, problem.limits) for path in sections]
+                timing = TimingOptions(stop=lambda: budget.over)
+                timed = [time_path(path, problem.robot, problem.limits, timing) for path in sections]
             motions = [motion for motion in timed if motion is not None]
             if len(motions) == len(sections):
-                return PlanResult(joined(motions), None, watch.seconds, {"goal": k})
+                return PlanResult(joined(motions), None, watch.seconds, {"goal": k, "cut_short": budget.over})
             refused.append(too_heavy(problem.robot, problem.limits, chain))
-        return PlanResult(None, refused[0], watch.seconds)
+        return PlanResult(None, out_of_time(budget, _DOING) if budget.over else refused[0], watch.seconds)
 
-    def _free_sections(self, model: CollisionModel, problem: Problem, chain: Array) -> list[Trajectory] | Failure:
+    def _free_sections(self, work: Work, chain: Array) -> list[Trajectory] | Failure:
         """The path in sections from stop to stop, free everywhere, or what stands in the way."""
         deviation, refused = self.options.deviation, None
         for _ in range(_HALVINGS + 1):
-            sections = self._sections(problem, chain, deviation)
-            refused = next((failure for path in sections if (failure := _refused(model, path)) is not None), None)
-            if refused is None:
+            sections = self._sections(work.problem, chain, deviation)
+            refused = next((failure for path in sections if (failure := _refused(work, path)) is not None), None)
+            if refused is None or work.budget.over:
                 break
             deviation = max(0.5 * deviation, _SHARPEST)
         return refused or sections
@@ -108,9 +110,9 @@ class Rounded:
         return sections
 
 
-def _refused(model: CollisionModel, path: Trajectory) -> Failure | None:
+def _refused(work: Work, path: Trajectory) -> Failure | None:
     """Why a path is not free; its place on it is not told, because its parameter means nothing to anybody."""
-    touch = first_contact(model, path)
+    touch = first_contact(work.model, path, lambda: work.budget.over)
     if touch is None:
         return None
     pair = touch.contact.pair

@@ -15,7 +15,7 @@ from optiplan.planners.smoothing import smooth_path
 from optiplan.planners.stopwatch import Stopwatch
 from optiplan.planners.timed import timed_path
 from optiplan.problem.problem import Problem
-from optiplan.trajectory.timelaw import time_path
+from optiplan.trajectory.timelaw import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
 Smoothing = Literal["corners", "bspline"]
@@ -84,7 +84,8 @@ def plan_sampled(task: Task, options: SampledOptions, searcher: Searcher) -> Pla
 def _smooth(task: Task, model: CollisionModel, path: SampledPath) -> Trajectory | None:
     limits = task.problem.limits
     curve = smooth_path(model, path.waypoints, limits.velocity, task.budget)
-    return None if curve is None else time_path(curve, model.robot, limits)
+    timing = TimingOptions(stop=lambda: task.budget.over)
+    return None if curve is None else time_path(curve, model.robot, limits, timing)
 
 
 def _info(path: SampledPath, budget: Budget, smooth: bool) -> dict[str, Any]:

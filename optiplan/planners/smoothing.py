@@ -36,7 +36,7 @@ def smooth_path(model: CollisionModel, waypoints: Array, velocity: Array, budget
             return None
         curve = spline_along(along, waypoints, spans)
         path = Trajectory(model.robot.joint_names, *curve)
-        if first_contact(model, path) is None:
+        if first_contact(model, path, lambda: budget.over) is None:
             return path
     return None
 

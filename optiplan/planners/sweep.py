@@ -25,6 +25,7 @@ far every joint moves away from them within the interval."""
 _TOLERANCE = 2e-6  # m; coal's distances are good to 1e-6
 _MOST_CUTS = 12
 _FIRST_STEP = 0.1  # rad or m, summed over joints: length of an interval to begin with
+_RESOLUTION = 1e-6  # s
 _CHUNK = 256  # intervals proved together: bounds the memory
 
 
@@ -42,16 +43,28 @@ class Touch:
 
 
 def first_contact(
-    model: CollisionModel, trajectory: Trajectory, margin: float = 0.0, resolution: float = 1e-6
+    model: CollisionModel, trajectory: Trajectory, stop: Callable[[], bool] = lambda: False
 ) -> Touch | None:
-    """Earliest place found where a trajectory's bodies come nearer than `margin` (m), or None: free at all times.
+    """Earliest place found where two bodies of a trajectory touch, or None: free at all times.
 
-    Holds at: everywhere; None is a proof up to coal's tolerance. An interval shorter than `resolution` (s) that is
-    neither proved free nor seen to touch counts as a touch.
+    Holds at: everywhere; None is a proof up to coal's tolerance. An interval shorter than 1e-6 s that is neither proved
+    free nor seen to touch counts as a touch. So does what is not proved yet when `stop` says so: callers look at their
+    budget before they believe in a touch.
     """
     curve, edges = trajectory_curve(trajectory), trajectory.breakpoints
     _, D = curve(0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
-    return sweep(model, curve, _subdivide(edges, np.ceil(2.0 * D.sum(axis=1) / _FIRST_STEP)), margin, resolution)
+    middle, half = _subdivide(edges, np.ceil(2.0 * D.sum(axis=1) / _FIRST_STEP))
+    for t, q in zip(middle, curve(middle, half)[0], strict=True):  # ten times cheaper than a proof: refuse early
+        stopped = stop()
+        contact = model.clearance(q) if stopped or model.collides(q) else None
+        if contact is not None and (stopped or contact.distance <= 0.0):
+            return Touch(float(t), q, contact)
+    for k in range(0, len(middle), _CHUNK):
+        part = slice(k, k + _CHUNK)
+        touch = _prove(model, curve, (middle[part], half[part]), stop)
+        if touch is not None:
+            return touch
+    return None
 
 
 def trajectory_curve(trajectory: Trajectory) -> Curve:
@@ -71,42 +84,24 @@ def trajectory_curve(trajectory: Trajectory) -> Curve:
     return curve
 
 
-def sweep(
-    model: CollisionModel, curve: Curve, intervals: tuple[Array, Array], margin: float, resolution: float
-) -> Touch | None:
-    """Earliest touch found on the intervals (middles (N,), half widths (N,)) of a curve, or None: all proved free."""
-    middle, half = intervals
-    if margin <= 0.0:  # a plain collision query is ten times cheaper than a proof: refuse early
-        for t, q in zip(middle, curve(middle, half)[0], strict=True):
-            contact = model.clearance(q) if model.collides(q) else None
-            if contact is not None and contact.distance <= margin:
-                return Touch(float(t), q, contact)
-    for k in range(0, len(middle), _CHUNK):
-        part = slice(k, k + _CHUNK)
-        touch = _prove(model, curve, (middle[part], half[part]), margin, resolution)
-        if touch is not None:
-            return touch
-    return None
-
-
 def _prove(
-    model: CollisionModel, curve: Curve, intervals: tuple[Array, Array], margin: float, resolution: float
+    model: CollisionModel, curve: Curve, intervals: tuple[Array, Array], stop: Callable[[], bool]
 ) -> Touch | None:
-    """Cut the intervals until each is proved free, or one is seen to touch or grows too small."""
+    """Cut the intervals (middles (N,), half widths (N,)) until each is proved free, or one touches or is too small."""
     middle, half = intervals
     Q, D = curve(middle, half)
-    bounds, travel = model.lower_bounds(Q) - margin, model.travel(Q, D)
+    bounds, travel = model.lower_bounds(Q), model.travel(Q, D)
     rows, pairs = np.nonzero(bounds <= travel)
     travel = travel[rows, pairs]
     while len(rows):
-        gap, worst = _gaps(model, Q, rows, pairs, margin)
+        gap, worst = _gaps(model, Q, rows, pairs, stop)
         if worst is not None:
             return Touch(float(middle[worst[0]]), Q[worst[0]], worst[1])
         left = gap <= travel
         if not left.any():
             return None
         rows, pairs, ratio = rows[left], pairs[left], travel[left] / gap[left]
-        too_small = half[rows] < resolution
+        too_small = half[rows] < _RESOLUTION
         if too_small.any():
             row, pair = int(rows[too_small][0]), int(pairs[too_small][0])
             return Touch(float(middle[row]), Q[row], model.distance(Q[row], pair))
@@ -125,18 +120,21 @@ def _subdivide(edges: Array, parts: Array) -> tuple[Array, Array]:
 
 
 def _gaps(
-    model: CollisionModel, Q: Array, rows: Index, pairs: Index, margin: float
+    model: CollisionModel, Q: Array, rows: Index, pairs: Index, stop: Callable[[], bool]
 ) -> tuple[Array, tuple[int, Contact] | None]:
-    """Distance minus margin of each (row, pair), rows ascending, or the first row's deepest contact."""
+    """Distance of each (row, pair), rows ascending, or the deepest contact of the first row that has one."""
     gap = np.empty(len(rows))
     placed, worst = -1, None
     for k, (row, pair) in enumerate(zip(rows.tolist(), pairs.tolist(), strict=True)):
         if row != placed:
             if worst is not None:
                 break
+            if stop():
+                worst = k
+                break
             model.place(Q[row])
             placed = row
-        gap[k] = model.pair_gap(pair) - margin - _TOLERANCE
+        gap[k] = model.pair_gap(pair) - _TOLERANCE
         if gap[k] <= 0.0 and (worst is None or gap[k] < gap[worst]):
             worst = k
     return gap, None if worst is None else (int(rows[worst]), model.distance(Q[rows[worst]], int(pairs[worst])))

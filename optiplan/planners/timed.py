@@ -8,7 +8,7 @@ from optiplan.model.robot import Limits
 from optiplan.planners.base import Budget
 from optiplan.planners.sweep import first_contact
 from optiplan.trajectory.blend import blend_path
-from optiplan.trajectory.timelaw import time_path
+from optiplan.trajectory.timelaw import TimingOptions, time_path
 from optiplan.trajectory.timing import stop_at_corners
 from optiplan.trajectory.torque import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
@@ -49,9 +49,9 @@ def _blend(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budg
     fractions = np.ones(len(waypoints) - 2)
     while not budget.over and fractions.min(initial=1.0) > _SHARPEST:
         path = blend_path(waypoints, fractions, limits, model.robot.joint_names)
-        touch = first_contact(model, path)
+        touch = first_contact(model, path, lambda: budget.over)
         if touch is None:
-            return time_path(path, model.robot, limits)
+            return time_path(path, model.robot, limits, TimingOptions(stop=lambda: budget.over))
         if not len(fractions):
             return None
         corner = int(np.argmin(np.linalg.norm((waypoints[1:-1] - touch.q) / limits.velocity, axis=1)))

@@ -7,6 +7,7 @@ tau^p >= 1 + p (tau - 1), inside a trust region. Whatever the linear f missed is
 tau = max (f / bound)^(1/p): so every iterate holds at the samples, and the duration alone says how good a step was.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +34,9 @@ _LEAST_TAU = 0.8  # of one step: 1 + 3 (tau - 1) must stay positive
 _ACCURACY = 1e-6  # of the program's solution
 
 
-def smooth_law(path: Trajectory, limits: Limits, rows: Rows) -> Trajectory | None:
+def smooth_law(
+    path: Trajectory, limits: Limits, rows: Rows, stop: Callable[[], bool] = lambda: False
+) -> Trajectory | None:
     """A law s(t) of continuous acceleration, at rest and without acceleration at both ends, never decreasing.
 
     It starts as Schoenberg's approximation, whose control points are values of it, of TOPP-RA's law under a speed limit
@@ -46,6 +49,7 @@ def smooth_law(path: Trajectory, limits: Limits, rows: Rows) -> Trajectory | Non
         path: q over s.
         limits: of the n joints; their jerk is finite for one at least.
         rows: the other limits, at points of the path with all its breakpoints among them.
+        stop: polled at every step of the refinement; once it says so, the law is as good as it is.
 
     Returns:
         None where TOPP-RA finds no law to start from.
@@ -59,6 +63,8 @@ def smooth_law(path: Trajectory, limits: Limits, rows: Rows) -> Trajectory | Non
     basis.slow_down(_slowness(limited(basis(control))))
     radius = _RADIUS * path.duration
     for _ in range(_STEPS):
+        if stop():
+            break
         step = _step(basis, control, limited(basis(control)), radius)
         if step is None:
             break

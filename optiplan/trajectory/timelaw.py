@@ -1,6 +1,7 @@
 """When to be where along a given path: `time_path` gives a path its time law, and never changes the path."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -33,10 +34,12 @@ class TimingOptions:
             acceleration is continuous. `uniform`: one S-curve of the path's parameter, slowed down until everything
             holds. None: `jerk` where any joint has a jerk limit, else `toppra`.
         tool: limits of a frame's speed, besides those of the joints.
+        stop: polled between the stages and steps; once it says so, the best law so far is the answer.
     """
 
     method: Method | None = None
     tool: ToolSpeed | None = None
+    stop: Callable[[], bool] = field(default=lambda: False)
 
 
 def time_path(
@@ -69,10 +72,11 @@ def time_path(
     method = options.method or ("jerk" if np.isfinite(limits.jerk).any() else "toppra")
     kept = replace(limits, jerk=np.full_like(limits.jerk, np.inf)) if method == "toppra" else limits
     path = path.scaled(uniform_law(path, kept).duration)  # ds/dt is about 1 then, whatever the path's own parameter is
-    law = None if method == "uniform" else _law(path, robot, kept, options.tool)
-    laws = [uniform_law(path, kept)] if law is None else [uniform_law(path, kept), law]
-    motions = [_held(compose(path, law), robot, kept, options.tool) for law in laws]
-    return min((motion for motion in motions if motion is not None), key=lambda motion: motion.duration, default=None)
+    uniform = _held(compose(path, uniform_law(path, kept)), robot, kept, options.tool)
+    law = None if method == "uniform" or options.stop() else _law(path, robot, kept, options)
+    faster = None if law is None else _held(compose(path, law), robot, kept, options.tool)
+    found = [motion for motion in (uniform, faster) if motion is not None]
+    return min(found, key=lambda motion: motion.duration, default=None)
 
 
 def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:
@@ -84,9 +88,9 @@ def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:
     return Trajectory(("s",), np.concatenate([[0.0], np.cumsum(times)]), pieces[:, :, None])
 
 
-def _law(path: Trajectory, robot: Robot, limits: Limits, tool: ToolSpeed | None) -> Trajectory | None:
-    rows = rows_at(path, robot, limits, tool, _grid(path))
-    return fastest_law(rows) if np.isinf(limits.jerk).all() else smooth_law(path, limits, rows)
+def _law(path: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> Trajectory | None:
+    rows = rows_at(path, robot, limits, options.tool, _grid(path))
+    return fastest_law(rows) if np.isinf(limits.jerk).all() else smooth_law(path, limits, rows, options.stop)
 
 
 def _grid(path: Trajectory) -> Array:

@@ -7,8 +7,8 @@ from optiplan.planners.sweep import Touch, first_contact
 from optiplan.trajectory.trajectory import Trajectory
 
 
-def polyline_contact(model: CollisionModel, waypoints: np.ndarray, margin: float = 0.0) -> Touch | None:
+def polyline_contact(model: CollisionModel, waypoints: np.ndarray) -> Touch | None:
     """Earliest touch of the segments between waypoints (k, n); t is the segment's index plus the fraction of it."""
     coefficients = np.stack([waypoints[:-1], np.diff(waypoints, axis=0)], axis=1)
     path = Trajectory(model.robot.joint_names, np.arange(len(waypoints), dtype=float), coefficients)
-    return first_contact(model, path, margin)
+    return first_contact(model, path)

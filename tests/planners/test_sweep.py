@@ -48,10 +48,15 @@ def test_a_gap_of_the_same_size_is_proved_free():
     assert polyline_contact(model, np.stack([trajectory.start, trajectory.end])) is None
 
 
-def test_margin_is_kept():
-    model, trajectory = ball_beside_the_tip(5e-3)
-    assert first_contact(model, trajectory, margin=4e-3) is None
-    assert first_contact(model, trajectory, margin=6e-3) is not None
+@pytest.mark.parametrize("allowed", [0, 1, 20])
+def test_what_is_not_proved_when_it_is_stopped_is_a_touch(allowed):
+    """However many times it may go on: before the first query, among the queries, and in the proof."""
+    model, trajectory = ball_beside_the_tip(50e-6)
+    left = iter([False] * allowed)
+    touch = first_contact(model, trajectory, lambda: next(left, True))
+    assert touch is not None
+    assert touch.q == pytest.approx(trajectory(np.array([touch.t]))[0])
+    assert next(left, None) is None, "it stops when it is told to"
 
 
 def test_agrees_with_dense_sampling():

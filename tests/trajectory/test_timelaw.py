@@ -105,6 +105,19 @@ def test_without_a_jerk_limit_the_default_is_toppra():
     assert default.duration == asked.duration
 
 
+def test_stopped_it_answers_with_the_best_so_far(panda, reach):
+    """Before the search the uniform motion; after some steps of it one in between; all keep the path and its limits."""
+    durations = []
+    for steps in (0, 3, 100):
+        left = iter([False] * steps)
+        motion = time_path(reach, panda, panda.limits, TimingOptions("jerk", stop=lambda left=left: next(left, True)))
+        assert speed_ratio(motion, panda.limits) <= 1.0 + 1e-9
+        assert farthest(motion, reach) < 1e-9
+        durations.append(motion.duration)
+    assert durations[0] == time_path(reach, panda, panda.limits, TimingOptions("uniform")).duration
+    assert durations[0] > durations[1] > durations[2]
+
+
 def test_going_nowhere_is_a_rest():
     path = Trajectory(NAMES, np.array([0.0, 1.0]), np.ones((1, 1, 3)))
     motion = time_path(path, WEIGHTLESS, limits_of(500.0))

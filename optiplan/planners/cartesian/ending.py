@@ -15,7 +15,7 @@ from optiplan.model.limits import Limits
 from optiplan.model.manipulability import measures
 from optiplan.model.robot import Robot
 from optiplan.model.singularity import singularity_model
-from optiplan.planners.base import Failure
+from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.tracking import Tracker
 from optiplan.planners.failures import contact_witness
 from optiplan.planners.sweep import first_contact
@@ -49,15 +49,18 @@ class Ending:
         return Failure(self.kind, f"{place}: {self.words}", witness | self.more)
 
 
-def first_ending(model: CollisionModel, tracker: Tracker, followed: Trajectory) -> Failure | None:
+def first_ending(model: CollisionModel, tracker: Tracker, followed: Trajectory, budget: Budget) -> Failure | None:
     """The first thing on the way that keeps a robot from following a path to its end, or None.
+
+    Once the budget is over the answer means nothing.
 
     Args:
         model: of the robot in its scene.
         tracker: of the path.
         followed: q over s from 0 as far as the path could be followed.
+        budget: polled while obstacles are looked for.
     """
-    endings = [_limit(model.robot, followed), _obstacle(model, followed)]
+    endings = [_limit(model.robot, followed), _obstacle(model, followed, budget)]
     if followed.duration < 1.0:
         endings.append(_stuck(tracker, followed.duration, followed.end))
     else:
@@ -107,8 +110,8 @@ def _limit(robot: Robot, path: Trajectory) -> Ending | None:
     return Ending(s, q, "limits", "joint limit", words, {"joint": name, "limit": bound})
 
 
-def _obstacle(model: CollisionModel, path: Trajectory) -> Ending | None:
-    touch = first_contact(model, path)
+def _obstacle(model: CollisionModel, path: Trajectory, budget: Budget) -> Ending | None:
+    touch = first_contact(model, path, lambda: budget.over)
     if touch is None:
         return None
     pair = touch.contact.pair

@@ -27,6 +27,7 @@ _LONGEST, _SHORTEST = 0.125, 1e-7  # of s, a step
 _FARTHEST = 0.3  # rad or m: a joint in one step
 _ASTRAY = 0.05  # rad or m: a joint, by the correction
 _MOST_KNOTS = 3000
+_DOING = "following the tool's path"
 _STILL = 1e-9  # rad or m: rounding, which is not to be timed as a motion
 
 
@@ -67,13 +68,13 @@ def follow(
     tracker = Tracker(model.robot, start[0], path, aim or Aim())
     knots = _march(tracker, start[1], budget)
     if budget.over:
-        return out_of_time(budget, "following the tool's path")
+        return out_of_time(budget, _DOING)
     if len(knots.s) < 2:
         return stuck(tracker, 0.0, start[1])
     followed = knots.path(model.robot.joint_names)
-    ending = first_ending(model, tracker, followed)
+    ending = first_ending(model, tracker, followed, budget)
     if ending is not None:
-        return ending
+        return out_of_time(budget, _DOING) if budget.over else ending
     still = max(np.abs(bound - start[1]).max() for bound in followed.extrema(0)) < _STILL
     return Trajectory(followed.joint_names, np.array([0.0, 1.0]), start[1][None, None]) if still else followed
 

@@ -10,7 +10,6 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError
-from optiplan.model.collision import CollisionModel
 from optiplan.model.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure, PlanResult, Progress
 from optiplan.planners.cartesian.approach import Branch, other_branches
@@ -19,7 +18,7 @@ from optiplan.planners.cartesian.path import ToolPath
 from optiplan.planners.cartesian.tracking import Aim, Tracker
 from optiplan.planners.failures import out_of_time, too_heavy
 from optiplan.planners.goals import ranked_goals
-from optiplan.planners.stopwatch import Stopwatch
+from optiplan.planners.work import Work
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory.timelaw import Method, TimingOptions, ToolSpeed, time_path
 from optiplan.trajectory.trajectory import Trajectory
@@ -70,16 +69,6 @@ Options = TypeVar("Options", bound=ToolMotionOptions)
 
 
 @dataclass(frozen=True, eq=False)
-class _Work:
-    """One call of `plan`."""
-
-    problem: Problem
-    model: CollisionModel
-    budget: Budget
-    watch: Stopwatch
-
-
-@dataclass(frozen=True, eq=False)
 class _Task:
     """One alternative of the goal: the frame, its path, whether its orientation counts, and the end if prescribed."""
 
@@ -114,7 +103,7 @@ class ToolMotion(ABC, Generic[Options]):
         Raises:
             InputError: the options do not go with the start and any of the goals.
         """
-        work = _Work(problem, CollisionModel(problem.robot, problem.scene), budget, Stopwatch())
+        work = Work.on(problem, budget)
         seconds = work.watch.seconds
         with work.watch.stage("goals"):
             goals = ranked_goals(problem, work.model, budget, self.options.goals)
@@ -128,11 +117,14 @@ class ToolMotion(ABC, Generic[Options]):
             found = self._attempt(work, task, branch, aim)
             if isinstance(found, Trajectory):
                 info = {"tool_length": task.path.length, "tool_angle": task.path.angle, "attempts": k + 1}
-                return PlanResult(found, None, seconds, info | {"branch_changed": branch.changed})
+                info |= {"branch_changed": branch.changed, "cut_short": budget.over}
+                return PlanResult(found, None, seconds, info)
             failures.append(replace(found, detail=f"on another branch, {found.detail}") if branch.changed else found)
+        if budget.over:
+            return PlanResult(None, out_of_time(budget, "following tool paths"), seconds)
         return PlanResult(None, _reason(goals, failures), seconds)
 
-    def _attempt(self, work: _Work, task: _Task, branch: Branch, aim: Aim) -> Trajectory | Failure:
+    def _attempt(self, work: Work, task: _Task, branch: Branch, aim: Aim) -> Trajectory | Failure:
         """The motion on one branch, or why there is none."""
         with work.watch.stage("following"):
             followed = follow(work.model, task.path, (task.frame, branch.q), work.budget, aim)
@@ -165,7 +157,7 @@ class ToolMotion(ABC, Generic[Options]):
         return tasks
 
     def _attempts(
-        self, work: _Work, tasks: list[_Task], goals: list[Array] | Failure
+        self, work: Work, tasks: list[_Task], goals: list[Array] | Failure
     ) -> Iterator[tuple[Branch, _Task, Aim]]:
         """The start's own branch for every task, then, if asked, the others."""
         ends = [] if isinstance(goals, Failure) else goals
@@ -191,14 +183,14 @@ class ToolMotion(ABC, Generic[Options]):
             exact = [] if task.goal is not None else [tracker.correct(1.0, q) for q in ends]
             yield from (replace(plain, goal=q) for q in exact if q is not None)
 
-    def _timed(self, work: _Work, followed: Trajectory, frame: str) -> Trajectory | Failure:
+    def _timed(self, work: Work, followed: Trajectory, frame: str) -> Trajectory | Failure:
         o = self.options
         given = {"linear": o.speed, "angular": o.angular_speed, "linear_acceleration": o.acceleration}
         limits = {name: value for name, value in given.items() if value is not None}
         tool = ToolSpeed(frame, **limits) if limits else None
         method = None if o.profile is None else _METHODS[o.profile]
         robot, joint_limits = work.problem.robot, work.problem.limits
-        timed = time_path(followed, robot, joint_limits, TimingOptions(method, tool))
+        timed = time_path(followed, robot, joint_limits, TimingOptions(method, tool, lambda: work.budget.over))
         if timed is None:
             samples = followed(np.linspace(0.0, followed.duration, _SAMPLES))
             return too_heavy(robot, joint_limits, samples)

@@ -63,7 +63,7 @@ def attempt(model: CollisionModel, task: Task, options: SclerpOptions, budget: B
     if crossing is not None:
         s, joint = crossing
         return task.at_limit(s / path.duration, path(np.array([s]))[0], joint)
-    touch = first_contact(model, path)
+    touch = first_contact(model, path, lambda: budget.over)
     if touch is None:
         return path
     pair = touch.contact.pair

@@ -15,7 +15,7 @@ from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.tool import Tool
 from optiplan.planners.stopwatch import Stopwatch
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
-from optiplan.trajectory.timelaw import time_path
+from optiplan.trajectory.timelaw import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
 _SAMPLES = 200  # of a path, where gravity is looked for
@@ -46,9 +46,9 @@ class Sclerp:
                 failures.append(path)
                 continue
             with watch.stage("timing"):
-                trajectory = time_path(path, problem.robot, problem.limits)
+                trajectory = time_path(path, problem.robot, problem.limits, TimingOptions(stop=lambda: budget.over))
             if trajectory is not None:
-                return PlanResult(trajectory, None, watch.seconds, task.info)
+                return PlanResult(trajectory, None, watch.seconds, {**task.info, "cut_short": budget.over})
             failures.append(_heavy(problem, path))
         return PlanResult(None, _reason(goals, failures), watch.seconds)
 

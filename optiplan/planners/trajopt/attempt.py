@@ -58,8 +58,10 @@ class Optimiser:
             trajectory = self.timed(control, point.duration)
             if trajectory is None:
                 return None
-            touch = first_contact(self.model, trajectory)
+            touch = first_contact(self.model, trajectory, lambda: budget.cancelled)
             attempt = Attempt(trajectory, touch, iterations)
+            if budget.cancelled:
+                return None
             if touch is None or budget.over or iterations >= self.options.iterations:
                 break
             u = np.concatenate([transcription.u, _around(transcription.u, touch.t / trajectory.duration)])
