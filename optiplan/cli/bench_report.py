@@ -1,4 +1,4 @@
-"""`optiplan bench report` and `optiplan bench show`: what came of a suite, as a page, figures, a table, a scene."""
+"""`optiplan bench report`, `show`, `compare`: what came of a suite, as a page, as a scene, against another time."""
 
 import signal
 from pathlib import Path
@@ -83,6 +83,38 @@ def show(
     export_page(found, [run], export)
     results().print(f"written: {export}", markup=False, soft_wrap=True)
     return 0
+
+
+def compare(
+    before: Annotated[Path, typer.Argument(metavar="A", help="folder of the old results")],
+    after: Annotated[Path, typer.Argument(metavar="B", help="folder of the new results")],
+    gate: Annotated[bool, typer.Option("--gate", help="exit 1 when there is a significant regression")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+) -> int:
+    """Name what became worse and better, and how sure that is; only runs that both have are compared.
+
+    A regression is fewer verified runs, planning times longer by 10 % or motions longer by 2 % (medians over problems)
+    that chance explains with a probability below 0.05, corrected for the number of comparisons.
+
+    [bold]Example[/]
+
+      optiplan bench compare results/main results/branch --gate
+
+    Exit code: 0 compared · 1 with --gate: there is a regression · 2 bad input.
+    """
+    from optiplan.bench.compare import REGRESSION
+    from optiplan.bench.compare import compare as compared
+    from optiplan.bench.store import Store
+    from optiplan.cli.bench_compare import comparison_data, show_comparison
+
+    with Store(before) as old, Store(after) as new:
+        found = compared(old, new)
+    failed = gate and bool(found.of(REGRESSION))
+    if as_json:
+        print_json({**comparison_data(found), "exit_code": int(failed)})
+    else:
+        show_comparison(results(), found)
+    return int(failed)
 
 
 def _serve(folder: Path) -> None:

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 from optiplan.bench.pool import LocalPool
+from optiplan.bench.records import BenchPlanner, BenchProblem, Outcome, Row
 from optiplan.bench.runner import open_results, run_suite
+from optiplan.bench.store import Store
 from optiplan.bench.suite import load_suite
 
 PROBLEM = """\
@@ -101,3 +103,44 @@ def robot_of_ours(tmp_path):
     for index in range(2):
         (folder / f"p{index}.yaml").write_text(OURS.format(start=f"{{joints: [{0.1 * index}]}}"))
     return folder
+
+
+@pytest.fixture
+def results(tmp_path):
+    """Writes results that no planner made: runs by problem, planner, seed; a number verifies, a pair is a failure.
+
+    `{("s/a", "one", 0): (1.0, 2.0), ("s/a", "two", 0): ("budget", "no path within 5 s")}`: planning time and duration
+    (s), or kind and words.
+    """
+
+    def write(runs, name="out", **given):
+        problems, planners, seeds = (list(dict.fromkeys(key[k] for key in runs)) for k in range(3))
+        data = {"version": 1, "name": "p", "robot": "planar2r"}
+        data |= {"start": {"joints": [0.5, 1.0]}, "goal": {"joints": [-0.5, 1.2]}}
+        parts = {"seeds": seeds, "repetitions": 1, "budget": 5.0, "limits": {"wall": 9.0}, "metrics": None}
+        meta = {"name": "made <up>", "suite": "a: <b>\n", "suite_hash": name, "parts": parts}
+        found = [BenchProblem(id_, id_.split("/")[0], None, id_, data, {}) for id_ in problems]
+        if "problem" in given:
+            found = [given["problem"](one) for one in found]
+        sets = {one.id: (one.set_name, one.difficulty) for one in found}
+        with Store.create(tmp_path / name, meta) as store:
+            store.fill(tuple(found), tuple(BenchPlanner(label, "quintic", {}) for label in planners))
+            store.begin("made up", {"cpu": given.get("cpu", "one"), "cores": 2}, {"optiplan": "0"})
+            for (problem, planner, seed), outcome in runs.items():
+                row = dict(zip(("problem", "planner", "seed", "repetition"), (problem, planner, seed, 0), strict=True))
+                row |= dict(zip(("set_name", "difficulty"), sets[problem], strict=True))
+                store.add(Outcome(Row(**row, **_columns(outcome))))
+            store.end("complete")
+        return tmp_path / name
+
+    return write
+
+
+def _columns(outcome):
+    if isinstance(outcome[0], str):
+        kind, detail, *witness = outcome
+        failure = {"failure_kind": kind, "failure_detail": detail, "witness": witness[0] if witness else None}
+        return {"plan_time": 0.1, **failure}
+    plan_time, duration = outcome
+    ladder = {"planned": True, "timed": True, "verified": True}
+    return {**ladder, "plan_time": plan_time, "duration": duration, "lower_bound": 0.5, "ratio": 2.0 * duration}

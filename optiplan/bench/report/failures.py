@@ -75,11 +75,11 @@ def alike(detail: str) -> str:
 
 
 def _various(runs: list[Failed]) -> tuple[Failed, ...]:
-    """Some runs: one of every planner and problem before a second one of any."""
+    """Some runs: one of every planner before a second one of any, of problems not seen yet if there are."""
     seen: Counter[str] = Counter()
     ranked = []
     for run in runs:
-        rank = max(seen[f"planner {run.planner}"], seen[f"problem {run.problem}"])
+        rank = seen[f"planner {run.planner}"], seen[f"problem {run.problem}"]
         seen.update((f"planner {run.planner}", f"problem {run.problem}"))
         ranked.append((rank, run))
     return tuple(run for _, run in sorted(ranked, key=lambda pair: pair[0])[:EXAMPLES])

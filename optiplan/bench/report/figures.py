@@ -120,7 +120,7 @@ def _drawn(figure: Figure, analysis: Analysis) -> Iterator[Any]:
 
 def _ladder(analysis: Analysis, ax: Any) -> None:
     rows = np.arange(len(analysis.planners))
-    stages = (("planned", "#a9cfe6"), ("timed", "#56a5d0"), ("verified", COLOURS[0]))
+    stages = (("planned", "#b9d9ec"), ("timed", "#6db3da"), ("verified", "#1a76b4"))
     for (stage, colour), height in zip(stages, (0.78, 0.58, 0.38), strict=True):
         widths = [100.0 * getattr(one, stage) / max(one.runs, 1) for one in analysis.planners]
         ax.barh(rows, widths, height, color=colour, label=stage)

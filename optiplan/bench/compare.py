@@ -1,0 +1,176 @@
+"""Two results of the same problems, an old and a new one: what became better or worse, and is it chance?
+
+Runs are compared in pairs of the same problem (by content), planner, seed and repetition; what has no counterpart is
+told, and left out. As in the report the unit is the problem: its runs are taken together.
+
+| quantity | counts as changed when | test |
+|---|---|---|
+| success | a problem has more or fewer verified runs | sign test over problems |
+| planning time | median ratio beyond 1.10 or below 1 / 1.10 | signed ranks over problems that both solve |
+| duration | median ratio beyond 1.02 or below 1 / 1.02 | signed ranks over problems that both solve |
+
+and when, corrected by Holm for all quantities of all planners, such a change has a probability below 0.05 by chance.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from optiplan.bench.records import Key
+from optiplan.bench.report.pairs import paired
+from optiplan.bench.runs import Indices, Runs, load_runs
+from optiplan.bench.statistics import Interval, holm, sign_test
+from optiplan.bench.store import Store
+from optiplan.bench.suite import differences
+
+ALPHA = 0.05
+THRESHOLDS = {"success": 1.0, "planning time": 1.10, "duration": 1.02}
+"""Median ratios up to which a change does not matter, however sure it is."""
+
+REGRESSION, IMPROVEMENT, NONE = "regression", "improvement", "no change"
+
+
+class Change(NamedTuple):
+    """One quantity of one planner, before and after.
+
+    Attributes:
+        planner: its label.
+        quantity: a key of `THRESHOLDS`.
+        before, after: share of verified runs; or the median over runs that both verified, s. nan without any.
+        ratio: median over problems of after / before, with its interval; nan for success.
+        better, worse: problems with more and with fewer verified runs, or that cost less and more, beyond 1 %.
+        p: probability of so uneven a change by chance.
+        corrected: the same after Holm's correction for all changes that are looked at.
+        verdict: `regression`, `improvement` or `no change`.
+    """
+
+    planner: str
+    quantity: str
+    before: float
+    after: float
+    ratio: Interval
+    better: int
+    worse: int
+    p: float
+    corrected: float = 1.0
+    verdict: str = NONE
+
+
+class Comparison(NamedTuple):
+    """All that is found: common runs, notes on what is not common, changes, failures that are new and that are gone."""
+
+    common: int
+    notes: tuple[str, ...]
+    changes: tuple[Change, ...]
+    new_failures: tuple[tuple[Key, str], ...]
+    fixed: tuple[tuple[Key, str], ...]
+
+    def of(self, verdict: str) -> list[Change]:
+        """Changes of one verdict."""
+        return [change for change in self.changes if change.verdict == verdict]
+
+
+def compare(old: Store, new: Store, seed: int = 0) -> Comparison:
+    """Compare what two folders of results have in common; `seed` is that of the bootstrap."""
+    a, b = load_runs(old), load_runs(new)
+    changed = _changed_problems(old, new)
+    keys = [_keys(runs, changed) for runs in (a, b)]
+    common = [key for key in keys[0] if key in keys[1]]
+    i, j = (np.array([places[key] for key in common], dtype=np.int64) for places in keys)
+    found = [change for label in a.planners if label in b.planners for change in _changes(label, (a, i), (b, j), seed)]
+    pairs = [(key, bool(a.verified[x]), bool(b.verified[y]), x, y) for key, x, y in zip(common, i, j, strict=True)]
+    return Comparison(
+        len(common),
+        tuple(_notes((old, a), (new, b), changed, len(common))),
+        tuple(_judged(found)),
+        tuple((key, str(b.kind[y])) for key, before, after, x, y in pairs if before and not after),
+        tuple((key, str(a.kind[x])) for key, before, after, x, y in pairs if after and not before),
+    )
+
+
+def _keys(runs: Runs, without: set[str]) -> dict[Key, int]:
+    """Place of every run by its key, but for those of some problems."""
+    columns = (runs.problem.tolist(), runs.planner.tolist(), runs.seed.tolist(), runs.repetition.tolist())
+    keys = ((runs.problems[p], runs.planners[k], s, r) for p, k, s, r in zip(*columns, strict=True))
+    return {key: place for place, key in enumerate(keys) if key[0] not in without}
+
+
+def _changed_problems(old: Store, new: Store) -> set[str]:
+    """Problems of both whose content differs."""
+    before, after = ({row["id"]: row["hash"] for row in s.query("SELECT id, hash FROM problems")} for s in (old, new))
+    return {id_ for id_ in before.keys() & after.keys() if before[id_] != after[id_]}
+
+
+def _changes(label: str, one: tuple[Runs, Indices], other: tuple[Runs, Indices], seed: int) -> Iterable[Change]:
+    """The three quantities of a planner that has common runs."""
+    (a, i), (b, j) = one, other
+    mine = a.planner[i] == a.planners.index(label)
+    i, j = i[mine], j[mine]
+    if len(i) == 0:
+        return
+    problem = a.problem[i]
+    gained = np.bincount(problem, b.verified[j].astype(float) - a.verified[i])
+    better, worse = int((gained > 0.0).sum()), int((gained < 0.0).sum())
+    rates, nothing = (float(a.verified[i].mean()), float(b.verified[j].mean())), Interval(math.nan, math.nan, math.nan)
+    yield Change(label, "success", *rates, nothing, better, worse, sign_test(better, worse))
+    both = a.verified[i] & b.verified[j]
+    i, j, problem = i[both], j[both], problem[both]
+    for quantity, before, after in (
+        ("planning time", a.plan_time[i], b.plan_time[j]),
+        ("duration", a.duration[i], b.duration[j]),
+    ):
+        found = paired(np.log(after / before), problem, seed)
+        medians = (float(np.median(values)) if len(values) else math.nan for values in (before, after))
+        yield Change(label, quantity, next(medians), next(medians), found.ratio, found.wins, found.losses, found.rank)
+
+
+def _judged(changes: list[Change]) -> Iterable[Change]:
+    for change, p in zip(changes, holm([change.p for change in changes]), strict=True):
+        yield change._replace(corrected=p, verdict=_verdict(change) if p < ALPHA else NONE)
+
+
+def _verdict(change: Change) -> str:
+    """What a change that is no chance amounts to."""
+    limit = THRESHOLDS[change.quantity]
+    if change.quantity == "success":
+        return REGRESSION if change.worse > change.better else IMPROVEMENT
+    if change.ratio.value > limit:
+        return REGRESSION
+    return IMPROVEMENT if change.ratio.value < 1.0 / limit else NONE
+
+
+def _notes(one: tuple[Store, Runs], other: tuple[Store, Runs], changed: set[str], common: int) -> Iterable[str]:
+    """What is not common, and what makes times incomparable."""
+    (old, a), (new, b) = one, other
+    if old.meta("suite_hash") != new.meta("suite_hash"):
+        yield f"the suites differ ('{old.meta('name')}' and '{new.meta('name')}'): only what is common is compared"
+        words = differences(old.meta("parts"), new.meta("parts"))
+        yield from (text for text in words if not text.startswith("problems:"))  # these are counted below
+    if changed:
+        yield f"{len(changed)} problems have another content and are left out: {_some(sorted(changed))}"
+    for what, before, after in (("planner", a.planners, b.planners), ("problem", a.problems, b.problems)):
+        for name, mine, others in (("A", before, after), ("B", after, before)):
+            only = [item for item in mine if item not in set(others)]
+            if only:
+                yield f"{what}s only in {name}: {_some(only)}"
+    for name, runs in (("A", a), ("B", b)):
+        if runs.size > common:
+            yield f"{runs.size - common} of {runs.size} runs in {name} have no counterpart"
+    for column, text in (("versions", "versions of the software"), ("machine", "machines (times may differ by that)")):
+        before_, after_ = (_told(store, column) for store in (old, new))
+        if before_ != after_:
+            yield f"other {text}: {_some(sorted(before_ - after_))} before, {_some(sorted(after_ - before_))} now"
+
+
+def _told(store: Store, column: str) -> set[str]:
+    """What is recorded of the machines or versions of all sessions, as `name value`."""
+    ignored = ("load", "memory")
+    sql = f"SELECT DISTINCT key || ' ' || value FROM sessions, json_each(sessions.{column}) WHERE key NOT IN (?, ?)"
+    return {str(row[0]) for row in store.query(sql, ignored)}
+
+
+def _some(names: list[str]) -> str:
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    return ", ".join(names[:5]) + more if names else "none"
