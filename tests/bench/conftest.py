@@ -106,34 +106,40 @@ def robot_of_ours(tmp_path):
 
 
 @pytest.fixture
-def results(tmp_path):
+def results(tmp_path, write_results):
+    """`write_results` into a folder of this test, by name."""
+    return lambda runs, name="out", **given: write_results(tmp_path / name, runs, **given)
+
+
+@pytest.fixture(scope="session")
+def write_results():
     """Writes results that no planner made: runs by problem, planner, seed; a number verifies, a pair is a failure.
 
     `{("s/a", "one", 0): (1.0, 2.0), ("s/a", "two", 0): ("budget", "no path within 5 s")}`: planning time and duration
     (s), or kind and words.
     """
+    return _write_results
 
-    def write(runs, name="out", **given):
-        problems, planners, seeds = (list(dict.fromkeys(key[k] for key in runs)) for k in range(3))
-        data = {"version": 1, "name": "p", "robot": "planar2r"}
-        data |= {"start": {"joints": [0.5, 1.0]}, "goal": {"joints": [-0.5, 1.2]}}
-        parts = {"seeds": seeds, "repetitions": 1, "budget": 5.0, "limits": {"wall": 9.0}, "metrics": None}
-        meta = {"name": "made <up>", "suite": "a: <b>\n", "suite_hash": name, "parts": parts}
-        found = [BenchProblem(id_, id_.split("/")[0], None, id_, data, {}) for id_ in problems]
-        if "problem" in given:
-            found = [given["problem"](one) for one in found]
-        sets = {one.id: (one.set_name, one.difficulty) for one in found}
-        with Store.create(tmp_path / name, meta) as store:
-            store.fill(tuple(found), tuple(BenchPlanner(label, "quintic", {}) for label in planners))
-            store.begin("made up", {"cpu": given.get("cpu", "one"), "cores": 2}, {"optiplan": "0"})
-            for (problem, planner, seed), outcome in runs.items():
-                row = dict(zip(("problem", "planner", "seed", "repetition"), (problem, planner, seed, 0), strict=True))
-                row |= dict(zip(("set_name", "difficulty"), sets[problem], strict=True))
-                store.add(Outcome(Row(**row, **_columns(outcome))))
-            store.end("complete")
-        return tmp_path / name
 
-    return write
+def _write_results(folder, runs, **given):
+    problems, planners, seeds = (list(dict.fromkeys(key[k] for key in runs)) for k in range(3))
+    data = {"version": 1, "name": "p", "robot": "planar2r"}
+    data |= {"start": {"joints": [0.5, 1.0]}, "goal": {"joints": [-0.5, 1.2]}}
+    parts = {"seeds": seeds, "repetitions": 1, "budget": 5.0, "limits": {"wall": 9.0}, "metrics": None}
+    meta = {"name": "made <up>", "suite": "a: <b>\n", "suite_hash": folder.name, "parts": parts}
+    found = [BenchProblem(id_, id_.split("/")[0], None, id_, data, {}) for id_ in problems]
+    if "problem" in given:
+        found = [given["problem"](one) for one in found]
+    sets = {one.id: (one.set_name, one.difficulty) for one in found}
+    with Store.create(folder, meta) as store:
+        store.fill(tuple(found), tuple(BenchPlanner(label, "quintic", {}) for label in planners))
+        store.begin("made up", {"cpu": given.get("cpu", "one"), "cores": 2}, {"optiplan": "0"})
+        for (problem, planner, seed), outcome in runs.items():
+            row = dict(zip(("problem", "planner", "seed", "repetition"), (problem, planner, seed, 0), strict=True))
+            row |= dict(zip(("set_name", "difficulty"), sets[problem], strict=True))
+            store.add(Outcome(Row(**row, **_columns(outcome))))
+        store.end("complete")
+    return folder
 
 
 def _columns(outcome):

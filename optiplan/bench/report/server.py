@@ -46,7 +46,8 @@ class ReportServer(PageServer):
                 problem, run = stored_view(store, key)
             return render_page(build_scene(problem, [run])).encode("utf-8")
         except OptiPlanError as error:
-            return f"<!doctype html><title>OptiPlan</title><pre>{html.escape(str(error))}</pre>".encode()
+            head = '<!doctype html><title>OptiPlan</title><link rel="icon" href="data:,">'
+            return f"{head}<pre>{html.escape(str(error))}</pre>".encode()
 
 
 def address(run: Failed) -> str:

@@ -1,0 +1,177 @@
+"""The report in a real browser, from a file and served: it must look right, sort, open scenes, and never complain."""
+
+import os
+import shutil
+import threading
+
+import pytest
+
+from optiplan.bench.report.analysis import analyse
+from optiplan.bench.report.page import write_page
+from optiplan.bench.report.server import ReportServer
+from optiplan.bench.store import Store
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+WITNESS = {"q": [0.1, 0.2], "points": [[0.1, 0.2, 0.3], [0.2, 0.2, 0.3]], "pair": ["arm", "ball"]}
+pytestmark = [pytest.mark.timeout(240)]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        if os.environ.get("CI"):
+            pytest.fail("no chromium on this machine; CI must install it")
+        pytest.skip("no chromium on this machine")
+    with playwright.sync_playwright() as tool:
+        browser = tool.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def visit(browser):
+    """Open an address; at the end, any complaint of a page, or a request elsewhere, fails the test."""
+    complaints = []
+    context = browser.new_context(viewport={"width": 1400, "height": 900})
+
+    def heard(message):
+        if message.type in ("error", "warning") and "GPU stall due to ReadPixels" not in message.text:
+            complaints.append(f"{message.type}: {message.text}")
+
+    def asked(request):
+        if not request.url.startswith(("file:", "data:", "http://127.0.0.1:")):
+            complaints.append(request.url)
+
+    context.on("console", heard)
+    context.on("weberror", lambda error: complaints.append(str(error.error)))
+    context.on("request", asked)
+
+    def open_page(url):
+        page = context.new_page()
+        page.goto(url)
+        return page
+
+    yield open_page
+    context.close()
+    assert complaints == []
+
+
+@pytest.fixture(scope="module")
+def folder(write_results, tmp_path_factory):
+    """Results of 20 planners on 12 problems; the k-th planner fails on the first k // 2."""
+    runs = {}
+    for p in range(12):
+        for k in range(20):
+            good = p >= k // 2
+            times = (0.5 + 0.05 * k + 0.1 * p, 1.0 + 0.01 * ((7 * k) % 20))
+            failed = ("collision", f"'arm' meets 'ball' at {p} s", WITNESS) if p % 2 else ("budget", "no path")
+            runs[f"set{p % 3}/{p}", f"planner-{k:02d}", 0] = times if good else failed
+    folder = write_results(tmp_path_factory.mktemp("report") / "out", runs)
+    with Store(folder) as store:
+        write_page(store, analyse(store))
+    return folder
+
+
+@pytest.fixture
+def page(folder, visit):
+    return visit((folder / "report.html").as_uri())
+
+
+def column(page, number):
+    return page.locator(f"#summary tbody td:nth-child({number})").all_text_contents()
+
+
+def test_tables_are_sorted_by_a_click(page):
+    labels = column(page, 1)
+    assert labels == [f"planner-{k:02d}" for k in range(20)]
+    page.locator("#summary th button").nth(1).click()  # share of verified runs: the largest first
+    shares = [float(text.split("%")[0]) for text in column(page, 2)]
+    assert shares == sorted(shares, reverse=True)
+    assert shares[0] > shares[-1]
+    page.locator("#summary th button").nth(1).click()
+    assert column(page, 1)[0] in ("planner-18", "planner-19")
+    page.locator("#summary th button").nth(0).click()
+    assert column(page, 1) == labels
+
+
+def test_nothing_overlaps_or_runs_out_of_the_page(page):
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1400
+    overlaps = page.evaluate(
+        """() => Array.from(document.querySelectorAll("figure svg")).map((svg) => {
+          const boxes = Array.from(svg.querySelectorAll("text")).map((t) => t.getBoundingClientRect());
+          let found = 0;
+          boxes.forEach((a, i) => boxes.slice(i + 1).forEach((b) => {
+            const w = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+            const h = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+            if (w > 2 && h > 3 && a.width > 0 && b.width > 0) found += 1;
+          }));
+          return found;
+        })"""
+    )
+    assert overlaps == 6 * [0]
+
+
+def test_a_planner_is_singled_out(page):
+    page.locator("#summary .planner").nth(3).hover()
+    lines = page.locator('figure svg [id$="-planner3"]')
+    assert lines.count() == 3  # success within a time, and two profiles
+    assert page.evaluate("document.body.classList.contains('single')")
+    other = page.locator('figure svg [id$="-planner4"]').first
+    assert (
+        float(
+            other.evaluate(
+                "async (e) => { await new Promise(r => setTimeout(r, 300)); return getComputedStyle(e).opacity }"
+            )
+        )
+        < 0.5
+    )
+    assert lines.first.evaluate("e => getComputedStyle(e).opacity") == "1"
+
+
+def test_light_and_dark_are_readable(page):
+    contrasts = []
+    for _ in range(2):
+        contrasts.append(
+            page.evaluate(
+                """() => {
+                  const light = (css) => {
+                    const [r, g, b] = css.match(/[0-9.]+/g).map((v) => v / 255).map(
+                      (v) => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+                    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+                  };
+                  const card = document.querySelector(".card"), text = document.querySelector(".card h3");
+                  const [a, b] = [light(getComputedStyle(card).backgroundColor), light(getComputedStyle(text).color)];
+                  return [a, (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05)];
+                }"""
+            )
+        )
+        page.locator("#theme").click()
+    assert contrasts[0][0] > 0.9
+    assert contrasts[1][0] < 0.1
+    assert min(contrast for _, contrast in contrasts) > 4.5
+
+
+def test_a_failure_opens_scene_and_witness_from_the_file(page):
+    reason = page.locator(".reason", has_text="collision").first
+    reason.locator("summary").click()
+    assert "optiplan bench show" in reason.locator("code").first.text_content()
+    reason.locator("a").first.click()
+    page.wait_for_url("**/report-scenes/*.html")
+    assert page.locator(".problem").first.text_content().startswith("collision: 'arm' meets 'ball'")
+    assert page.evaluate("optiplan.scene.runs[0].witness.visible")
+
+
+def test_served_every_listed_failure_is_a_link(folder, visit):
+    with ReportServer(folder, port=0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        page = visit(server.url)
+        assert page.locator(".reason li").count() == page.locator(".reason li a").count() > 2
+        page.goto(server.url + page.locator(".reason li a").last.get_attribute("href"))
+        assert page.locator(".problem").count() == 1
+        page.goto(f"{server.url}show?problem=%3Cb%3E&planner=x&seed=0&repetition=0")
+        assert "unknown problem '<b>'" in page.locator("pre").text_content()
+        assert server.answer("/show?problem=a") is None
+        assert server.answer("/elsewhere") is None
+        server.shutdown()

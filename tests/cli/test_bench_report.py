@@ -1,0 +1,42 @@
+"""`optiplan bench report`, `show`, `compare`, on results of a suite that really ran."""
+
+import json
+
+import pytest
+
+
+@pytest.fixture
+def folder(tmp_path, free, shut_in, optiplan):
+    suite = tmp_path / "mine.yaml"
+    problems = [{"glob": path.name, "set": "s"} for path in (free, shut_in)]
+    data = {"version": 1, "name": "mine", "problems": problems, "planners": ["quintic"], "budget": 2}
+    suite.write_text(json.dumps(data))
+    code, out, _ = optiplan("bench", suite, "--out", tmp_path / "out", "--workers", 1)
+    assert (code, f"report: {tmp_path / 'out' / 'report.html'}" in out) == (0, True)
+    return tmp_path / "out"
+
+
+def test_report_show_and_compare(folder, tmp_path, optiplan, optiplan_json):
+    assert "50.0 % verified" in (folder / "report.html").read_text()
+    written = ("--out", tmp_path / "page.html", "--markdown", tmp_path / "md" / "t.md", "--figures", tmp_path / "f")
+    code, data = optiplan_json("bench", "report", folder, *written)
+    assert code == 0
+    assert {path.rsplit(".", 1)[1] for path in data["written"]} == {"html", "md", "png", "svg"}
+    assert "| quintic" in (tmp_path / "md" / "t.md").read_text()
+    (scene,) = (tmp_path / "report-scenes").iterdir()
+    assert "the motion is not free" in scene.read_text()
+
+    for name, words in (("free", '"badge":"verified"'), ("shut-in", "the motion is not free")):
+        page = tmp_path / f"{name}.view.html"
+        code, out, _ = optiplan("bench", "show", folder, f"s/{name}", "quintic", "--export", page)
+        assert (code, words in page.read_text()) == (0, True)
+    code, _, err = optiplan("bench", "show", folder, "s/free", "quintik")
+    assert (code, "expected planner quintic; seed 0; repetition 0" in err) == (2, True)
+    code, _, err = optiplan("bench", "show", folder, "s/fre", "quintic")
+    assert (code, "choose from: s/free, s/shut-in" in err) == (2, True)
+
+    code, data = optiplan_json("bench", "compare", folder, folder, "--gate")
+    assert (code, data["common"], data["regressions"], data["notes"]) == (0, 2, [], [])
+    code, out, _ = optiplan("bench", "compare", folder, folder)
+    assert (code, "2 runs in common" in out) == (0, True)
+    assert optiplan("bench", "report", tmp_path)[0] == optiplan("bench", "compare", folder, tmp_path)[0] == 2
