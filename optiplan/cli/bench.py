@@ -65,11 +65,8 @@ def run(
 
     Exit code: 0 every run is there, whatever came of it · 2 bad input, or results cannot be written · 130 interrupted.
     """
-    from optiplan.bench.report.analysis import analyse
-    from optiplan.bench.report.page import write_page
     from optiplan.bench.runner import open_results, other_versions, run_suite
     from optiplan.bench.suite import load_suite
-    from optiplan.cli.bench_summary import show_summary, summary_data
 
     pool, label = _workforce(workers, dask)
     with stdout_is_ours():
@@ -80,14 +77,7 @@ def run(
             messages().print(f"note: earlier runs were made with another version of {words}", style="yellow")
         with _stopped_by_signals(pool), _progress(chosen.size, len(store.done())) as watch:
             done = run_suite(chosen, store, pool, label, watch)
-        with stdout_is_ours():
-            page = write_page(store, analyse(store)) if done.complete else None
-        if as_json:
-            print_json(summary_data(store, done) | {"report": page and str(page)})
-        else:
-            show_summary(results(), store, done)
-            if page:
-                results().print(f"report: {page}", markup=False, soft_wrap=True)
+        _tell(store, done, as_json)
     if not done.complete:
         left = done.total - done.found - done.made
         messages().print(f"interrupted, {left} of {done.total} runs are left: the same command goes on", style="yellow")
@@ -139,6 +129,22 @@ def _workforce(workers: int | None, dask: str | None) -> tuple[Any, str]:
 app.command("report")(bench_report.report)
 app.command("show")(bench_report.show)
 app.command("compare")(bench_report.compare)
+
+
+def _tell(store: Any, done: Any, as_json: bool) -> None:
+    """The end of a suite: one line a planner, and the page once every run is there."""
+    from optiplan.bench.report.analysis import analyse
+    from optiplan.bench.report.page import write_page
+    from optiplan.cli.bench_summary import show_summary, summary_data
+
+    with stdout_is_ours():
+        page = write_page(store, analyse(store)) if done.complete else None
+    if as_json:
+        print_json(summary_data(store, done) | {"report": page and str(page)})
+        return
+    show_summary(results(), store, done)
+    if page:
+        results().print(f"report: {page}", markup=False, soft_wrap=True)
 
 
 def _scratch(suite: Path, out: Path | None) -> Path:
