@@ -88,26 +88,52 @@ def run(
 def export(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="the folder of a suite's results")],
     to: Annotated[Path | None, typer.Option(metavar="OUT", help="where the files go (default: DIR)")] = None,
-    kind: Annotated[str, typer.Option("--format", metavar="F", help="csv, parquet or all")] = "all",
+    kind: Annotated[
+        str, typer.Option("--format", metavar="F", help="csv, parquet, all (both), ompl or robometrics")
+    ] = "all",
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
 ) -> int:
-    """Write the results as tables: runs, problems, planners, sessions.
+    """Write the results for other programs.
 
-    Also while the suite is running. Parquet needs the extra `results`.
+    csv and parquet: the tables runs, problems, planners, sessions. ompl: logs that Planner Arena reads, one a set.
+    robometrics: their metrics, one file a planner. Also while the suite is running. Parquet needs the extra `results`.
     """
     from optiplan.bench import export as tables
+    from optiplan.bench.foreign import write_metrics
+    from optiplan.bench.ompl_log import write_logs
     from optiplan.bench.store import Store
     from optiplan.errors import UnknownChoiceError
 
-    if kind not in (*tables.FORMATS, "all"):
-        raise UnknownChoiceError("format", kind, (*tables.FORMATS, "all"))
+    others = {"ompl": write_logs, "robometrics": write_metrics}
+    if kind not in (*tables.FORMATS, "all", *others):
+        raise UnknownChoiceError("format", kind, (*tables.FORMATS, "all", *others))
     with Store(folder) as store:
         wanted = tables.FORMATS if kind == "all" else (kind,)
-        written = [path for each in wanted for path in tables.export(store, to or folder, each)]
+        if kind in others:
+            written = others[kind](store, to or folder)
+        else:
+            written = [path for each in wanted for path in tables.export(store, to or folder, each)]
     if as_json:
         print_json({"written": [str(path) for path in written]})
     else:
         results().print("\n".join(map(str, written)), markup=False, soft_wrap=True)
+    return 0
+
+
+@app.command("import-results")
+def import_results(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="metrics in robometrics' terms, JSON")],
+    beside: Annotated[Path, typer.Argument(metavar="DIR", help="our results on the same problems")],
+    out: Annotated[Path, typer.Option(metavar="OUT", help="where these results go, a folder of their own")],
+    label: Annotated[str, typer.Option(metavar="NAME", help="what to call the planner")] = "external",
+) -> int:
+    """Read results that were made elsewhere, to compare with ours; they count as planned and never as verified."""
+    from optiplan.bench.foreign import read_metrics
+    from optiplan.bench.store import Store
+
+    with Store(beside) as store:
+        count = read_metrics(file, label, store, out)
+    results().print(f"{count} runs in {out}", markup=False, soft_wrap=True)
     return 0
 
 
