@@ -75,6 +75,14 @@ def test_parts(store):
     assert [(part.name, part.problems) for part in analysis.difficulties] == [("easy", 1), ("no label", 3)]
 
 
+def test_difficulties_are_in_the_order_that_people_expect(results):
+    labels = iter(["odd", "hard", "easy", None, "medium"])
+    runs = {(f"s/{k}", "one", 0): TIGHT for k in range(5)}
+    with Store(results(runs, problem=lambda one: replace(one, difficulty=next(labels)))) as store:
+        names = [part.name for part in analyse(store).difficulties]
+    assert names == ["easy", "medium", "hard", "odd", "no label"]
+
+
 def test_pairs_are_of_what_both_solve(store):
     pair = analyse(store).pairs[0]
     assert (pair.first, pair.second, pair.problems, pair.only_first, pair.only_second) == ("one", "two", 2, 1, 0)

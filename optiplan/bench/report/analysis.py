@@ -16,6 +16,9 @@ from optiplan.bench.statistics import Interval, median_interval, performance_rat
 from optiplan.bench.store import Store
 
 PERCENTILES = (50, 75, 95, 99)
+USUAL = ("easy", "medium", "hard")
+"""Difficulties that everybody would put in this order."""
+
 SAME = 1.01
 """Two costs within 1 % are the same."""
 
@@ -144,8 +147,8 @@ def _spread(values: Array, problems: Indices, seed: int) -> Spread:
 
 
 def _parts(runs: Runs, names: Sequence[str]) -> tuple[Part, ...]:
-    """Numbers by name of a problem's part, in the order in which the parts come."""
-    order = list(dict.fromkeys(names))
+    """Numbers by name of a problem's part: those of `USUAL` in its order, the others as they come."""
+    order = sorted(dict.fromkeys(names), key=lambda name: USUAL.index(name) if name in USUAL else len(USUAL))
     part = np.array([order.index(name) for name in names], dtype=np.int64)
     of_run = part[runs.problem]
     found = []

@@ -29,13 +29,17 @@ def cards(analysis: Analysis) -> list[Card]:
     if best > 0.0 and len(planners) > 1 and analysis.common:
         quick = _leaders([(one.quickest, one) for one in planners])
         short = _leaders([(one.shortest, one) for one in planners])
-        seconds = f"{number(quick[0].plan_time.median.value)} s median"
-        ratio = f"{number(short[0].ratio.median.value)} × lower bound, median"
+        seconds = [f"{one.label} {number(one.plan_time.median.value)} s" for one in quick[:3]]
+        bounds = [f"{one.label} {number(one.ratio.median.value)} × lower bound" for one in short[:3]]
         found += [
-            ("Quickest to plan", _names(quick), f"first on {percent(quick[0].quickest)} of the tasks; {seconds}"),
-            ("Shortest motions", _names(short), f"shortest on {percent(short[0].shortest)} of the tasks; {ratio}"),
+            ("Quickest to plan", _names(quick), _rests("first", quick[0].quickest, seconds)),
+            ("Shortest motions", _names(short), _rests("shortest", short[0].shortest, bounds)),
         ]
     return found
+
+
+def _rests(what: str, share: float, medians: list[str]) -> str:
+    return f"{what} on {percent(share)} of the tasks; median: {html.escape(', '.join(medians))}"
 
 
 def _leaders(scored: list[tuple[float, PlannerNumbers]]) -> list[PlannerNumbers]:

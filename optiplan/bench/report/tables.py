@@ -107,10 +107,10 @@ def success(value: Interval) -> Cell:
 
 def ladder(analysis: Analysis) -> str:
     """The main table: how far runs get, and what the verified ones cost."""
-    heads = [Head("planner", words=True), Head("verified", "share of all runs that are proved to be good")]
+    heads = [Head("planner", words=True), Head("success", "share of all runs that are verified")]
     heads += [Head("runs"), Head("planned", "a path was found"), Head("timed", "it got its times")]
     heads += [
-        Head("proved", "the verifier found nothing wrong at any time"),
+        Head("verified", "the verifier found nothing wrong at any time"),
         Head("executed", "a controller followed it"),
         Head("planning time, s", "median of verified runs, with times along the path"),
         Head("duration / bound", "median of verified runs; the lower bound cannot be beaten"),
