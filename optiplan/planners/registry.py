@@ -81,7 +81,7 @@ PLANNERS: dict[str, PlannerEntry] = {
         ),
         PlannerEntry(
             "bitstar",
-            "sampled path that shortens batch by batch (OMPL's BIT*)",
+            "sampled path that shortens batch by batch (OMPL's BIT*; it does not bind AIT*)",
             "optiplan.planners.bitstar:BitStar",
             "optiplan.planners.bitstar:BitStarOptions",
             "sampling",

@@ -37,6 +37,10 @@ class RrtStar:
 
 
 class InformedRrtStar(RrtStar):
-    """Samples only where a shorter path than the best one can pass, once there is one."""
+    """Samples only where a shorter path than the best one can pass, once there is one; short in ||dq / v||.
+
+    That place is an ellipsoid. For a cost of ours OMPL would need to know what is left to the goal, which its Python
+    binding cannot be told (2.0.1: `setCostToGoHeuristic` takes no function): it would sample everywhere, as RRT* does.
+    """
 
     kind: Kind = "informed_rrtstar"

@@ -138,8 +138,8 @@ def _connect(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
 def _star(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
     from ompl import geometric
 
-    problem.setOptimizationObjective(space.path_time())
-    informed = options.kind == "informed_rrtstar"
+    informed = options.kind == "informed_rrtstar"  # whose ellipsoid is that of a length
+    problem.setOptimizationObjective(space.path_length() if informed else space.path_time())
     planner = geometric.InformedRRTstar(space.information) if informed else geometric.RRTstar(space.information)
     planner.setRange(options.reach)
     return planner, lambda early: _improved(planner, planner.numIterations() >= options.effort or early.over)

@@ -113,6 +113,12 @@ class SearchSpace:
 
         return PathTime(self.information)
 
+    def path_length(self) -> Any:
+        """The objective sum over segments of ||dx||: where a path can still shorten is an ellipsoid, as OMPL knows."""
+        from ompl import base
+
+        return base.PathLengthOptimizationObjective(self.information)
+
     def tool_cells(self) -> Any:
         """A projection of states to the tool's position, m: coverage is counted in cells of 0.1 m of the work space."""
         from ompl import base

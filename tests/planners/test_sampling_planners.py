@@ -124,6 +124,24 @@ def test_most_of_the_budget_goes_to_improving_and_the_answer_says_so():
     assert result.info["cut_short"]
 
 
+def test_informed_samples_pass_where_a_shorter_path_can():
+    problem = bar()
+    _, check = checked(problem)
+    ends = (problem.start, problem.goal[0].q[None])
+    velocity = problem.limits.velocity
+    plain, informed = (
+        search(check, ends, Budget(60.0), 2, SearchOptions(kind, 0.8, 300)) for kind in ("rrtstar", "informed_rrtstar")
+    )
+    length = np.linalg.norm(np.diff(informed.path / velocity, axis=0), axis=1).sum()
+
+    def inside(tree):  # share of the states at which the shortest detour is no longer than the path, nearly
+        detours = sum(np.linalg.norm((tree - end) / velocity, axis=1) for end in (ends[0], ends[1][0]))
+        return (detours <= 1.1 * length).mean()
+
+    assert inside(plain.start_tree) < 0.6
+    assert inside(informed.start_tree) > 0.9
+
+
 def test_objective_is_path_time_and_cells_are_tool_positions():
     problem = cases.wall()
     _, check = checked(problem)
