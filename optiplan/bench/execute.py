@@ -71,9 +71,10 @@ class Executor:
             row |= failure("bad-input", str(error))
         except MemoryError:
             row |= failure("out-of-memory", "an allocation was refused")
-        except (Exception, SystemExit) as error:
+        except BaseException as error:  # SystemExit, KeyboardInterrupt: the planner's, nobody else is here
             blob = None
-            row |= failure("bug", f"{type(error).__name__}: {error}", {"traceback": traceback.format_exc(limit=-8)})
+            what = traceback.format_exception_only(error)[-1].strip()
+            row |= failure("bug", what, {"traceback": traceback.format_exc(limit=-8)})
         row |= {"cpu_time": time.process_time() - cpu, "wall_time": time.perf_counter() - began}
         return Outcome(Row(**row, timings=timings), blob)
 
@@ -95,7 +96,7 @@ class Executor:
         self._warm.add(name)
         try:
             run(problem_from_dict(WARM_UP), name, options, Budget(WARM_UP_BUDGET), lambda stage, fraction: None)
-        except (Exception, SystemExit):  # the run itself will tell
+        except BaseException:  # the run itself will tell
             timings["warm_up_failed"] = True
         timings["warm_up"] = time.perf_counter() - began
 
@@ -124,6 +125,8 @@ def result_columns(done: Run, metrics: tuple[str, ...] | None) -> dict[str, Any]
         witness = {**worst.witness, "check": worst.name, "place": worst.place, "t": worst.time}
         names = ", ".join(check.name for check in done.report.failures)
         return row | failure("not-verified", f"{names}: {worst.detail}", witness)
+    if done.report is None:
+        return row | failure("bug", "the planner gave neither a trajectory nor a failure")
     return row
 
 

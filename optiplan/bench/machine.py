@@ -30,12 +30,31 @@ def now() -> str:
 
 
 def resident(pid: int) -> float:
-    """Resident memory of a process, MB; 0 when it is gone."""
+    """Resident memory of a process and of all that it started, MB; 0 when it is gone."""
+    children = descendants(pid)
     try:
+        if children:
+            return sum(_share(each) for each in (pid, *children))
         pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     except (OSError, IndexError, ValueError):
         return 0.0
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def descendants(pid: int) -> list[int]:
+    """The processes that a process started, that those started, and so on; without those whose parent has ended."""
+    try:
+        texts = [(task / "children").read_text() for task in Path(f"/proc/{pid}/task").iterdir()]
+    except OSError:
+        return []
+    children = [int(child) for text in texts for child in text.split()]
+    return children + [each for child in children for each in descendants(child)]
+
+
+def _share(pid: int) -> float:
+    """Resident memory, MB; of pages in common with other processes its part."""
+    kilobytes = _field(f"/proc/{pid}/smaps_rollup", "Pss:")
+    return int((kilobytes or "0").split()[0]) * 1.024e-3
 
 
 def _field(file: str, name: str) -> str | None:

@@ -134,6 +134,7 @@ def empty_row(task: Task) -> dict[str, Any]:
 
 def failure(kind: str, detail: str, witness: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """The columns that tell why there is no verified trajectory."""
+    kind, detail = (text.encode(errors="replace").decode() for text in (kind, detail))  # databases hold UTF-8 alone
     return {"failure_kind": kind, "failure_detail": detail, "witness": None if witness is None else jsonable(witness)}
 
 

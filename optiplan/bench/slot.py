@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from typing import Any
@@ -91,6 +92,8 @@ class Slot:
             peak = max(peak, machine.resident(worker.pid))
             if message is not None and message["phase"] == "done":
                 row = Row(**message["row"])
+                if message["spoilt"] or machine.descendants(worker.pid):  # it must not disturb the next run
+                    self.close()
                 return Outcome(replace(row, output=worker.output(), memory=peak), message.get("trajectory")), None
             if message is not None:
                 phase, deadline = message["phase"], time.perf_counter() + task.wall
@@ -198,12 +201,14 @@ class _Worker:
         return self._rest().decode(errors="replace")
 
     def kill(self) -> None:
-        """End it together with what it started."""
+        """End it together with what it started, also in sessions of their own."""
         self.gone = True
-        try:
+        children = machine.descendants(self.pid)
+        with suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
-        except ProcessLookupError:
-            pass
+        for child in children:
+            with suppress(ProcessLookupError):
+                os.kill(child, signal.SIGKILL)
         self._process.wait()
         self._rest()
         self._connection.close()

@@ -10,6 +10,7 @@ import os
 import resource
 import signal
 import sys
+from contextlib import suppress
 from multiprocessing.connection import Connection
 
 PR_SET_PDEATHSIG = 1
@@ -22,12 +23,15 @@ def main() -> None:
     _die_with(parent)
     from optiplan.bench.execute import Executor  # takes half a second: after the line above
 
-    libc, execute = ctypes.CDLL(None), Executor()
+    libc, execute, ours = ctypes.CDLL(None), Executor(), os.getpid()
     from optiplan.bench.records import Task
 
     def send(message: dict[str, object]) -> None:
-        sys.stdout.flush()
-        sys.stderr.flush()
+        if os.getpid() != ours:  # a planner forked, and both came back from it: one answer is enough
+            os._exit(0)
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(Exception):  # a planner may have closed it
+                stream.flush()
         libc.fflush(None)  # what C++ printed belongs to this run, not to the next
         connection.send_bytes(json.dumps(message, allow_nan=False).encode())
 
@@ -38,10 +42,23 @@ def main() -> None:
         except EOFError:
             return
         limit_memory(task.memory)
+        before = surroundings()
         outcome = execute(task, lambda name: send({"phase": name}))
-        send({"phase": "done", "row": vars(outcome.row), "blob": outcome.trajectory is not None})
+        done = {"phase": "done", "row": vars(outcome.row), "blob": outcome.trajectory is not None}
+        send(done | {"spoilt": surroundings() != before})
         if outcome.trajectory is not None:
             connection.send_bytes(outcome.trajectory)
+
+
+def surroundings() -> list[object]:
+    """What a planner must leave as it was: the files behind standard output and standard error, the working folder."""
+    found: list[object] = [sys.stdout.closed, sys.stderr.closed]
+    for ask in (lambda: os.fstat(1).st_ino, lambda: os.fstat(2).st_ino, os.getcwd):
+        try:
+            found.append(ask())
+        except OSError:
+            found.append(None)
+    return found
 
 
 def limit_memory(megabytes: float) -> None:

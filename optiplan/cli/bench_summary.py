@@ -44,7 +44,7 @@ def show_summary(console: Console, store: Store, done: Summary) -> None:
     data = summary_data(store, done)
     table = Table(box=None, pad_edge=False)
     for name in ("planner", "runs", "planned", "timed", "verified", "plan s, median", "ratio, median"):
-        table.add_column(name, justify="left" if name == "planner" else "right")
+        table.add_column(name, justify="left" if name == "planner" else "right", overflow="fold")
     for name, row in data["planners"].items():
         shares = [f"{100 * row[key]:.1f} %" for key in ("planned", "timed", "verified")]
         medians = ["–" if row[key] is None else f"{row[key]:.3f}" for key in ("plan_time", "ratio")]

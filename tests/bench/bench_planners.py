@@ -141,3 +141,61 @@ class ClosesItsStreams(Straight):
     def misbehave(self):
         os.close(1)
         os.close(2)
+
+
+class Interrupts(Straight):
+    """As if somebody had pressed Ctrl-C."""
+
+    def misbehave(self):
+        raise KeyboardInterrupt
+
+
+class Shrugs(Straight):
+    """Gives neither a motion nor a reason."""
+
+    def plan(self, problem, budget, progress):
+        return (
+            PlanResult(None, None, {}) if problem.name == self.options.only else super().plan(problem, budget, progress)
+        )
+
+
+class Stutters(Straight):
+    """Says what no database can hold."""
+
+    def plan(self, problem, budget, progress):
+        if problem.name != self.options.only:
+            return super().plan(problem, budget, progress)
+        return PlanResult(None, Failure("no-path", "half a letter: \ud800", {}), {})
+
+
+class LeavesChildren(Straight):
+    """Starts processes that stay, one of them in a session of its own; writes their ids down."""
+
+    def misbehave(self):
+        children = [os.fork(), os.fork()]
+        if not all(children):
+            if children[0] == 0:
+                os.setsid()
+            time.sleep(1000.0)
+            os._exit(0)
+        with open(os.environ["CHILDREN"], "w") as file:
+            file.write(" ".join(map(str, children)))
+
+
+class ComesBackTwice(Straight):
+    """Forks, and returns from both processes."""
+
+    def misbehave(self):
+        os.fork()
+
+
+class ChildrenEat(Straight):
+    """Has others take ever more memory."""
+
+    def misbehave(self):
+        if os.fork() == 0:
+            held = []
+            while True:
+                held.append(np.ones(1_000_000))
+                time.sleep(0.005)
+        time.sleep(1000.0)

@@ -1,6 +1,7 @@
 """Planners that misbehave in every way: each is recorded as what it did, and the suite completes."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -16,13 +17,19 @@ FAULTS = {
     "Segfaults": "crashed (signal 11)",
     "Raises": "bug",
     "Babbles": "bug",
+    "Shrugs": "bug",
+    "Stutters": "no-path",
     "Leaves": "crashed (exit 5)",
     "Quits": "bug",
+    "Interrupts": "bug",
+    "ChildrenEat": "out-of-memory",
     "KilledAlways": "crashed (signal 9)",
     "KilledOnce": None,
     "Prints": None,
     "Floods": None,
     "ClosesItsStreams": None,
+    "LeavesChildren": None,
+    "ComesBackTwice": None,
 }
 
 
@@ -40,10 +47,12 @@ def rows(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(Path(__file__).parent))
         patch.setenv("KILLED_ONCE", str(folder / "killed"))
+        patch.setenv("CHILDREN", str(folder / "children"))
         suite = load_suite(folder / "suite.yaml", folder / "files")
         with open_results(suite, folder / "out") as store:
             assert run_suite(suite, store, LocalPool(2), "2 local", lambda outcome: None).complete
-            return {(row["problem"], row["planner"]): dict(row) for row in store.query("SELECT * FROM runs")}
+            stored = {(row["problem"], row["planner"]): dict(row) for row in store.query("SELECT * FROM runs")}
+    return stored | {"children": [int(pid) for pid in (folder / "children").read_text().split()]}
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -79,3 +88,8 @@ def test_a_bug_is_kept_with_its_traceback(rows):
     row = rows["s/a", "Raises"]
     assert row["failure_detail"] == "ZeroDivisionError: of all things"
     assert "in misbehave" in json.loads(row["witness"])["traceback"]
+
+
+def test_what_a_planner_started_ends_with_its_run(rows):
+    assert len(rows["children"]) == 2
+    assert not any(os.path.exists(f"/proc/{pid}") for pid in rows["children"])
