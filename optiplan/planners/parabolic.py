@@ -9,7 +9,7 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.model.robot import Limits
 from optiplan.planners.chains import ThroughVias, distinct, via_times
-from optiplan.planners.point_to_point import MotionOptions, Profile
+from optiplan.planners.point_to_point import MotionOptions, Profile, require_size
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.parabolic import Blends, blends_by_acceleration, blends_by_time, run_blends, with_pseudo_vias
 from optiplan.trajectory.stretch import FreeTimes, least_stretch
@@ -22,10 +22,13 @@ _SHARES = (0.05, 0.12, 0.25, 0.4)  # of a segment's time: where pseudo-via point
 
 @dataclass(frozen=True)
 class ParabolicOptions(MotionOptions):
-    """Also at most one of `acceleration` of the blends, rad/s² or m/s², of every joint, and `blend_time`, s.
+    """Also at most one of two, of the blends of every joint; without either, each takes all of its acceleration limit.
 
-    Without either, every joint takes all of its acceleration limit. The acceleration jumps, so that only a problem with
-    `limits: {jerk: none}` can have the motion verified.
+    The acceleration jumps, so that only a problem with `limits: {jerk: none}` can have the motion verified.
+
+    Attributes:
+        acceleration: rad/s² or m/s².
+        blend_time: s.
     """
 
     acceleration: float | None = None
@@ -33,10 +36,8 @@ class ParabolicOptions(MotionOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("acceleration", "blend_time"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 < value < np.inf:
-                raise ValueError(f"{name} = {value} is not a positive number")
+        require_size("acceleration", self.acceleration)
+        require_size("blend_time", self.blend_time)
         if self.acceleration is not None and self.blend_time is not None:
             raise ValueError("acceleration and blend_time are given; only one of them can be chosen")
 

@@ -45,7 +45,11 @@ class MotionOptions:
 
 @dataclass(frozen=True)
 class ProfileOptions(MotionOptions):
-    """Also `motion`: all joints share one law; or each is as fast as it can; or one moves after another."""
+    """Also how the joints share the time.
+
+    Attributes:
+        motion: all joints share one law; or each is as fast as it can; or one moves after another.
+    """
 
     motion: How = "synchronised"
 

@@ -11,7 +11,11 @@ from optiplan.problem.problem import Problem
 
 @dataclass(frozen=True)
 class RrtConnectOptions(SampledOptions):
-    """Options of every sampling planner, and `reach`: longest tree edge, s at full joint speed."""
+    """Options of every sampling planner, and one more.
+
+    Attributes:
+        reach: longest edge of the trees, s at full joint speed.
+    """
 
     reach: float = 0.4
 

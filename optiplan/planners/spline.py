@@ -30,10 +30,14 @@ Velocities = Literal["given", "heuristic", "continuous"]
 
 @dataclass(frozen=True)
 class SplineOptions(MotionOptions):
-    """Also `degree`, 3 or 5, and `velocities` at the vias.
+    """Also which polynomials.
 
-    `given` by the problem; by the `heuristic` (zero where a joint turns round, else the mean of the slopes before and
-    after); or such that derivatives are `continuous`: acceleration, and with degree 5 jerk and snap.
+    Attributes:
+        degree: of the polynomials between two points; with 3 and other than continuous velocities, the acceleration
+            jumps at vias.
+        velocities: at vias: `given` by the problem; by the `heuristic` (zero where a joint turns round, else the mean
+            of the slopes before and after); or such that derivatives are `continuous`: acceleration, and with degree 5
+            jerk and snap.
     """
 
     degree: Degree = 5

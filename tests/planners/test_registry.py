@@ -40,6 +40,11 @@ def test_all_wrong_types_are_reported_at_once():
     ]
 
 
+@pytest.mark.parametrize("name", sorted(PLANNERS))
+def test_every_option_says_what_it_is(name):
+    assert [option.name for option in PLANNERS[name].option_list() if not option.meaning] == []
+
+
 def test_meanings_come_from_the_docstrings_of_a_class_and_its_bases():
     options = {option.name: option.meaning for option in PLANNERS["rrtstar"].option_list()}
     assert options["reach"] == "longest tree edge, s at full joint speed."
