@@ -1,5 +1,6 @@
 """Several planners on one problem: run one after the other, kept in folders of their own, shown in one table."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,9 @@ from optiplan.verify.report import jsonable
 
 ALL = "all"
 WIDTH = 170
-"""Characters of the table at least: where it is read by no terminal, and in a narrow one, which folds it."""
+"""Characters of a line that has everything, reasons included; so many there are where no terminal folds it."""
+NARROW = 116
+"""Characters of a line without the reasons."""
 
 
 def several(asked: str | None) -> tuple[str, ...]:
@@ -99,24 +102,47 @@ def show(runs: Sequence[Run], as_json: bool) -> Exit:
     problem = runs[0].problem
     console = results()
     console.print(f"{problem.name} · {problem.robot.name} · seed {problem.seed}", style="bold", markup=False)
-    Console(width=max(console.width, WIDTH), highlight=False).print(_table(runs))
+    width = console.width if console.is_terminal or "COLUMNS" in os.environ else max(console.width, WIDTH)
+    _print(Console(width=width, highlight=False), runs)
     return code
 
 
-HEADINGS = ("", "planning\ns", "duration\ns", "duration\n/ bound", "tool path\nm", "peak jerk\nrad/s³", "of its\nlimit")
-MORE_HEADINGS = ("RMS torque\nN·m", "clearance\nmm", "least mani-\npulability")
+TIMES = ("", "planning\ns", "duration\ns", "duration\n/ bound")
+MEASURES = (
+    "tool path\nm",
+    "peak jerk\nrad/s³",
+    "of its\nlimit",
+    "RMS torque\nN·m",
+    "clearance\nmm",
+    "least mani-\npulability",
+)
 
 
-def _table(runs: Sequence[Run]) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="dim", padding=(0, 2, 0, 0))
+def _print(console: Console, runs: Sequence[Run]) -> None:
+    """The table as the width allows: reasons in a column, reasons below it, or measures in a second half as well."""
+    if console.width >= WIDTH:
+        console.print(_table(runs, (*TIMES, *MEASURES), reasons=True))
+        return
+    for headings in ((*TIMES, *MEASURES),) if console.width >= NARROW else (TIMES, MEASURES):
+        console.print(_table(runs, headings))
+    for run in runs:
+        if _reason(run):
+            console.print(f"{run.planner}: {_reason(run)}", markup=False)
+
+
+def _table(runs: Sequence[Run], headings: Sequence[str], reasons: bool = False) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="dim", padding=(0, 2 if reasons else 1, 0, 0))
     table.add_column("planner", no_wrap=True)
-    for heading in (*HEADINGS, *MORE_HEADINGS):
+    for heading in headings:
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
-    table.add_column("why not", overflow="fold", min_width=24)
+    if reasons:
+        table.add_column("why not", overflow="fold", min_width=24)
     for run in runs:
         word = "no plan" if run.trajectory is None else "not verified"
         verdict = "[green]verified[/]" if run.verified else f"[red]{word}[/]"
-        table.add_row(run.planner, verdict, *_numbers(run), escape(_reason(run)))
+        cells = dict(zip((*TIMES, *MEASURES), (verdict, *_numbers(run)), strict=True))
+        why = [escape(_reason(run))] if reasons else []
+        table.add_row(run.planner, *(cells[heading] for heading in headings), *why)
     return table
 
 

@@ -53,6 +53,22 @@ def test_table_has_verified_ones_first_by_duration(optiplan, optiplan_json, free
     assert f"{1e3 * best['metrics']['clearance']:.2f}" in rows(out)["scurve"]
 
 
+@pytest.mark.parametrize("width", [80, 120, 200])
+def test_table_fits_the_terminal(optiplan, free, monkeypatch, width):
+    """Narrow, the reasons stand below it and its measures in a second half; nothing is cut off."""
+    monkeypatch.setenv("COLUMNS", str(width))
+    out = optiplan("plan", free, "--planner", "bangbang,quintic,informed_rrtstar", "--budget", "2")[1]
+    lines = out.splitlines()
+    assert max(map(len, lines)) <= width
+    assert "…" not in out
+    names = [line.split(" ")[0] for line in lines]
+    assert names.count("quintic") == (2 if width == 80 else 1)
+    assert next(line for line in lines if "rest: acceleration" in line).startswith("bangbang")
+    assert (names.count("bangbang:") == 1) == (width < 170)
+    for heading in ("planning", "tool path", "peak jerk", "RMS torque", "clearance", "least mani-"):
+        assert out.count(heading) == 1
+
+
 def test_all_are_the_planners_of_the_registry(optiplan_json, free):
     data = optiplan_json("plan", free, "--planner", "all", "--budget", "0.2")[1]
     assert sorted(run["planner"] for run in data["runs"]) == sorted(PLANNERS)
