@@ -15,7 +15,8 @@ def check(
 ) -> int:
     """Find everything that is wrong with problem files: each issue with its file, line, and what would be valid.
 
-    Checks keys, units and sizes, that robots and meshes exist, limits, and that the start touches nothing.
+    Checks keys, units and sizes, that robots and meshes exist, limits, that the start touches nothing, and that the
+    planner's options go with start and goal.
 
     [bold]Example[/]
 
@@ -39,7 +40,7 @@ def check(
 
 
 def _issues(file: str) -> list[Issue]:
-    from optiplan.cli.planner_choice import planner_issues
+    from optiplan.cli.planner_choice import fitting_issues, planner_issues
     from optiplan.problem.load import check_file
 
     try:
@@ -49,4 +50,5 @@ def _issues(file: str) -> list[Issue]:
     found = check_file(path)
     told = {issue.field for issue in found}
     found += [issue for issue in planner_issues(path) if issue.field not in told]
+    found = found or fitting_issues(path)
     return sorted(found, key=lambda issue: issue.line or 0)

@@ -5,10 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
+from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.yaml_lines import Document, read_yaml
 from optiplan.yaml_words import choices
+
+_LOOK = 2.0  # s, for goal configurations
 
 
 def planner_issues(path: Path) -> list[Issue]:
@@ -27,6 +31,18 @@ def planner_issues(path: Path) -> list[Issue]:
         return [document.issue(place, f"unknown {error.kind} '{error.found}'", choices(error.found, known))]
     except InputError as error:
         return _placed(document, error)
+    return []
+
+
+def fitting_issues(path: Path) -> list[Issue]:
+    """What is wrong with the options of a good file's planner for its start and goal, as far as planners look ahead."""
+    problem = load_problem(path)
+    look = getattr(make_planner(problem.planner, problem.options), "check", None)
+    try:
+        if look is not None:
+            look(problem, Budget(_LOOK))
+    except InputError as error:
+        return list(placed(path, error).issues)
     return []
 
 

@@ -108,6 +108,26 @@ class PointToPoint(ABC, Generic[Options]):
             InputError: the options make no sense for this motion.
         """
 
+    def check(self, problem: Problem, budget: Budget) -> None:
+        """What can be said of the options without planning; with vias that are passed leg by leg, nothing.
+
+        Raises:
+            InputError: they make no sense for any of the goal configurations that the budget is enough to find.
+        """
+        if problem.vias and not getattr(self, "passes_vias", False):
+            return
+        goals = self.targets(problem, CollisionModel(problem.robot, problem.scene), budget)
+        refused: list[InputError] = []
+        for goal in [] if isinstance(goals, Failure) else goals:
+            try:
+                self.profile(problem, goal)
+            except InputError as error:
+                refused.append(error)
+            else:
+                return
+        if refused:
+            raise refused[0]
+
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         work = Work.on(problem, budget)

@@ -23,3 +23,20 @@ def test_json_of_good_files(optiplan_json, free):
     code, data = optiplan_json("check", free)
     assert code == 0
     assert data == {"ok": True, "files": [{"file": str(free), "issues": []}], "exit_code": 0}
+
+
+def test_options_that_do_not_go_with_the_goal(optiplan, free):
+    """A good trapezoid for another distance; an arc to where the tool is already; vias are left to the planner."""
+    good = free.read_text()
+    for planner, told in (
+        ("{name: lspb, duration: 18, velocity: 0.02}", "planner.velocity: 0.02 rad/s for joint 'shoulder'"),
+        ("{name: circle, radius: 0.1, plane: xz}", "planner.goal: a pose"),
+    ):
+        free.write_text(good.replace("planner: quintic", f"planner: {planner}"))
+        code, _, err = optiplan("check", free)
+        assert code == 2
+        assert err.startswith(f"{free}:7: {told}")
+    free.write_text(
+        good.replace("planner: quintic", "via: [{joints: [0.6, 1.1]}]\nplanner: {name: lspb, velocity: -1.0}")
+    )
+    assert optiplan("check", free)[0] == 0

@@ -97,6 +97,15 @@ class ToolMotion(ABC, Generic[Options]):
             InputError: the options do not go with these poses.
         """
 
+    def check(self, problem: Problem, budget: Budget) -> None:
+        """What can be said of the options without planning; with vias, which are passed leg by leg, nothing.
+
+        Raises:
+            InputError: they do not go with the start and any of the goals.
+        """
+        if not problem.vias:
+            self._tasks(problem)
+
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`.
 
