@@ -19,11 +19,10 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.model.robot import Limits, Robot
+from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.trajectory import Trajectory
 
 _DIRECTIONS = 8  # of half a turn in the plane of the tool's acceleration
-_STEP = 1e-3  # s between samples of a motion's tool speed, at most
-_MOST = 20_000  # samples in all
 _RESERVE = 1e-4  # share of the tool's limits kept free for what happens between samples
 
 
@@ -95,13 +94,11 @@ def rows_at(path: Trajectory, robot: Robot, limits: Limits, tool: ToolSpeed | No
 def tool_scale(robot: Robot, tool: ToolSpeed | None, trajectory: Trajectory) -> float:
     """Factor on the duration at which the tool just keeps its limits; 0 where it has none.
 
-    Holds at: samples at most 1 ms apart (in motions of up to 20 s) and at all breakpoints, with a reserve of 1e-4.
+    Holds at: `sample_times`, with a reserve of 1e-4.
     """
     if tool is None:
         return 0.0
-    count = int(np.ceil(min(trajectory.duration / _STEP, _MOST))) + 1
-    b = trajectory.breakpoints
-    t = np.union1d(np.linspace(0.0, trajectory.duration, count), np.concatenate([b, np.nextafter(b[1:], 0.0)]))
+    t = sample_times(trajectory)
     twist, bend = tool_motion(robot, tool.frame, [trajectory(t, order) for order in range(3)])
     speed, turn = np.linalg.norm(twist[:, :3], axis=1).max(), np.linalg.norm(twist[:, 3:], axis=1).max()
     force = np.linalg.norm(bend[:, :3], axis=1).max()

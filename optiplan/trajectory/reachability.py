@@ -21,7 +21,7 @@ def fastest_law(rows: Rows) -> Trajectory | None:
 
     Between neighbouring points of the grid sdd is constant: s(t) in exact quadratic pieces.
 
-    Holds at: the points of the grid, from both sides; in between nearly.
+    Holds at: the points of the grid, from both sides; in between nearly, see `slowness`.
 
     Args:
         rows: the limits at the points of the grid.
@@ -38,6 +38,21 @@ def fastest_law(rows: Rows) -> Trajectory | None:
     dt = 2.0 * ds / total
     coefficients = np.stack([rows.s[:-1] - rows.s[0], speeds[:-1], 0.5 * np.diff(speeds) / dt], axis=1)
     return Trajectory(("s",), np.concatenate([[0.0], np.cumsum(dt)]), coefficients[:, :, None])
+
+
+def slowness(law: Trajectory, between: Rows) -> Array:
+    """How much slower than the law of `fastest_law` the limits ask to run in the middle of each part of its grid, (k,).
+
+    Args:
+        law: s(t), of constant sdd in each of its k pieces.
+        between: the limits at the k middles in s.
+    """
+    squares = law(law.breakpoints, 1)[:, :1] ** 2
+    squared, sdd = 0.5 * (squares[1:] + squares[:-1]), 2.0 * law.coefficients[:, 2]
+    motion = between.A * sdd + between.B * squared
+    room = np.maximum(between.bound - np.sign(motion) * between.G, 1e-3 * between.bound)
+    worst: Array = np.maximum(np.sqrt(squared[:, 0]) / between.speed, np.sqrt((np.abs(motion) / room).max(axis=1)))
+    return worst
 
 
 def _speeds(rows: Rows) -> Array | None:

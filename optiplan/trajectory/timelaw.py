@@ -10,8 +10,8 @@ from optiplan.arrays import Array
 from optiplan.model.robot import Limits, Robot
 from optiplan.trajectory.compose import compose
 from optiplan.trajectory.jerk_law import smooth_law
-from optiplan.trajectory.path_rows import ToolSpeed, rows_at, tool_scale
-from optiplan.trajectory.reachability import fastest_law
+from optiplan.trajectory.path_rows import Rows, ToolSpeed, rows_at, tool_scale
+from optiplan.trajectory.reachability import fastest_law, slowness
 from optiplan.trajectory.timing import s_curve, scale_to_limits, stop_at_corners
 from optiplan.trajectory.torque import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
@@ -20,9 +20,11 @@ __all__ = ["TimingOptions", "ToolSpeed", "compose", "time_path"]
 
 Method = Literal["toppra", "jerk", "uniform"]
 
-_PARTS = 160  # of the grid along a path, at least
+_PARTS = 160  # of the grid along a path, at least, that a smooth law starts from
+_PARTS_FASTEST = 800  # of that of the fastest law, which is as good as its grid is fine
 _PARTS_OF_PIECE = 4  # of each of its pieces, but not where that would make more than _MOST_PARTS
 _MOST_PARTS = 2000
+_ROUNDS, _BEYOND = 6, 1e-3  # of halving parts; share of a limit by which a law may exceed it between points of the grid
 
 
 @dataclass(frozen=True)
@@ -89,15 +91,34 @@ def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:
 
 
 def _law(path: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> Trajectory | None:
-    rows = rows_at(path, robot, limits, options.tool, _grid(path))
-    return fastest_law(rows) if np.isinf(limits.jerk).all() else smooth_law(path, limits, rows, options.stop)
+    def rows(s: Array) -> Rows:
+        return rows_at(path, robot, limits, options.tool, s)
+
+    if np.isfinite(limits.jerk).any():
+        return smooth_law(path, limits, rows(_grid(path, _PARTS)), options.stop)
+    return _refined(rows, _grid(path, _PARTS_FASTEST), options.stop)
 
 
-def _grid(path: Trajectory) -> Array:
+def _refined(rows: Callable[[Array], Rows], grid: Array, stop: Callable[[], bool]) -> Trajectory | None:
+    """The fastest law on a grid (k,) that is made finer where the law exceeds limits between its points."""
+    law = fastest_law(rows(grid))
+    for _ in range(_ROUNDS):
+        if law is None or len(grid) > _MOST_PARTS or stop():
+            break
+        middles = 0.5 * (grid[1:] + grid[:-1])
+        wide = slowness(law, rows(middles)) > 1.0 + _BEYOND
+        if not wide.any():
+            break
+        grid = np.sort(np.concatenate([grid, middles[wide]]))
+        law = fastest_law(rows(grid)) or law
+    return law
+
+
+def _grid(path: Trajectory, least_parts: int) -> Array:
     """Parameters (k,) at which TOPP-RA looks at the path; among them all its breakpoints."""
     h = np.diff(path.breakpoints)
     least = max(1, min(_PARTS_OF_PIECE, _MOST_PARTS // len(h)))
-    parts = np.maximum(least, np.ceil(h * (_PARTS / path.duration))).astype(int)
+    parts = np.maximum(least, np.ceil(h * (least_parts / path.duration))).astype(int)
     ends = zip(path.breakpoints[:-1], path.breakpoints[1:], parts, strict=True)
     return np.concatenate([[0.0], *(np.linspace(a, b, k + 1)[1:] for a, b, k in ends)])
 

@@ -1,34 +1,27 @@
 """How slowly must a trajectory run for its torques to hold?"""
 
-from itertools import pairwise
-
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.model.robot import Robot
+from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.trajectory import Trajectory
 
-_STEP = 1e-3  # s, at most, between samples
-_LEAST, _LEAST_IN_ALL = 5, 256  # samples in a piece; in a trajectory
-_MOST = 20_000  # samples in all, but for the least: a long motion is slow, so its torque changes slowly
 _RESERVE = 1e-3  # share of the limit kept free for what happens between samples
 
 
 def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
     """Factor s >= 1 on the duration at which |tau| <= limit (n,); inf where gravity exceeds it.
 
-    Holds at: samples at most 1 ms apart (in motions of up to 20 s), both ends of every polynomial piece and three
-    within, 256 in all at least.
+    Holds at: `sample_times`.
 
     Run s times slower, the same path needs tau(s) = g(q) + (tau(1) - g(q)) / s^2: inertial and Coriolis torques scale
     alike (Hollerbach 1984, Dynamic scaling of manipulator trajectories). Friction and carried loads are not modelled.
     """
     if not np.isfinite(limit).any():
         return 1.0
-    step = max(_STEP, trajectory.duration / _MOST)
-    least = max(_LEAST, _LEAST_IN_ALL // len(trajectory.coefficients))
-    t = np.concatenate([_grid(a, b, step, least) for a, b in pairwise(trajectory.breakpoints)])
+    t = sample_times(trajectory)
     Q, V, A = (trajectory(t, order) for order in range(3))
     data = robot.model.createData()
     tau = np.array([pin.rnea(robot.model, data, q, v, a) for q, v, a in zip(Q, V, A, strict=True)])
@@ -39,8 +32,3 @@ def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         squared = np.abs(motion) / (allowed - np.sign(motion) * gravity)
     return max(1.0, float(np.sqrt(np.nanmax(squared, initial=0.0))))
-
-
-def _grid(a: float, b: float, step: float, least: int) -> Array:
-    """Samples of one piece from its start to just before its end, where the acceleration may jump."""
-    return np.linspace(a, np.nextafter(b, a), max(least, int(np.ceil((b - a) / step)) + 1))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from optiplan.errors import UnknownChoiceError
@@ -12,7 +13,8 @@ from optiplan.model.robot import load_robot
 from optiplan.problem.problem import JointGoal
 from optiplan.trajectory.blend import blend_path
 from optiplan.trajectory.path_rows import rows_at, tool_motion
-from optiplan.trajectory.timelaw import TimingOptions, ToolSpeed, time_path
+from optiplan.trajectory.reachability import fastest_law, slowness
+from optiplan.trajectory.timelaw import TimingOptions, ToolSpeed, compose, time_path
 from optiplan.trajectory.timing import lower_bound, speed_ratio, stop_at_corners
 from optiplan.trajectory.torque import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
@@ -96,6 +98,54 @@ def test_a_better_law_is_a_faster_one(jerk):
     assert time_path(PATHS["rounded"], WEIGHTLESS, limits).duration == smooth
     if jerk == 5000.0:
         assert smooth < 1.02 * fast
+
+
+def winding(seed):
+    """A long spline through random points within the Panda's reach."""
+    robot = cases.robot("panda")
+    middle, half = 0.5 * (robot.limits.upper + robot.limits.lower), 0.15 * (robot.limits.upper - robot.limits.lower)
+    points = middle + half * np.random.default_rng(seed).uniform(-1.0, 1.0, (9, robot.n))
+    knots = np.concatenate([np.zeros(5), np.linspace(0.0, 1.0, 5), np.ones(5)])
+    return Trajectory.from_bspline(robot.joint_names, knots, points, 5)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_nothing_is_faster_than_toppra(panda, seed):
+    path, limits = winding(seed), replace(panda.limits, torque=np.full(panda.n, np.inf))
+    fast, smooth = (time_path(path, panda, limits, TimingOptions(method)).duration for method in ("toppra", "jerk"))
+    assert fast < smooth
+
+
+def test_slowness_is_that_of_the_motion_between_the_points_of_the_grid(panda):
+    path, limits = winding(3).scaled(2.0), panda.limits
+    grid = np.linspace(0.0, path.duration, 30)
+    law = fastest_law(rows_at(path, panda, limits, None, grid))
+    middles = 0.5 * (grid[1:] + grid[:-1])
+    slow = slowness(law, rows_at(path, panda, limits, None, middles))
+    motion, data = compose(path, law), panda.model.createData()
+    assert slow.max() > 1.01
+    for s, expected in zip(middles, slow, strict=True):
+        t = np.array([brentq(lambda x, s=s: law(np.array([x]))[0, 0] - s, 0.0, law.duration, xtol=1e-14)])
+        q, v, a = (motion(t, order)[0] for order in range(3))
+        hold = pin.computeGeneralizedGravity(panda.model, data, q).copy()
+        moving = pin.rnea(panda.model, data, q, v, a) - hold
+        torque = np.abs(moving) / (limits.torque - np.sign(moving) * hold)
+        shares = np.concatenate([(v / limits.velocity) ** 2, np.abs(a) / limits.acceleration, torque])
+        assert expected == pytest.approx(np.sqrt(shares.max()), rel=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_tool_keeps_its_acceleration_in_sharp_corners_of_a_slow_motion(panda, method):
+    ready = panda.configurations["ready"]
+    corners = ready + 0.3 * np.random.default_rng(4).uniform(-1.0, 1.0, (4, panda.n))
+    path = blend_path(corners, np.array([0.02, 0.05]), panda.limits, panda.joint_names)
+    tool = ToolSpeed(panda.tool_frame, 0.1, 0.5, 0.01)
+    motion = time_path(path, panda, panda.limits, TimingOptions(method, tool))
+    assert motion.duration > 20.0
+    pairs = zip(motion.breakpoints, np.diff(motion.breakpoints), strict=False)
+    t = np.concatenate([a + h * np.linspace(1e-6, 1.0 - 1e-6, 21) for a, h in pairs])
+    bend = tool_motion(panda, tool.frame, [motion(t, order) for order in range(3)])[1]
+    assert np.linalg.norm(bend[:, :3], axis=1).max() < 1.001 * tool.linear_acceleration
 
 
 def test_without_a_jerk_limit_the_default_is_toppra():
