@@ -64,7 +64,7 @@ class Tracker:
         """J_z (6 or 3, n): twist of the frame for dz, in world axes, m or rad."""
         reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         J: Array = pin.computeFrameJacobian(self._model, self._data, q, self._frame, reference)
-        return np.asarray(J[self.rows] * self.scale)
+        return np.asarray(J.reshape(6, -1)[self.rows] * self.scale)  # of one joint, pinocchio's has one dimension
 
     def rate(self, s: float, q: Array) -> Array:
         """dq/ds (n,) at q (n,)."""

@@ -27,4 +27,5 @@ class Tool:
         and its angular velocity, rad/s; a revolute joint about the unit axis z through p has the column (p x z, z).
         """
         J = pin.computeFrameJacobian(self._model, self._data, q, self._frame, pin.ReferenceFrame.WORLD)
-        return pin.SE3(pin.updateFramePlacement(self._model, self._data, self._frame)), np.asarray(J)
+        X_WT = pin.SE3(pin.updateFramePlacement(self._model, self._data, self._frame))
+        return X_WT, np.asarray(J.reshape(6, -1))  # of one joint it is (6,)
