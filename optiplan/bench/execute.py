@@ -114,7 +114,7 @@ def result_columns(done: Run, metrics: tuple[str, ...] | None) -> dict[str, Any]
         "duration": done.duration,
         "lower_bound": done.lower_bound,
         "ratio": done.ratio,
-        "metrics": {name: measured[name] for name in metrics or measured if name in measured},
+        "metrics": {name: measured[name] for name in (measured if metrics is None else metrics) if name in measured},
         "info": jsonable(done.info),
         "cut_short": bool(done.info.get("cut_short")),
     }

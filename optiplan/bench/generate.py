@@ -1,7 +1,11 @@
 """`generate: NAME` as a source of a suite: scenes drawn at random until the robot can stand at both ends."""
 
-from collections.abc import Iterator
+import json
+from collections.abc import Callable, Iterator
+from functools import cache as once
+from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import Any, get_type_hints
 
 import numpy as np
@@ -13,10 +17,12 @@ from optiplan.bench.scenes import Arm, Draft, Generator
 from optiplan.bench.sources import Found, Place
 from optiplan.errors import InputError
 from optiplan.geometry import pose_to_data
+from optiplan.model import cache
 from optiplan.model.collision import CollisionModel
 from optiplan.model.manipulability import ToolKinematics
 from optiplan.model.reach import sampling_range, shoulder_point
 from optiplan.model.robot import Robot
+from optiplan.pipeline import versions
 from optiplan.problem.goals import GoalOptions, goal_configurations
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
@@ -56,13 +62,34 @@ def generated(place: Place) -> Iterator[Found]:
         robot = robot | {"robot": str(place.robot())}
     loaded = robots(robot["robot"], None, None, robot.get("group"))
     arm = Arm(np.zeros(3), 1.0) if spec.generate in _ROBOTS else _arm(loaded)
+    identity = [_code(), loaded.fingerprint, json.dumps([robot, spec.generate, vars(generator), spec.seed])]
     for k in range(spec.count):
-        data = _problem(generator, arm, np.random.default_rng([spec.seed, k]), (robot, loaded, robots))
+        rng = np.random.default_rng([spec.seed, k])
+        data = _kept([*identity, str(k)], partial(_problem, generator, arm, rng, (robot, loaded, robots)))
         if data is None:
             expected = "other params:, another seed: or another robot:"
             raise place.refuse("generate", f"{_DRAWS} scenes in which '{loaded.name}' cannot stand", expected)
         origin = {"generate": spec.generate, "seed": spec.seed, "index": k, "params": dict(spec.params)}
         yield Found(f"{level}-{k:04d}", spec.set or str(spec.generate), data, place.scratch, origin, level)
+
+
+def _kept(identity: list[str], make: Callable[[], dict[str, Any] | None]) -> dict[str, Any] | None:
+    """What was made before of the same, or what is made now: drawing scenes takes longer than reading them."""
+    file = f"scenes/{cache.digest(part.encode() for part in identity)}.json"
+    kept = cache.load(file)
+    if kept is None:
+        kept = json.dumps(make()).encode()
+        cache.store(file, kept)
+    data: dict[str, Any] | None = json.loads(kept)
+    return data
+
+
+@once
+def _code() -> str:
+    """Identity of all that has a say in a scene: no one remembers to count a version up."""
+    folder = Path(__file__).parents[1]
+    files = [path for room in ("bench", "model", "problem") for path in sorted((folder / room).glob("*.py"))]
+    return cache.digest([json.dumps(versions()).encode(), *(path.read_bytes() for path in files)])
 
 
 def _arm(robot: Robot) -> Arm:

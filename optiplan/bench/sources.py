@@ -83,9 +83,17 @@ class Place:
         Raises:
             InputError: a variable that is not set.
         """
+        return self.folder / self.text(key)
+
+    def text(self, key: str) -> str:
+        """What a key of the source says, variables replaced.
+
+        Raises:
+            InputError: a variable that is not set.
+        """
         text = str(getattr(self.spec, key))
         try:
-            return self.folder / expand(text)
+            return expand(text)
         except KeyError as error:
             expected = f"the environment variable {error.args[0]} to be set"
             raise self.refuse(key, f"'{text}'", expected) from None
@@ -122,11 +130,14 @@ def read_source(place: Place) -> Iterator[Found]:
 
 def problem_files(place: Place) -> Iterator[Found]:
     """Problem files that match the pattern, by name; the set is their folder unless one is given."""
-    pattern = place.path("glob")
-    anchor = Path(pattern.anchor)
-    files = sorted(path for path in anchor.glob(str(pattern.relative_to(anchor))) if path.is_file())
+    pattern = Path(place.text("glob"))
+    start = Path(pattern.anchor) if pattern.anchor else place.folder  # whose own name may hold a * or a [
+    try:
+        files = sorted(path for path in start.glob(str(pattern.relative_to(pattern.anchor))) if path.is_file())
+    except ValueError as error:
+        raise place.refuse("glob", str(error), "a pattern of problem files") from error
     if not files:
-        raise place.refuse("glob", f"no file matches {pattern}", "a pattern of problem files")
+        raise place.refuse("glob", f"no file matches {place.folder / pattern}", "a pattern of problem files")
     for path in place.thinned(files):
         document = read_yaml(path)
         path = path.resolve()

@@ -24,6 +24,7 @@ VARIABLE = re.compile(r"\$\{(?P<name>[A-Za-z_][A-Za-z0-9_]*)(?::-(?P<default>[^}
 
 Positive = Annotated[Number, Field(gt=0.0)]
 Count = Annotated[Whole, Field(ge=1)]
+SetName = Annotated[Name, Field(pattern=r"^[^./\\][^/\\]*$")]  # folders are called so
 Seed = Annotated[Whole, Field(ge=0, lt=2**31)]
 Item = TypeVar("Item")
 
@@ -66,7 +67,7 @@ class SourceSpec(Strict):
     mbm: Name | None = None
     robometrics: Name | None = None
     generate: Name | None = None
-    set: Name | None = None
+    set: SetName | None = None
     difficulty: Name | None = None
     robot: Name | None = None
     sets: tuple[Name, ...] | None = None

@@ -40,6 +40,21 @@ def test_a_problem_depends_on_seed_and_index_alone(load):
     assert other.data["scene"] != several[0].data["scene"]
 
 
+def test_a_scene_is_drawn_once(load, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (first,) = load("{generate: table}")
+    monkeypatch.setattr(generate, "_problem", None)  # who draws again, fails
+    (again,) = load("{generate: table}")
+    assert again == first
+    for other in (
+        "{generate: table, seed: 1}",
+        "{generate: table, robot: ur3}",
+        "{generate: table, params: {legs: 1}}",
+    ):
+        with pytest.raises((TypeError, InputError)):
+            load(other)
+
+
 def test_levels_and_parameters_change_the_scene(load):
     sizes = [
         len(load(f"{{generate: clutter, params: {{level: {level}}}}}")[0].data["scene"]["obstacles"])

@@ -44,6 +44,16 @@ def test_problem_files_are_found_and_hashed(load, problems):
         assert problem.origin == {"file": str(problems / f"{name}.yaml")}
 
 
+def test_the_folder_may_be_called_as_it_likes(problems, tmp_path):
+    folder = tmp_path / "odd [a]*? ü"
+    folder.mkdir()
+    shutil.copy(problems / "12_planar.yaml", folder)
+    (folder / "suite.yaml").write_text(
+        "{version: 1, name: n, budget: 1, problems: [{glob: '1*.yaml', set: a}], planners: [quintic]}"
+    )
+    assert [problem.id for problem in load_suite(folder / "suite.yaml", tmp_path).problems] == ["a/12_planar"]
+
+
 def test_a_set_is_called_like_its_folder(load, problems):
     (problem,) = load(f"problems: [{{glob: '{problems}/12*.yaml'}}]\nplanners: [quintic]\n").problems
     assert (problem.id, problem.set_name, problem.difficulty) == ("problems/12_planar", "problems", None)
@@ -103,6 +113,8 @@ def test_mistakes_in_planners_and_metrics_are_told_with_their_line(refused, prob
     [
         ("{glob: 'none*.yaml'}", "no file matches"),
         ("{glob: '${NOT_SET_ANYWHERE}/a.yaml'}", "'${NOT_SET_ANYWHERE}/a.yaml'"),
+        ("{glob: 'a**b'}", "Invalid pattern"),
+        ("{glob: '*.yaml', set: ../up}", "'../up'"),
         ("{mbm: .}", "no scene*.yaml with request*.yaml"),
         ("{glob: 'bad.yaml'}", "nothing"),
         ("{glob: 'alien.yaml'}", "unknown robot 'hal'"),
