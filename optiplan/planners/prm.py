@@ -59,7 +59,8 @@ class Prm:
 
     def _roadmap(self, check: MotionCheck, ends: Ends, seed: int) -> Roadmap:
         box = search_bounds(check.limits, ends)
-        key = (*world_key(check.model), check.limits.torque.tobytes(), *(bound.tobytes() for bound in box), seed)
+        bounds = (check.limits.torque, check.limits.velocity, *box)
+        key = (*world_key(check.model), *(bound.tobytes() for bound in bounds), seed)
         if key in self.roadmaps and len(self.roadmaps[key].vertices) > 2 * self.options.most_vertices:
             del self.roadmaps[key]  # full of the ends of queries
         roadmap = self.roadmaps.setdefault(key, Roadmap(box, check.limits.velocity, seed))

@@ -194,6 +194,15 @@ def test_roadmaps_belong_to_their_scene_and_few_are_kept():
     assert len(keys) == 3
 
 
+@pytest.mark.parametrize("name", ["lower", "upper", "velocity", "torque"])
+def test_other_limits_are_another_roadmap(name):
+    planner, problem = Prm(PrmOptions(vertices=20, attempts=0)), bar()
+    for share in (1.0, 1.0, 0.99):
+        changed = replace(problem.limits, **{name: share * getattr(problem.limits, name)})
+        plan(planner, replace(problem, limits=changed))
+    assert len(planner.roadmaps) == 2
+
+
 def test_a_roadmap_stops_growing():
     planner = Prm(PrmOptions(vertices=50, most_vertices=120))
     result = plan(planner, cases.barred())
