@@ -14,6 +14,7 @@ from optiplan.bench.sources import Found, Place, read_source
 from optiplan.bench.spec import SuiteSpec, read_suite
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.metrics import Metrics
+from optiplan.planners.base import Progress
 from optiplan.planners.registry import make_planner
 from optiplan.problem.load import source_of
 from optiplan.problem.spec import ProblemSpec
@@ -74,12 +75,13 @@ class Suite:
         return hashlib.sha256(json.dumps(self.parts, sort_keys=True).encode()).hexdigest()
 
 
-def load_suite(path: Path | str, scratch: Path) -> Suite:
+def load_suite(path: Path | str, scratch: Path, progress: Progress = lambda stage, fraction: None) -> Suite:
     """Read a suite file, find its problems and check its planners.
 
     Args:
         path: the YAML file.
         scratch: folder for files that problems need and that no source holds; made only for such files.
+        progress: told every problem that was read, and the fraction of sources that are done.
 
     Raises:
         InputError: with every issue found; problems are checked as far as is possible without loading their scenes.
@@ -91,7 +93,8 @@ def load_suite(path: Path | str, scratch: Path) -> Suite:
     for index, name in enumerate(spec.metrics or ()):
         if name not in METRICS:
             issues.append(document.issue(("metrics", index), f"unknown metric '{name}'", choices(name, METRICS)))
-    problems = _problems(spec, document, scratch, issues)
+    places = [Place(source, index, document, scratch) for index, source in enumerate(spec.problems)]
+    problems = _labelled(_problems(places, issues, progress), spec, document, issues)
     if issues:
         raise InputError(sorted(issues, key=lambda issue: (issue.file, issue.line or 0)))
     return Suite(spec, document.path.read_text(encoding="utf-8"), problems, planners)
@@ -135,20 +138,22 @@ def _planners(spec: SuiteSpec, document: Document, issues: list[Issue]) -> tuple
     return tuple(BenchPlanner(planner.shown, planner.name, planner.options) for planner in spec.planners)
 
 
-def _problems(spec: SuiteSpec, document: Document, scratch: Path, issues: list[Issue]) -> tuple[BenchProblem, ...]:
+def _problems(places: list[Place], issues: list[Issue], progress: Progress) -> dict[str, BenchProblem]:
+    """The problems of all sources by their ids."""
     robots = RobotShelf()
     found: dict[str, BenchProblem] = {}
-    for index, source in enumerate(spec.problems):
-        place = Place(source, index, document, scratch)
+    for place in places:
+        source = place.spec
         try:
             for item in read_source(place):
                 problem = _problem(item, source.difficulty, robots)
+                progress(f"reading problems: {problem.id}", place.index / len(places))
                 if problem.id in found:
                     raise place.refuse(source.kind, f"a second problem '{problem.id}'", "another set: for this source")
                 found[problem.id] = problem
         except InputError as error:
             issues += error.issues
-    return _labelled(found, spec, document, issues)
+    return found
 
 
 def _problem(item: Found, difficulty: str | None, robots: RobotShelf) -> BenchProblem:

@@ -14,6 +14,7 @@ import typer
 
 from optiplan.cli import bench_report
 from optiplan.cli.output import messages, print_json, results, stdout_is_ours
+from optiplan.cli.progress import ProgressLine
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
@@ -69,8 +70,8 @@ def run(
     from optiplan.bench.suite import load_suite
 
     pool, label = _workforce(workers, dask)
-    with stdout_is_ours():
-        chosen = load_suite(suite, _scratch(suite, out))
+    with stdout_is_ours(), ProgressLine() as progress:
+        chosen = load_suite(suite, _scratch(suite, out), progress)
     folder = out or Path("runs", "bench", chosen.spec.name)
     with open_results(chosen, folder) as store:
         for words in other_versions(store):
