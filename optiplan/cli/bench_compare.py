@@ -43,13 +43,14 @@ def _change_data(change: Change) -> dict[str, Any]:
 def show_comparison(console: Console, found: Comparison) -> None:
     """A table of changes, then the ones that matter in words, then failures."""
     for note in found.notes:
-        console.print(f"note: {note}", style="yellow", markup=False)
+        console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
     table = Table(box=None, pad_edge=False)
     for name in ("planner", "quantity", "A", "B", "B / A", "95 %", "better", "worse", "p", ""):
         table.add_column(name, justify="left" if name in ("planner", "quantity", "") else "right", no_wrap=True)
     for change in found.changes:
         table.add_row(*_row(change), style=STYLES.get(change.verdict))
-    console.print(table, width=max(console.width, WIDTH), crop=False)
+    console.width = max(console.width, WIDTH)
+    console.print(table)
     console.print(f"{found.common} runs in common; p: corrected for {len(found.changes)} comparisons", markup=False)
     for verdict in (REGRESSION, IMPROVEMENT):
         for change in found.of(verdict):

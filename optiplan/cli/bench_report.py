@@ -93,8 +93,9 @@ def compare(
 ) -> int:
     """Name what became worse and better, and how sure that is; only runs that both have are compared.
 
-    A regression is fewer verified runs, planning times longer by 10 % or motions longer by 2 % (medians over problems)
-    that chance explains with a probability below 0.05, corrected for the number of comparisons.
+    A regression is fewer verified runs, planning times longer by 20 % (by the clock and by the processor), or motions
+    longer by 2 % (medians over problems), that chance explains with a probability below 0.05, corrected for the number
+    of comparisons.
 
     [bold]Example[/]
 

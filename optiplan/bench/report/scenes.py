@@ -16,7 +16,7 @@ MOST = 10
 
 
 def write_scenes(store: Store, found: Iterable[Reason], page: Path) -> dict[Failed, str]:
-    """Write the scenes; addresses relative to the page, by run. A run whose problem cannot be loaded has none."""
+    """Write the scenes; addresses relative to the page, by run. A run that cannot be loaded has none."""
     addresses: dict[Failed, str] = {}
     for reason in list(found)[:MOST]:
         run = next((one for one in reason.examples if one.seen), reason.examples[0])
@@ -24,7 +24,7 @@ def write_scenes(store: Store, found: Iterable[Reason], page: Path) -> dict[Fail
         try:
             problem, view = stored_view(store, (run.problem, run.planner, run.seed, run.repetition))
             export_page(problem, [view], page.parent / FOLDER / f"{name}.html")
-        except OptiPlanError:
+        except (OptiPlanError, OSError):
             continue
         addresses[run] = f"{FOLDER}/{name}.html"
     return addresses

@@ -45,7 +45,7 @@ class ReportServer(PageServer):
             with Store(self.folder) as store:
                 problem, run = stored_view(store, key)
             return render_page(build_scene(problem, [run])).encode("utf-8")
-        except OptiPlanError as error:
+        except (OptiPlanError, OSError) as error:
             head = '<!doctype html><title>OptiPlan</title><link rel="icon" href="data:,">'
             return f"{head}<pre>{html.escape(str(error))}</pre>".encode()
 
