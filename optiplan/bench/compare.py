@@ -10,8 +10,8 @@ told, and left out. As in the report the unit is the problem: its runs are taken
 | duration | median ratio beyond 1.02 or below 1 / 1.02 | signed ranks over problems |
 
 of those that both solve; and when, corrected by Holm for all quantities of all planners, such a change has a
-probability below 0.05 by chance. Processor time has its say because a busy machine makes every planner slower: measured,
-2.6 times by the clock and 1.1 times by the processor at 2.5 times the load.
+probability below 0.05 by chance. Processor time has its say because a busy machine makes every planner slower:
+measured, 2.6 times by the clock and 1.1 times by the processor at 2.5 times the load.
 """
 
 import math

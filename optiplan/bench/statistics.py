@@ -107,8 +107,8 @@ def _medians_of_groups(ordered: Array, groups: npt.NDArray[np.int64], rng: np.ra
         size = min(rows, RESAMPLES - begin)
         drawn = rng.integers(count, size=(size, count)) + count * np.arange(size)[:, None]
         times = np.bincount(drawn.ravel(), minlength=size * count).reshape(size, count)
-        times = times.astype(np.int32)[:, groups]
-        upto = np.cumsum(times, axis=1, dtype=np.int32)  # values at this rank or below, in each resample
+        each = times.astype(np.int32)[:, groups]
+        upto = np.cumsum(each, axis=1, dtype=np.int32)  # values at this rank or below, in each resample
         half = 0.5 * upto[:, -1:]
         ranks = np.array([np.argmax(upto >= half, axis=1), np.argmax(upto > half, axis=1)])
         medians.append(0.5 * ordered[ranks].sum(axis=0))
