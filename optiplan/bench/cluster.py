@@ -5,7 +5,7 @@ import threading
 import time
 import uuid
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -73,7 +73,7 @@ class DaskCluster:
         """Threads of all workers that are there now."""
         return sum(self._client.nthreads().values())
 
-    def outcomes(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+    def outcomes(self, tasks: Iterable[Task]) -> Generator[Outcome, None, None]:
         """As `Workforce` says.
 
         Raises:

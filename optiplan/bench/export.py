@@ -1,6 +1,7 @@
-"""The results as tables for other programs: CSV and Parquet."""
+"""The results for other programs: tables as CSV and Parquet, problems as files."""
 
 import csv
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 
 from optiplan.bench.store import Store
 from optiplan.errors import OptiPlanError
+from optiplan.problem.write import problem_text, write_text
 
 FORMATS = ("csv", "parquet")
 TABLES = ("runs", "problems", "planners", "sessions")
@@ -44,6 +46,23 @@ def export(store: Store, folder: Path, kind: str) -> list[Path]:
         path = folder / f"{table}.{kind}"
         with _whole(path) as temporary:
             write(store, table, temporary)
+        written.append(path)
+    return written
+
+
+def write_problems(store: Store, folder: Path) -> list[Path]:
+    """Write each problem as a problem file, `problems/<set>/<name>.yaml`: scenes that were generated, too.
+
+    Returns:
+        The files.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    written = []
+    for row in store.query("SELECT id, data, origin FROM problems ORDER BY position"):
+        path = folder / "problems" / f"{row['id']}.yaml"
+        write_text(path, problem_text(json.loads(row["data"]), f"{row['id']}: {row['origin']}"))
         written.append(path)
     return written
 

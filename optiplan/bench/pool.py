@@ -2,17 +2,20 @@
 
 import queue
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from typing import Protocol
 
 from optiplan.bench.records import Outcome, Task
 from optiplan.bench.slot import Slot, Stopped
 
+PATIENCE = 5.0
+"""s that a slot has to end its run."""
+
 
 class Workforce(Protocol):
     """Whoever carries out tasks: slots on this machine, or machines elsewhere."""
 
-    def outcomes(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+    def outcomes(self, tasks: Iterable[Task]) -> Generator[Outcome, None, None]:
         """One outcome for every task, in any order; a task is taken from `tasks` only when a slot is free for it."""
         ...
 
@@ -38,7 +41,7 @@ class LocalPool:
         """Seconds that the slots waited for new workers, in all."""
         return sum(slot.starting for slot in self._slots)
 
-    def outcomes(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+    def outcomes(self, tasks: Iterable[Task]) -> Generator[Outcome, None, None]:
         """As `Workforce` says.
 
         Raises:
@@ -49,15 +52,19 @@ class LocalPool:
         for thread in threads:
             thread.start()
         ended = 0
-        while ended < len(threads):
-            item = self._done.get()
-            if item is None:
-                ended += 1
-            elif isinstance(item, BaseException):
-                self.close()
-                raise item
-            else:
-                yield item
+        try:
+            while ended < len(threads):
+                item = self._done.get()
+                if item is None:
+                    ended += 1
+                elif isinstance(item, BaseException):
+                    raise item
+                else:
+                    yield item
+        finally:  # also where an outcome cannot be stored: what planners started ends with their slot
+            self.close()
+            for thread in threads:
+                thread.join(PATIENCE)
 
     def close(self) -> None:
         """As `Workforce` says."""

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,10 +87,11 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
     store.begin(label, machine(), versions())
     how = "failed"
     try:
-        for outcome in workforce.outcomes(task for task in suite.tasks() if task.key not in there):
-            store.add(outcome)
-            made += 1
-            watch(outcome)
+        with closing(workforce.outcomes(task for task in suite.tasks() if task.key not in there)) as outcomes:
+            for outcome in outcomes:
+                store.add(outcome)
+                made += 1
+                watch(outcome)
         summary = Summary(suite.size, len(there), made)
         how = "complete" if summary.complete else "interrupted"
         return summary

@@ -11,7 +11,7 @@ import os
 import sqlite3
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -74,13 +74,17 @@ class Store:
         """
         self.folder = folder
         self.path = folder / FILE
-        self._lock = _locked(folder) if write else None
+        self.session: int | None = None
         if not self.path.is_file():
             raise InputError([Issue(str(folder), None, "folder", f"no {FILE}", "a folder that a suite was run into")])
-        with self._told():
-            self._db = _connected(self.path, write)
-        self._check_version()
-        self.session: int | None = None
+        self._lock = _locked(folder) if write else None
+        try:
+            with self._told():
+                self._db = _connected(self.path, write)
+            self._check_version()
+        except BaseException:
+            self._unlock()
+            raise
 
     @classmethod
     def create(cls, folder: Path, meta: Mapping[str, Any]) -> "Store":
@@ -97,17 +101,17 @@ class Store:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             lock = _locked(folder)
-            if (folder / FILE).exists():
-                raise _unusable(folder, f"a {FILE} is there already", "a folder without results")
-            fresh.unlink(missing_ok=True)
-            db = sqlite3.connect(fresh)
-            db.executescript(SCHEMA)
-            rows = {"schema_version": SCHEMA_VERSION, "created_at": now(), **meta}
-            with db:
-                db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in rows.items()])
-            db.close()
-            fresh.rename(folder / FILE)
-            os.close(lock)
+            try:
+                if (folder / FILE).exists():
+                    raise _unusable(folder, f"a {FILE} is there already", "a folder without results")
+                fresh.unlink(missing_ok=True)
+                with closing(sqlite3.connect(fresh)) as db, db:
+                    db.executescript(SCHEMA)
+                    rows = {"schema_version": SCHEMA_VERSION, "created_at": now(), **meta}
+                    db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in rows.items()])
+                fresh.rename(folder / FILE)
+            finally:
+                os.close(lock)
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"{folder}: the results cannot be written: {error}") from error
         return cls(folder, write=True)
@@ -125,6 +129,9 @@ class Store:
             with suppress(sqlite3.Error):  # readers are there, or the disk is full: it stays as it is
                 self._db.execute("PRAGMA journal_mode = DELETE")  # one file, to be read from anywhere
         self._db.close()
+        self._unlock()
+
+    def _unlock(self) -> None:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None

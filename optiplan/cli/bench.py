@@ -90,14 +90,15 @@ def export(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="the folder of a suite's results")],
     to: Annotated[Path | None, typer.Option(metavar="OUT", help="where the files go (default: DIR)")] = None,
     kind: Annotated[
-        str, typer.Option("--format", metavar="F", help="csv, parquet, all (both), ompl or robometrics")
+        str, typer.Option("--format", metavar="F", help="csv, parquet, all (both), problems, ompl or robometrics")
     ] = "all",
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
 ) -> int:
     """Write the results for other programs.
 
-    csv and parquet: the tables runs, problems, planners, sessions. ompl: logs that Planner Arena reads, one a set.
-    robometrics: their metrics, one file a planner. Also while the suite is running. Parquet needs the extra `results`.
+    csv and parquet: the tables runs, problems, planners, sessions. problems: files for `optiplan plan`.
+    ompl: logs that Planner Arena reads, one a set. robometrics: their metrics, one file a planner.
+    Also while the suite is running. Parquet needs the extra `results`.
     """
     from optiplan.bench import export as tables
     from optiplan.bench.foreign import write_metrics
@@ -105,7 +106,7 @@ def export(
     from optiplan.bench.store import Store
     from optiplan.errors import UnknownChoiceError
 
-    others = {"ompl": write_logs, "robometrics": write_metrics}
+    others = {"problems": tables.write_problems, "ompl": write_logs, "robometrics": write_metrics}
     if kind not in (*tables.FORMATS, "all", *others):
         raise UnknownChoiceError("format", kind, (*tables.FORMATS, "all", *others))
     with Store(folder) as store:

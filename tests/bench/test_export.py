@@ -3,9 +3,10 @@ import json
 
 import pytest
 
-from optiplan.bench.export import TABLES, export
+from optiplan.bench.export import TABLES, export, write_problems
 from optiplan.bench.store import Store
 from optiplan.errors import OptiPlanError
+from optiplan.problem.load import load_problem
 
 
 @pytest.fixture
@@ -45,6 +46,15 @@ def test_parquet_is_what_the_database_holds_and_duckdb_reads_it(results, tmp_pat
     assert ask(f"SELECT id FROM '{files['problems']}' ORDER BY position").fetchall() == [("plain/p0",), ("plain/p1",)]
     sql = f"SELECT json_extract(machine, '$.cores')::INT FROM '{files['sessions']}'"
     assert ask(sql).fetchone()[0] >= 1
+
+
+def test_problems_can_be_planned_again(results, tmp_path):
+    written = write_problems(results, tmp_path / "again")
+    assert [str(path.relative_to(tmp_path)) for path in written] == [
+        "again/problems/plain/p0.yaml",
+        "again/problems/plain/p1.yaml",
+    ]
+    assert [load_problem(path).hash for path in written] == [results.problem(f"plain/p{k}").hash for k in range(2)]
 
 
 def test_without_pyarrow_parquet_says_what_is_missing(results, tmp_path, monkeypatch):

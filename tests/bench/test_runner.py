@@ -8,6 +8,7 @@ from contextlib import closing
 
 import pytest
 
+from optiplan.bench.machine import descendants
 from optiplan.bench.pool import LocalPool
 from optiplan.bench.runner import open_results, other_versions, run_suite
 from optiplan.bench.store import StoreError
@@ -42,8 +43,7 @@ def wait_until(condition, patience=30.0):
 
 
 def workers_of(process):
-    found = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True, check=False)
-    return [int(pid) for pid in found.stdout.split()]
+    return descendants(process.pid)
 
 
 def verdicts(rows):
@@ -170,6 +170,15 @@ def test_a_full_disk_is_told_and_loses_nothing(write_suite, tmp_path, run):
     assert 0 < there < 80
     done, rows = run(path)
     assert (done.found, len(rows)) == (there, 80)
+
+
+def test_where_storing_fails_nothing_goes_on(write_suite, tmp_path):
+    suite = load_suite(write_suite(planners=[SLOW]), tmp_path)
+    with open_results(suite, tmp_path / "out") as store:
+        store.add = lambda outcome: (_ for _ in ()).throw(StoreError("full"))
+        with pytest.raises(StoreError, match="full"):
+            run_suite(suite, store, LocalPool(2), "2 local", lambda outcome: None)
+    assert descendants(os.getpid()) == []
 
 
 @pytest.fixture

@@ -99,3 +99,16 @@ def test_what_is_no_results_is_refused(tmp_path, store):
     (tmp_path / "results.sqlite").write_text("no database" * 100)
     with pytest.raises(StoreError, match="no database of results"):
         Store(tmp_path)
+
+
+def test_what_cannot_be_opened_is_not_kept_locked(tmp_path, store):
+    store.close()
+    whole = store.path.read_bytes()
+    store.path.write_text("no database" * 100)
+    with pytest.raises(StoreError):
+        Store(store.folder, write=True)
+    store.path.write_bytes(whole)
+    Store(store.folder, write=True).close()
+    with pytest.raises(InputError, match="is there already"):
+        Store.create(store.folder, {})
+    Store(store.folder, write=True).close()
