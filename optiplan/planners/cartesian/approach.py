@@ -41,10 +41,16 @@ class Branch:
         return reasons[-1] or Failure("no-path", "no way to another branch")
 
 
-def other_branches(problem: Problem, frame: str, tools: tuple[CollisionModel, Budget], count: int) -> list[Branch]:
-    """Other free configurations with the frame where the start has it, those reached soonest first."""
+def other_branches(
+    problem: Problem, frame: str, tools: tuple[CollisionModel, Budget], count: int, end: Array | None = None
+) -> list[Branch]:
+    """Other free configurations with the frame where the start has it, those reached soonest first.
+
+    Where the path is to end in a configuration `end` (n,), those nearest to it come first: they are on its branch.
+    """
     X = frame_pose(problem.robot, problem.start, frame)
-    goals = ranked_goals(replace(problem, goal=(PoseGoal(frame, X),), vias=()), *tools, count + 1)
+    near = problem.start if end is None else end
+    goals = ranked_goals(replace(problem, start=near, goal=(PoseGoal(frame, X),), vias=()), *tools, count + 1)
     here = Tracker(problem.robot, frame, line(X, X), Aim())
     exact = [here.correct(0.0, q) for q in ([] if isinstance(goals, Failure) else goals)]
     return [Branch(q, changed=True) for q in exact if q is not None and np.abs(q - problem.start).max() > _OTHER]

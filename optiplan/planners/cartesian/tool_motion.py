@@ -175,7 +175,8 @@ class ToolMotion(ABC, Generic[Options]):
                 yield Branch(work.problem.start), task, aim
         for task in tasks if self.options.change_branch else ():
             with work.watch.stage("goals"):
-                branches = other_branches(work.problem, task.frame, (work.model, work.budget), self.options.goals)
+                tools, count = (work.model, work.budget), self.options.goals
+                branches = other_branches(work.problem, task.frame, tools, count, task.goal)
             for branch in branches:
                 yield branch, task, self._plain(task)
 
