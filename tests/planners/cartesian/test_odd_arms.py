@@ -1,8 +1,11 @@
-"""Tool paths of arms with hardly any joints."""
+"""Tool paths of arms with hardly any joints, and of one with hundreds of configurations for a pose."""
 
 import numpy as np
 import pytest
 
+from optiplan.model.closed_form import closed_form
+from optiplan.model.jacobians import frame_pose
+from optiplan.model.robot import load_robot
 from optiplan.pipeline import run
 from optiplan.planners.base import Budget
 from optiplan.problem.load import problem_from_dict
@@ -46,3 +49,20 @@ def test_one_joint_draws_no_line(tmp_path, planner):
     failure = run(problem, "line", problem.options, Budget(20.0), lambda stage, fraction: None).failure
     assert failure.kind == "unsupported"
     assert failure.witness["fraction"] == 0.0
+
+
+@pytest.mark.parametrize("flip", ["wrist", "elbow"])
+def test_the_branch_of_the_goal_is_found_among_many_turns(flip):
+    """A UR5's joints turn twice: the branches nearest to the start are all its own, turned on."""
+    robot, start = load_robot("ur5"), np.array([0.0, -1.3, 1.5, -1.8, -1.57, 0.2])
+    X = frame_pose(robot, start, "tool0")
+    X.translation = X.translation + np.array([0.0, 0.2, -0.1])
+    found = closed_form(robot, "tool0").solve(X.homogeneous[None])
+    joint = {"wrist": 4, "elbow": 2}[flip]
+    opposite = [q for q in found.q[0][found.valid[0]] if q[joint] * start[joint] < 0.0 and abs(q[0]) < 1.0]
+    data = {"version": 1, "robot": "ur5", "start": {"joints": start.tolist()}, "goal": {"joints": opposite[0].tolist()}}
+    problem = problem_from_dict(data)
+    assert not run(problem, "line", {}, Budget(20.0), lambda stage, fraction: None).verified
+    changed = run(problem, "line", {"change_branch": True}, Budget(20.0), lambda stage, fraction: None)
+    assert changed.info["branch_changed"]
+    assert changed.verified
