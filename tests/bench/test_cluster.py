@@ -89,20 +89,20 @@ def verdicts(rows):
 
 
 def test_four_workers_one_killed_midway_give_what_a_local_run_gives(write_suite, run, dask, tmp_path):
-    path = write_suite(count=4, planners=[SLOW, "quintic", "rrtconnect"], seeds=[0, 7], repetitions=2)
+    path = write_suite(count=4, planners=[SLOW, "quintic", "rrtconnect"], seeds=[0, 7])
     workers = dask.workers(4)
     seen = []
 
     def kill_one(outcome):
         seen.append(outcome.row)
-        if len(seen) == 8:
+        if len(seen) == 6:
             victim = next(p for p in workers if f"/{p.pid}/" in outcome.row.worker)
             victim.send_signal(signal.SIGKILL)
 
     done, rows = run_there(path, tmp_path / "there", dask.address, kill_one)
-    assert (done.total, done.made, len(rows)) == (48, 48, 48)
+    assert (done.total, done.made, len(rows)) == (24, 24, 24)
     assert sum(process.poll() is not None for process in workers) == 1
-    assert len({row["worker"] for row in rows.values()}) == 4
+    assert len({row["worker"] for row in rows.values()}) >= 3
     local = run(path, workers=2)[1]
     assert verdicts(rows) == verdicts(local)
     assert run_there(path, tmp_path / "there", dask.address)[0].made == 0
