@@ -47,6 +47,11 @@ class Found:
     difficulty: str | None = None
     document: Document | None = None
 
+    @property
+    def id(self) -> str:
+        """Unique in the suite."""
+        return f"{self.set_name}/{self.name}"
+
 
 @dataclass(frozen=True)
 class Place:
@@ -138,9 +143,16 @@ def problem_files(place: Place) -> Iterator[Found]:
         raise place.refuse("glob", str(error), "a pattern of problem files") from error
     if not files:
         raise place.refuse("glob", f"no file matches {place.folder / pattern}", "a pattern of problem files")
+    issues: list[Issue] = []
     for path in place.thinned(files):
-        document = read_yaml(path)
+        try:
+            document = read_yaml(path)
+        except InputError as error:
+            issues += error.issues
+            continue
         path = path.resolve()
         data = document.data if isinstance(document.data, dict) else {}
         set_name = place.spec.set or path.parent.name
         yield Found(path.stem, set_name, data, path.parent, {"file": str(path)}, None, document)
+    if issues:
+        raise InputError(issues)

@@ -143,14 +143,16 @@ def _problems(places: list[Place], issues: list[Issue], progress: Progress) -> d
     robots = RobotShelf()
     found: dict[str, BenchProblem] = {}
     for place in places:
-        source = place.spec
         try:
             for item in read_source(place):
-                problem = _problem(item, source.difficulty, robots)
-                progress(f"reading problems: {problem.id}", place.index / len(places))
-                if problem.id in found:
-                    raise place.refuse(source.kind, f"a second problem '{problem.id}'", "another set: for this source")
-                found[problem.id] = problem
+                progress(f"reading problems: {item.id}", place.index / len(places))
+                if item.id in found:
+                    what = f"a second problem '{item.id}'"
+                    issues.append(place.issue(place.spec.kind, what, "other names, or another set:"))
+                try:
+                    found[item.id] = _problem(item, place.spec.difficulty, robots)
+                except InputError as error:  # the others may have issues, too
+                    issues += error.issues
         except InputError as error:
             issues += error.issues
     return found
@@ -162,17 +164,16 @@ def _problem(item: Found, difficulty: str | None, robots: RobotShelf) -> BenchPr
     Raises:
         InputError: it does not fit, or its robot or meshes cannot be read.
     """
-    id_ = f"{item.set_name}/{item.name}"
-    spec = validate(ProblemSpec, item.document or Document(Path(id_), item.data, {}))
+    spec = validate(ProblemSpec, item.document or Document(Path(item.id), item.data, {}))
     try:
         robot = robots(spec.robot, item.base, spec.locked, spec.group)
         data, digest = source_of(spec, item.name, item.base, robot)
     except InputError:
         raise
     except (OptiPlanError, OSError) as error:
-        file = str(item.document.path) if item.document else id_
+        file = str(item.document.path if item.document else item.id)
         raise InputError([Issue(file, None, "problem", str(error), "a robot and meshes that can be read")]) from error
-    return BenchProblem(id_, item.set_name, item.difficulty or difficulty, digest, data, item.origin)
+    return BenchProblem(item.id, item.set_name, item.difficulty or difficulty, digest, data, item.origin)
 
 
 def _labelled(

@@ -230,8 +230,8 @@ def planner_entry(name: str) -> PlannerEntry:
 def _from_outside(name: str) -> PlannerEntry:
     try:
         summary = (_load(name).__doc__ or "").partition("\n")[0]
-        _load(f"{name}.Options")
-    except Exception as error:  # whatever happens while a foreign module is imported
+        fields(_load(f"{name}.Options"))
+    except (Exception, SystemExit) as error:  # whatever happens while a foreign module is imported
         found = f"{type(error).__name__}: {error}"
         expected = "package.module:Class that can be imported, with an options dataclass as its attribute Options"
         raise InputError([Issue(f"planner '{name}'", None, "name", found, expected)]) from error

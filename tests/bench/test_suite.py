@@ -127,6 +127,21 @@ def test_sources_without_problems(refused, tmp_path, source, words):
     assert words in found
 
 
+def test_all_broken_problems_are_told(refused, problems, tmp_path):
+    good = (problems / "12_planar.yaml").read_text()
+    texts = {
+        "a": good,
+        "b": "name: [",
+        "c": good.replace("planar2r", "nobody"),
+        "d": good.replace("version: 1", "v: 1"),
+    }
+    for name, text in texts.items():
+        (tmp_path / f"p{name}.yaml").write_text(text)
+    found = [what for _, what in refused("problems:\n  - {glob: 'p*.yaml'}\nplanners: [quintic]\n")]
+    words = ("but found", "unknown robot 'nobody'", "unknown key", "nothing")
+    assert all(any(word in what for what in found) for word in words), found
+
+
 def test_a_problem_comes_once(refused, problems):
     source = f"{{glob: '{problems}/12*.yaml'}}"
     assert refused(f"problems:\n  - {source}\n  - {source}\nplanners: [quintic]\n") == [

@@ -115,3 +115,12 @@ def test_a_planner_from_outside_is_named_by_module_and_class(monkeypatch):
     for name, words in (("nowhere:Still", "No module named 'nowhere'"), ("somewhere:Bare", "no attribute 'Options'")):
         with pytest.raises(InputError, match=words):
             make_planner(name)
+
+
+def test_a_planner_from_outside_that_is_none(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "quits.py").write_text("raise SystemExit(0)")
+    (tmp_path / "plain.py").write_text("class Planner:\n    Options = dict\n")
+    for name, words in (("quits:Planner", "SystemExit: 0"), ("plain:Planner", "dataclass")):
+        with pytest.raises(InputError, match=words):
+            make_planner(name)
