@@ -1,10 +1,13 @@
+import io
 import os
+import re
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
 from contextlib import closing
+from types import SimpleNamespace
 
 import pytest
 
@@ -13,6 +16,7 @@ from optiplan.bench.pool import LocalPool
 from optiplan.bench.runner import open_results, other_versions, run_suite
 from optiplan.bench.store import StoreError
 from optiplan.bench.suite import load_suite
+from optiplan.cli.bench import _progress
 from optiplan.errors import InputError
 
 SLOW = {"name": "bench_planners:Straight", "label": "slow", "seconds": 0.05}
@@ -135,21 +139,39 @@ def test_ctrl_c_ends_cleanly_and_the_same_command_goes_on(write_suite, tmp_path,
     assert (done.found, done.total, len(rows)) == (there, 30, 30)
 
 
-def test_killed_at_any_moment_every_run_is_there_once(write_suite, tmp_path, run):
-    path, folder = write_suite(count=5, planners=[SLOW], repetitions=8), tmp_path / "out"
-    for least in (3, 12):
-        process = start(path, folder)
-        wait_until(lambda least=least: stored(folder) >= least)
-        workers = workers_of(process)
-        os.kill(workers[0], signal.SIGKILL)
-        time.sleep(0.1)
-        process.kill()
-        process.communicate(timeout=10)
-        wait_until(lambda workers=workers: not any(os.path.exists(f"/proc/{pid}") for pid in workers))
+def test_killed_with_a_worker_every_run_is_there_once(write_suite, tmp_path, run):
+    path, folder = write_suite(count=4, planners=[SLOW], repetitions=8), tmp_path / "out"
+    process = start(path, folder)
+    wait_until(lambda: stored(folder) >= 3)
+    workers = workers_of(process)
+    os.kill(workers[0], signal.SIGKILL)
+    time.sleep(0.1)
+    process.kill()
+    process.communicate(timeout=10)
+    wait_until(lambda: not any(os.path.exists(f"/proc/{pid}") for pid in workers))
     done, rows = run(path, folder, workers=2)
-    assert 12 <= done.found < 40
-    assert len(rows) == 40
+    assert 3 <= done.found < 32
+    assert len(rows) == 32
     assert all(row["verified"] for row in rows.values())
+
+
+class Terminal(io.StringIO):
+    """What says of itself that a person watches."""
+
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(("stream", "words"), [(Terminal, ["2/4", "/s, 100 % verified", "left:"]), (io.StringIO, [])])
+def test_a_bar_with_rate_and_time_left_where_a_person_watches(monkeypatch, stream, words):
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setattr(sys, "stderr", stream())
+    with _progress(4, 1) as watch:
+        watch(SimpleNamespace(row=SimpleNamespace(verified=True)))
+    shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", sys.stderr.getvalue())
+    assert all(word in shown for word in words)
+    assert bool(shown) == bool(words)
 
 
 def test_one_runner_a_folder(write_suite, tmp_path):
@@ -194,7 +216,7 @@ def small_disk(tmp_path):
 
 
 def test_a_full_tmpfs(write_suite, small_disk):
-    path, folder = write_suite(count=4, repetitions=20), small_disk / "out"
+    path, folder = write_suite(count=2, repetitions=40), small_disk / "out"
     filler = small_disk / "filler"
     filler.write_bytes(b"0" * 1_800_000)
     process = start(path, folder)
