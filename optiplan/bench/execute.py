@@ -64,6 +64,7 @@ class Executor:
             done = run(replace(problem, seed=task.seed), task.planner.name, options, budget, lambda stage, part: None)
             stored, blob = packed(done.trajectory)
             columns = result_columns(done, task.metrics) | {"trajectory": stored}
+            columns["cut_short"] |= done.trajectory is None and done.timings["plan"] >= task.budget
             spent = timings | {**done.timings, "stages": dict(done.stages)}
             json.dumps([columns, spent], allow_nan=False)  # a planner may tell what nobody can store
             row, timings = row | columns, spent

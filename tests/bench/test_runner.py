@@ -98,6 +98,12 @@ def test_another_suite_is_refused_and_what_differs_is_named(write_suite, run, tm
     assert run(write_suite(count=1))[0].complete
 
 
+@pytest.mark.parametrize(("budget", "cut"), [(0.01, 1), (2, 0)])
+def test_nothing_found_when_the_budget_is_spent_is_cut_short(write_suite, run, budget, cut):
+    ((_, row),) = run(write_suite(count=1, planners=[SLOW], seeds=[7], budget=budget))[1].items()
+    assert (row["failure_kind"], row["cut_short"]) == ("no-path", cut)
+
+
 def test_other_versions_are_told(write_suite, run, tmp_path):
     path = write_suite(count=1)
     run(path)
