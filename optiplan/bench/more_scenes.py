@@ -7,7 +7,20 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.bench.scenes import AHEAD, BOARD, DOWN, Arm, Draft, Levels, Obstacle, box, pillar, pointing
+from optiplan.bench.scenes import (
+    AHEAD,
+    AROUND,
+    BOARD,
+    DOWN,
+    Arm,
+    Draft,
+    Levels,
+    Obstacle,
+    box,
+    enclosure,
+    pillar,
+    pointing,
+)
 from optiplan.geometry import pose_to_data
 
 
@@ -91,13 +104,10 @@ class Machine:
         lid = -base / R - rng.uniform(0.02, 0.06)  # just below the base plate, which is at height 0
         x, y, side, tall = rng.uniform(0.55, 0.62), rng.uniform(-0.15, 0.15), 0.8, 0.6
         foot = np.array([arm.shoulder[0], arm.shoulder[1], -0.34 * R])
-        obstacles = [box("pedestal", R * np.array([0.2, 0.2, 0.62]), foot)]
         low, rim = lid - tall, (side - self.opening) / 2.0
-        obstacles.append(box("machine_floor", R * np.array([side, side, BOARD]), arm.at(x, y, low)))
-        for k, (dx, dy) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
-            size = R * np.array([BOARD if dx else side, BOARD if dy else side, tall])
-            place = arm.at(x + dx * side / 2.0, y + dy * side / 2.0, (lid + low) / 2.0)
-            obstacles.append(box(f"machine_wall_{k}", size, place))
+        obstacles = [box("pedestal", R * np.array([0.2, 0.2, 0.62]), foot)]
+        obstacles += enclosure("machine", (x, y, low), (side, tall), arm)
+        for k, (dx, dy) in enumerate(AROUND):
             size = R * np.array([rim if dx else self.opening, rim if dy else side, BOARD])
             away = (self.opening + rim) / 2.0
             obstacles.append(box(f"machine_lid_{k}", size, arm.at(x + dx * away, y + dy * away, lid)))

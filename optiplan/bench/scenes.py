@@ -20,6 +20,7 @@ Obstacle = dict[str, Any]
 Levels = Mapping[str, Mapping[str, Any]]
 
 AHEAD, DOWN = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
+AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1))  # the four walls of a room
 BOARD = 0.02  # thickness of boards and walls, shares of R
 
 
@@ -63,6 +64,20 @@ def pillar(name: str, radius: float, length: float, center: Array) -> Obstacle:
     """An upright cylinder, m."""
     shape = {"cylinder": {"radius": round(radius, 6), "length": round(length, 6)}}
     return {"name": name, "shape": shape, "pose": {"position": _list(center)}}
+
+
+def enclosure(name: str, foot: tuple[float, float, float], sides: tuple[float, float], arm: Arm) -> list[Obstacle]:
+    """A floor about `foot` and four walls on it, open at the top; `sides`: distance of opposite walls, and height.
+
+    All in shares of R, about S.
+    """
+    (x, y, z), (side, height), R = foot, sides, arm.reach
+    parts = [box(f"{name}_floor", R * np.array([side, side, BOARD]), arm.at(x, y, z - BOARD / 2.0))]
+    for k, (dx, dy) in enumerate(AROUND):
+        size = R * np.array([BOARD if dx else side + BOARD, BOARD if dy else side - BOARD, height])
+        center = arm.at(x + dx * side / 2.0, y + dy * side / 2.0, z + height / 2.0)
+        parts.append(box(f"{name}_wall_{k}", size, center))
+    return parts
 
 
 def pointing(position: Array, approach: Array, roll: float) -> pin.SE3:
@@ -159,20 +174,10 @@ class OpenBox:
         obstacles, poses = [], []
         for k, sign in enumerate(rng.permutation([-1.0, 1.0])):
             x, y, low = rng.uniform(0.45, 0.58), sign * rng.uniform(0.3, 0.4), -0.5
-            obstacles += self._walls(f"box_{k}", (x, y, low), arm)
+            obstacles += enclosure(f"box_{k}", (x, y, low), (self.opening + BOARD, self.height), arm)
             depth = low + rng.uniform(0.35, 0.75) * self.height
             poses.append(pointing(arm.at(x, y, depth), DOWN, rng.uniform(-np.pi, np.pi)))
         return Draft(obstacles, poses[0], poses[1])
-
-    def _walls(self, name: str, foot: tuple[float, float, float], arm: Arm) -> list[Obstacle]:
-        (x, y, z), R, side = foot, arm.reach, self.opening + BOARD
-        walls = [box(f"{name}_floor", R * np.array([side, side, BOARD]), arm.at(x, y, z - BOARD / 2.0))]
-        for k, (dx, dy) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
-            size = R * np.array([BOARD if dx else side + BOARD, BOARD if dy else side - BOARD, self.height])
-            walls.append(
-                box(f"{name}_wall_{k}", size, arm.at(x + dx * side / 2.0, y + dy * side / 2.0, z + self.height / 2.0))
-            )
-        return walls
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,6 @@
 
 import html
 import json
-import os
-import tempfile
 from collections.abc import Sequence
 from importlib import resources
 from importlib.util import find_spec
@@ -12,6 +10,7 @@ from string import Template
 
 from optiplan.errors import OptiPlanError
 from optiplan.problem.problem import Problem
+from optiplan.problem.write import write_text
 from optiplan.viewer.runs import RunLike
 from optiplan.viewer.scene import SceneData, build_scene
 
@@ -43,17 +42,7 @@ def export_page(problem: Problem, runs: Sequence[RunLike], path: Path) -> None:
     `#t=0.6&paused` after its address shows one instant, standing still; `&ellipsoids` adds those of velocity and force.
     The file appears whole or not at all.
     """
-    text = render_page(build_scene(problem, runs))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    write_text(path, render_page(build_scene(problem, runs)))
 
 
 def _meshcat() -> Path:

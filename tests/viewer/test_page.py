@@ -1,6 +1,7 @@
 import json
 import os
 import re
+from pathlib import Path
 
 import pytest
 
@@ -39,7 +40,7 @@ def test_failed_export_leaves_the_old_file(shelf, tmp_path, monkeypatch):
     def refuse(*_):
         raise OSError("disk full")
 
-    monkeypatch.setattr(page.os, "replace", refuse)
+    monkeypatch.setattr(Path, "replace", refuse)
     with pytest.raises(OSError, match="disk full"):
         export_page(shelf, [], path)
     assert os.listdir(tmp_path) == ["page.html"]

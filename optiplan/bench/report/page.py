@@ -1,9 +1,7 @@
 """The page: one HTML file with everything in it, which asks for nothing from anywhere."""
 
 import html
-import os
 import shlex
-import tempfile
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
@@ -17,6 +15,7 @@ from optiplan.bench.report.headline import Card, cards, facts, warnings
 from optiplan.bench.report.scenes import write_scenes
 from optiplan.bench.report.settings import settings
 from optiplan.bench.store import Store
+from optiplan.problem.write import write_text
 
 FILE = "report.html"
 
@@ -35,16 +34,7 @@ def write_page(store: Store, analysis: Analysis, path: Path | None = None) -> Pa
     path = path or store.folder / FILE
     found = reasons(store)
     text = render(store, analysis, found, write_scenes(store, found, path).get)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    write_text(path, text)
     return path
 
 
