@@ -19,8 +19,8 @@ from optiplan.errors import OptiPlanError
 
 POLL = 0.05
 """s between two looks at the clock and at the worker's memory."""
-START = 120.0
-"""s within which a new worker has to be ready: imports only."""
+START = 300.0
+"""s within which a new worker has to be ready: imports only, but maybe of a hundred workers at once."""
 OUTPUT = 8000
 """Bytes of what a run prints that are kept, the last ones."""
 CHUNKS = 64
