@@ -59,3 +59,18 @@ def rotation(rpy: str) -> np.ndarray:
         @ np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
         @ np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     )
+
+
+def rolled_out(steps: np.ndarray, period: float) -> dict:
+    """A controller's configurations (k, n), one each `period` in s, as `samples` of their quadratic B-spline.
+
+    Halfway between two steps it has their mean and their difference / period; from there to the next halfway point the
+    acceleration is the difference of two commands / period, so that what the commands keep, the motion keeps. The ends
+    are met at rest.
+    """
+    q = np.concatenate([steps[:1], steps, steps[-1:]])
+    return {
+        "times": (period * np.arange(len(q) - 1)).tolist(),
+        "positions": ((q[1:] + q[:-1]) / 2).tolist(),
+        "velocities": (np.diff(q, axis=0) / period).tolist(),
+    }

@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 import pinocchio as pin
-from common import answer, question, refuse
+from common import answer, question, refuse, rolled_out
 from hulls import geometry
 from pink import Configuration, solve_ik
 from pink.barriers import SelfCollisionBarrier
@@ -86,16 +86,6 @@ def command(state, tasks, limits, barriers):
     return None
 
 
-def motion(steps):
-    """The quadratic B-spline of the steps: constant acceleration, the difference of two commands, for each `STEP`."""
-    q = np.concatenate([steps[:1], steps, steps[-1:]])
-    return {
-        "times": (STEP * np.arange(len(q) - 1)).tolist(),
-        "positions": ((q[1:] + q[:-1]) / 2).tolist(),
-        "velocities": (np.diff(q, axis=0) / STEP).tolist(),
-    }
-
-
 def main():
     """Answer one question."""
     asked = question()
@@ -103,7 +93,7 @@ def main():
     order = [model.joints[model.getJointId(name)].idx_q for name in asked["joints"]]
     began = time.perf_counter()
     steps = roll(asked, model, shapes, order)
-    answer(samples=motion(steps), seconds=time.perf_counter() - began)
+    answer(samples=rolled_out(steps, STEP), seconds=time.perf_counter() - began)
 
 
 main()

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from optiplan.bench.peers import Peer, PeerOptions
+from optiplan.bench.peers import Peer, PeerOptions, request
 from optiplan.errors import InputError
+from optiplan.model.collision import CollisionModel
 from optiplan.pipeline import run
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
@@ -118,14 +119,44 @@ def test_what_peers_are_not_told_of(tmp_path):
     assert done.failure.kind == "unsupported"
 
 
+def in_adapter(code):
+    """What code prints that runs where the adapters do: importing `common` keeps standard output for the answer."""
+    folder = Path(__file__).parents[2] / "benchmarks" / "peers"
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stderr
+
+
 def test_adapters_lock_joints_where_they_stand():
     text = """<robot name="r"><link name="a"/><link name="b"/><joint name="slide" type="prismatic"><parent link="a"/>
     <child link="b"/><origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/><axis xyz="1 0 0"/></joint></robot>"""
-    code = "import common, json; print(common.locked_urdf({asked}), file=__import__('sys').stderr)"
     asked = {"urdf": text, "joints": [], "locked": {"slide": 0.5}}
-    command = [sys.executable, "-c", code.format(asked=repr(asked))]
-    folder = Path(__file__).parents[2] / "benchmarks" / "peers"
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
-    assert 'type="fixed"' in done.stderr
-    x, y, z = (float(part) for part in done.stderr.split('origin xyz="')[1].split('"')[0].split())
+    fixed = in_adapter(f"import common\nprint(common.locked_urdf({asked!r}))")
+    assert 'type="fixed"' in fixed
+    x, y, z = (float(part) for part in fixed.split('origin xyz="')[1].split('"')[0].split())
     np.testing.assert_allclose([x, y, z], [1.0, 0.5, 0.0], atol=1e-12)
+
+
+def test_a_controllers_steps_keep_what_its_commands_keep(peer):
+    steps = np.array([[0.5, 1.0], [0.5, 1.0], [0.49, 1.02], [0.46, 1.05], [0.45, 1.06], [0.45, 1.06]])
+    code = f"import common, numpy, json\nprint(json.dumps(common.rolled_out(numpy.array({steps.tolist()}), 0.2)))"
+    samples = json.loads(in_adapter(code))
+    done, _ = peer(f'print(json.dumps({{"samples": {samples}}}))', goal={"joints": [0.45, 1.06]})
+    assert done.verified
+    q = done.trajectory
+    np.testing.assert_allclose([q(0)[0], q(q.duration)[0]], steps[[0, -1]], atol=1e-12)
+    np.testing.assert_allclose(q.coefficients[:, 3], 0, atol=1e-9)
+    np.testing.assert_allclose(2 * q.coefficients[1:-1, 2], np.diff(steps, 2, axis=0) / 0.2**2, atol=1e-9)
+
+
+def test_the_hulls_that_peers_check_are_ours():
+    problem = problem_from_dict(PROBLEM)
+    q = [3.0, 0.3]
+    asked = json.dumps(request(problem, [np.array([-0.5, 1.1])], Budget(1.0)))
+    code = f"""import common, hulls, json, numpy, pinocchio
+model, shapes = hulls.geometry(json.loads({asked!r}))
+data = shapes.createData()
+pinocchio.computeDistances(model, model.createData(), shapes, data, numpy.array({q}))
+print(min(found.min_distance for found in data.distanceResults))
+"""
+    ours = CollisionModel(problem.robot, problem.scene).clearance(np.array(q)).distance
+    assert float(in_adapter(code)) == pytest.approx(ours, abs=1e-6)
