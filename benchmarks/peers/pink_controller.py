@@ -25,8 +25,8 @@ STEP = 0.01
 """s between two commands."""
 RATE = 3.0
 """1/s: error and barrier decay so. Above acceleration / velocity limit (3.4 for the Panda) it could not brake."""
-ARRIVED = 1e-3
-"""rad: the last step goes from there to the goal."""
+ARRIVED = 2e-4
+"""rad: the last step goes from there to the goal, at 2 rad/s² and not more."""
 PROGRESS = 1e-3
 """rad: the error, at its largest joint, must sink by that within `PATIENCE` steps, or the controller stands still."""
 PATIENCE = 100
