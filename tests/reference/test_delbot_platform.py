@@ -46,13 +46,15 @@ def heights(robot: Robot, link: str) -> tuple[float, float]:
 def test_delbot_dimensions(delbot):
     expected = entry("delbot.dimensions")
     body, *wheels = (part.geometry for part in bodies(delbot, "chassis"))
-    (carrier,) = (part.geometry for part in bodies(delbot, "carrier"))
+    floor, *walls = (part.geometry for part in bodies(delbot, "carrier"))
     expected.check(2.0 * body.halfSide[0], "body", "length")
     expected.check(2.0 * body.halfSide[1], "body", "width")
     expected.check(heights(delbot, "carrier")[1] - heights(delbot, "chassis")[0], "body", "height")
-    expected.check(2.0 * carrier.halfSide[1], "carrier", "length")
-    expected.check(2.0 * carrier.halfSide[0], "carrier", "width")
-    assert 2.0 * carrier.halfSide[2] >= expected["carrier"]["height"]  # closed here, from the deck to the rim
+    expected.check(2.0 * floor.halfSide[1], "carrier", "length")
+    expected.check(2.0 * floor.halfSide[0], "carrier", "width")
+    assert len(walls) == 4
+    for wall in walls:
+        expected.check(2.0 * wall.halfSide[2], "carrier", "height")
     assert len(wheels) == 4
     for wheel in wheels:
         expected.check(2.0 * wheel.radius, "wheel_diameter")
