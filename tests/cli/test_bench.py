@@ -36,7 +36,7 @@ def test_bad_input(suite, tmp_path, optiplan):
     assert optiplan("bench", "export", tmp_path)[0] == 2
     assert optiplan("bench", suite, "--workers", 0)[0] == 2
     code, _, err = optiplan("bench", "export", tmp_path, "--format", "xml")
-    assert (code, "choose from: all, csv, parquet" in err) == (2, True)
+    assert (code, "choose from: all, csv, ompl, parquet, problems, robometrics" in err) == (2, True)
     suite.write_text(suite.read_text().replace("quintic", "quintik"))
     code, _, err = optiplan("bench", suite, "--out", tmp_path / "out")
     assert (code, f"{suite}:1: planners[0]" in err, (tmp_path / "out").exists()) == (2, True, False)

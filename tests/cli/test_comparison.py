@@ -15,6 +15,12 @@ from optiplan.planners.registry import PLANNERS
 LSPB = "planner: {name: lspb, duration: 18, velocity: 0.02}"
 
 
+@pytest.fixture(autouse=True)
+def no_width(monkeypatch):
+    """Whoever runs the tests may have set one, as processes of pytest do for each other."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
 @pytest.fixture
 def slow_lspb(free):
     """The free problem, whose own planner cannot go so far so slowly: lspb would have to exceed D/T = 1/18."""
