@@ -48,9 +48,7 @@ def render(store: Store, analysis: Analysis, found: list[Reason], link: Link) ->
         script=(own / "report.js").read_text("utf-8"),
         facts=html.escape(facts(store, analysis)),
         warnings="".join(f"<p class=warning>{html.escape(text)}</p>" for text in warnings(store, analysis)),
-        cards="".join(
-            f"<div class=card><h3>{t}</h3><p class=big>{b}</p><p>{m}</p></div>" for t, b, m in cards(analysis)
-        ),
+        cards="".join(map(_card, cards(analysis))),
         ladder=tables.ladder(analysis),
         figures=_figures(analysis),
         times=tables.percentiles(analysis, "plan_time"),

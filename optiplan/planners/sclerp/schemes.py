@@ -99,7 +99,7 @@ def b_matrix(J: Array, p: Array, J1: Array) -> Array:
     Raises:
         LinAlgError: there is no inverse.
     """
-    return np.asarray(J.T @ np.linalg.solve(J @ J.T, rates_to_twist(p, J1)))
+    return _least_motion(J, rates_to_twist(p, J1))
 
 
 def spatial_J1(Q: Array) -> Array:
@@ -156,4 +156,9 @@ def _joint_step(tool: Tool, q: Array, J: Array, twist: Array, options: SclerpOpt
         low, high = step_bounds(tool, q, options)
         bounds = np.minimum(low, 0.0), np.maximum(high, 0.0)
         return bounded_least_squares(J, twist, bounds, np.zeros(len(q)), max(damping, _LEAST_MOTION))
-    return np.asarray(J.T @ np.linalg.solve(J @ J.T + damping * np.eye(6), twist))
+    return _least_motion(J, twist, damping)
+
+
+def _least_motion(J: Array, right: Array, damping: float = 0.0) -> Array:
+    """Jᵀ (J Jᵀ + λ² I)⁻¹ right, with the damping λ²."""
+    return np.asarray(J.T @ np.linalg.solve(J @ J.T + damping * np.eye(6), right))
