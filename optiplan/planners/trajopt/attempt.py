@@ -43,7 +43,8 @@ class Optimiser:
 
         None when the bodies stay far inside each other, the arm is too heavy, or somebody cancelled.
         """
-        transcription = Transcription(self.problem, self.model, self.basis, self._margins(control))
+        margins = Margins.between(self.model, control[[0, -1]], self.options.margin)
+        transcription = Transcription(self.problem, self.model, self.basis, margins)
         subproblem = Subproblem(transcription, self.options.solver)
         u = _instants(self.basis, self.options.samples)
         iterations, attempt = 0, None
@@ -72,11 +73,6 @@ class Optimiser:
         names = self.problem.robot.joint_names
         trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
         return within_torque(self.model, self.problem.limits, scale_to_limits(trajectory, self.problem.limits))
-
-    def _margins(self, control: Array) -> Margins:
-        ends = [self.model.clearance(q) for q in (control[0], control[-1])]
-        start, end = (np.inf if c is None else 0.6 * c.distance for c in ends)
-        return Margins(min(start, self.options.margin), self.options.margin, min(end, self.options.margin))
 
 
 def _instants(basis: SplineBasis, count: int) -> Array:
