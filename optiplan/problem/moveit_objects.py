@@ -63,7 +63,7 @@ class Frames:
         self._add_fixed(list(scene.get("fixed_frame_transforms") or []))
 
     def _add_fixed(self, transforms: list[Data]) -> None:
-        """Resolve transforms in whatever order they are listed; where a frame of the robot is, the robot itself says."""
+        """Resolve transforms in whatever order they are listed; frames of the robot are where it has them."""
         if not any(_child(item) == "world" for item in transforms):
             self.add("world", self._X_WM)
         while transforms := [item for item in transforms if _child(item) not in self._named]:
