@@ -6,6 +6,7 @@ import numpy as np
 import piqp
 
 from optiplan.arrays import Array
+from optiplan.model.ik import joints_that_move
 from optiplan.model.ik_descent import Descent
 from optiplan.problem.problem import PoseGoal, Problem
 from optiplan.trajectory.timing import joint_times, lower_bound
@@ -38,6 +39,7 @@ class NearerEnds:
         self._start, self._limits, self._box = problem.start, problem.limits, robot.limits
         self._descent = Descent(robot, goal.frame, goal.orientation < np.pi)
         self._descent.aim(goal.X_WG)
+        self._moving = joints_that_move(robot, goal.frame)
         self._radii = _SHARE * goal.position, _SHARE * goal.orientation
         self._distances = np.geomspace(1e-4, 100.0, 120)
         self._times = joint_times(np.repeat(self._distances[:, None], robot.n, axis=1), problem.limits)
@@ -52,6 +54,7 @@ class NearerEnds:
     def towards_start(self, q: Array) -> list[Array]:
         """What the steps from q (n,) in the goal pass, the soonest reached last; empty where none is sooner."""
         passed: list[Array] = []
+        q = np.where(self._moving, q, self._start)
         bound, radius = lower_bound(self._start, q, self._limits), _FIRST
         for _ in range(0 if self._idle else _STEPS):
             if radius < _SHORTEST or bound == 0.0:
@@ -92,4 +95,5 @@ class NearerEnds:
         A, b = np.vstack(equal), np.concatenate(value)
         G, h = np.vstack(rows), np.concatenate(upper)
         solver.setup(weights, cost, A, b, G, np.full(len(h), -np.inf), h, low, high)
-        return np.array(solver.result.x[:n]) if solver.solve() == piqp.PIQP_SOLVED else None
+        solved = solver.solve() == piqp.PIQP_SOLVED
+        return np.where(self._moving, solver.result.x[:n], 0.0) if solved else None
