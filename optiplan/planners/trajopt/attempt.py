@@ -7,7 +7,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
 from optiplan.planners.base import Budget
-from optiplan.planners.sweep import Touch, first_contact
+from optiplan.planners.sweep import Touch, contacts_along
 from optiplan.planners.timed import within_torque
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.spline import DEGREE, SplineBasis, bunched_breakpoints
@@ -24,8 +24,9 @@ HOPELESS = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """What came of a seed: the trajectory, where it still touches (None: free), and the work done."""
+    """What came of a seed: the curve, in time, where it still touches (None: free), and the work done."""
 
+    control: Array
     trajectory: Trajectory
     touch: Touch | None
     iterations: int
@@ -38,12 +39,17 @@ class Optimiser:
         self.problem, self.model, self.options = problem, model, options
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
 
-    def run(self, control: Array, budget: Budget) -> Attempt | None:
+    def run(self, control: Array, budget: Budget, margin: float | None = None) -> Attempt | None:
         """Optimise from control points (K, n), look between the samples, add some where bodies touch there, and again.
 
         None when the bodies stay far inside each other, the arm is too heavy, or somebody cancelled.
+
+        Args:
+            control: of the first curve; its ends stay as they are.
+            budget: polled at every step; once it is over, the curve as it is gets timed and looked at.
+            margin: m, instead of the option's.
         """
-        margins = Margins.between(self.model, control[[0, -1]], self.options.margin)
+        margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
         transcription = Transcription(self.problem, self.model, self.basis, margins)
         subproblem = Subproblem(transcription, self.options.solver)
         u = _instants(self.basis, self.options.samples)
@@ -59,13 +65,14 @@ class Optimiser:
             trajectory = self.timed(control, point.duration)
             if trajectory is None:
                 return None
-            touch = first_contact(self.model, trajectory, lambda: budget.cancelled)
-            attempt = Attempt(trajectory, touch, iterations)
+            touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
+            attempt = Attempt(control, trajectory, touches[0] if touches else None, iterations)
             if budget.cancelled:
                 return None
-            if touch is None or budget.over or iterations >= self.options.iterations:
+            if not touches or budget.over or iterations >= self.options.iterations:
                 break
-            u = np.concatenate([transcription.u, _around(transcription.u, touch.t / trajectory.duration)])
+            near = [_around(transcription.u, touch.t / trajectory.duration) for touch in touches]
+            u = np.concatenate([transcription.u, *near])
         return attempt
 
     def timed(self, control: Array, duration: float) -> Trajectory | None:
