@@ -70,6 +70,12 @@ class Budget:
         """A budget of that fraction of what is left, cancelled together with this one."""
         return Budget(fraction * self.remaining, self._cancel)
 
+    def leaving(self, seconds: float) -> "Budget":
+        """The same budget, over so many seconds sooner, cancelled together with this one."""
+        other = Budget(self.seconds, self._cancel)
+        other._end = self._end - seconds
+        return other
+
     @property
     def remaining(self) -> float:
         """Seconds left; 0 once cancelled."""

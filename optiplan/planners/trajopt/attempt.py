@@ -22,13 +22,26 @@ HOPELESS = 0.05
 """Missing clearance summed over the samples, m, above which an attempt is given up."""
 
 
+ACTIVE = 1e-3
+"""Clearance beyond its margin, m, below which a pair counts as held by it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """What came of a seed: the curve, in time, where it still touches (None: free), and the work done."""
+    """What came of a seed.
+
+    Attributes:
+        control: (K, n) control points, rad or m.
+        trajectory: the curve in time.
+        touch: where it still touches; None: it is free.
+        close: whether some pair is as near as its margin lets it be, so that a smaller margin may save time.
+        iterations: steps taken.
+    """
 
     control: Array
     trajectory: Trajectory
     touch: Touch | None
+    close: bool
     iterations: int
 
 
@@ -66,7 +79,8 @@ class Optimiser:
             if trajectory is None:
                 return None
             touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
-            attempt = Attempt(control, trajectory, touches[0] if touches else None, iterations)
+            close = bool((point.contacts.value < ACTIVE).any())
+            attempt = Attempt(control, trajectory, touches[0] if touches else None, close, iterations)
             if budget.cancelled:
                 return None
             if not touches or budget.over or iterations >= self.options.iterations:

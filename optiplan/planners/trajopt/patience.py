@@ -7,9 +7,6 @@ from optiplan.planners.base import Budget
 PRICE = 0.05
 """Share of the motion's cost that spending the whole budget must be expected to save: 5 %."""
 
-WORTHLESS = 2e-3
-"""Share of its cost by which an answer may exceed the bound and is still as good as it gets."""
-
 
 @dataclass(eq=False)
 class Patience:
@@ -24,6 +21,7 @@ class Patience:
     """
 
     budget: Budget
+    good_enough: float = 1.0
     costs: list[float] = field(default_factory=list)
     attempts: int = 0
     seconds: float = 0.0
@@ -37,11 +35,11 @@ class Patience:
 
     def worth_another(self, best: float, bound: float) -> bool:
         """Whether to go on, with a motion of cost `best` at hand and none below `bound` possible."""
-        gap = max(0.0, 1.0 - bound / best)
-        if gap <= WORTHLESS:
+        if best <= self.good_enough * bound:
             return False
+        gap = max(0.0, 1.0 - bound / best)
         if not self.attempts:
             return True
-        first, second = (sorted(self.costs) + [best, best])[:2]
+        first, second = [*sorted(self.costs), best, best][:2]
         gain = max((second - first) / best, gap * gap) / self.attempts
         return gain * self.attempts / max(self.seconds, 1e-9) > PRICE / self.budget.seconds

@@ -29,6 +29,9 @@ _EARLY = 1.0 / 3.0
 _CLOSE = 0.2
 """Share of the option's margin that the best motion is optimised with once more: the margin is a wish."""
 
+_WORTH_CLOSE = 0.01
+"""Share of the cost to the bound below which no margin is in the way."""
+
 _NO_GAIN = 1e-6
 """Share of the cost below which a motion counts as no better."""
 
@@ -60,10 +63,11 @@ class _Run:
         self.watch = Stopwatch()
         self.info: dict[str, Any] = {"attempts": [], "cut_short": False}
         self.candidates: list[Candidate] = []
-        self.best, self.curve = np.inf, None  # cost of the best candidate; the best optimised curve
+        self.best = np.inf  # cost of the best candidate
+        self.curve: Attempt | None = None  # the best optimised one
         self.touching: Touch | None = None
         self.bound = 0.0
-        self.patience = Patience(budget)
+        self.patience = Patience(budget, options.good_enough)
         with self.watch.stage("set-up"):
             self.model = CollisionModel(problem.robot, problem.scene)
             self.optimiser = Optimiser(problem, self.model, options)
@@ -161,7 +165,7 @@ class _Run:
         began = time.perf_counter()
         attempt = self._optimised(kind, control, budget, None)
         better = attempt is not None and self._offer(attempt.trajectory, attempt)
-        if attempt is not None and better and self._worth():
+        if attempt is not None and better and attempt.close and self.bound < (1.0 - _WORTH_CLOSE) * self.best:
             closer = self._optimised("close", attempt.control, budget, _CLOSE * self.options.margin)
             if closer is not None:
                 self._offer(closer.trajectory, closer)

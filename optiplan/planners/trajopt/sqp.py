@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from optiplan.arrays import Array
-from optiplan.planners.trajopt.subproblem import Penalty, Subproblem
+from optiplan.planners.trajopt.subproblem import Penalty, Step, Subproblem
 from optiplan.planners.trajopt.transcription import SoftRows, Transcription
 
 CONTACT_PENALTY = 1.5
@@ -43,6 +43,11 @@ class Point:
         """Rows with the penalty of each kind."""
         return penalties(self.contacts, self.torques, self.span)
 
+    @property
+    def feasible(self) -> bool:
+        """Whether next to no clearance is missing (0.1 mm over all samples), nor torque."""
+        return self.contacts.violation() < 1e-4 and self.torques.violation() < 0.01
+
 
 def penalties(contacts: SoftRows, torques: SoftRows, span: float) -> list[Penalty]:
     """What violations cost, in s, in a motion of about `span` s."""
@@ -59,9 +64,7 @@ def evaluate(transcription: Transcription, control: Array, duration: float, span
     return Point(control, duration, contacts, torques, merit, span)
 
 
-def optimise(
-    subproblem: Subproblem, control: Array, iterations: int, stop: Callable[[], bool], radius: float | None = None
-) -> tuple[Point, int]:
+def optimise(subproblem: Subproblem, control: Array, iterations: int, stop: Callable[[], bool]) -> tuple[Point, int]:
     """Descend from control points (K, n) until a step gains less than 0.2 % of the duration: the point, steps taken.
 
     A step is accepted when the merit falls by a tenth of what the linear model promised; the trust region doubles
@@ -70,8 +73,7 @@ def optimise(
     second step often repairs it. Where it does not, both are taken back and the trust region shrinks to 35 %.
     """
     transcription = subproblem.transcription
-    radius = radius or FIRST_RADIUS
-    point, taken = evaluate(transcription, control, 0.0), 0
+    point, taken, radius = evaluate(transcription, control, 0.0), 0, FIRST_RADIUS
     while taken < iterations and not stop() and radius >= LEAST_RADIUS:
         step = subproblem.solve(point.control, point.duration, point.soft, radius, point.span)
         taken += 1
@@ -80,22 +82,17 @@ def optimise(
             continue
         if step.promise < 2e-4 * point.duration:
             break
-        trial = _follow(transcription, point, step.control, step.duration)
-        gain = point.merit - trial.merit
-        if gain <= 0.1 * step.promise and not stop():
-            second = subproblem.solve(trial.control, trial.duration, trial.soft, radius, point.span)
+        trial = _follow(transcription, point, step)
+        if point.merit - trial.merit <= 0.1 * step.promise and not stop():
+            trial = _second(subproblem, trial, radius)
             taken += 1
-            if second is not None:
-                again = _follow(transcription, trial, second.control, second.duration)
-                if again.merit < trial.merit:
-                    trial, gain = again, point.merit - again.merit
+        gain = point.merit - trial.merit
         if gain <= 0.1 * step.promise:
             radius *= SHRINK
             if transcription.watch(trial.torques):
                 point = replace(point, torques=transcription.torques(point.control, point.duration))
             continue
-        small = gain < 0.002 * point.duration
-        settled = small and trial.contacts.violation() < 1e-4 and trial.torques.violation() < 0.01
+        settled = gain < 0.002 * point.duration and trial.feasible
         point = trial
         if gain > 0.7 * step.promise:
             radius *= 2.0
@@ -104,6 +101,14 @@ def optimise(
     return point, taken
 
 
-def _follow(transcription: Transcription, point: Point, control: Array, duration: float) -> Point:
+def _second(subproblem: Subproblem, trial: Point, radius: float) -> Point:
+    """The better of a trial and what a step from it leads to."""
+    step = subproblem.solve(trial.control, trial.duration, trial.soft, radius, trial.span)
+    again = trial if step is None else _follow(subproblem.transcription, trial, step)
+    return again if again.merit < trial.merit else trial
+
+
+def _follow(transcription: Transcription, point: Point, step: Step) -> Point:
     # Where no torque binds, the derivative control points alone say how short T may be.
-    return evaluate(transcription, control, duration if len(point.torques.value) else 0.0, point.span)
+    duration = step.duration if len(point.torques.value) else 0.0
+    return evaluate(transcription, step.control, duration, point.span)

@@ -12,7 +12,7 @@ from optiplan.arrays import Array
 from optiplan.planners.trajopt.transcription import SoftRows, Transcription
 
 REGULARISATION = 5e-3
-"""Cost of the squared change of each control point, both as shares (see `Subproblem`): the program is strictly convex."""
+"""Cost of the squared change of each control point, in the program's own variables: it makes it strictly convex."""
 
 NEAR = 0.2
 """Derivative rows below this share of their limit are left out until a solution exceeds them."""
@@ -49,6 +49,20 @@ class Step(NamedTuple):
     promise: float
 
 
+class _Objective(NamedTuple):
+    """1/2 x' `quadratic` x + `linear`' x, of which `hessian` is the part that the merit has too."""
+
+    quadratic: sp.csc_matrix
+    linear: Array
+    hessian: sp.csc_matrix
+
+    def cost(self, x: Array, count: int) -> float:
+        """The model's change of the merit over T, slacks as they are, without what only makes the program convex."""
+        moved, slack = x[:count], np.maximum(x[count + 1 :], 0.0)
+        smooth = self.linear[: count + 1] @ x[: count + 1] + 0.5 * moved @ (self.hessian @ moved)
+        return float(smooth + self.linear[count + 1 :] @ slack)
+
+
 class Subproblem:
     """Builds and solves the program; what depends only on the spline and the limits is built once.
 
@@ -81,34 +95,29 @@ class Subproblem:
             radius: of the trust region, in shares of v_j `span`.
             span: s.
         """
-        free, n = self.transcription.basis.free, control.shape[1]
-        scale = np.tile(self.transcription.limits.velocity * span, len(control[free]))  # (M n,)
-        moving, count = control[free].ravel(), len(scale)
+        free, limits = self.transcription.basis.free, self.transcription.limits
+        moving = control[free]
+        scale, count = np.tile(limits.velocity * span, len(moving)), moving.size
         soft_rows, soft_right, prices = _soft(soft, scale, duration)
-        jerk = self.transcription.jerk_cost(control, duration)
-        objective = self.transcription.objective
-        hessian = jerk.hessian.multiply(scale[:, None]).multiply(scale[None, :]) / duration
-        slacks = len(prices)
-        quadratic = sp.block_diag([hessian + REGULARISATION * sp.eye(count), 1e-6 * sp.eye(slacks + 1)], format="csc")
-        by_time = objective.time * duration + jerk.by_duration * duration
-        linear = np.concatenate([jerk.gradient * scale, [by_time], prices]) / duration
-        limits = self.transcription.limits
-        below, above = (np.tile(side, count // n) - moving for side in (limits.lower, limits.upper))
-        low = np.concatenate([np.clip(below / scale, -radius, 0.0), [-0.5], np.zeros(slacks)])
-        high = np.concatenate([np.clip(above / scale, 0.0, radius), [1.0], np.full(slacks, np.inf)])
+        program = self._program(control, duration, scale, prices)
+        below, above = ((side - moving).ravel() / scale for side in (limits.lower, limits.upper))
+        low = np.concatenate([np.clip(below, -radius, 0.0), [-0.5], np.zeros(len(prices))])
+        high = np.concatenate([np.clip(above, 0.0, radius), [1.0], np.full(len(prices), np.inf)])
         share = (self._rows @ control) / (self._limit * duration ** self._order[:, None])  # (R, n)
         wanted = (np.stack([share, -share]) > NEAR) | self._met
         for _ in range(ROUNDS):
             hard_rows, hard_right = self._hard(wanted, share, scale, duration)
-            matrix = np.zeros((len(hard_right) + len(soft_right), count + 1 + slacks))
-            matrix[: len(hard_right), : count + 1] = hard_rows
-            matrix[len(hard_right) :] = soft_rows
-            right = np.concatenate([hard_right, soft_right])
-            x = self._solution(quadratic, linear, matrix, right, low, high)
-            if x is None:
+            padded = np.hstack([hard_rows, np.zeros((len(hard_right), len(prices)))])
+            matrix, right = np.vstack([padded, soft_rows]), np.concatenate([hard_right, soft_right])
+            problem = qpsolvers.Problem(
+                program.quadratic, program.linear, sp.csc_matrix(matrix), right, None, None, low, high
+            )
+            solution = qpsolvers.solve_problem(problem, solver=self.solver, **TOLERANCES.get(self.solver, {}))
+            x = solution.x
+            if not solution.found or x is None:
                 return None
             change = np.zeros_like(control)
-            change[free] = (x[:count] * scale).reshape(-1, n)
+            change[free] = (x[:count] * scale).reshape(moving.shape)
             after = share + (self._rows @ change) / (self._limit * duration ** self._order[:, None])
             allowed = 1.0 + self._order[:, None] * x[count] + EXCEEDED
             beyond = (np.stack([after, -after]) > allowed) & ~wanted
@@ -116,15 +125,20 @@ class Subproblem:
                 break
             wanted |= beyond
             self._met |= beyond
-        now = sum(part.cost() for part in soft)
-        costs = linear * duration
-        gained = costs[: count + 1] @ x[: count + 1] + 0.5 * duration * (x[:count] @ (hessian @ x[:count]))
-        promise = now - gained - prices @ np.maximum(x[count + 1 :], 0.0)
+        now = sum(part.cost() for part in soft) / duration
+        promise = duration * (now - program.cost(x, count))
         return Step(control + change, duration * (1.0 + float(x[count])), float(promise))
 
-    def _hard(
-        self, wanted: npt.NDArray[np.bool_], share: Array, scale: Array, duration: float
-    ) -> tuple[Array, Array]:
+    def _program(self, control: Array, duration: float, scale: Array, prices: Array) -> "_Objective":
+        """The objective: time, jerk and the slacks' prices, over T, with a little curvature for all variables."""
+        jerk, weight = self.transcription.jerk_cost(control, duration), self.transcription.objective.time
+        hessian = jerk.hessian.multiply(scale[:, None]).multiply(scale[None, :]) / duration
+        curvature = hessian + REGULARISATION * sp.eye(len(scale))
+        quadratic = sp.block_diag([curvature, 1e-6 * sp.eye(len(prices) + 1)], format="csc")
+        linear = np.concatenate([jerk.gradient * scale / duration, [weight + jerk.by_duration], prices / duration])
+        return _Objective(quadratic, linear, hessian)
+
+    def _hard(self, wanted: npt.NDArray[np.bool_], share: Array, scale: Array, duration: float) -> tuple[Array, Array]:
         """Rows (k, M n + 1) and right sides (k,) of the wanted (2, R, n) derivative control points, both signs."""
         side, row, joint = np.nonzero(wanted)
         sign = 1.0 - 2.0 * side
@@ -134,13 +148,6 @@ class Subproblem:
         rows[np.arange(len(row)), :, joint] = self._free_rows[row] * weight[:, None]
         flat = np.column_stack([rows.reshape(len(row), -1), -self._order[row].astype(float)])
         return flat, 1.0 - sign * share[row, joint]
-
-    def _solution(
-        self, quadratic: sp.csc_matrix, linear: Array, matrix: Array, right: Array, low: Array, high: Array
-    ) -> Array | None:
-        program = qpsolvers.Problem(quadratic, linear, sp.csc_matrix(matrix), right, None, None, low, high)
-        solution = qpsolvers.solve_problem(program, solver=self.solver, **TOLERANCES.get(self.solver, {}))
-        return solution.x if solution.found else None
 
 
 def _soft(soft: Sequence[Penalty], scale: Array, duration: float) -> tuple[Array, Array, Array]:
