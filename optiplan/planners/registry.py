@@ -95,9 +95,9 @@ PLANNERS: dict[str, PlannerEntry] = {
         ),
         PlannerEntry(
             "cubic",
-            "one polynomial of degree three a joint, any velocities at the ends",
+            "one polynomial of degree three a joint",
             "optiplan.planners.cubic:Cubic",
-            "optiplan.planners.cubic:CubicOptions",
+            "optiplan.planners.polynomial:EndOptions",
         ),
         PlannerEntry(
             "informed_rrtstar",
@@ -189,7 +189,7 @@ PLANNERS: dict[str, PlannerEntry] = {
         ),
         PlannerEntry(
             "septic",
-            "one polynomial of degree seven a joint, any velocities, accelerations and jerks at the ends",
+            "one polynomial of degree seven a joint, with any jerk at the ends",
             "optiplan.planners.septic:Septic",
             "optiplan.planners.septic:SepticOptions",
         ),
