@@ -18,10 +18,20 @@ HELD = "attached: [{name: h, shape: {half_space: {normal: [0, 0, 1]}}, link: for
         ("obstacles:", f"{HELD}, obstacles:", 6, "no robot can carry a half-space"),
         ("planner: quintic", "planner: quintix", 7, "did you mean 'quintic'"),
         ("planner: quintic", "planner: {name: trajopt, spams: 3}", 7, "did you mean 'spans'"),
-        ("planner: quintic", "planner: {name: trajopt, spans: -3}", 7, "not within 4 to 1000"),
-        ("planner: quintic", "planner: {name: trajopt, solver: foo}", 7, "is not one of"),
-        ("planner: quintic", "planner: {name: rrtconnect, reach: -1.0}", 7, "not positive"),
+        (
+            "planner: quintic",
+            "planner: {name: trajopt, spans: -3}",
+            7,
+            "planner.spans: -3; expected a number from 4 to 1000",
+        ),
+        ("planner: quintic", "planner: {name: trajopt, solver: foo}", 7, "planner.solver: 'foo'; expected one of "),
+        ("planner: quintic", "planner: {name: rrtconnect, reach: -1.0}", 7, "expected a finite number > 0"),
         ("planner: quintic", "planner: {name: quintic, 3: 4}", 7, "the key '3'"),
+        ("planner: quintic", "planner: {nam: quintic}", 7, "unknown option 'nam' of planner 'trajopt'"),
+        ("planner: quintic", "planner: {nam: quintic}", 7, "did you mean 'name'"),
+        ("planner: quintic", "planner: [quintic]", 7, "the name of a planner, or {name: …} with its options"),
+        ("planner: quintic", "planner:", 7, "the name of a planner, or {name: …} with its options"),
+        ("planner: quintic", "planner: {name: quintic, duration: fast}", 7, "'fast'; expected a number"),
         ("planner: quintic", "limits: {velocity: 1.0e-320}", 7, "≥ 1e-06"),
         ("robot: planar2r", "robot: no/robot.yaml", 3, "there is no file"),
         ("robot: planar2r", "robot: " + "a" * 4000, 3, "too long"),
@@ -36,6 +46,32 @@ def test_it_is_told_with_its_line_by_check_and_plan(optiplan, free, old, new, li
         assert code == 2
         assert f"{free}:{line}: " in err
         assert words in err
+
+
+def test_keys_whose_values_are_refused_are_not_suggested(optiplan, free):
+    """`path_constraints` may be empty, and nothing else so far: it is no help to anybody who mistypes a key."""
+    text = free.read_text()
+    for key in ("path_constraint", "constraints"):
+        free.write_text(f"{text}{key}: []\n")
+        code, _, err = optiplan("check", free)
+        assert (code, f"unknown key '{key}'" in err) == (2, True)
+        assert "path_constraints" not in err
+        assert "limits, objective" in err
+    free.write_text(f"{text}path_constraints: []\n")
+    assert optiplan("check", free)[0] == 0
+
+
+def test_joints_that_cannot_be_locked_are_not_suggested(optiplan, free):
+    free.write_text(free.read_text() + "locked: {elbo: 1}\n")
+    code, _, err = optiplan("check", free)
+    assert (code, "unknown joint 'elbo'" in err) == (2, True)
+    assert "expected none, since there is none to choose" in err
+
+
+def test_an_empty_planner_name_is_told_once(optiplan, free):
+    free.write_text(free.read_text().replace("planner: quintic", "planner: {name: ''}"))
+    code, _, err = optiplan("check", free)
+    assert (code, err.count("\n")) == (2, 1)
 
 
 def test_a_broken_mesh_is_told_in_one_line(optiplan, free):
