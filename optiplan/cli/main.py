@@ -28,9 +28,11 @@ Exit codes: 0 verified · 2 bad input · 3 no plan found within the budget · 4 
 STDOUT_LOST = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EFBIG, errno.EDQUOT)
 """Errors without a file name by which writing to stdout fails: a full disk, a terminal that is gone."""
 
+COMPLETION = ("--install-completion", "--show-completion")
+"""Typer's own: they work for the shell that calls, and end with 1 where there is none."""
+
 app = typer.Typer(
     name="optiplan",
-    add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -92,7 +94,8 @@ def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code; no exception leaves, unless OPTIPLAN_DEBUG is set."""
     as_json = "--json" in arguments
     try:
-        return int(app(list(arguments) or ["--help"], prog_name="optiplan", standalone_mode=False) or 0)
+        code = int(app(list(arguments) or ["--help"], prog_name="optiplan", standalone_mode=False) or 0)
+        return _without_shell() if code and set(arguments) & set(COMPLETION) else code
     except typer.TyperException as error:  # the command line itself is wrong
         return _usage(error, as_json)
     except OptiPlanError as error:
@@ -113,6 +116,11 @@ def run(arguments: Sequence[str]) -> int:
         if os.environ.get("OPTIPLAN_DEBUG"):
             raise
         return _bug(error, as_json)
+
+
+def _without_shell() -> int:
+    print_error("optiplan: not called from a shell; expected bash, zsh, fish or PowerShell")
+    return Exit.BAD_INPUT
 
 
 def _usage(error: typer.TyperException, as_json: bool) -> int:

@@ -9,10 +9,14 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from optiplan.cli.completion import robot_names
 from optiplan.cli.output import print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
-Names = Annotated[list[str], typer.Argument(metavar="ROBOT…", help="robots that come along, or paths of robot.yaml")]
+Names = Annotated[
+    list[str],
+    typer.Argument(metavar="ROBOT…", help="robots that come along, or paths of robot.yaml", autocompletion=robot_names),
+]
 Count = Annotated[int, typer.Option(min=1, metavar="N", help="random configurations a robot")]
 Grid = Annotated[int | None, typer.Option(min=2, metavar="K", help="instead: K values a joint, K^n configurations")]
 Group = Annotated[str | None, typer.Option(metavar="G", help="of the robot's groups of joints")]
