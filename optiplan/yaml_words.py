@@ -39,6 +39,24 @@ EXPECTED = {
 """What pydantic's error types mean by "expected"; the braces are filled from the error's context."""
 
 
+FILES = (
+    ("a problem file", {"robot", "start"}),
+    ("a robot file", {"urdf"}),
+    ("a robot file", {"dh"}),
+    ("a suite file", {"problems", "planners"}),
+)
+"""Kinds of YAML files, and keys by which each is known."""
+
+
+def mistaken(model_class: type[BaseModel], data: Any) -> tuple[str, str] | None:
+    """What a file is and what it should be, where it is known by its keys as one of another kind than `model_class`."""
+    if not isinstance(data, Mapping):
+        return None
+    own = [kind for kind, keys in FILES if keys <= set(model_class.model_fields)]
+    found = [kind for kind, keys in FILES if keys <= set(data)]
+    return (found[0], own[0]) if own and found and not set(own) & set(found) else None
+
+
 @dataclass(frozen=True, slots=True)
 class Reserved(AfterValidator):
     """Validator of a key whose every useful value is refused so far: messages do not suggest such a key."""

@@ -15,7 +15,7 @@ import typer
 import optiplan
 from optiplan.cli import bench, check, ik, importing, plan, planners, robots, verify, view, workspace
 from optiplan.cli.output import Exit, print_error, print_json, report_error, results
-from optiplan.errors import OptiPlanError
+from optiplan.errors import InputError, Issue, OptiPlanError
 
 HELP = """One YAML file in, one trajectory out that is [bold]proved[/] collision-free and within limits.
 
@@ -110,12 +110,18 @@ def run(arguments: Sequence[str]) -> int:
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             return Exit.BUG
         # a file that a person named cannot be read or written
-        report_error(OptiPlanError(f"{error.filename or 'file'}: {error.strerror or error}"), as_json)
+        report_error(_file_error(error), as_json)
         return Exit.BAD_INPUT
     except Exception as error:
         if os.environ.get("OPTIPLAN_DEBUG"):
             raise
         return _bug(error, as_json)
+
+
+def _file_error(error: OSError) -> InputError:
+    expected = "a file, not a folder" if error.errno == errno.EISDIR else "one that can be read or written"
+    found = str(error.strerror or error).lower()
+    return InputError([Issue(str(error.filename or "file"), None, "file", found, expected)])
 
 
 def _without_shell() -> int:

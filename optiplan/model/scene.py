@@ -46,7 +46,7 @@ class HalfSpace:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles of a file (STL, OBJ, PLY, GLB, DAE) times `scale`; `convex` takes their convex hull."""
+    """Triangles of a file (STL, OBJ, DAE) times `scale`; `convex` takes their convex hull."""
 
     file: Path
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)

@@ -199,16 +199,16 @@ class Compiler:
             there = file.is_file()
         except (OSError, ValueError) as error:  # a name that no file can have
             reason = getattr(error, "strerror", None) or str(error)
-            self.report(place, f"{describe(spec.file)} ({reason.lower()})", "a mesh file (STL, OBJ, PLY, GLB, DAE)")
+            self.report(place, f"{describe(spec.file)} ({reason.lower()})", "a mesh file (STL, OBJ, DAE)")
             return None
         if not there:
-            self.report(place, f"'{spec.file}', but there is no file {file}", "a mesh file (STL, OBJ, PLY, GLB, DAE)")
+            self.report(place, f"'{spec.file}', but there is no file {file}", "a mesh file (STL, OBJ, DAE)")
             return None
         mesh = Mesh(file, (spec.scale[0], spec.scale[1], spec.scale[2]), spec.convex)
         try:
             build_geometry(mesh)
         except ValueError as error:
-            self.report(place, str(error), "a mesh file (STL, OBJ, PLY, GLB, DAE)")
+            self.report(place, str(error), "a mesh file (STL, OBJ, DAE)")
             return None
         return mesh
 

@@ -72,7 +72,7 @@ class HalfSpaceSpec(Strict):
 
 
 class MeshSpec(Strict):
-    """`file` (STL, OBJ, PLY, GLB, DAE), from the problem file on, times `scale` (or [x, y, z]); `convex`: its hull."""
+    """`file` (STL, OBJ, DAE) beside the problem file, times `scale` (one number or [x, y, z]); `convex`: its hull."""
 
     file: Name
     scale: Scale = (1.0, 1.0, 1.0)

@@ -126,4 +126,32 @@ def test_json_before_the_subcommand_and_for_srdf(optiplan, optiplan_json, tmp_pa
     assert json.loads(optiplan("robots", "--json", "show", "planar2r")[1])["name"] == "planar2r"
     assert optiplan_json("robots", "srdf", "planar2r", tmp_path / "p.srdf")[1]["written"] == str(tmp_path / "p.srdf")
     code, _, err = optiplan("robots", "srdf", "planar2r", tmp_path)
-    assert (code, err) == (2, f"optiplan: {tmp_path}: Is a directory\n")
+    assert (code, err) == (2, f"{tmp_path}: file: is a directory; expected a file, not a folder\n")
+
+
+def test_a_file_of_another_kind_is_told_in_one_line(optiplan, free, tmp_path):
+    robot, suite = tmp_path / "robot.yaml", tmp_path / "suite.yaml"
+    robot.write_text("version: 1\nname: mine\nurdf: a.urdf\n")
+    suite.write_text("version: 1\nproblems: [{file: free.yaml}]\nplanners: [quintic]\n")
+    for command, file, found, expected in (
+        (("plan",), robot, "a robot file", "a problem file"),
+        (("check",), suite, "a suite file", "a problem file"),
+        (("robots", "show"), free, "a problem file", "a robot file"),
+        (("bench",), free, "a problem file", "a suite file"),
+    ):
+        code, _, err = optiplan(*command, file)
+        assert (code, err) == (2, f"{file}:1: file: {found}; expected {expected}\n")
+
+
+def test_a_folder_where_a_file_is_written_is_told(optiplan, tmp_path):
+    code, out, err = optiplan("robots", "export", "planar2r", tmp_path)
+    assert (code, out) == (2, "")
+    assert err == f"{tmp_path}: file: is a directory; expected a file, not a folder\n"
+
+
+@pytest.mark.parametrize("floor", ["nan", "inf", "-inf"])
+def test_a_floor_that_is_no_height_is_refused(optiplan, floor):
+    code, out, err = optiplan("workspace", "planar2r", "--samples", "10", f"--floor={floor}")
+    assert (code, out) == (2, "")
+    assert "--floor" in err
+    assert "a height in m" in err
