@@ -39,8 +39,8 @@ class Issue:
 
 
 class InputError(OptiPlanError):
-    """A problem, robot, run or scene file that cannot be used; holds *all* issues found, in file order."""
+    """A problem, robot, run or scene file that cannot be used; holds *all* issues found, each once, in file order."""
 
     def __init__(self, issues: Iterable[Issue]) -> None:
-        self.issues = tuple(issues)
+        self.issues = tuple(dict.fromkeys(issues))
         super().__init__("\n".join(map(str, self.issues)))

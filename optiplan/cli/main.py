@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -27,6 +28,14 @@ Exit codes: 0 verified · 2 bad input · 3 no plan found within the budget · 4 
 
 STDOUT_LOST = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EFBIG, errno.EDQUOT)
 """Errors without a file name by which writing to stdout fails: a full disk, a terminal that is gone."""
+
+USAGE = {
+    "Input should be a valid number, .*": "expected a number",
+    "Input should be a valid integer, .*": "expected a whole number",
+    "Input should be greater than or equal to ": "expected a number ≥ ",
+    "Input should be less than or equal to ": "expected a number ≤ ",
+}
+"""What typer says of the value of an option, and what we say."""
 
 COMPLETION = ("--install-completion", "--show-completion")
 """Typer's own: they work for the shell that calls, and end with 1 where there is none."""
@@ -132,10 +141,13 @@ def _without_shell() -> int:
 def _usage(error: typer.TyperException, as_json: bool) -> int:
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "optiplan"
+    text = error.format_message()
+    for theirs, ours in USAGE.items():
+        text = re.sub(theirs, ours, text)
     if as_json:
-        print_json({"error": error.format_message(), "issues": [], "exit_code": int(Exit.BAD_INPUT)})
+        print_json({"error": text, "issues": [], "exit_code": int(Exit.BAD_INPUT)})
     else:
-        print_error(f"{command}: {error.format_message()}\nsee: {command} --help")
+        print_error(f"{command}: {text}\nsee: {command} --help")
     return Exit.BAD_INPUT
 
 

@@ -65,3 +65,10 @@ def test_a_device_is_no_problem():
 def test_the_beginning_of_an_example_is_enough_for_a_hint():
     with pytest.raises(InputError, match=r"did you mean '28_circle_of_base_and_arm'\?"):
         find_problem("28")
+
+
+def test_an_empty_name_is_not_the_folder_one_stands_in(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("run.json").write_text("{}")
+    with pytest.raises(InputError, match="'': file: an empty name"):
+        find_problem("")
