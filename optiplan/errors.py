@@ -3,9 +3,9 @@
 A broken *input* is an exception from this file. "No solution" is a value: see `planners.base.Failure`.
 """
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 
 class OptiPlanError(Exception):
@@ -17,7 +17,7 @@ class UnknownChoiceError(OptiPlanError):
 
     def __init__(self, kind: str, found: str, choices: Iterable[str]) -> None:
         self.kind, self.found, self.choices = kind, found, tuple(sorted(choices))
-        near = difflib.get_close_matches(found, [choice.partition(" (")[0] for choice in self.choices], n=1)
+        near = get_close_matches(found, [choice.partition(" (")[0] for choice in self.choices], n=1)
         hint = f" (did you mean '{near[0]}'?)" if near else ""
         super().__init__(f"unknown {kind} '{found}'; choose from: {', '.join(self.choices)}{hint}")
 

@@ -26,7 +26,8 @@ LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "topp
 _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
 
-STILL = 1e-4  # s: a lower bound below it is rounding of one configuration, not a way from one to another
+STILL = 1e-4
+"""s: a lower bound below it is rounding of one configuration, not a way from one to another."""
 
 
 @dataclass(frozen=True, eq=False)
