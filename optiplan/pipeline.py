@@ -26,7 +26,8 @@ LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "topp
 _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
 
-_STILL = 1e-4  # s: a lower bound below it is rounding of one configuration, not a way from one to another
+STILL = 1e-4
+"""s: a lower bound below it is rounding of one configuration, not a way from one to another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +75,7 @@ class Run:
     @property
     def ratio(self) -> float | None:
         """Duration / lower_bound, at least 1; None without a trajectory or when the robot need not move."""
-        if self.duration is None or not self.lower_bound or self.lower_bound < _STILL:
+        if self.duration is None or not self.lower_bound or self.lower_bound < STILL:
             return None
         return self.duration / self.lower_bound
 
