@@ -7,7 +7,7 @@ from optiplan.arrays import Array
 from optiplan.planners.trajopt.subproblem import Penalty, Step, Subproblem
 from optiplan.planners.trajopt.transcription import SoftRows, Transcription
 
-CONTACT_PENALTY = 1.5
+CONTACT_PENALTY = 0.5
 """Cost of a missing centimetre of clearance at one sample, as a share of the duration that the curve begins with."""
 
 TORQUE_PENALTY = 2.0
