@@ -7,6 +7,9 @@ from optiplan.planners.base import Budget
 PRICE = 0.05
 """Share of the motion's cost that spending the whole budget must be expected to save: 5 %."""
 
+SAME = 1.005
+"""Costs within this factor are those of one local optimum."""
+
 
 @dataclass(eq=False)
 class Patience:
@@ -15,7 +18,8 @@ class Patience:
     With n attempts made and the two best of them costing c_1 <= c_2, a further one is expected to gain
     (c_2 - c_1) / n: that is what the last one gained, averaged over all orders in which they could have come (the
     jackknife estimate for exchangeable draws). While few have been made this says little, so what is left to the bound
-    counts too: g² / n, with g = 1 - bound / c_1 once for the chance that a better motion exists and once for its gain.
+    counts too: g² / n (1 + r), with g = 1 - bound / c_1 once for the chance that a better motion exists and once for
+    its gain, and r attempts that have found no more than c_1 again, within 0.5 %.
     Another attempt is worth making while the larger of the two, as a share of c_1 and for each second that attempts
     have taken so far on average, exceeds `PRICE` / budget: the larger the budget, the longer the search.
     """
@@ -41,5 +45,6 @@ class Patience:
         if not self.attempts:
             return True
         first, second = [*sorted(self.costs), best, best][:2]
-        gain = max((second - first) / best, gap * gap) / self.attempts
+        again = sum(cost <= SAME * first for cost in self.costs)
+        gain = max((second - first) / best, gap * gap / max(again, 1)) / self.attempts
         return gain * self.attempts / max(self.seconds, 1e-9) > PRICE / self.budget.seconds
