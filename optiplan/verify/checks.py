@@ -12,7 +12,6 @@ from optiplan.verify.report import Check, VerifyPolicy
 
 _ORDERS = ("position", "velocity", "acceleration", "jerk")
 _UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
-_MOST_SAMPLES = 200_000  # of torque, to bound memory; more than six minutes at 500 Hz
 ROUNDING = 1e-9
 """On top of the tolerances of goals and vias, m or rad."""
 _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
@@ -136,28 +135,6 @@ def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: 
     detail = "" if order < 3 or (magnitude <= allowed).all() else _LIFTED.removeprefix("; ")
     blank = Check(_ORDERS[order], "exact", False, unit=_UNITS[order], detail=detail)
     return _largest(problem, blank, magnitude, allowed, time)
-
-
-def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
-    """|rnea(q, v, a)| <= limit (1 + tolerance) at `torque_rate` and at all breakpoints.
-
-    The inertia of attached objects is not known and counts as nothing.
-    """
-    limits = problem.limits.torque
-    if not np.isfinite(limits).any():
-        return Check("torque", "sampled", True, detail="the robot gives no torque limits")
-    samples = np.ceil(min(trajectory.duration * policy.torque_rate, _MOST_SAMPLES))
-    grid = np.linspace(0.0, trajectory.duration, int(samples) + 1)
-    before = np.nextafter(trajectory.breakpoints[1:], 0.0)  # where the acceleration jumps, its left side counts too
-    t = np.union1d(grid, np.concatenate([trajectory.breakpoints, before]))
-    model, data = problem.robot.model, problem.robot.model.createData()
-    q, v, a = (trajectory(t, order) for order in range(3))
-    tau = np.abs(np.array([pin.rnea(model, data, *row).copy() for row in zip(q, v, a, strict=True)]))
-    peak = tau.argmax(axis=0)
-    allowed = limits * (1.0 + policy.limit_tolerance)
-    detail = f"at {len(t)} instants; attached objects weigh nothing"
-    blank = Check("torque", "sampled", False, unit="N·m", detail=detail)
-    return _largest(problem, blank, tau[peak, np.arange(len(peak))], allowed, t[peak])
 
 
 def _largest(problem: Problem, blank: Check, value: Array, allowed: Array, time: Array) -> Check:

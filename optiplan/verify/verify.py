@@ -10,6 +10,7 @@ from optiplan.verify import checks
 from optiplan.verify.certificate import Proof, certify
 from optiplan.verify.passing import vias
 from optiplan.verify.report import Check, Report, VerifyPolicy
+from optiplan.verify.torque import torque
 
 _DEFAULT = VerifyPolicy()
 
@@ -54,7 +55,7 @@ def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> l
         checks.continuity(problem, trajectory, policy),
         checks.position(problem, trajectory, policy),
         *(checks.rate(problem, trajectory, policy, order) for order in (1, 2, 3)),
-        checks.torque(problem, trajectory, policy),
+        torque(problem, trajectory, policy),
     ]
 
 
