@@ -41,8 +41,8 @@ class Check:
     Attributes:
         name: what, e.g. `velocity`.
         kind: `exact` (holds at all times, from polynomial extrema or from data), `continuous` (proved for all times by
-            halving intervals), `sampled` (holds at the instants looked at) or `unchecked` (nothing to hold it against; the
-            detail says why).
+            halving intervals), `sampled` (holds at the instants looked at) or `unchecked` (there is nothing to hold it
+            against; the detail says why).
         passed: whether the trajectory keeps to it.
         worst: the value nearest to or farthest beyond the limit; None when nothing could be measured.
         limit: what it was held against.

@@ -64,12 +64,8 @@ def swing(panda):
 @pytest.mark.parametrize("rate", [1.0, 200.0])
 def test_a_peak_between_samples_counts(panda, swing, share, verdict, rate):
     """With intervals of a whole second to begin with, no first sample is anywhere near the peak."""
-    swing = within_limits(
-        quintic(panda.joint_names, panda.configurations["ready"], np.full(7, -0.4), 1.0), panda.limits
-    )
-    t = np.linspace(0.0, swing.duration, 100_001)
-    peak = np.abs(torques(panda, swing, t)).max(axis=0)
-    problem = problem_of(panda, swing, Scene())
+    motion, peak = swing
+    problem = problem_of(panda, motion, Scene())
     problem = replace(problem, limits=replace(problem.limits, torque=peak * share / (1.0 + 1e-6)))
     check = torque(problem, motion, VerifyPolicy(torque_rate=rate))
     assert check.passed is verdict, check.detail

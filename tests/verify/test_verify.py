@@ -138,7 +138,7 @@ def test_position_limits_hold_between_breakpoints(planar):
 def test_torque_is_a_limit_where_the_robot_has_one(planar, swing):
     problem = problem_of(planar, swing, Scene())
     peak = named(verify(problem, swing), "torque")
-    assert peak.kind == "sampled"
+    assert peak.kind == "continuous"
     weak = replace(problem, limits=replace(problem.limits, torque=np.array([0.99 * peak.worst, 100.0])))
     assert failed(verify(weak, swing)) == ["torque"]
     none = replace(problem, limits=replace(problem.limits, torque=np.full(2, np.inf)))
