@@ -66,7 +66,7 @@ def plan(
             check_folder(folder)
     with stdout_is_ours():
         began = time.perf_counter()
-        problem = load_problem(path) if seed is None else replace(load_problem(path), seed=seed)
+        problem = load_problem(path) if seed is None else load_problem(path).with_seed(seed)
         loaded = time.perf_counter() - began
     if names:
         runs = comparison.run_all(path, problem, names, budget, out)

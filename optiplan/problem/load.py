@@ -129,14 +129,12 @@ def _assemble(
         start=start,
         goal=goal,
         vias=vias,
-        limits=_scaled(robot.limits, spec.limits),
+        limits=scaled_limits(robot.limits, spec.limits),
         objective=Objective(spec.objective.time, spec.objective.jerk),
         planner=spec.planner.name,
         options=dict(spec.planner.model_extra or {}),
         seed=spec.seed,
-        source=source,
-        hash=digest,
-    )
+    ).identified(source, digest)
 
 
 def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:
@@ -158,7 +156,8 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
     return source, digest
 
 
-def _scaled(limits: Limits, fractions: LimitsSpec) -> Limits:
+def scaled_limits(limits: Limits, fractions: LimitsSpec) -> Limits:
+    """Limits times the fractions of a file."""
     return replace(
         limits,
         velocity=limits.velocity * fractions.velocity,
