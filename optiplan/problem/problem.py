@@ -1,6 +1,6 @@
 """`Problem`: a planning problem as planners and the verifier read it, complete and frozen."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -83,17 +83,19 @@ class Problem:
     seed: int = 0
     source: Mapping[str, Any] = field(default_factory=dict, init=False)
     hash: str = field(default="", init=False)
+    _reader: "Reader | None" = field(default=None, init=False, repr=False)
 
-    def identified(self, source: Mapping[str, Any], digest: str) -> "Problem":
-        """The same problem with what it was read from, and the hash of that."""
+    def identified(self, source: Mapping[str, Any], digest: str, reader: "Reader") -> "Problem":
+        """The same problem with what it was read from, the hash of that, and what reads it when it is changed."""
         problem = replace(self)
-        object.__setattr__(problem, "source", source)
-        object.__setattr__(problem, "hash", digest)
+        for name, value in (("source", source), ("hash", digest), ("_reader", reader)):
+            object.__setattr__(problem, name, value)
         return problem
 
     def with_seed(self, seed: int) -> "Problem":
         """The same problem with another seed, which is recorded beside source and hash and changes neither."""
-        return replace(self, seed=seed).identified(self.source, self.hash)
+        other = replace(self, seed=seed)
+        return other if self._reader is None else other.identified(self.source, self.hash, self._reader)
 
     def with_start(self, start: Array) -> "Problem":
         """From another configuration (n,), rad or m.
@@ -137,6 +139,12 @@ class Problem:
         return self._with(limits=fractions)
 
     def _with(self, **changes: Any) -> "Problem":
-        from optiplan.problem.derive import derived  # stands on the reader of files, which stands on this
+        if self._reader is not None:
+            return self._reader(self, changes)
+        fractions = changes.get("limits")
+        limits = {} if fractions is None else {"limits": self.robot.limits.scaled(**fractions)}
+        return replace(self, **{**changes, **limits})
 
-        return derived(self, changes)
+
+Reader = Callable[[Problem, Mapping[str, Any]], Problem]
+"""Reads a problem again with other `start`, `goal`, `vias`, `scene`, or fractions of `limits`."""
