@@ -73,13 +73,15 @@ class Report:
         policy: how strict the verifier was.
         checks: every check, in the order they were made.
         link_geometry: what stands for each link: mesh, hull or convex pieces.
-        notes: what was not checked.
+        notes: remarks on the robot, and what was not checked.
+        scope: what the verdict is about: pairs, shapes, torques; short statements, said beside it.
     """
 
     policy: VerifyPolicy
     checks: tuple[Check, ...]
     link_geometry: Mapping[str, str]
     notes: tuple[str, ...] = ()
+    scope: tuple[str, ...] = ()
 
     @property
     def verified(self) -> bool:
@@ -99,6 +101,7 @@ class Report:
             "checks": [jsonable(asdict(check)) for check in self.checks],
             "link_geometry": dict(self.link_geometry),
             "notes": list(self.notes),
+            "scope": list(self.scope),
         }
 
 

@@ -230,12 +230,12 @@ def test_contacts_that_the_problem_allows_are_told(planar, swing):
     for allowed, verdict in ((known, True), (known[:1], False)):
         report = verify(problem_of(planar, swing, Scene((ball,), allowed=frozenset(allowed))), swing)
         assert report.verified is verdict
-        assert "ball – tip" in report.notes[-1]
+        assert "ball – tip" in report.scope[-1]
 
 
 def test_what_an_attached_object_may_touch_is_told(planar, swing):
     held = Attachment("rod", Box((0.01, 0.01, 0.5)), "tip", pin.SE3.Identity(), frozenset({"forearm"}))
-    assert "forearm – rod" in verify(problem_of(planar, swing, Scene((), (held,))), swing).notes[-1]
+    assert "forearm – rod" in verify(problem_of(planar, swing, Scene((), (held,))), swing).scope[-1]
 
 
 def test_nan_in_a_file_is_an_input_error(swing):
