@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
@@ -84,6 +85,15 @@ class Problem:
     source: Mapping[str, Any] = field(default_factory=dict, init=False)
     hash: str = field(default="", init=False)
     _reader: "Reader | None" = field(default=None, init=False, repr=False)
+
+    @property
+    def one_end(self) -> bool:
+        """Whether every motion that solves the problem ends in the same configuration, up to a tolerance.
+
+        Not so for poses, for a choice of ends, and where a joint turns without end and may arrive a turn away.
+        """
+        endless = np.isinf(self.robot.limits.lower) & np.isinf(self.robot.limits.upper)
+        return len(self.goal) == 1 and isinstance(self.goal[0], JointGoal) and not endless.any()
 
     def identified(self, source: Mapping[str, Any], digest: str, reader: "Reader") -> "Problem":
         """The same problem with what it was read from, the hash of that, and what reads it when it is changed."""

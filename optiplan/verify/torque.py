@@ -140,7 +140,7 @@ def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Ch
             break
         spans = proof.halved(spans)
     j = int(np.argmax(proof.peak / allowed))
-    detail = f"{reason or 'proved at all times'}: {proof.evaluated} torques; attached objects weigh nothing"
+    detail = f"{reason or 'proved at all times'}: {proof.evaluated} torques"
     return Check(
         name="torque",
         kind="continuous",
