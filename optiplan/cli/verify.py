@@ -1,18 +1,14 @@
 """`optiplan verify`: judge a trajectory again, whoever made it."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from optiplan.cli.completion import problem_names
 from optiplan.cli.files import find_problem
 from optiplan.cli.output import Exit, print_json, results, stdout_is_ours
-
-if TYPE_CHECKING:
-    from optiplan.verify.report import Check
 
 
 def verify(
@@ -47,6 +43,7 @@ def verify(
     from optiplan.cli.report import show_report
     from optiplan.problem.load import load_problem
     from optiplan.store import load_run
+    from optiplan.verify.checks import same_problem
     from optiplan.verify.report import jsonable
     from optiplan.verify.verify import verify as judge
 
@@ -57,9 +54,10 @@ def verify(
         report = None if stored.trajectory is None else judge(loaded, stored.trajectory, given=stored.samples)
     if report is not None and stored.interpolation:
         report = replace(report, scope=(*report.scope, f"interpolation of the samples: {stored.interpolation}"))
-    same = None if "hash" not in stored.record else stored.record["hash"] == loaded.hash
-    if report is not None and same is False:
-        report = replace(report, checks=(_made_from(stored.record, loaded.hash), *report.checks))
+    origin = same_problem(stored.record, loaded) if "hash" in stored.record else None
+    same = None if origin is None else origin.passed
+    if report is not None and origin is not None:
+        report = replace(report, checks=(origin, *report.checks))
     code = Exit.VERIFIED if report is not None and report.verified else Exit.NOT_VERIFIED
     if as_json:
         judged = None if report is None else report.to_dict()
@@ -72,15 +70,3 @@ def verify(
     else:
         show_report(results(), report, full, f"{loaded.name} · {loaded.robot.name} · {run}")
     return code
-
-
-def _made_from(record: Mapping[str, Any], expected: str) -> "Check":
-    """The refusal of a run that was made from another problem."""
-    from optiplan.verify.report import Check
-
-    found = str(record["hash"])
-    detail = (
-        f"the run was made from another problem, '{record.get('name')}' with hash {found:.12}; this one has "
-        f"{expected:.12}. To judge its motion alone, give a copy of its trajectory.json outside the folder"
-    )
-    return Check("problem", "exact", False, detail=detail)

@@ -1,6 +1,8 @@
 """One function a check, apart from collision: each takes (problem, trajectory, policy) and returns a `Check`."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +18,18 @@ _UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
 ROUNDING = 1e-9
 """On top of the tolerances of goals and vias, m or rad."""
 _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
+
+
+def same_problem(record: Mapping[str, Any], problem: Problem) -> Check:
+    """The hash in the record of a run is that of this very problem."""
+    found = str(record["hash"])
+    if found == problem.hash:
+        return Check("problem", "exact", True, detail="the run was made from this very problem")
+    detail = (
+        f"the run was made from another problem, '{record.get('name')}' with hash {found:.12}; this one has "
+        f"{problem.hash:.12}. To judge its motion alone, give a copy of its trajectory.json outside the folder"
+    )
+    return Check("problem", "exact", False, detail=detail)
 
 
 def form(trajectory: Trajectory) -> Check:
