@@ -53,9 +53,13 @@ class TorqueBounds:
         f_j = sum_i m_i (c_i'' - g),              n_j = sum_i (c_i - o_j) x m_i (c_i'' - g) + H_i'
     over the bodies i that joint j carries. Every vector is differentiated by Leibniz' rule, every product of vectors is
     no longer than the product of their lengths. Friction is not modelled.
+
+    Joints of the model may follow those of the robot: q_model = A q + b, of which tau = A^T tau_model.
     """
 
-    def __init__(self, model: pin.Model) -> None:
+    def __init__(self, model: pin.Model, A: Array | None = None, b: Array | None = None) -> None:
+        self._A = np.eye(model.nv) if A is None else np.abs(A)
+        self._b = np.zeros(model.nv) if b is None else np.abs(b)
         self._parents = [int(parent) for parent in model.parents]
         self._columns = [joint.idx_v for joint in model.joints]
         self._slides = [joint.shortname().startswith("JointModelP") for joint in model.joints]
@@ -71,6 +75,8 @@ class TorqueBounds:
         Args:
             motion: (5, K, n) bounds on |q_j^(k)| over each interval, k from 0 to 4, rad/s^k or m/s^k.
         """
+        motion = motion @ self._A.T
+        motion[0] += self._b
         bodies = [_Body(np.zeros((4, motion.shape[1])), np.zeros((_ORDERS, motion.shape[1])))]
         for j in range(1, len(self._parents)):
             bodies.append(self._next(bodies[self._parents[j]], j, motion[:, :, self._columns[j]]))
@@ -86,7 +92,7 @@ class TorqueBounds:
             size[:, column] = carried[0] + self._armature[column] * motion[2, :, column]
             bend[:, column] = product(before.fixed, carried, 2) + self._armature[column] * motion[4, :, column]
             self._hand_down(force, moment, (j, before), motion[:, :, column])
-        return size, bend
+        return size @ self._A, bend @ self._A
 
     def _next(self, before: _Body, j: int, q: Array) -> _Body:
         """Body j from the one that carries its joint, whose position, velocity … are bounded by q (5, K)."""

@@ -39,6 +39,27 @@ def test_the_second_derivative_is_never_larger_than_its_bound(name):
     assert np.min(loose) < 100.0  # a bound that means something
 
 
+def test_joints_that_follow_others_count():
+    """Two of three joints, one sliding, follow: q_J = A q + b and tau = A^T tau_J, against differences."""
+    model, rng = pin.Model(), np.random.default_rng(1)
+    for k, joint in enumerate((pin.JointModelRX(), pin.JointModelPY(), pin.JointModelRZ())):
+        index = model.addJoint(k, joint, pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.3])), f"j{k}")
+        body = pin.Inertia(2.0, np.array([0.1, 0.3, 0.0]), 0.1 * np.eye(3))
+        model.appendBodyToJoint(index, body, pin.SE3.Identity())
+    A, b = np.array([[1.0], [-0.5], [2.0]]), np.array([0.0, 0.4, 0.1])
+    bounds, data, h = TorqueBounds(model, A, b), model.createData(), 1e-4
+    for _ in range(20):
+        c = rng.normal(size=6)
+        motion = quintic(("j0",), [0.0], [0.0], 1.0)
+        motion = type(motion)(motion.joint_names, motion.breakpoints, c.reshape(1, 6, 1))
+        t = np.array([0.4 - h, 0.4, 0.4 + h])
+        states = [motion(t, order) @ A.T + (b if order == 0 else 0.0) for order in range(3)]
+        tau = np.array([A.T @ pin.rnea(model, data, *(x[k] for x in states)) for k in range(3)])
+        terms, bend = bounds.over(np.abs([motion(t[1:2], order) for order in range(5)]))
+        assert np.abs(tau[0] - 2.0 * tau[1] + tau[2])[0] / h**2 <= 1.001 * bend[0, 0] + 1e-3
+        assert np.abs(tau[1]) <= terms[0] + 1e-9
+
+
 def test_one_joint_by_hand():
     """A pendulum: tau = (I + m r²) q'' + m g r sin q, so tau'' = (I + m r²) q'''' + m g r (sin q)''."""
     model = pin.Model()
