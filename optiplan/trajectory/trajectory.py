@@ -134,7 +134,10 @@ class Trajectory:
         return e.low, e.high
 
     def extrema_at(self, order: int) -> Extrema:
-        """Exact extrema of a derivative over all time, from the roots of the next derivative, and their times."""
+        """Extrema of a derivative over all time, from the roots of the next derivative, and their times.
+
+        Exact but for the rounding of the polynomials' values, which `verify.polynomial_bounds` counts.
+        """
         c = np.swapaxes(self.derivatives(order), 1, 2)  # (m, n, d + 1)
         m, n, size = c.shape
         h = np.diff(self.breakpoints)

@@ -57,8 +57,8 @@ def prove_bounds(coefficients: Array, low: Array, high: Array) -> Bounded:
         ends = b[:, [0, -1]]
         passed = np.maximum(ends.max(axis=1) - high[owner], low[owner] - ends.min(axis=1)) - doubt
         np.maximum.at(beyond, owner, passed)
-        still = (b.max(axis=1) + doubt > high[owner]) | (b.min(axis=1) - doubt < low[owner])
-        still &= beyond[owner] <= 0.0
+        held = (b.max(axis=1) + doubt <= high[owner]) & (b.min(axis=1) - doubt >= low[owner])  # NaN never is
+        still = ~held & (beyond[owner] <= 0.0)
         b, owner = b[still], owner[still]
         if not len(b) or len(b) > _MOST_OPEN:
             break

@@ -129,9 +129,11 @@ def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Ch
     proof = _Proof(problem, trajectory, policy)
     spans, reason = proof.first(), ""
     while True:
-        spans = spans.take(np.asarray((spans.largest() > allowed).any(axis=1)))
+        spans = spans.take(~np.asarray((spans.largest() <= allowed).all(axis=1)))  # NaN stays
         if (proof.peak > allowed).any():
             reason = "beyond its limit"
+        elif not np.isfinite(spans.torque).all():
+            reason = "not proved: numbers overflow"
         elif len(spans.piece) and spans.width.min() < 2.0 * policy.min_interval:
             reason = f"not proved on intervals of {policy.min_interval:g} s"
         elif proof.evaluated + len(spans.piece) > policy.max_queries:

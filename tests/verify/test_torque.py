@@ -109,3 +109,10 @@ def test_a_proof_that_does_not_end_is_a_refusal(planar):
     check = torque(problem_of(planar, swing, Scene()), swing, VerifyPolicy(torque_rate=1.0, max_queries=3))
     assert not check.passed
     assert check.detail.startswith("not proved with 3 torques")
+
+
+@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
+def test_numbers_that_overflow_are_refused(planar):
+    swing = within_limits(quintic(planar.joint_names, [1.0, 0.0], [-1.0, 0.0], 1.0), planar.limits)
+    wild = type(swing)(swing.joint_names, swing.breakpoints, swing.coefficients * 1e300)
+    assert not torque(problem_of(planar, swing, Scene()), wild, VerifyPolicy()).passed
