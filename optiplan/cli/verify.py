@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -43,25 +43,18 @@ def verify(
     from optiplan.cli.report import show_report
     from optiplan.problem.load import load_problem
     from optiplan.store import load_run
-    from optiplan.verify.checks import same_problem
     from optiplan.verify.report import jsonable
-    from optiplan.verify.verify import verify as judge
 
     path = find_problem(problem)
     with stdout_is_ours():
         loaded = load_problem(path)
         stored = load_run(run, loaded.robot.joint_names)
-        report = None if stored.trajectory is None else judge(loaded, stored.trajectory, given=stored.samples)
-    if report is not None and stored.interpolation:
-        report = replace(report, scope=(*report.scope, f"interpolation of the samples: {stored.interpolation}"))
-    origin = same_problem(stored.record, loaded) if "hash" in stored.record else None
-    same = None if origin is None else origin.passed
-    if report is not None and origin is not None:
-        report = replace(report, checks=(origin, *report.checks))
+        report = None if stored.trajectory is None else _judged(loaded, stored)
     code = Exit.VERIFIED if report is not None and report.verified else Exit.NOT_VERIFIED
     if as_json:
         judged = None if report is None else report.to_dict()
         failure = stored.record.get("failure") if stored.trajectory is None else None
+        same = None if "hash" not in stored.record else stored.record["hash"] == loaded.hash
         verdict = {"verified": code == 0, "same_problem": same, "report": judged, "failure": failure}
         print_json(jsonable({**verdict, "interpolation": stored.interpolation or None, "exit_code": int(code)}))
     elif report is None:
@@ -70,3 +63,16 @@ def verify(
     else:
         show_report(results(), report, full, f"{loaded.name} · {loaded.robot.name} · {run}")
     return code
+
+
+def _judged(problem: Any, stored: Any) -> Any:
+    """The report on a stored trajectory, with where it is from and what was put between its samples."""
+    from optiplan.verify.checks import same_problem
+    from optiplan.verify.verify import verify as judge
+
+    report = judge(problem, stored.trajectory, given=stored.samples)
+    if stored.interpolation:
+        report = replace(report, scope=(*report.scope, f"interpolation of the samples: {stored.interpolation}"))
+    if "hash" in stored.record:
+        report = replace(report, checks=(same_problem(stored.record, problem), *report.checks))
+    return report

@@ -141,7 +141,9 @@ class Problem:
         return self._with(scene=scene)
 
     def with_limits(self, **fractions: float | str) -> "Problem":
-        """With other fractions of the robot's own limits: `velocity`, `acceleration`, `jerk` (or "none"), `torque`; else 1.
+        """With other fractions of the robot's own limits: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
+
+        What is not given is 1.
 
         Raises:
             InputError: as for a file: there is no such limit, or the fraction is not in (0, 1].
