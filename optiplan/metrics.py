@@ -186,5 +186,5 @@ def _clearance(report: Report) -> tuple[float | None, float | None]:
     """Proved and lowest clearance, m, as the report has them."""
     for check in report.checks:
         if check.name == "collision":
-            return check.witness.get("proved_clearance"), check.worst
+            return check.witness.get("proved_clearance"), check.witness.get("met_clearance")
     return None, None

@@ -41,6 +41,7 @@ class Run:
         failure: why there is no trajectory; None when there is one.
         report: the verdict on the trajectory; None when there is none.
         lower_bound: s; no motion from the start to the end that was reached is shorter. None without a trajectory.
+            Whether that is a bound of the whole problem, `lower_bound_of` says.
         metrics: what the trajectory measures, verified or not; None without one that moves the robot's joints.
         timings: seconds of wall time: `plan`, `verify` and `measure`.
         stages: seconds of wall time of the planner's own stages.
@@ -73,11 +74,17 @@ class Run:
         return None if self.trajectory is None else self.trajectory.duration
 
     @property
+    def lower_bound_of(self) -> str:
+        """`problem`, if all its motions end in one configuration, so that none is shorter than the bound; else `end`.
+
+        A motion to another end of the same goal may be shorter than the bound of this end.
+        """
+        return "problem" if self.problem.one_end else "end"
+
+    @property
     def ratio(self) -> float | None:
         """Duration / lower_bound, at least 1; None without a trajectory or when the robot need not move."""
-        if self.duration is None or not self.lower_bound or self.lower_bound < STILL:
-            return None
-        return self.duration / self.lower_bound
+        return share_of(self.duration, self.lower_bound)
 
     def to_dict(self) -> dict[str, Any]:
         """What `run.json` holds: everything but the motion itself, JSON-ready up to numpy numbers."""
@@ -92,6 +99,7 @@ class Run:
             "verified": self.verified,
             "duration": self.duration,
             "lower_bound": self.lower_bound,
+            "lower_bound_of": None if self.lower_bound is None else self.lower_bound_of,
             "ratio": self.ratio,
             "metrics": self.metrics and self.metrics.to_dict(),
             "failure": failure and {"kind": failure.kind, "detail": failure.detail, "witness": dict(failure.witness)},
@@ -103,6 +111,11 @@ class Run:
             "improvements": [list(improvement) for improvement in self.improvements],
             "versions": versions(),
         }
+
+
+def share_of(duration: float | None, bound: float | None) -> float | None:
+    """Duration / bound; None without either or when the robot need not move."""
+    return None if duration is None or not bound or bound < STILL else duration / bound
 
 
 def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budget, progress: Progress) -> Run:

@@ -2,18 +2,22 @@
 
 import json
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from optiplan.errors import InputError, Issue
 from optiplan.pipeline import Run
+from optiplan.trajectory.sample_file import Samples, read_samples, samples_from_dict
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
 from optiplan.yaml_words import describe
 
 RUN, TRAJECTORY = "run.json", "trajectory.json"
+SAMPLES = {"t", "q", "v", "a"}
+"""Keys of `trajectory.json` that are not read as the motion, but held against it."""
 RATE = 200.0
 """Samples of `trajectory.json`, Hz; for other programs, since the pieces are the motion."""
 
@@ -26,11 +30,15 @@ class StoredRun:
         place: the file or folder that was named.
         record: content of `run.json`; empty when only a trajectory file was named.
         trajectory: None when the run has none, because the planner failed.
+        samples: what the trajectory file holds beside its pieces, or instead of them; None without any.
+        interpolation: what was put between the samples, in words, where the file has no pieces; else empty.
     """
 
     place: Path
     record: Mapping[str, Any]
     trajectory: Trajectory | None
+    samples: Samples | None = None
+    interpolation: str = ""
 
 
 def save_run(run: Run, folder: Path) -> None:
@@ -52,7 +60,7 @@ def save_run(run: Run, folder: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Find out before the work whether a run could be saved there; makes nothing.
+    """Find out before the work whether a run could be saved there, by writing; leaves nothing behind.
 
     Raises:
         InputError: it is a file, or it or its nearest parent cannot be written.
@@ -63,8 +71,12 @@ def check_folder(folder: Path) -> None:
     found = None
     if not parent.is_dir():
         found = f"{parent} is {'a file' if parent.exists() else 'a link to nothing'}"
-    elif not os.access(parent, os.W_OK | os.X_OK):
-        found = f"{parent} cannot be written"
+    else:
+        try:
+            with tempfile.TemporaryFile(dir=parent) as file:
+                file.write(b"optiplan")
+        except OSError as error:
+            found = f"{parent} cannot be written ({(error.strerror or str(error)).lower()})"
     for name in (RUN, TRAJECTORY):
         if (folder / name).is_dir():
             found = f"{folder / name} is a folder"
@@ -72,8 +84,12 @@ def check_folder(folder: Path) -> None:
         raise InputError([Issue(str(folder), None, "out", found, "a folder that can be written")])
 
 
-def load_run(place: Path | str) -> StoredRun:
-    """Read a run folder, one of its two files, or a trajectory file from elsewhere.
+def load_run(place: Path | str, joint_names: Sequence[str] | None = None) -> StoredRun:
+    """Read a run folder, one of its two files, or a trajectory file from elsewhere: pieces, or samples (JSON or CSV).
+
+    Args:
+        place: the folder or file.
+        joint_names: of the robot, for samples that name no joints or have them in another order.
 
     Raises:
         InputError: there is no run, or a file of it is broken.
@@ -84,12 +100,25 @@ def load_run(place: Path | str) -> StoredRun:
         record = _read_record(folder / RUN)
         trajectory = folder / TRAJECTORY
         if record.get("failure") is None or trajectory.exists():
-            return StoredRun(place, record, Trajectory.from_dict(_read(trajectory), str(trajectory)))
+            return _with_motion(StoredRun(place, record, None), trajectory, joint_names)
         return StoredRun(place, record, None)
-    trajectory_data = _read(place)
     beside = folder / RUN
     own = place.name == TRAJECTORY and beside.exists()
-    return StoredRun(place, _read_record(beside) if own else {}, Trajectory.from_dict(trajectory_data, str(place)))
+    return _with_motion(StoredRun(place, _read_record(beside) if own else {}, None), place, joint_names)
+
+
+def _with_motion(run: StoredRun, file: Path, joint_names: Sequence[str] | None) -> StoredRun:
+    """The run with the motion of a trajectory file: its pieces, else what its samples are interpolated to."""
+    if file.suffix.lower() == ".csv":
+        samples = read_samples(file, joint_names)
+    else:
+        data = _read(file)
+        if "pieces" in data or not SAMPLES & data.keys():
+            motion = Trajectory.from_dict(data, str(file))
+            given = samples_from_dict(data, str(file)) if SAMPLES & data.keys() else None
+            return replace(run, trajectory=motion, samples=given)
+        samples = samples_from_dict(data, str(file), joint_names)
+    return replace(run, trajectory=samples.trajectory(), interpolation=samples.interpolation)
 
 
 def _read_record(path: Path) -> dict[str, Any]:

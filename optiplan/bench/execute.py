@@ -6,7 +6,6 @@ import time
 import traceback
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 from optiplan.bench import machine
@@ -61,7 +60,7 @@ class Executor:
             phase("run")
             cpu = time.process_time()
             options, budget = task.planner.options, Budget(task.budget)
-            done = run(replace(problem, seed=task.seed), task.planner.name, options, budget, lambda stage, part: None)
+            done = run(problem.with_seed(task.seed), task.planner.name, options, budget, lambda stage, part: None)
             stored, blob = packed(done.trajectory)
             columns = result_columns(done, task.metrics) | {"trajectory": stored}
             columns["cut_short"] |= done.trajectory is None and done.timings["plan"] >= task.budget

@@ -20,6 +20,7 @@ from optiplan.planners.base import Budget, Failure, PlanResult, Progress
 from optiplan.planners.goals import ranked_goals
 from optiplan.planners.timed import timed_path
 from optiplan.problem.problem import Problem
+from optiplan.problem.to_data import shape_data
 from optiplan.trajectory.trajectory import Trajectory
 
 POLL = 0.05
@@ -104,8 +105,6 @@ class Peer:
 def request(problem: Problem, goals: list[Array], budget: Budget) -> dict[str, Any]:
     """What a peer is told: all in the robot's base frame, joints in the order of `joints`; rad, m, s."""
     robot, limits = problem.robot, problem.limits
-    bodies = [body.X_WO.homogeneous.tolist() for body in problem.scene.obstacles]
-    shapes = problem.source.get("scene", {}).get("obstacles", [])
     return {
         "version": 1,
         "joints": list(robot.joint_names),
@@ -119,8 +118,8 @@ def request(problem: Problem, goals: list[Array], budget: Budget) -> dict[str, A
         "start": problem.start.tolist(),
         "goals": [goal.tolist() for goal in goals],
         "obstacles": [
-            {"name": spec["name"], "shape": {k: v for k, v in spec["shape"].items() if v is not None}, "pose": pose}
-            for spec, pose in zip(shapes, bodies, strict=True)
+            {"name": body.name, "shape": shape_data(body.shape), "pose": body.X_WO.homogeneous.tolist()}
+            for body in problem.scene.obstacles
         ],
         "seed": problem.seed,
         "budget": budget.seconds,

@@ -10,11 +10,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from optiplan.cli.output import Exit, interrupts_held, messages, print_json, results, stdout_is_ours
+from optiplan.cli.output import Exit, interrupts_held, messages, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.planner_choice import choose, placed
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError, Issue
-from optiplan.pipeline import Run, attempt
+from optiplan.pipeline import Run, attempt, share_of
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.registry import PLANNERS, planner_entry
 from optiplan.problem.problem import Problem
@@ -40,10 +40,12 @@ def several(asked: str | None) -> tuple[str, ...]:
     return tuple(planner_entry(name).name for name in names)
 
 
-def run_all(path: Path, problem: Problem, names: Sequence[str], seconds: float, out: Path | None) -> list[Run]:
+def run_all(
+    path: Path, problem: Problem, names: Sequence[str], seconds: float, out: Path | None
+) -> tuple[list[Run], list[InputError]]:
     """One run a planner with the same budget each, best first; those of the file's planner take its options.
 
-    Each is saved in `out / name` as soon as it is there, and told on stderr.
+    Each is saved in `out / name` as soon as it is there, and told on stderr. Also returned: why some are not saved.
 
     Raises:
         InputError: what the file says of its own planner is wrong.
@@ -53,15 +55,19 @@ def run_all(path: Path, problem: Problem, names: Sequence[str], seconds: float, 
     words = f"{len(names)} planners, each with {seconds:g} s to plan: up to {len(names) * seconds:g} s"
     messages().print(f"{words}, and what it takes to verify", style="dim")
     done: list[Run] = []
+    unsaved: list[InputError] = []
     for k, name in enumerate(names, 1):
         options = problem.options if name == problem.planner else {}
         run = _place(path, _one(problem, name, options, seconds))
         if out is not None:
-            with interrupts_held():
-                save_run(run, out / name)
+            try:
+                with interrupts_held():
+                    save_run(run, out / name)
+            except InputError as error:
+                unsaved.append(error)
         messages().print(f"{k}/{len(names)} {name}: {_outcome(run)}", markup=False, soft_wrap=True)
         done.append(run)
-    return sorted(done, key=_rank)
+    return sorted(done, key=_rank), unsaved
 
 
 def _one(problem: Problem, name: str, options: Mapping[str, Any], seconds: float) -> Run:
@@ -93,11 +99,15 @@ def exit_code(runs: Sequence[Run]) -> Exit:
     return Exit.NOT_VERIFIED if any(run.trajectory is not None for run in runs) else Exit.NO_PLAN
 
 
-def show(runs: Sequence[Run], as_json: bool) -> Exit:
+def show(runs: Sequence[Run], as_json: bool, unsaved: Sequence[InputError] = ()) -> Exit:
     """Print the comparison on stdout, as a table or as one JSON object; its exit code."""
-    code = exit_code(runs)
+    code = Exit.BAD_INPUT if unsaved else exit_code(runs)
+    bound = common_bound(runs)
+    for error in unsaved:
+        print_error(f"a run is not saved: {error}")
     if as_json:
-        print_json(jsonable({"runs": [run.to_dict() for run in runs], "exit_code": int(code)}))
+        shared = {"lower_bound": bound, "lower_bound_of": runs[0].lower_bound_of}
+        print_json(jsonable({"runs": [run.to_dict() for run in runs], **shared, "exit_code": int(code)}))
         return code
     problem = runs[0].problem
     console = results()
@@ -105,6 +115,11 @@ def show(runs: Sequence[Run], as_json: bool) -> Exit:
     width = console.width if console.is_terminal or "COLUMNS" in os.environ else max(console.width, WIDTH)
     _print(Console(width=width, highlight=False), runs)
     return code
+
+
+def common_bound(runs: Sequence[Run]) -> float | None:
+    """One bound for all rows, s: the least of the end configurations that the motions reached."""
+    return min((run.lower_bound for run in runs if run.lower_bound is not None), default=None)
 
 
 TIMES = ("", "planning\ns", "duration\ns", "duration\n/ bound")
@@ -120,6 +135,11 @@ MEASURES = (
 
 def _print(console: Console, runs: Sequence[Run]) -> None:
     """The table as the width allows: reasons in a column, reasons below it, or measures in a second half as well."""
+    bound = common_bound(runs)
+    if bound is not None:
+        plain = runs[0].lower_bound_of == "problem"
+        least = "no motion is shorter" if plain else "the least of the ends reached; a motion to another may be shorter"
+        console.print(f"bound {bound:.3f} s: {least}", markup=False, style="dim")
     if console.width >= WIDTH:
         console.print(_table(runs, (*TIMES, *MEASURES), reasons=True))
         return
@@ -137,18 +157,19 @@ def _table(runs: Sequence[Run], headings: Sequence[str], reasons: bool = False) 
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     if reasons:
         table.add_column("why not", overflow="fold", min_width=24)
+    bound = common_bound(runs)
     for run in runs:
         word = "no plan" if run.trajectory is None else "not verified"
         verdict = "[green]verified[/]" if run.verified else f"[red]{word}[/]"
-        cells = dict(zip((*TIMES, *MEASURES), (verdict, *_numbers(run)), strict=True))
+        cells = dict(zip((*TIMES, *MEASURES), (verdict, *_numbers(run, bound)), strict=True))
         why = [escape(_reason(run))] if reasons else []
         table.add_row(run.planner, *(cells[heading] for heading in headings), *why)
     return table
 
 
-def _numbers(run: Run) -> list[str]:
+def _numbers(run: Run, bound: float | None) -> list[str]:
     found = run.metrics
-    row = [f"{run.timings['plan']:.2f}", _text(run.duration, ".3f"), _text(run.ratio, ".3f")]
+    row = [f"{run.timings['plan']:.2f}", _text(run.duration, ".3f"), _text(share_of(run.duration, bound), ".3f")]
     if found is None:
         return [*row, *("–" for _ in range(6))]
     return [

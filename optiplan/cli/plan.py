@@ -10,7 +10,7 @@ import typer
 
 from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.files import find_problem
-from optiplan.cli.output import Exit, interrupts_held, print_json, results, stdout_is_ours
+from optiplan.cli.output import Exit, interrupts_held, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError
 
@@ -38,6 +38,7 @@ def plan(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="write run.json and trajectory.json there")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
     view: Annotated[bool, typer.Option("--view", help="then show it in the browser")] = False,
+    full: Annotated[bool, typer.Option("--full", help="every check, not only those that failed")] = False,
 ) -> int:
     """Plan a motion, prove it, and print the report.
 
@@ -66,15 +67,15 @@ def plan(
             check_folder(folder)
     with stdout_is_ours():
         began = time.perf_counter()
-        problem = load_problem(path) if seed is None else replace(load_problem(path), seed=seed)
+        problem = load_problem(path) if seed is None else load_problem(path).with_seed(seed)
         loaded = time.perf_counter() - began
     if names:
-        runs = comparison.run_all(path, problem, names, budget, out)
-        code = comparison.show(runs, as_json)
+        runs, unsaved = comparison.run_all(path, problem, names, budget, out)
+        code = comparison.show(runs, as_json, unsaved)
     else:
         run = _run(path, problem, planner, budget)
         runs = [replace(run, timings={"load": loaded, **run.timings})]
-        code = _finish(runs[0], out, as_json)
+        code = _finish(runs[0], out, as_json, full)
     if view:
         _view(runs)
     return code
@@ -94,20 +95,27 @@ def _run(path: Path, problem: Any, planner: str | None, seconds: float) -> Any:
             raise placed(path, error) if options else error from None
 
 
-def _finish(run: Any, out: Path | None, as_json: bool) -> Exit:
-    """Save the run and print it; its exit code."""
+def _finish(run: Any, out: Path | None, as_json: bool, full: bool) -> Exit:
+    """Save the run and print it, even where it cannot be saved; its exit code."""
     from optiplan.cli.report import show_run
     from optiplan.store import save_run
     from optiplan.verify.report import jsonable
 
     code = Exit.VERIFIED if run.verified else Exit.NO_PLAN if run.trajectory is None else Exit.NOT_VERIFIED
+    unsaved = None
     if out is not None:
-        with interrupts_held():
-            save_run(run, out)
+        try:
+            with interrupts_held():
+                save_run(run, out)
+        except InputError as error:
+            unsaved, code = error, Exit.BAD_INPUT
     if as_json:
-        print_json(jsonable({**run.to_dict(), "exit_code": int(code)}))
+        lost = {} if unsaved is None else {"error": str(unsaved)}
+        print_json(jsonable({**run.to_dict(), **lost, "exit_code": int(code)}))
     else:
-        show_run(results(), run)
+        show_run(results(), run, full)
+    if unsaved is not None:
+        print_error(f"the run is not saved: {unsaved}")
     return code
 
 

@@ -1,13 +1,14 @@
 """`optiplan verify`: judge a trajectory again, whoever made it."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from optiplan.cli.completion import problem_names
 from optiplan.cli.files import find_problem
-from optiplan.cli.output import Exit, messages, print_json, results, stdout_is_ours
+from optiplan.cli.output import Exit, print_json, results, stdout_is_ours
 
 
 def verify(
@@ -17,12 +18,17 @@ def verify(
             metavar="PROBLEM", help="a problem file, or the name of an example", autocompletion=problem_names
         ),
     ],
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="a run folder, or a trajectory.json")],
+    run: Annotated[
+        Path, typer.Argument(metavar="RUN", help="a run folder, a trajectory.json, or samples as JSON or CSV")
+    ],
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    full: Annotated[bool, typer.Option("--full", help="every check, not only those that failed")] = False,
 ) -> int:
     """Verify a stored trajectory against a problem, from nothing but these two.
 
-    The trajectory may come from another program: `joint_names` and `pieces` are all that is read.
+    The trajectory may come from another program: `joint_names` and `pieces` are the motion, and samples `t`, `q`, `v`,
+    `a` beside them must be of it. Without pieces the samples are interpolated, and the report says how. A run folder
+    must have been made from this very problem.
 
     [bold]Examples[/]
 
@@ -30,35 +36,43 @@ def verify(
 
       optiplan verify cell.yaml elsewhere/trajectory.json --json
 
+      optiplan verify cell.yaml samples.csv --full
+
     Exit code: 0 verified · 2 bad input · 4 not verified.
     """
     from optiplan.cli.report import show_report
     from optiplan.problem.load import load_problem
     from optiplan.store import load_run
     from optiplan.verify.report import jsonable
-    from optiplan.verify.verify import verify as judge
 
     path = find_problem(problem)
-    stored = load_run(run)
     with stdout_is_ours():
         loaded = load_problem(path)
-        report = None if stored.trajectory is None else judge(loaded, stored.trajectory)
-    same = None if "hash" not in stored.record else stored.record["hash"] == loaded.hash
-    if same is False:
-        messages().print(
-            f"note: the run was made from another problem ('{stored.record.get('name')}', another hash); "
-            f"its motion is judged against {path}",
-            style="yellow",
-        )
+        stored = load_run(run, loaded.robot.joint_names)
+        report = None if stored.trajectory is None else _judged(loaded, stored)
     code = Exit.VERIFIED if report is not None and report.verified else Exit.NOT_VERIFIED
     if as_json:
         judged = None if report is None else report.to_dict()
         failure = stored.record.get("failure") if stored.trajectory is None else None
+        same = None if "hash" not in stored.record else stored.record["hash"] == loaded.hash
         verdict = {"verified": code == 0, "same_problem": same, "report": judged, "failure": failure}
-        print_json(jsonable({**verdict, "exit_code": int(code)}))
+        print_json(jsonable({**verdict, "interpolation": stored.interpolation or None, "exit_code": int(code)}))
     elif report is None:
         reason = (stored.record.get("failure") or {}).get("detail", "no reason given")
         results().print(f"not verified: the run has no trajectory ({reason})", style="red", markup=False)
     else:
-        show_report(results(), report)
+        show_report(results(), report, full, f"{loaded.name} · {loaded.robot.name} · {run}")
     return code
+
+
+def _judged(problem: Any, stored: Any) -> Any:
+    """The report on a stored trajectory, with where it is from and what was put between its samples."""
+    from optiplan.verify.checks import same_problem
+    from optiplan.verify.verify import verify as judge
+
+    report = judge(problem, stored.trajectory, given=stored.samples)
+    if stored.interpolation:
+        report = replace(report, scope=(*report.scope, f"interpolation of the samples: {stored.interpolation}"))
+    if "hash" in stored.record:
+        report = replace(report, checks=(same_problem(stored.record, problem), *report.checks))
+    return report

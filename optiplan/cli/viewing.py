@@ -54,7 +54,7 @@ def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str =
 def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:
     if run.trajectory is None:
         return run.record
-    return {**run.record, "report": verify(problem, run.trajectory).to_dict()}
+    return {**run.record, "report": verify(problem, run.trajectory, given=run.samples).to_dict()}
 
 
 def _label(run: StoredRun, several: bool) -> str:

@@ -1,6 +1,6 @@
 """Limits of the planned joints: those of the robot.yaml, else those of the URDF, else stated defaults."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -28,6 +28,18 @@ class Limits:
     acceleration: Array
     jerk: Array
     torque: Array
+
+    def scaled(
+        self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float | str = 1.0, torque: float = 1.0
+    ) -> "Limits":
+        """These limits times fractions; `jerk` "none" lifts its limits."""
+        return replace(
+            self,
+            velocity=self.velocity * velocity,
+            acceleration=self.acceleration * acceleration,
+            jerk=self.jerk * (np.inf if isinstance(jerk, str) else jerk),
+            torque=self.torque * torque,
+        )
 
 
 def build_limits(spec: LimitsSpec, document: Document, model: pin.Model, group: Group) -> tuple[Limits, list[str]]:

@@ -1,6 +1,6 @@
 """The way in: a problem file becomes a `Problem`, or every reason why it cannot."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,13 +10,14 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.model.collision import CollisionModel, Contact
-from optiplan.model.robot import Limits, Robot, load_robot, robot_names
+from optiplan.model.robot import Robot, load_robot, robot_names
 from optiplan.model.scene import Scene
 from optiplan.problem.compile import Compiler, RobotLoader
 from optiplan.problem.draft import Draft, Part
 from optiplan.problem.hashing import meshes_of, problem_hash
 from optiplan.problem.problem import Goal, JointGoal, Objective, PoseGoal, Problem, Via
-from optiplan.problem.spec import LimitsSpec, ProblemSpec
+from optiplan.problem.spec import ProblemSpec
+from optiplan.problem.to_data import goal_data, scene_data, via_data
 from optiplan.yaml_lines import Document, Place, read_yaml, validate
 
 TOUCHING = 1e-12
@@ -129,14 +130,12 @@ def _assemble(
         start=start,
         goal=goal,
         vias=vias,
-        limits=_scaled(robot.limits, spec.limits),
+        limits=robot.limits.scaled(**spec.limits.model_dump()),
         objective=Objective(spec.objective.time, spec.objective.jerk),
         planner=spec.planner.name,
         options=dict(spec.planner.model_extra or {}),
         seed=spec.seed,
-        source=source,
-        hash=digest,
-    )
+    ).identified(source, digest, _changed)
 
 
 def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:
@@ -158,14 +157,24 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
     return source, digest
 
 
-def _scaled(limits: Limits, fractions: LimitsSpec) -> Limits:
-    return replace(
-        limits,
-        velocity=limits.velocity * fractions.velocity,
-        acceleration=limits.acceleration * fractions.acceleration,
-        jerk=limits.jerk * (np.inf if fractions.jerk == "none" else fractions.jerk),
-        torque=limits.torque * fractions.torque,
-    )
+def _changed(problem: Problem, changes: Mapping[str, Any]) -> Problem:
+    """The problem with other parts, read from its source with these in it; it keeps its robot and its seed.
+
+    Raises:
+        InputError: what a file with these parts would be refused for.
+    """
+    data = dict(problem.source) | {_AS_DATA[part][0]: _AS_DATA[part][1](value) for part, value in changes.items()}
+    return problem_from_dict(data, "/", lambda *_: problem.robot).with_seed(problem.seed)
+
+
+_AS_DATA: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
+    "start": ("start", lambda start: {"joints": np.asarray(start, dtype=float).tolist()}),
+    "goal": ("goal", goal_data),
+    "vias": ("via", via_data),
+    "scene": ("scene", scene_data),
+    "limits": ("limits", dict),
+}
+"""Parts that `Problem.with_…` changes: key of the file, and how the part stands there."""
 
 
 def _collisions(

@@ -134,7 +134,10 @@ class Trajectory:
         return e.low, e.high
 
     def extrema_at(self, order: int) -> Extrema:
-        """Exact extrema of a derivative over all time, from the roots of the next derivative, and their times."""
+        """Extrema of a derivative over all time, from the roots of the next derivative, and their times.
+
+        Exact but for the rounding of the polynomials' values, which `verify.polynomial_bounds` counts.
+        """
         c = np.swapaxes(self.derivatives(order), 1, 2)  # (m, n, d + 1)
         m, n, size = c.shape
         h = np.diff(self.breakpoints)
@@ -208,8 +211,8 @@ class Trajectory:
         names = data.get("joint_names")
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
             raise InputError([Issue(file, None, "joint_names", f"{names!r:.120}", "a list of names")])
-        breakpoints = _numbers(pieces.get("breakpoints"), file, "pieces.breakpoints")
-        coefficients = _numbers(pieces.get("coefficients"), file, "pieces.coefficients")
+        breakpoints = numbers(pieces.get("breakpoints"), file, "pieces.breakpoints")
+        coefficients = numbers(pieces.get("coefficients"), file, "pieces.coefficients")
         problem = defect(tuple(names), breakpoints, coefficients)
         if problem is not None:
             field = problem[0] if problem[0] == "joint_names" else f"pieces.{problem[0]}"
@@ -245,7 +248,12 @@ def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array
     return None
 
 
-def _numbers(value: Any, file: str, field: str) -> Array:
+def numbers(value: Any, file: str, field: str) -> Array:
+    """Parsed JSON as an array.
+
+    Raises:
+        InputError: it holds anything but numbers, or rows of different lengths.
+    """
     expected = "nested lists of numbers, all rows of one length"
     try:
         array = np.array(value)

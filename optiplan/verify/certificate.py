@@ -15,12 +15,15 @@ from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.separation import Distances, PairDistances
 
 ROUNDING = 1e-9  # m, subtracted from every proved clearance
-_EASY = 5e-3  # m, margin by which bounding volumes must clear a pair, so that the clearance reported is a true figure
+_EASY = 5e-3  # m, margin by which bounding volumes must clear a pair at first
+_TOLD = 0.8  # of the smallest distance measured: this much is to be proved, so that the clearance is a true figure
+_FAR = 0.1  # m: a larger clearance need not be told any better
+_MOST_AGAIN = 4_000  # questions answered to tell the clearance better, after the proof
 _FIRST_TRAVEL = 0.1  # rad or m, summed over joints: how coarse the first intervals may be
 _LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up ROUNDING
 _MOST_HALVINGS = 12  # of a piece before the first look
 _MOST_ITEMS = 20_000  # answered at once, to bound memory
-_CHUNK = 256  # blocks of intervals handled by bounding volumes at a time, to bound memory
+_CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memory
 
 
 @dataclass(frozen=True)
@@ -75,13 +78,42 @@ def certify(model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy)
     search.look_first()
     if search.proof.reason:
         return search.proof
-    items = search.begin()
-    while len(items.pair):
-        head, tail = np.split(np.arange(len(items.pair)), [_MOST_ITEMS])
-        items = Intervals.join([search.advance(items.take(head)), items.take(tail)])
-        if search.proof.reason:
-            return search.proof
-    return replace(search.proof, proved=True)
+    search.work_off(search.begin())
+    if search.proof.reason:
+        return search.proof
+    rough = min(search.proof.clearance, search.coarse.clearance)
+    proved = replace(search.proof, proved=True, clearance=rough)
+    search.work_off(search.again())
+    return proved if search.proof.reason else replace(search.proof, proved=True)
+
+
+@dataclass(frozen=True, eq=False)
+class _Coarse:
+    """B blocks of neighbouring intervals, first[b] to last[b] - 1, and what bounding volumes prove of P pairs there.
+
+    Attributes:
+        near: (B, P) proved clear, but by less than is worth telling.
+        margin: (B, P) the clearance proved, m.
+    """
+
+    intervals: Intervals
+    first: Index
+    last: Index
+    near: Flags
+    margin: Array
+
+    @property
+    def clearance(self) -> float:
+        """The least that is proved of those near, m."""
+        return float(self.margin[self.near].min(initial=np.inf))
+
+    def members(self, chosen: Flags) -> Intervals:
+        """All intervals of the blocks chosen (B, P), with their pairs."""
+        rows, pairs = np.nonzero(chosen)
+        many = (self.last - self.first)[rows]
+        within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+        items = self.intervals.take(np.repeat(self.first[rows], many) + within)
+        return replace(items, pair=np.repeat(pairs, many))
 
 
 @dataclass(eq=False)
@@ -145,18 +177,31 @@ class _Search:
         b = self.boxes(intervals)
         first, last = blocks(b.reach.sum(axis=1), _FIRST_TRAVEL)
         low, high = np.minimum.reduceat(b.q - b.reach, first), np.maximum.reduceat(b.q + b.reach, first)
-        opened = []
+        margins = []
         for k in range(0, len(first), _CHUNK):
             Q, D = 0.5 * (low + high)[k : k + _CHUNK], 0.5 * (high - low)[k : k + _CHUNK] + 1e-15
-            margin = self.model.lower_bounds(Q) - self.model.travel(Q, D) - ROUNDING
-            clear = margin > self.policy.clearance + _EASY
-            self.keep(margin[clear])
-            rows, pairs = np.nonzero(~clear)
-            many = (last - first)[k + rows]
-            within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-            chosen = np.repeat(first[k + rows], many) + within
-            opened.append(replace(intervals.take(chosen), pair=np.repeat(pairs, many)))
-        return Intervals.join(opened)
+            margins.append(self.model.lower_bounds(Q) - self.model.travel(Q, D) - ROUNDING)
+        margin = np.concatenate(margins)
+        clear, far = margin > self.policy.clearance + _EASY, margin > self.policy.clearance + _FAR
+        self.keep(margin[far])
+        self.coarse = _Coarse(intervals, first, last, clear & ~far, margin)
+        return self.coarse.members(~clear)
+
+    def again(self) -> Intervals:
+        """Intervals on which bounding volumes prove less than is worth telling, unless they are too many."""
+        coarse, nothing = self.coarse, np.zeros_like(self.coarse.near)
+        chosen = coarse.near & (coarse.margin <= self.target()) if self.proof.nearest is not None else nothing
+        items = coarse.members(chosen)
+        if len(items.pair) > _MOST_AGAIN:
+            chosen, items = nothing, coarse.members(nothing)
+        self.keep(coarse.margin[coarse.near & ~chosen])
+        return items
+
+    def work_off(self, items: Intervals) -> None:
+        """Answer these and what they are divided into, until none is open or there is a reason to stop."""
+        while len(items.pair) and not self.proof.reason:
+            head, tail = np.split(np.arange(len(items.pair)), [_MOST_ITEMS])
+            items = Intervals.join([self.advance(items.take(head)), items.take(tail)])
 
     def advance(self, items: Intervals) -> Intervals:
         """Ask the exact distance of every item; stop at a contact, divide what is not proved."""
@@ -180,10 +225,10 @@ class _Search:
         return self.limit(items.take(still).split(_halvings(found, near, still, self.target())))
 
     def target(self) -> float:
-        """What must be proved, m: the clearance asked for, and half of the smallest distance, to tell a true figure."""
+        """What must be proved, m: the clearance asked for, and most of the smallest distance, to tell a true figure."""
         nearest = self.proof.nearest
         asked = self.policy.clearance
-        return asked if nearest is None else asked + 0.5 * max(nearest.distance - asked, 0.0)
+        return asked if nearest is None else asked + _TOLD * max(nearest.distance - asked, 0.0)
 
     def count(self, unique: Intervals, found: Distances) -> None:
         """Keep the books."""

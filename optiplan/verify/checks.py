@@ -1,6 +1,8 @@
 """One function a check, apart from collision: each takes (problem, trajectory, policy) and returns a `Check`."""
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -8,14 +10,26 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory.trajectory import Trajectory, defect
+from optiplan.verify.polynomial_bounds import prove_bounds
 from optiplan.verify.report import Check, VerifyPolicy
 
 _ORDERS = ("position", "velocity", "acceleration", "jerk")
 _UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
-_MOST_SAMPLES = 200_000  # of torque, to bound memory; more than six minutes at 500 Hz
 ROUNDING = 1e-9
 """On top of the tolerances of goals and vias, m or rad."""
 _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
+
+
+def same_problem(record: Mapping[str, Any], problem: Problem) -> Check:
+    """The hash in the record of a run is that of this very problem."""
+    found = str(record["hash"])
+    if found == problem.hash:
+        return Check("problem", "exact", True, detail="the run was made from this very problem")
+    detail = (
+        f"the run was made from another problem, '{record.get('name')}' with hash {found:.12}; this one has "
+        f"{problem.hash:.12}. To judge its motion alone, give a copy of its trajectory.json outside the folder"
+    )
+    return Check("problem", "exact", False, detail=detail)
 
 
 def form(trajectory: Trajectory) -> Check:
@@ -116,48 +130,69 @@ def _acceleration_step(problem: Problem, policy: VerifyPolicy) -> Array:
 
 
 def position(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
-    """Lower - tolerance <= q <= upper + tolerance at all times, on exact extrema."""
+    """Lower - tolerance <= q <= upper + tolerance at all times, by `prove_bounds`; reported are the extrema."""
     e, limits = trajectory.extrema_at(0), problem.limits
     beyond = np.stack([limits.lower - e.low, e.high - limits.upper])  # negative inside
     side, j = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
     worst, limit, time = [(e.low, limits.lower, e.t_low), (e.high, limits.upper, e.t_high)][side]
-    passed, name = bool((beyond <= policy.position_tolerance).all()), problem.robot.joint_names[j]
-    detail = f"nearest to its {('lower', 'upper')[side]} limit"
-    return Check("position", "exact", passed, float(worst[j]), float(limit[j]), "rad", float(time[j]), name, detail)
+    detail, name = f"nearest to its {('lower', 'upper')[side]} limit", problem.robot.joint_names[j]
+    check = Check("position", "exact", True, float(worst[j]), float(limit[j]), "rad", float(time[j]), name, detail)
+    tolerance = policy.position_tolerance
+    between = _Between(0, limits.lower - tolerance, limits.upper + tolerance, np.full(trajectory.n, ROUNDING))
+    return _proved(check, problem, trajectory, between)
 
 
 def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: int) -> Check:
-    """|d^order q / dt^order| <= limit (1 + tolerance) at all times, on exact extrema; order 1, 2 or 3."""
+    """|d^order q / dt^order| <= limit (1 + tolerance) at all times, by `prove_bounds`; order 1, 2 or 3.
+
+    Reported is the extremum that comes nearest to its limit.
+    """
     limits = (problem.limits.velocity, problem.limits.acceleration, problem.limits.jerk)[order - 1]
     e = trajectory.extrema_at(order)
     magnitude = np.maximum(np.abs(e.low), np.abs(e.high))
     time = np.where(np.abs(e.low) > np.abs(e.high), e.t_low, e.t_high)
     allowed = limits * (1.0 + policy.limit_tolerance)
-    detail = "" if order < 3 or (magnitude <= allowed).all() else _LIFTED.removeprefix("; ")
-    blank = Check(_ORDERS[order], "exact", False, unit=_UNITS[order], detail=detail)
-    return _largest(problem, blank, magnitude, allowed, time)
+    check = _largest(problem, Check(_ORDERS[order], "exact", False, unit=_UNITS[order]), magnitude, allowed, time)
+    between = _Between(order, -allowed, allowed, policy.limit_tolerance * limits)
+    found = _proved(replace(check, passed=True), problem, trajectory, between)
+    return found if found.passed or found.detail or order < 3 else replace(found, detail=_LIFTED.removeprefix("; "))
 
 
-def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
-    """|rnea(q, v, a)| <= limit (1 + tolerance) at `torque_rate` and at all breakpoints.
+@dataclass(frozen=True, eq=False)
+class _Between:
+    """Bounds of the derivative of this order, and the largest rounding of a sum of its terms that is let pass: (n,)."""
 
-    The inertia of attached objects is not known and counts as nothing.
+    order: int
+    low: Array
+    high: Array
+    rounding: Array
+
+
+def _proved(check: Check, problem: Problem, trajectory: Trajectory, asked: _Between) -> Check:
+    """The check, refused where a derivative is not proved to stay between its bounds.
+
+    Where no extremum shows it, because the terms of a polynomial cancel beyond the digits of their sum, its piece is
+    named.
     """
-    limits = problem.limits.torque
-    if not np.isfinite(limits).any():
-        return Check("torque", "sampled", True, detail="the robot gives no torque limits")
-    samples = np.ceil(min(trajectory.duration * policy.torque_rate, _MOST_SAMPLES))
-    grid = np.linspace(0.0, trajectory.duration, int(samples) + 1)
-    before = np.nextafter(trajectory.breakpoints[1:], 0.0)  # where the acceleration jumps, its left side counts too
-    t = np.union1d(grid, np.concatenate([trajectory.breakpoints, before]))
-    model, data = problem.robot.model, problem.robot.model.createData()
-    q, v, a = (trajectory(t, order) for order in range(3))
-    tau = np.abs(np.array([pin.rnea(model, data, *row).copy() for row in zip(q, v, a, strict=True)]))
-    peak = tau.argmax(axis=0)
-    allowed = limits * (1.0 + policy.limit_tolerance)
-    detail = f"at {len(t)} instants; attached objects weigh nothing"
-    blank = Check("torque", "sampled", False, unit="N·m", detail=detail)
-    return _largest(problem, blank, tau[peak, np.arange(len(peak))], allowed, t[peak])
+    h = np.diff(trajectory.breakpoints)
+    c = np.swapaxes(trajectory.derivatives(asked.order), 1, 2)
+    c = c * h[:, None, None] ** np.arange(c.shape[2])
+    m, n, size = c.shape
+    found = prove_bounds(c.reshape(-1, size), np.tile(asked.low, m), np.tile(asked.high, m))
+    rounding, within = found.rounding.reshape(m, n), found.within.reshape(m, n)
+    sound = within & (rounding <= asked.rounding)
+    if sound.all():
+        return check
+    extrema = trajectory.extrema_at(asked.order)
+    if (extrema.low < asked.low).any() or (extrema.high > asked.high).any():
+        return replace(check, passed=False)
+    piece, j = divmod(int(np.argmax(np.where(sound, -1.0, rounding))), n)
+    degree, time = trajectory.coefficients.shape[1] - 1, float(trajectory.breakpoints[piece])
+    detail = (
+        f"not proved: in piece {piece + 1}, of degree {degree} and {h[piece]:.3g} s, large terms cancel: "
+        f"their sum is known to {rounding[piece, j]:.2g} {check.unit} only"
+    )
+    return replace(check, passed=False, time=time, place=problem.robot.joint_names[j], detail=detail)
 
 
 def _largest(problem: Problem, blank: Check, value: Array, allowed: Array, time: Array) -> Check:

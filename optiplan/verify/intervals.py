@@ -1,8 +1,8 @@
 """Intervals of time with the pairs still in question on them, and what the joints can do there."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import comb
+from math import comb, perm
 
 import numpy as np
 
@@ -90,13 +90,9 @@ def boxes(trajectory: Trajectory, items: Intervals, jump: Array) -> Boxes:
     c = trajectory.coefficients[items.piece]  # (K, degree + 1, n)
     width = items.widths(trajectory)[:, None]
     middle, half = (items.index + 0.5)[:, None] * width, 0.5 * width
-    degree = c.shape[1] - 1
     reach = jump[items.piece] + 1e-15
     speed, acceleration, v = np.zeros_like(reach), np.zeros_like(reach), np.zeros_like(reach)
-    for k in range(degree, -1, -1):
-        b = comb(degree, k) * c[:, degree]
-        for i in range(degree - 1, k - 1, -1):  # Horner's rule for the Taylor coefficient
-            b = b * middle + comb(i, k) * c[:, i]
+    for k, b in taylor(c, middle):
         size = np.abs(b)
         if k > 0:
             reach += size * half**k
@@ -106,3 +102,38 @@ def boxes(trajectory: Trajectory, items: Intervals, jump: Array) -> Boxes:
         if k == 1:
             v = b
     return Boxes(half[:, 0], b, v, reach, speed, acceleration, jump[items.piece])
+
+
+def taylor(c: Array, x: Array) -> Iterator[tuple[int, Array]]:
+    """Powers k and Taylor coefficients p^(k)(x) / k!, (K, n), of polynomials c (K, degree + 1, n), highest k first.
+
+    Args:
+        c: ascending powers.
+        x: (K, 1) where.
+    """
+    degree = c.shape[1] - 1
+    for k in range(degree, -1, -1):
+        b = comb(degree, k) * c[:, degree]
+        for i in range(degree - 1, k - 1, -1):  # Horner's rule
+            b = b * x + comb(i, k) * c[:, i]
+        yield k, b
+
+
+def derivative_bounds(c: Array, middle: Array, half: Array, orders: int) -> Array:
+    """Bounds on |q^(r)| within `half` of `middle`, r = 0 to orders - 1: sum_k>=r k! / (k - r)! |b_k| half^(k - r).
+
+    Args:
+        c: (K, degree + 1, n) polynomials, ascending powers.
+        middle: (K, 1) s.
+        half: (K, 1) s.
+        orders: how many derivatives.
+
+    Returns:
+        (orders, K, n).
+    """
+    bounds = np.zeros((orders, len(c), c.shape[2]))
+    for k, b in taylor(c, middle):
+        size = np.abs(b)
+        for r in range(min(k + 1, orders)):
+            bounds[r] += perm(k, r) * size * half ** (k - r)
+    return bounds

@@ -19,9 +19,9 @@ class VerifyPolicy:
         jump_tolerance: sum of all steps of position at breakpoints, rad or m; the certificate covers such steps.
         rest_tolerance: largest velocity and acceleration at both ends, and sum of all their steps at breakpoints, as a
             fraction of their limits.
-        torque_rate: samples of torque a second, Hz.
-        min_interval: an interval shorter than this, s, on which clearance cannot be proved is a refusal.
-        max_queries: exact distance queries after which the proof is given up.
+        torque_rate: intervals a second, Hz, with which the proof of the torques begins.
+        min_interval: an interval shorter than this, s, on which clearance or a torque cannot be proved is a refusal.
+        max_queries: exact distance queries, or torques, after which a proof is given up.
     """
 
     clearance: float = 0.0
@@ -29,7 +29,7 @@ class VerifyPolicy:
     position_tolerance: float = 1e-6
     jump_tolerance: float = 1e-7
     rest_tolerance: float = 1e-5
-    torque_rate: float = 500.0
+    torque_rate: float = 200.0
     min_interval: float = 1e-9
     max_queries: int = 1_000_000
 
@@ -41,7 +41,8 @@ class Check:
     Attributes:
         name: what, e.g. `velocity`.
         kind: `exact` (holds at all times, from polynomial extrema or from data), `continuous` (proved for all times by
-            the certificate) or `sampled` (holds at the instants looked at).
+            halving intervals), `sampled` (holds at the instants looked at) or `unchecked` (there is nothing to hold it
+            against; the detail says why).
         passed: whether the trajectory keeps to it.
         worst: the value nearest to or farthest beyond the limit; None when nothing could be measured.
         limit: what it was held against.
@@ -72,13 +73,15 @@ class Report:
         policy: how strict the verifier was.
         checks: every check, in the order they were made.
         link_geometry: what stands for each link: mesh, hull or convex pieces.
-        notes: what was not checked.
+        notes: remarks on the robot, and what was not checked.
+        scope: what the verdict is about: pairs, shapes, torques; short statements, said beside it.
     """
 
     policy: VerifyPolicy
     checks: tuple[Check, ...]
     link_geometry: Mapping[str, str]
     notes: tuple[str, ...] = ()
+    scope: tuple[str, ...] = ()
 
     @property
     def verified(self) -> bool:
@@ -98,6 +101,7 @@ class Report:
             "checks": [jsonable(asdict(check)) for check in self.checks],
             "link_geometry": dict(self.link_geometry),
             "notes": list(self.notes),
+            "scope": list(self.scope),
         }
 
 

@@ -5,22 +5,29 @@ from typing import Any
 
 from optiplan.model.collision import CollisionModel
 from optiplan.problem.problem import Problem
+from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import checks
 from optiplan.verify.certificate import Proof, certify
 from optiplan.verify.passing import vias
 from optiplan.verify.report import Check, Report, VerifyPolicy
+from optiplan.verify.samples import samples
+from optiplan.verify.scope import scope
+from optiplan.verify.torque import torque
 
 _DEFAULT = VerifyPolicy()
 
 
-def verify(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT) -> Report:
+def verify(
+    problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT, given: Samples | None = None
+) -> Report:
     """Check a trajectory against everything its problem demands; a bad trajectory is a refusal, never an exception.
 
     Args:
         problem: what was asked.
         trajectory: what was answered, by whomever.
         policy: how strict to be.
+        given: samples that came with the pieces of the trajectory, to be held against them.
 
     Returns:
         Every check with its worst value, limit, time and place; those that need a well-formed trajectory of the right
@@ -29,20 +36,15 @@ def verify(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEF
     found = [checks.form(trajectory)]
     if found[0].passed:
         found.append(checks.joints(problem, trajectory))
-    notes = [*problem.robot.notes, *_allowed(problem)]
-    if all(check.passed for check in found):
-        found += _motion(problem, trajectory, policy)
-        found.append(collision(problem, trajectory, policy))
-    else:
-        notes.append("nothing else was checked: the trajectory cannot be read as a motion of this robot")
-    return Report(policy, tuple(found), dict(problem.robot.link_geometry), tuple(notes))
-
-
-def _allowed(problem: Problem) -> list[str]:
-    """Which contacts the problem waves through, if any: allowed pairs, and what attached objects may touch."""
-    pairs = {" – ".join(sorted(pair)) for pair in problem.scene.allowed}
-    pairs |= {" – ".join(sorted((held.name, link))) for held in problem.scene.attached for link in held.touch}
-    return [f"contacts allowed by the problem, not checked: {', '.join(sorted(pairs))}"] if pairs else []
+    notes = problem.robot.notes
+    if not all(check.passed for check in found):
+        notes = (*notes, "nothing else was checked: the trajectory cannot be read as a motion of this robot")
+        return Report(policy, tuple(found), dict(problem.robot.link_geometry), notes)
+    found += _motion(problem, trajectory, policy)
+    if given is not None:
+        found.append(samples(problem, trajectory, policy, given))
+    found.append(collision(problem, trajectory, policy))
+    return Report(policy, tuple(found), dict(problem.robot.link_geometry), notes, scope(problem, found))
 
 
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
@@ -54,20 +56,25 @@ def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> l
         checks.continuity(problem, trajectory, policy),
         checks.position(problem, trajectory, policy),
         *(checks.rate(problem, trajectory, policy, order) for order in (1, 2, 3)),
-        checks.torque(problem, trajectory, policy),
+        torque(problem, trajectory, policy),
     ]
 
 
 def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
-    """Every pair of bodies stays apart at all times, by the certificate."""
+    """Every pair of bodies stays apart at all times, by the certificate.
+
+    `worst` is the clearance proved; where none is proved, the smallest distance met.
+    """
     model = CollisionModel(problem.robot, problem.scene)
     proof = certify(model, trajectory, policy)
+    near = proof.nearest
     witness: dict[str, Any] = {
         "pairs": len(model.pairs),
         "intervals": proof.intervals,
         "queries": proof.queries,
         "believed": proof.believed,
         "proved_clearance": proof.clearance if proof.proved and model.pairs else None,
+        "met_clearance": None if near is None else near.distance,
         "contact": proof.contact,
     }
     if proof.proved and not model.pairs:
@@ -75,11 +82,12 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     verdict = Check(
         "collision", "continuous", proof.proved, limit=policy.clearance, unit="m", detail=_words(proof), witness=witness
     )
-    if proof.nearest is None:
+    verdict = replace(verdict, worst=witness["proved_clearance"])
+    if near is None:
         return verdict
-    near = proof.nearest
     witness |= {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q.tolist()}
-    return replace(verdict, worst=near.distance, time=near.time, place=" – ".join(near.pair), witness=witness)
+    worst = proof.clearance if proof.proved else near.distance
+    return replace(verdict, worst=worst, time=near.time, place=" – ".join(near.pair), witness=witness)
 
 
 def _words(proof: Proof) -> str:
@@ -87,5 +95,6 @@ def _words(proof: Proof) -> str:
     work = f"{proof.intervals} intervals, {proof.queries} distance queries"
     trust = f", {proof.believed} of them of non-convex meshes, believed to 1e-6 m" if proof.believed else ""
     if proof.proved:
-        return f"proved clear by more than {1e3 * proof.clearance:.3g} mm at all times: {work}{trust}"
+        met = "" if proof.nearest is None else f" (smallest met: {1e3 * proof.nearest.distance:.3g} mm)"
+        return f"proved clear by more than {1e3 * proof.clearance:.3g} mm at all times{met}: {work}{trust}"
     return f"{proof.reason}: {work}{trust}"

@@ -113,10 +113,13 @@ def _facts(problem: Problem, trajectory: Trajectory, report: Mapping[str, Any] |
     bound = lower_bound(ends[0], ends[1], problem.limits)
     facts = [("duration", f"{trajectory.duration:.3f} s")]
     if bound >= STILL:
-        facts.append(("× lower bound", f"{trajectory.duration / bound:.3f}"))
+        name = "× lower bound" if problem.one_end else "× bound of this end configuration"
+        facts.append((name, f"{trajectory.duration / bound:.3f}"))
     for check in (report or {}).get("checks", ()):
-        if check.get("name") == "collision" and check.get("worst") is not None:
-            facts.append(("worst clearance", f"{1e3 * check['worst']:.2f} mm"))
+        if check.get("name") == "collision":
+            witness = check.get("witness") or {}
+            named = (("clearance, proved", "proved_clearance"), ("smallest distance met", "met_clearance"))
+            facts += [(name, f"{1e3 * witness[key]:.2f} mm") for name, key in named if witness.get(key) is not None]
     return facts
 
 

@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ scene:
 def test_verified_is_exit_code_0(optiplan, free):
     code, out, err = optiplan("plan", free)
     assert code == 0
-    assert "\nverified\n" in out
+    assert out.startswith("verified · free · planar2r · quintic · seed 0\n")
     assert "proved clear by more than" in out
     assert "lower bound" in out
     assert err == ""
@@ -68,7 +69,8 @@ def test_no_plan_is_exit_code_3_with_reason_and_witness(optiplan, optiplan_json,
     path.write_text(TOUCHING)
     code, out, _ = optiplan("plan", path, "--planner", "quintic", "--out", tmp_path / "run")
     assert code == 3
-    assert "no plan (collision)" in out
+    assert out.startswith("no plan · touching")
+    assert "\ncollision: the motion is not free" in out
     assert "verified" not in out
     assert [file.name for file in (tmp_path / "run").iterdir()] == ["run.json"]
     code, data = optiplan_json("plan", path, "--planner", "quintic")
@@ -98,7 +100,7 @@ def test_found_but_not_verified_is_exit_code_4(optiplan, free, monkeypatch):
     code, out, _ = optiplan("plan", free)
     assert code == 4
     assert "FAIL" in out
-    assert "\nnot verified\n" in out
+    assert out.startswith("not verified · free")
 
 
 @pytest.mark.parametrize("budget", ["0", "-1", "nan", "inf", "soon"])
@@ -128,3 +130,52 @@ def test_out_that_is_a_file_is_refused_before_the_work(optiplan, free):
     code, _, err = optiplan("plan", free, "--out", free)
     assert code == 2
     assert "is a file; expected a folder" in err
+
+
+def test_the_report_is_short_and_within_80_columns(optiplan, free):
+    """The verdict first, what it is about, and every check only when asked for."""
+    short, full = optiplan("plan", free)[1], optiplan("plan", free, "--full")[1]
+    for out in (short, full):
+        assert max(map(len, out.splitlines())) <= 80
+        assert out.startswith("verified")
+        assert "pairs of bodies" in out
+        assert "torque: at all times, without friction" in out
+    assert "acceleration" not in short
+    assert "checks passed (all of them: --full)" in short
+    for name in ("velocity", "acceleration", "jerk", "torque", "continuity"):
+        assert sum(line.startswith(f"{name} ") for line in full.splitlines()) == 1
+
+
+def test_the_bound_says_what_it_is_about(optiplan, optiplan_json, free):
+    """A joint goal has one end, so nothing is shorter than the bound; a choice of ends may have a nearer one."""
+    assert "× the lower bound" in optiplan("plan", free)[1]
+    assert optiplan_json("plan", free)[1]["lower_bound_of"] == "problem"
+    choice = "{any_of: [{joints: [-0.5, 1.2]}, {joints: [-2, 1]}]}"
+    free.write_text(free.read_text().replace("{joints: [-0.5, 1.2]}", choice))
+    assert "bound of this end configuration" in " ".join(optiplan("plan", free)[1].split())
+    assert optiplan_json("plan", free)[1]["lower_bound_of"] == "end"
+
+
+def test_the_report_is_printed_even_when_saving_fails(optiplan, optiplan_json, free, tmp_path, monkeypatch):
+    import optiplan.store as store
+    from optiplan.errors import InputError, Issue
+
+    def full_disk(run, folder):
+        raise InputError([Issue(str(folder), None, "file", "no space left on device", "a folder that can be written")])
+
+    monkeypatch.setattr(store, "save_run", full_disk)
+    code, out, err = optiplan("plan", free, "--out", tmp_path / "run")
+    assert code == 2
+    assert out.startswith("verified")
+    assert "no space left on device" in err
+    code, data = optiplan_json("plan", free, "--out", tmp_path / "run")
+    assert (code, data["verified"], data["exit_code"]) == (2, True, 2)
+    assert "no space left" in data["error"]
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that nobody can write")
+def test_out_is_tested_for_writing_before_planning(optiplan, free):
+    """A folder whose permissions allow what the system does not."""
+    code, out, err = optiplan("plan", free, "--out", "/proc/self/run")
+    assert (code, out) == (2, "")
+    assert "cannot be written" in err

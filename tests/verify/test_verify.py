@@ -35,7 +35,7 @@ def swing(planar):
 def test_a_free_motion_is_verified(planar, swing):
     report = verify(problem_of(planar, swing, Scene()), swing)
     assert report.verified, report.failures
-    assert {check.kind for check in report.checks} == {"exact", "sampled", "continuous"}
+    assert {check.kind for check in report.checks} == {"exact", "continuous"}
     assert report.link_geometry["upper_arm"] == "primitive"
     assert named(report, "collision").detail == "no two bodies can meet"
 
@@ -138,7 +138,7 @@ def test_position_limits_hold_between_breakpoints(planar):
 def test_torque_is_a_limit_where_the_robot_has_one(planar, swing):
     problem = problem_of(planar, swing, Scene())
     peak = named(verify(problem, swing), "torque")
-    assert peak.kind == "sampled"
+    assert peak.kind == "continuous"
     weak = replace(problem, limits=replace(problem.limits, torque=np.array([0.99 * peak.worst, 100.0])))
     assert failed(verify(weak, swing)) == ["torque"]
     none = replace(problem, limits=replace(problem.limits, torque=np.full(2, np.inf)))
@@ -230,12 +230,12 @@ def test_contacts_that_the_problem_allows_are_told(planar, swing):
     for allowed, verdict in ((known, True), (known[:1], False)):
         report = verify(problem_of(planar, swing, Scene((ball,), allowed=frozenset(allowed))), swing)
         assert report.verified is verdict
-        assert "ball – tip" in report.notes[-1]
+        assert "ball – tip" in report.scope[-1]
 
 
 def test_what_an_attached_object_may_touch_is_told(planar, swing):
     held = Attachment("rod", Box((0.01, 0.01, 0.5)), "tip", pin.SE3.Identity(), frozenset({"forearm"}))
-    assert "forearm – rod" in verify(problem_of(planar, swing, Scene((), (held,))), swing).notes[-1]
+    assert "forearm – rod" in verify(problem_of(planar, swing, Scene((), (held,))), swing).scope[-1]
 
 
 def test_nan_in_a_file_is_an_input_error(swing):

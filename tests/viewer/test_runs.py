@@ -10,7 +10,9 @@ from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.runs import RATE, Poses, ViewedRun, show_run
 
-REPORT = {"verified": True, "checks": [{"name": "collision", "passed": True, "worst": 0.0123, "time": 0.4}]}
+WITNESS = {"proved_clearance": 0.0123, "met_clearance": 0.0145}
+COLLISION = {"name": "collision", "passed": True, "worst": 0.0123, "time": 0.4, "witness": WITNESS}
+REPORT = {"verified": True, "checks": [COLLISION]}
 
 
 def floats(text: str, *shape: int) -> np.ndarray:
@@ -57,7 +59,9 @@ def test_facts_of_a_verified_run(shelf, motion):
     facts = dict(shown["facts"])
     assert shown["badge"] == "verified"
     assert facts["duration"] == "1.600 s"
-    assert facts["worst clearance"] == "12.30 mm"
+    assert facts["clearance, proved"] == "12.30 mm"  # beside verified stands what is proved
+    assert facts["smallest distance met"] == "14.50 mm"
+    assert "worst clearance" not in facts
     assert float(facts["× lower bound"]) > 1.0
     assert shown["problems"] == shown["witnesses"] == []
 
