@@ -146,7 +146,7 @@ def _plain_joint(screw: Array) -> pin.JointModel:
 
 
 def _rebuilt(model: pin.Model, order: Sequence[int], kinds: Mapping[int, pin.JointModel]) -> pin.Model:
-    """The model with its joints in another order (parents first), some of another kind; frames keep their indices."""
+    """The model with its joints in another order (parents first), some of another kind."""
     result = pin.Model()
     result.name, result.gravity = model.name, model.gravity
     place = {0: 0}
@@ -160,9 +160,12 @@ def _rebuilt(model: pin.Model, order: Sequence[int], kinds: Mapping[int, pin.Joi
         if j not in kinds:
             new = result.joints[place[j]]
             result.armature[new.idx_v : new.idx_v + new.nv] = model.armature[joint.idx_v : joint.idx_v + joint.nv]
-    for frame in list(model.frames)[1:]:
-        moved = pin.Frame(frame.name, place[frame.parentJoint], frame.parentFrame, frame.placement, frame.type)
-        result.addFrame(moved, False)
+    # Frames stand in the order of their joints: pinocchio's reduction relies on it.
+    frames = sorted(range(1, model.nframes), key=lambda index: place[model.frames[index].parentJoint])
+    index_of = {0: 0} | {old: new for new, old in enumerate(frames, 1)}
+    for frame in (model.frames[index] for index in frames):
+        ends = place[frame.parentJoint], index_of[frame.parentFrame]
+        result.addFrame(pin.Frame(frame.name, *ends, frame.placement, frame.type), False)
     return result
 
 

@@ -19,7 +19,7 @@ URDF = """<robot name="x"><link name="a"/>
         ('size="1 1 1"', 'size="1 1"', "b", "1 1"),
         ('<box size="1 1 1"/>', "", "b", "0 shapes"),
         ('<box size="1 1 1"/>', '<sphere radius="abc"/>', "b", "abc"),
-        ('<origin xyz="0 0 0"/>', '<origin xyz="nan 0 0"/>', "urdf", "1 collision shapes, of which"),
+        ('<origin xyz="0 0 0"/>', '<origin xyz="nan 0 0"/>', "b", "<origin> with xyz='nan 0 0'"),
         ('xyz="0 0 1"', 'xyz="0 0 0"', "j", "0 0 0"),
         ("</robot>", '<joint name="k" type="fixed"><parent link="a"/><child link="b"/></joint></robot>', "b", "two"),
     ],
