@@ -5,7 +5,6 @@ joints that turn without end become revolute ones without limits (so that nq = n
 """
 
 import logging
-import math
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
@@ -237,28 +236,21 @@ def _edges(joints: list[ET.Element]) -> tuple[tuple[str, str], ...]:
 
 
 def _mimics(joints: list[ET.Element], types: Mapping[str, str], path: Path) -> dict[str, Mimic]:
-    """The joints that follow another, which one that is in the end; their <mimic> is taken out of the XML."""
+    """The joints that follow another, and which one that is in the end."""
     movable = [name for name, kind in types.items() if kind in MOVING]
-    stated = {name: mimic for name, mimic in _stated_mimics(joints, path) if name in movable}
+    stated = {name: mimic for name, mimic in _stated_mimics(joints) if name in movable}
     try:
         return resolve(stated, movable)
     except MimicError as error:
         raise element_error(path, error.joint, error.found, error.expected) from error
 
 
-def _stated_mimics(joints: list[ET.Element], path: Path) -> Iterator[tuple[str, Mimic]]:
+def _stated_mimics(joints: list[ET.Element]) -> Iterator[tuple[str, Mimic]]:
     for joint in joints:
         mimic = joint.find("mimic")
         if mimic is not None:
-            name, numbers = joint.get("name", ""), (mimic.get("multiplier", "1"), mimic.get("offset", "0"))
-            try:
-                multiplier, offset = map(float, numbers)
-                if not math.isfinite(multiplier + offset):
-                    raise ValueError
-            except ValueError as error:
-                raise element_error(path, name, f"<mimic> with {' and '.join(numbers)}", "numbers") from error
-            yield name, Mimic(mimic.get("joint", ""), multiplier, offset)
-            joint.remove(mimic)
+            multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+            yield joint.get("name", ""), Mimic(mimic.get("joint", ""), multiplier, offset)
 
 
 def _settle_joint(joint: ET.Element, path: Path) -> None:

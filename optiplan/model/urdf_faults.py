@@ -45,6 +45,8 @@ _MOMENT = _Range(1, -1e-9, 1e12, "a moment of inertia from 0 to 1e12 kg m², as 
 _PRODUCT = _Range(1, -1e12, 1e12, "a number of at most 1e12 kg m²")
 
 _ORIGIN = {"xyz": _PLACE, "rpy": _TURN}
+_FACTOR = _Range(1, -1e12, 1e12, "a number of at most 1e12")
+_MIMIC = {"multiplier": _FACTOR, "offset": _FACTOR}
 _LIMIT = {"lower": _END, "upper": _END, "velocity": _RATE, "effort": _RATE}
 _INERTIA = {key: _MOMENT if key[1] == key[2] else _PRODUCT for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
 
@@ -121,6 +123,7 @@ def _joint_faults(joint: ET.Element) -> Iterator[tuple[str, str]]:
         yield f"a joint of type '{kind}'", f"one of: {', '.join(JOINT_TYPES)}"
     yield from _number_faults(joint.find("origin"), _ORIGIN)
     yield from _number_faults(joint.find("limit"), _LIMIT)
+    yield from _number_faults(joint.find("mimic"), _MIMIC)
     axis = joint.find("axis")
     if kind in MOVING and axis is not None:
         numbers = _numbers(axis.get("xyz", "1 0 0"))

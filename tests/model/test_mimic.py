@@ -262,7 +262,7 @@ def test_what_cannot_be_followed_is_refused(tmp_path, leaders, words):
 
 def test_turns_of_a_joint_that_another_follows_by_halves(tmp_path):
     endless = [*(BARE.format(n) for n in "abc"), joint("j", "a", "b", "continuous", "")]
-    with pytest.raises(InputError, match="which turns without end, by 0.5; expected a whole multiplier"):
+    with pytest.raises(InputError, match=r"which turns without end, by 0\.5; expected a whole multiplier"):
         load_robot(str(write_robot(tmp_path, [*endless, joint("k", "b", "c", inside=follower("j", 0.5))])))
     wide = '<limit lower="-9" upper="9" velocity="1" effort="1"/>'
     for multiplier, count in ((1, 3), (0.5, 1)):
