@@ -52,7 +52,8 @@ def test_it_plans_what_it_made(optiplan, urdf, tmp_path):
     assert optiplan("robots", "init", urdf, "--out", tmp_path / "made")[0] == 0
     problem = tmp_path / "problem.yaml"
     problem.write_text(
-        "version: 1\nrobot: made/robot.yaml\nstart: {joints: [0, 0, 0]}\ngoal: {joints: [0.5, 0, 0.2]}\nplanner: quintic\n"
+        "version: 1\nrobot: made/robot.yaml\nplanner: quintic\n"
+        "start: {joints: [0, 0, 0]}\ngoal: {joints: [0.5, 0, 0.2]}\n"
     )
     code, out, err = optiplan("plan", problem, "--out", tmp_path / "run")
     assert code == 0, out + err

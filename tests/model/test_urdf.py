@@ -133,7 +133,10 @@ def test_a_link_and_a_joint_of_one_name(tmp_path):
             f"<robot name='r'>{''.join(chain(joint('j', 'a', 'b', inside=BACKWARDS)))}</robot>",
             "j with a lower limit above",
         ),
-        (f"<robot name='r'>{''.join(chain(joint('j', 'a', 'b', inside=ODD_MIMIC)))}</robot>", "<mimic> with x and 0"),
+        (
+            f"<robot name='r'>{''.join(chain(joint('j', 'a', 'b', inside=ODD_MIMIC)))}</robot>",
+            "<mimic> with multiplier='x'",
+        ),
     ],
 )
 def test_broken_urdfs(tmp_path, content, words):
