@@ -1,5 +1,6 @@
 """Joints that follow others: everywhere the robot is the one whose joints stand at A q + b."""
 
+import base64
 from dataclasses import replace
 
 import numpy as np
@@ -16,8 +17,13 @@ from optiplan.model.robot import Robot, load_robot
 from optiplan.model.scene import Obstacle, Scene, Sphere
 from optiplan.model.symbolic import SymbolicRobot
 from optiplan.model.turns import images
+from optiplan.model.urdf_export import export_urdf
+from optiplan.pipeline import run
+from optiplan.planners.base import Budget
+from optiplan.problem.problem import JointGoal, Problem
 from optiplan.verify.certificate import certify
 from optiplan.verify.report import VerifyPolicy
+from optiplan.viewer.scene import build_scene
 from tests.model.robots import BARE, joint, write_robot
 from tests.verify.motions import quintic
 
@@ -271,3 +277,36 @@ def test_turns_of_a_joint_that_another_follows_by_halves(tmp_path):
         robot = load_robot(str(write_robot(tmp_path, parts)))
         (found,) = images(robot, np.array([0.0]), np.array([0.0]))
         assert len(found) == count
+
+
+def test_trajopt_plans_within_the_torque_of_the_leader(robot):
+    """Its derivatives of inverse dynamics are of the unfolded model; pinocchio refuses them for followers."""
+    limits = replace(robot.limits, torque=np.array([6.0, 2.0]))
+    strong = Problem("t", robot, Scene(), np.array([-0.6, -0.9]), (JointGoal(np.array([0.9, 0.8])),), robot.limits)
+    weak = replace(strong, limits=limits)
+    fast, slow = (run(problem, "trajopt", {}, Budget(5.0), lambda *_: None) for problem in (strong, weak))
+    assert fast.report is not None
+    assert slow.report is not None
+    assert fast.report.verified
+    assert slow.report.verified
+    assert slow.trajectory.duration > 1.2 * fast.trajectory.duration  # the torque rows matter
+
+
+def test_the_viewer_moves_the_followers(robot):
+    problem = Problem("t", robot, Scene(), np.zeros(2), (JointGoal(np.array([0.5, 0.5])),), robot.limits)
+    scene = build_scene(problem, [])
+    assert scene.bodies == 5
+    assert len(unpacked(scene.start)) == 5 * 7
+    assert {part["body"] for part in scene.parts} == {1, 2, 3, 4, 5}
+
+
+def unpacked(text: str) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), dtype=np.float32)
+
+
+def test_the_exported_urdf_has_the_mimics(robot, tmp_path):
+    (tmp_path / "again.urdf").write_text(export_urdf(robot))
+    (tmp_path / "robot.yaml").write_text("version: 1\nname: again\nurdf: again.urdf\ngroup: [lift, elbow]\n")
+    again = load_robot(str(tmp_path))
+    assert again.followers == robot.followers
+    np.testing.assert_array_equal(again.limits.lower, robot.limits.lower)
