@@ -25,7 +25,7 @@ def longest_chain(model: pin.Model, urdf: UrdfSource, movable: Sequence[str]) ->
     are shorter than a quarter of what carries them). Where nothing would be left, they stay.
     """
     tree = _Tree(model, urdf, movable)
-    chains = [tree.kept(tip) for tip in tree.movable if not tree.carried(tip)]
+    chains = [tree.kept(tip) for tip in tree.movable]
     best = max(chains, key=len, default=[])
     if not best:
         best = max((tree.path(tip) for tip in tree.movable), key=len, default=[])

@@ -11,6 +11,8 @@ from tests.model.robots import BARE, joint, write_robot
 
 G1_LEFT = ["shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw"]
 G1 = ["waist_yaw_joint", "waist_roll_joint", "waist_pitch_joint", *(f"left_{name}_joint" for name in G1_LEFT)]
+PR2_ARM = ("shoulder_pan", "shoulder_lift", "upper_arm_roll", "elbow_flex", "forearm_roll", "wrist_flex", "wrist_roll")
+PR2 = [f"l_{name}_joint" for name in PR2_ARM]
 CHAINS = {
     "kinova": [f"j2s6s200_joint_{k}" for k in range(1, 7)],
     "z1": [f"joint{k}" for k in range(1, 7)],
@@ -22,6 +24,7 @@ CHAINS = {
     "panda": [f"panda_joint{k}" for k in range(1, 8)],
     "talos_reduced": ["torso_1_joint", "torso_2_joint", *(f"arm_left_{k}_joint" for k in range(1, 8))],
     "centauro": ["torso_yaw", *(f"j_arm1_{k}" for k in range(1, 7))],
+    "pr2": ["torso_lift_joint", *PR2],
     "so100": ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"],
 }
 
