@@ -9,7 +9,8 @@ import pytest
 
 from optiplan.errors import InputError
 from optiplan.model.collision import CollisionModel
-from optiplan.model.jacobians import geometric_jacobian
+from optiplan.model.ik import IkOptions, joints_that_move, solve_ik
+from optiplan.model.jacobians import frame_pose, geometric_jacobian
 from optiplan.model.kinematics import BatchKinematics
 from optiplan.model.manipulability import ToolKinematics
 from optiplan.model.mimic import coupling, unfold
@@ -109,6 +110,15 @@ def test_jacobians_count_the_followers(robot):
             X_ahead, J_ahead = tool.evaluate(ahead[None])
             np.testing.assert_allclose((X_ahead - X)[0, :3, 3] / step, J[0, :3, j], atol=1e-5)
             np.testing.assert_allclose((J_ahead - J)[0] / step, H[:, :, j], atol=1e-5)
+
+
+def test_inverse_kinematics_moves_what_its_followers_move(robot):
+    assert joints_that_move(robot, "b").tolist() == [True, False]  # b hangs on `early`, which follows lift
+    assert joints_that_move(robot, "f").tolist() == [True, True]
+    goal = frame_pose(robot, np.array([0.4, -0.3]), "f")
+    found = solve_ik(robot, "f", goal, [np.zeros(2)], IkOptions())
+    X = frame_pose(robot, found.solutions[0], "f")
+    np.testing.assert_allclose(X.homogeneous, goal.homogeneous, atol=1e-5)
 
 
 def test_torque_is_the_generalised_force_of_the_leader(robot, plain):
