@@ -58,9 +58,13 @@ class UrdfSource:
 
 
 def element_error(path: Path, name: str, found: str, expected: str) -> InputError:
-    """An `InputError` about the element called `name` of an XML file, with the line where that name first stands."""
+    """An `InputError` about the element called `name` of an XML file, with the line where it stands.
+
+    That is a link or a joint of that name, else the first element that has it.
+    """
     text = path.read_text(encoding="utf-8", errors="replace")
-    match = re.search(rf"name\s*=\s*[\"']{re.escape(name)}[\"']", text)
+    called = rf"\bname\s*=\s*[\"']{re.escape(name)}[\"']"
+    match = re.search(rf"<(?:link|joint)\b[^>]*?{called}", text) or re.search(called, text)
     line = None if match is None else text.count("\n", 0, match.start()) + 1
     return InputError([Issue(str(path), line, name, found, expected)])
 

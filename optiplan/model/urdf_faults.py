@@ -17,6 +17,9 @@ JOINT_TYPES = (*MOVING, "fixed", "floating", "planar")
 DEEPEST = 64
 """How deep elements may be nested; a URDF needs seven."""
 
+LONGEST = 256
+"""Characters of a name."""
+
 RESERVED = "universe"
 """Pinocchio's name of the world, which no joint and no link may have."""
 
@@ -80,6 +83,8 @@ def _name_faults(kind: str, elements: list[ET.Element]) -> Iterator[Fault]:
     for name, count in counts.items():
         if not name:
             yield "", f"a {kind} without a name", "a name"
+        elif len(name) > LONGEST or not name.isprintable():
+            yield name, f"a {kind} with a name of {len(name)} characters", f"at most {LONGEST}, all printable"
         elif count > 1:
             yield name, f"{count} {kind}s called '{name}'", "names that differ"
         elif name == RESERVED:
