@@ -320,3 +320,17 @@ def test_the_exported_urdf_has_the_mimics(robot, tmp_path):
     again = load_robot(str(tmp_path))
     assert again.followers == robot.followers
     np.testing.assert_array_equal(again.limits.lower, robot.limits.lower)
+
+
+def test_derivatives_of_torque_come_from_the_unfolded_model(robot):
+    """A^T (dtau_J/dq_J) A against differences of the folded model's inverse dynamics."""
+    plain, data, step = unfold(robot.model), robot.model.createData(), 1e-6
+    unfolded = plain.model.createData()
+    q, v, a = np.array([0.3, -0.4]), np.array([1.0, -2.0]), np.array([0.5, 3.0])
+    pin.computeRNEADerivatives(plain.model, unfolded, plain.A @ q + plain.b, plain.A @ v, plain.A @ a)
+    by_q, by_v = (plain.A.T @ np.array(D) @ plain.A for D in (unfolded.dtau_dq, unfolded.dtau_dv))
+    for j, change in enumerate(step * np.eye(robot.n)):
+        ahead, back = (pin.rnea(robot.model, data, q + s * change, v, a).copy() for s in (1, -1))
+        np.testing.assert_allclose(by_q[:, j], (ahead - back) / (2 * step), atol=1e-6)
+        ahead, back = (pin.rnea(robot.model, data, q, v + s * change, a).copy() for s in (1, -1))
+        np.testing.assert_allclose(by_v[:, j], (ahead - back) / (2 * step), atol=1e-6)
