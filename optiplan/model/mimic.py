@@ -62,7 +62,10 @@ def _resolved(name: str, mimics: Mapping[str, Mimic], movable: Sequence[str]) ->
 
 
 def leaders_first(model: pin.Model, mimics: Mapping[str, Mimic]) -> pin.Model:
-    """The model with its joints in an order in which every leader stands before its followers, where there is one."""
+    """The model with its joints in an order in which every leader stands before its followers, where there is one.
+
+    Such an order need not be depth first: for what relies on that see `unfold`.
+    """
     leader = {model.getJointId(name): model.getJointId(mimic.source) for name, mimic in mimics.items()}
     if all(source < follower for follower, source in leader.items()):
         return model
@@ -117,7 +120,10 @@ def screws(model: pin.Model) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Unfolded:
-    """A model without followers, of J joints, behind one of n: q_J = A q + b, v_J = A v, and tau = A^T tau_J."""
+    """A model without followers, of J joints, behind one of n: q_J = A q + b, v_J = A v, and tau = A^T tau_J.
+
+    Its joints stand depth first, as pinocchio's derivatives and mass matrices take for granted.
+    """
 
     model: pin.Model
     A: Array
@@ -130,8 +136,18 @@ def unfold(model: pin.Model) -> Unfolded:
     if not any(followers.values()):
         return Unfolded(model, np.eye(model.nv), np.zeros(model.nv))
     A, b = coupling(model)
+    order = _depth_first(model, 0)[1:]
+    rows = [j - 1 for j in order]
     plain = {j: _plain_joint(screw) for j, screw in enumerate(screws(model), 1) if followers[j] is not None}
-    return Unfolded(_rebuilt(model, range(1, model.njoints), plain), A, b)
+    return Unfolded(_rebuilt(model, order, plain), A[rows], b[rows])
+
+
+def _depth_first(model: pin.Model, j: int) -> list[int]:
+    order, stack = [], [j]
+    while stack:
+        order.append(stack.pop())
+        stack += reversed(list(model.children[order[-1]]))
+    return order
 
 
 def _mimic_of(model: pin.Model, j: int) -> pin.JointModelMimic | None:

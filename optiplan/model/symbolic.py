@@ -160,9 +160,10 @@ class SymbolicRobot:
         return self.model.nq, self.model.nv, self.model.nv
 
     def _find(self, frame: str) -> pin.Frame:
-        if not self.model.existFrame(frame):
-            raise UnknownChoiceError("frame", frame, [item.name for item in self.model.frames])
-        return self.model.frames[self.model.getFrameId(frame)]
+        model = self._plain.model
+        if not model.existFrame(frame):
+            raise UnknownChoiceError("frame", frame, [item.name for item in model.frames])
+        return model.frames[model.getFrameId(frame)]
 
     def _poses(self, q: Any) -> list[expressions.Pair]:
         """X_WJ of the world and of all joints, where those that follow others stand at A q + b."""
