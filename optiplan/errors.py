@@ -3,6 +3,7 @@
 A broken *input* is an exception from this file. "No solution" is a value: see `planners.base.Failure`.
 """
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -10,6 +11,17 @@ from difflib import get_close_matches
 
 class OptiPlanError(Exception):
     """Root of every error that OptiPlan raises on purpose; the command line turns it into exit code 2."""
+
+
+def plain_reason(error: BaseException) -> str:
+    """What an exception says, in one line and without the paths, functions and lines of C++ sources in it.
+
+    Pinocchio and coal raise texts such as `From file: …/mesh.cpp … in function: … at line: 87 message: no vertices`.
+    """
+    text = " ".join(str(error).split())
+    text = re.sub(r"^.*?\bat line:? ?\d+.*?\bmessage:? ", "", text, flags=re.IGNORECASE)
+    text = re.sub(r"\S+\.(?:hpp|hxx|h|cpp|cc|cxx)(?:[:(]\d+\)?)?:?\s*", "", text)
+    return text.strip() or type(error).__name__
 
 
 class UnknownChoiceError(OptiPlanError):

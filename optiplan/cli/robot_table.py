@@ -32,6 +32,8 @@ def describe(robot: Robot) -> dict[str, Any]:
         "joints": joints,
         "dh": None if robot.dh is None else asdict(robot.dh),
         "locked": robot.locked,
+        "followers": {name: asdict(mimic) for name, mimic in robot.followers.items()},
+        "massless_links": robot.massless_links,
         "configurations": robot.configurations,
         "frames": [frame.name for frame in robot.model.frames[1:]],
         "links": robot.link_geometry,

@@ -8,8 +8,10 @@ from rich.table import Table
 
 from optiplan.cli.completion import robot_names
 from optiplan.cli.output import print_json, results, stdout_is_ours
+from optiplan.cli.robots_init import init
 
 app = typer.Typer(invoke_without_command=True)
+app.command("init")(init)
 Name = Annotated[
     str,
     typer.Argument(
@@ -22,7 +24,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and 
 
 @app.callback()
 def robots(context: typer.Context, as_json: AsJson = False) -> int:
-    """List the robots that come with OptiPlan, show one, or write it for other programs.
+    """List the robots that come with OptiPlan, show one, write it for other programs, or make one of your URDF.
 
     Your own is as good: `robot: path/to/robot.yaml` in the problem file, with `version: 1`, `name:` and `urdf:` or
     `dh:` in it.
@@ -32,6 +34,8 @@ def robots(context: typer.Context, as_json: AsJson = False) -> int:
       optiplan robots
 
       optiplan robots show panda
+
+      optiplan robots init my_arm.urdf
     """
     from optiplan.data import robots_dir
     from optiplan.model.robot import robot_names

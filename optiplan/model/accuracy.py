@@ -6,7 +6,6 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
-from optiplan.model.kinematics import BatchKinematics
 from optiplan.model.robot import Robot
 
 TURN = 2.0 * np.pi
@@ -72,8 +71,7 @@ def joint_resolution(robot: Robot, text: str) -> Array:
     bits = word.removesuffix("bit").strip()
     if word != bits and bits.isdecimal() and 1 <= int(bits) <= 64:
         stroke = robot.limits.upper - robot.limits.lower
-        turns = BatchKinematics(robot.model).revolute > 0.5
-        return np.array([programming_resolution(r, int(bits)) for r in np.where(turns, TURN, stroke)])
+        return np.array([programming_resolution(r, int(bits)) for r in np.where(robot.revolute, TURN, stroke)])
     try:
         step = float(word)
     except ValueError:

@@ -6,7 +6,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.model.kinematics import BatchKinematics
+from optiplan.model.kinematics import BatchKinematics, carrying_joints
 
 Index = npt.NDArray[np.intp]
 
@@ -18,6 +18,7 @@ class PairBounds:
 
     Attributes:
         plane_pairs: indices of the pairs with a half-space.
+        depends: (P, n), whether a planned joint, or one that follows it, moves a pair's bodies against each other.
     """
 
     def __init__(self, model: pin.Model, geometry: pin.GeometryModel, pairs: list[tuple[int, int]]) -> None:
@@ -33,13 +34,11 @@ class PairBounds:
         edges = np.where(np.isfinite(self._half), self._half, 0.0)
         self._corners = self._centre[:, None] + edges[:, None] * signs  # (G, 8, 3)
         self._pairs: Index = np.array(pairs, dtype=np.intp).reshape(-1, 2)
-        supports = np.zeros((model.njoints, model.nv), dtype=bool)
-        for j in range(1, model.njoints):
-            supports[j] = supports[model.parents[j]]
-            supports[j, model.joints[j].idx_v] = True
-        moves = supports[self._joint[self._pairs]]  # (P, 2, n)
+        carries = carrying_joints(model)
+        moves = carries[self._joint[self._pairs]]  # (P, 2, J)
         # A joint that carries both bodies of a pair does not change their distance.
         self._moves = moves & ~moves[:, ::-1]
+        self.depends: npt.NDArray[np.bool_] = self.kinematics.joint_dependence(np.asarray(self._moves.any(axis=1)))
         planes = [isinstance(body.geometry, coal.Halfspace) for body in bodies]
         self.plane_pairs: Index = np.flatnonzero(np.array(planes, dtype=bool)[self._pairs].any(axis=1))
         self._plane_of = {g: (np.array(bodies[g].geometry.n), bodies[g].geometry.d) for g, p in enumerate(planes) if p}
@@ -86,10 +85,10 @@ class PairBounds:
         at Q, plus the travel t that the joints nearer to the tip have caused already: t <- t + D_j (R_j + t). A
         prismatic joint adds D_j. Both bodies of a pair move against the joint that carries both.
         """
-        reach = self._axis_distances(Q)  # (N, G, n)
+        reach, D = self._axis_distances(Q), self.kinematics.joint_reach(D)  # (N, G, J), (N, J)
         moved = np.zeros(len(rows))
         for side in (0, 1):
-            radius = reach[rows, self._pairs[pairs, side]]  # (K, n)
+            radius = reach[rows, self._pairs[pairs, side]]  # (K, J)
             step = D[rows] * self._moves[pairs, side]
             own = np.zeros(len(rows))
             for j in reversed(range(D.shape[1])):
@@ -105,13 +104,13 @@ class PairBounds:
         """
         corners = np.einsum("gij,gkj->gki", self._placement[:, :3, :3], self._corners) + self._placement[:, None, :3, 3]
         bodies = [self.kinematics.levers(int(j), x, stroke) for j, x in zip(self._joint, corners, strict=True)]
-        both = np.array(bodies).reshape(-1, len(stroke))[self._pairs] * self._moves  # (P, 2, n)
-        return np.asarray(both.sum(axis=1))
+        both = np.array(bodies).reshape(-1, len(self.kinematics.revolute))[self._pairs] * self._moves  # (P, 2, J)
+        return self.kinematics.planned_bound(both.sum(axis=1))
 
     def _axis_distances(self, Q: Array) -> Array:
-        """Distance, m, of the farthest corner of every body's box from every joint axis at Q (N, n): (N, G, n)."""
+        """Distance, m, of the farthest corner of every body's box from every joint axis at Q (N, n): (N, G, J)."""
         poses = self.kinematics.poses(Q)
-        direction, point = self.kinematics.axes(poses)  # (N, n, 3)
+        direction, point = self.kinematics.axes(poses)  # (N, J, 3)
         placed = poses[:, self._joint] @ self._placement
         corners = np.einsum("ngij,gkj->ngki", placed[..., :3, :3], self._corners) + placed[:, :, None, :3, 3]
         flat = corners.reshape(len(Q), -1, 3)
@@ -123,21 +122,22 @@ class PairBounds:
             - along**2
         )
         # The difference of squares loses half the digits near the axis: 1e-6 m covers it within 10 m of the origin.
-        farthest = np.sqrt(np.maximum(squared, 0.0)).reshape(*corners.shape[:3], Q.shape[1]).max(axis=2) + 1e-6
+        farthest = np.sqrt(np.maximum(squared, 0.0)).reshape(*corners.shape[:3], direction.shape[1]).max(axis=2) + 1e-6
         return np.asarray(farthest)
 
     def witness_gradients(self, Q: Array, pairs: Index, points: Array, normals: Array) -> Array:
         """N . (J_b - J_a) for K contacts: Q (K, n), points (K, 2, 3) on bodies a and b, normals (K, 3); result (K, n).
 
-        Column j of the Jacobian of a point p is axis_j x (p - o_j) for a revolute joint, axis_j for a prismatic one.
+        Column j of the Jacobian of a point p is axis_j x (p - o_j) for a revolute joint, axis_j for a prismatic one;
+        that of a follower counts for its leader, times the multiplier.
         """
         direction, origin = self.kinematics.axes(self.kinematics.poses(Q))
-        total = np.zeros((len(Q), Q.shape[1]))
+        total = np.zeros(direction.shape[:2])
         for side, sign in ((0, -1.0), (1, 1.0)):
             arm = points[:, side, None] - origin
             column = np.where(self.kinematics.revolute[None, :, None] > 0.5, np.cross(direction, arm), direction)
             total += sign * self._moves[pairs, side] * np.einsum("kji,ki->kj", column, normals)
-        return total
+        return self.kinematics.of_planned(total)
 
 
 def _local_box(geometry: coal.CollisionGeometry) -> tuple[Array, Array, float]:

@@ -9,6 +9,8 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.model.ik_descent import Descent
+from optiplan.model.kinematics import carrying_joints
+from optiplan.model.mimic import coupling
 from optiplan.model.redundancy import Preference, improve
 from optiplan.model.robot import Robot
 
@@ -164,11 +166,13 @@ def random_seeds(robot: Robot, near: Array, rng: np.random.Generator, count: int
 
 
 def joints_that_move(robot: Robot, frame: str) -> npt.NDArray[np.bool_]:
-    """Which joints lie between the base and a frame, (n,): all other columns of its Jacobian are zero everywhere."""
+    """Which joints, or joints that follow them, lie between the base and a frame, (n,).
+
+    All other columns of its Jacobian are zero everywhere.
+    """
     model = robot.model
-    carrying = np.zeros(model.njoints, dtype=bool)
-    carrying[list(model.supports[model.frames[model.getFrameId(frame)].parentJoint])] = True
-    return carrying[1:]
+    carrying = carrying_joints(model)[model.frames[model.getFrameId(frame)].parentJoint]
+    return np.asarray(carrying @ np.abs(coupling(model)[0]) > 0.0)
 
 
 def _feature(X: pin.SE3) -> Array:

@@ -3,11 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
-from optiplan.model.joints import Group
+from optiplan.model.joints import Group, Reduced
 from optiplan.model.robot_spec import LimitsSpec
 from optiplan.yaml_lines import Document
 
@@ -42,16 +41,19 @@ class Limits:
         )
 
 
-def build_limits(spec: LimitsSpec, document: Document, model: pin.Model, group: Group) -> tuple[Limits, list[str]]:
+def build_limits(spec: LimitsSpec, document: Document, reduced: Reduced, group: Group) -> tuple[Limits, list[str]]:
     """Limits of the joints of a model reduced to `group`, and notes on every default that was taken.
+
+    A joint with followers keeps within what they allow: lower_f <= m q + o <= upper_f, |m| v <= v_f. Torque is the
+    generalised force tau + sum m tau_f that the leader's drive gives; a follower has none of its own.
 
     Raises:
         InputError: wrong sizes, values that are not positive.
     """
     issues: list[Issue] = []
     notes: list[str] = []
-    names = list(model.names)[1:]
-    own = {"velocity": model.upperVelocityLimit, "torque": model.upperEffortLimit}
+    model, names = reduced.model, list(group.joints)
+    own = {"velocity": _narrowed_velocity(reduced, names), "torque": model.upperEffortLimit}
     values: dict[str, Array] = {}
     for key in DEFAULTS:
         given = getattr(spec, key)
@@ -62,12 +64,41 @@ def build_limits(spec: LimitsSpec, document: Document, model: pin.Model, group: 
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
     for name in (name for name, room in zip(names, upper - lower, strict=True) if room < 0):
         issues.append(document.issue(("urdf",), f"joint {name} with a lower limit above the upper", "lower <= upper"))
+    if not issues:
+        _narrow_positions(reduced, names, (lower, upper), notes)
+    for name in (name for name, room in zip(names, upper - lower, strict=True) if room < 0 and not issues):
+        found = f"joint {name}, which the limits of the joints that follow it leave no position"
+        issues.append(document.issue(("urdf",), found, "limits that overlap"))
     if issues:
         raise InputError(issues)
     stuck = [name for name, room in zip(names, upper - lower, strict=True) if room <= 0]
     if stuck:
         notes.append(f"the URDF's position limits leave no room to {', '.join(stuck)}")
     return Limits(lower, upper, values["velocity"], values["acceleration"], values["jerk"], values["torque"]), notes
+
+
+def _narrow_positions(reduced: Reduced, names: list[str], limits: tuple[Array, Array], notes: list[str]) -> None:
+    """Shrink position limits (n,) and (n,), in place, to those of which every follower is within its own."""
+    lower, upper = limits
+    for name, mimic in reduced.followers.items():
+        k, j = reduced.plain.joints[reduced.plain.getJointId(name)].idx_q, names.index(mimic.source)
+        own = reduced.plain.lowerPositionLimit[k], reduced.plain.upperPositionLimit[k]
+        low, high = sorted((end - mimic.offset) / mimic.multiplier for end in own)
+        if low > lower[j] or high < upper[j]:
+            lower[j], upper[j] = max(low, lower[j]), min(high, upper[j])
+            notes.append(f"joint {mimic.source} stays within [{lower[j]:g}, {upper[j]:g}], for {name} that follows it")
+
+
+def _narrowed_velocity(reduced: Reduced, names: list[str]) -> Array:
+    """Velocity limits of the URDF (n,), each at most v_f / |m| of every follower; 0 where none is given."""
+    velocity = np.array(reduced.model.upperVelocityLimit)
+    for name, mimic in reduced.followers.items():
+        joint, j = reduced.plain.joints[reduced.plain.getJointId(name)], names.index(mimic.source)
+        own = float(reduced.plain.upperVelocityLimit[joint.idx_v])
+        if np.isfinite(own) and own > 0.0:
+            own /= abs(mimic.multiplier)
+            velocity[j] = min(velocity[j], own) if velocity[j] > 0.0 else own
+    return velocity
 
 
 def _from_yaml(key: str, given: float | list[float], document: Document, issues: list[Issue], group: Group) -> Array:

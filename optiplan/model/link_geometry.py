@@ -7,7 +7,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.errors import InputError, Issue
+from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.model.convex import hull_of, pieces_of, vertices_of
 from optiplan.model.robot_spec import CollisionSpec, Treatment
 from optiplan.model.shapes import FARTHEST
@@ -43,8 +43,7 @@ def treat(
             for part in _parts(item, kind, notes):
                 result.addGeometryObject(part)
         except (ValueError, RuntimeError) as error:  # qhull has errors of its own
-            reason = str(error).splitlines()[0]
-            found = f"{reason} ({item.meshPath})"
+            found = f"{plain_reason(error)} ({item.meshPath})"
             raise InputError(
                 [document.issue(("collision",), f"link {link}: {found}", "a mesh with vertices")]
             ) from error

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.model.kinematics import BatchKinematics
+from optiplan.model.kinematics import BatchKinematics, carrying_joints
 from optiplan.model.robot import Robot
 
 Part = Literal["full", "translation", "rotation"]
@@ -30,21 +30,25 @@ class ToolKinematics:
         placed = robot.model.frames[robot.frame_id(name)]
         self.kinematics = BatchKinematics(robot.model)
         self._joint, self._X_JT = int(placed.parentJoint), np.array(placed.placement.homogeneous)
-        self._moves: Array = np.zeros(robot.model.nv)
-        for joint in list(robot.model.supports[self._joint])[1:]:
-            self._moves[robot.model.joints[joint].idx_v] = 1.0
+        self._moves: Array = carrying_joints(robot.model)[self._joint].astype(np.float64)
 
     def evaluate(self, Q: Array) -> tuple[Array, Array]:
         """X_WT (N, 4, 4), m, and J (N, 6, n) at Q (N, n).
 
         Column j of J is (z_j x (p_T - o_j), z_j) for a revolute joint with axis z_j through o_j and (z_j, 0) for a
         prismatic one: velocity of the origin of T and angular velocity, both in world axes; m/rad and 1, or 1 and 0.
+        The columns of joints that follow joint j are added to its own, times their multipliers.
         """
+        X_WT, J = self._of_joints(Q)
+        return X_WT, self.kinematics.of_planned(J)
+
+    def _of_joints(self, Q: Array) -> tuple[Array, Array]:
+        """X_WT (N, 4, 4) and the columns of all joints, those that follow others too: (N, 6, J)."""
         poses = self.kinematics.poses(Q)
         X_WT = poses[:, self._joint] @ self._X_JT
         axis, point = self.kinematics.axes(poses)
         turns = self.kinematics.revolute[None, :, None]
-        J = np.zeros((len(Q), 6, Q.shape[1]))
+        J = np.zeros((len(Q), 6, axis.shape[1]))
         linear = np.where(turns > 0.5, np.cross(axis, X_WT[:, None, :3, 3] - point), axis)
         J[:, :3] = (self._moves[None, :, None] * linear).transpose(0, 2, 1)
         J[:, 3:] = (self._moves[None, :, None] * turns * axis).transpose(0, 2, 1)
@@ -56,9 +60,9 @@ class ToolKinematics:
         For a joint j that carries joint i, or is it: (w_j x v_i, w_j x w_i). For j beyond i: (w_i x v_j, 0).
         Source: Haviland, Corke, "Manipulator Differential Kinematics Part 2", IEEE RAM 2024.
         """
-        J = self.evaluate(Q)[1]
-        v, w = J[:, :3].transpose(0, 2, 1), J[:, 3:].transpose(0, 2, 1)  # (N, n, 3)
-        n = Q.shape[1]
+        J = self._of_joints(Q)[1]
+        v, w = J[:, :3].transpose(0, 2, 1), J[:, 3:].transpose(0, 2, 1)  # (N, J, 3)
+        n = J.shape[2]
         H = np.zeros((len(Q), 6, n, n))
         for i in range(n):
             for j in range(n):
@@ -66,7 +70,8 @@ class ToolKinematics:
                 H[:, :3, i, j] = np.cross(w[:, low], v[:, high])
                 if j <= i:
                     H[:, 3:, i, j] = np.cross(w[:, j], w[:, i])
-        return H * self._moves[:, None] * self._moves
+        H = self.kinematics.of_planned(H * self._moves[:, None] * self._moves)
+        return self.kinematics.of_planned(H.swapaxes(2, 3)).swapaxes(2, 3)
 
 
 @dataclass(frozen=True, eq=False)

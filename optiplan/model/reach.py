@@ -38,7 +38,7 @@ def sampling_range(robot: Robot) -> tuple[Array, Array]:
     """
     lower, upper = robot.limits.lower, robot.limits.upper
     endless = ~(np.isfinite(lower) & np.isfinite(upper))
-    turns = BatchKinematics(robot.model).revolute > 0.5
+    turns = robot.revolute
     if (endless & ~turns).any():
         names = ", ".join(np.array(robot.joint_names)[endless & ~turns])
         raise OptiPlanError(
@@ -58,8 +58,8 @@ def shoulder_point(robot: Robot) -> Array:
     lower, upper = sampling_range(robot)
     kinematics = BatchKinematics(robot.model)
     axes, points = kinematics.axes(kinematics.poses(np.clip(np.zeros((1, robot.n)), lower, upper)))
-    turning = [j for j in range(robot.n) if kinematics.revolute[j] > 0.5]
-    if not turning:
+    turning = np.flatnonzero(kinematics.revolute > 0.5)
+    if not len(turning):
         return np.asarray(points[0, 0])
     axis, origin = axes[0, turning[0]], points[0, turning[0]]
     for j in turning[1:]:

@@ -1,12 +1,14 @@
 """The robot: kinematics, collision geometry and limits of the planned joints, loaded once and never changed."""
 
 import json
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan.arrays import Array
@@ -14,9 +16,10 @@ from optiplan.data import robots_dir
 from optiplan.errors import UnknownChoiceError
 from optiplan.model import cache
 from optiplan.model.dh import DhTable
-from optiplan.model.joints import Group, Reduced, check_locked, planned_joints, reduce_to
+from optiplan.model.joints import Group, Reduced, planned_joints, reduce_to
 from optiplan.model.limits import Limits, build_limits
 from optiplan.model.link_geometry import treat
+from optiplan.model.mimic import Mimic, screws
 from optiplan.model.pairs import Kinematics, generate_allowed, joined_links, rigid_pairs, set_pairs
 from optiplan.model.robot_spec import RobotSpec
 from optiplan.model.settings import configurations, tool_frame
@@ -38,8 +41,9 @@ class Robot:
     `link_geometry` says what is checked for each link: hull, mesh, convex_pieces or primitive. `locked` holds where the
     joints stand that are not planned (rad, m), `allowed` the pairs of links that are not checked, with the reason, and
     `files` all that the robot was read from. `dh` is the Denavit–Hartenberg table, if it was given as one, `group` the
-    name of the group of `groups` that is planned, `urdf` the whole robot as pinocchio reads it. `load_robot` with
-    `source`, `locked` and `group` builds the same robot again, in another process too: so it is pickled.
+    name of the group of `groups` that is planned, `urdf` the whole robot as pinocchio reads it. `followers` are the
+    joints of `model` that move with a planned one. `load_robot` with `source`, `locked` and `group` builds the same
+    robot again, in another process too: so it is pickled.
     """
 
     name: str
@@ -60,11 +64,46 @@ class Robot:
     group: str | None = None
     groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
     urdf: str = ""
+    followers: Mapping[str, Mimic] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
         """Number of planned joints."""
         return len(self.joint_names)
+
+    @cached_property
+    def revolute(self) -> npt.NDArray[np.bool_]:
+        """Which planned joints turn, (n,); the others slide."""
+        own = [self.model.getJointId(name) - 1 for name in self.joint_names]
+        return np.asarray(self._turns()[own])
+
+    @cached_property
+    def whole_turns(self) -> npt.NDArray[np.bool_]:
+        """Which planned joints, (n,), leave every link where it was after a whole turn: followers turn wholly too."""
+        sliding = {name for name, turns in zip(self.model.names[1:], self._turns(), strict=True) if not turns}
+        broken = {
+            mimic.source
+            for name, mimic in self.followers.items()
+            if name in sliding or not float(mimic.multiplier).is_integer()
+        }
+        return np.asarray(self.revolute & np.array([name not in broken for name in self.joint_names]))
+
+    def _turns(self) -> npt.NDArray[np.bool_]:
+        """Which joints of the model turn, followers too: (J,)."""
+        return np.asarray(np.linalg.norm(screws(self.model)[:, 3:], axis=1) > 0.5)
+
+    @cached_property
+    def massless_links(self) -> tuple[str, ...]:
+        """Moving links with collision geometry that have no mass in the URDF: torque leaves them out."""
+        masses = {link.get("name"): link.find("inertial/mass") for link in ET.fromstring(self.urdf).iter("link")}
+        heavy = {name for name, mass in masses.items() if mass is not None and float(mass.get("value", "0")) > 0.0}
+        moving = [self.link_of(i) for i, body in enumerate(self.geometry.geometryObjects) if body.parentJoint != 0]
+        return tuple(dict.fromkeys(link for link in moving if link not in heavy))
+
+    @property
+    def has_inertia(self) -> bool:
+        """Whether any link that a joint moves has a mass; without one torque cannot be told."""
+        return any(inertia.mass > 0.0 for inertia in list(self.model.inertias)[1:])
 
     @cached_property
     def visual(self) -> pin.GeometryModel:
@@ -148,12 +187,11 @@ def load_robot(
     spec = validate(RobotSpec, document)
     urdf, srdf, srdf_path = read_sources(spec, document)
     planned = planned_joints(spec, document, urdf, group)
-    wanted = _wanted(spec, planned, locked or {})
-    check_locked(wanted, planned.joints, urdf, document)
-    reduced = reduce_to(planned.joints, wanted, urdf)
-    limits, limit_notes = build_limits(spec.limits, document, reduced.model, planned)
+    reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
+    limits, limit_notes = build_limits(spec.limits, document, reduced, planned)
     geometry, link_geometry, geometry_notes = treat(reduced.model, reduced.geometry, spec.collision, document)
     named = configurations(spec, document, srdf, planned)
+    tool, choices = tool_frame(spec, document, reduced, urdf, planned)
     files = tuple(dict.fromkeys((document.path, urdf.path, *((srdf_path,) if srdf_path else ()), *urdf.meshes)))
     if srdf is None:
         kinematics = Kinematics(reduced.model, geometry, _joined(urdf, reduced), limits.lower, limits.upper)
@@ -168,11 +206,11 @@ def load_robot(
         geometry=geometry,
         limits=limits,
         joint_names=planned.joints,
-        tool_frame=tool_frame(spec, document, reduced.model, planned),
+        tool_frame=tool,
         configurations=named,
         link_geometry=link_geometry,
         build_visual=reduced.build_visual,
-        notes=(*urdf.notes, *reduced.notes, *limit_notes, *geometry_notes, *_pair_notes(allowed, srdf)),
+        notes=(*choices, *urdf.notes, *reduced.notes, *limit_notes, *geometry_notes, *_pair_notes(allowed, srdf)),
         locked=reduced.locked,
         allowed=allowed,
         files=files,
@@ -180,6 +218,7 @@ def load_robot(
         group=planned.name,
         groups=spec.groups,
         urdf=urdf.xml,
+        followers=reduced.followers,
     )
 
 

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from optiplan.arrays import Array
 from optiplan.errors import UnknownChoiceError
 from optiplan.model import symbolic_tree as expressions
 from optiplan.model.compiled import compiled
+from optiplan.model.mimic import Unfolded, unfold
 
 REFERENCES = ("local_world_aligned", "local")
 ALL_ROWS = (0, 1, 2, 3, 4, 5)
@@ -18,7 +20,7 @@ ALL_ROWS = (0, 1, 2, 3, 4, 5)
 
 @dataclass(frozen=True, eq=False)
 class SymbolicRobot:
-    """CasADi functions of a pinocchio model with revolute, continuous, prismatic and planar joints.
+    """CasADi functions of a pinocchio model with revolute, continuous, prismatic and planar joints, and with mimics.
 
     Each is built when it is first asked for, and equals pinocchio's to rounding. Inputs are a configuration q (nq,), a
     velocity v (nv,) and an acceleration a (nv,), in pinocchio's order and in rad, m and s. `function.map(N)` takes
@@ -65,7 +67,7 @@ class SymbolicRobot:
         """Centre of mass of all that moves with a joint: q -> p_WC (3,), m."""
 
         def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
-            return [q], [expressions.centre_of_mass(self._tree, expressions.world_poses(self._tree, q))]
+            return [q], [expressions.centre_of_mass(self._tree, self._poses(q))]
 
         return self._function("centre_of_mass", None, build)
 
@@ -74,7 +76,7 @@ class SymbolicRobot:
         gravity = np.array(self.model.gravity.linear)
 
         def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
-            return [q, v, a], [expressions.inverse_dynamics(self._tree, q, v, a, gravity)]
+            return [q, v, a], [self._inverse_dynamics(q, v, a, gravity)]
 
         return self._function("rnea", None, build)
 
@@ -83,7 +85,7 @@ class SymbolicRobot:
 
         def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
             casadi = _casadi()
-            tau = expressions.inverse_dynamics(self._tree, q, casadi.SX.zeros(self.model.nv), a, np.zeros(3))
+            tau = self._inverse_dynamics(q, casadi.SX.zeros(self.model.nv), a, np.zeros(3))
             return [q], [casadi.densify(casadi.jacobian(tau, a))]
 
         return self._function("mass_matrix", None, build)
@@ -108,18 +110,30 @@ class SymbolicRobot:
         """Rate of the configuration: q -> G (nq, nv) with dq/dt = G(q) v (angles may be kept as cos, sin)."""
 
         def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
+            if self._follows:  # every joint of such a model has one degree of freedom
+                return [q], [_casadi().SX(np.eye(self.model.nv))]
             return [q], [_casadi().densify(expressions.tangent(self._tree, q, self.model.nv))]
 
         return self._function("tangent", None, build)
 
     @cached_property
+    def _plain(self) -> Unfolded:
+        return unfold(self.model)
+
+    @property
+    def _follows(self) -> bool:
+        return self._plain.model is not self.model
+
+    @cached_property
     def _tree(self) -> tuple[expressions.Joint, ...]:
-        return expressions.read_tree(self.model)
+        return expressions.read_tree(self._plain.model)
 
     @cached_property
     def _content(self) -> list[bytes]:
         """All numbers of the model that a function may depend on."""
         numbers = [np.array(self.model.gravity.linear).tobytes()]
+        if self._follows:
+            numbers += [self._plain.A.tobytes(), self._plain.b.tobytes()]
         for joint in self._tree:
             places = (joint.kind, joint.parent, joint.q, joint.v, joint.mass)
             arrays = (joint.R, joint.p, joint.screws, joint.lever, joint.inertia, joint.armature)
@@ -146,17 +160,32 @@ class SymbolicRobot:
         return self.model.nq, self.model.nv, self.model.nv
 
     def _find(self, frame: str) -> pin.Frame:
-        if not self.model.existFrame(frame):
-            raise UnknownChoiceError("frame", frame, [item.name for item in self.model.frames])
-        return self.model.frames[self.model.getFrameId(frame)]
+        model = self._plain.model
+        if not model.existFrame(frame):
+            raise UnknownChoiceError("frame", frame, [item.name for item in model.frames])
+        return model.frames[model.getFrameId(frame)]
+
+    def _poses(self, q: Any) -> list[expressions.Pair]:
+        """X_WJ of the world and of all joints, where those that follow others stand at A q + b."""
+        positions = self._plain.A @ q + self._plain.b if self._follows else q
+        return expressions.world_poses(self._tree, positions)
+
+    def _inverse_dynamics(self, q: Any, v: Any, a: Any, gravity: Array) -> Any:
+        """A^T tau(A q + b, A v, A a) of all joints: the generalised forces of the planned ones."""
+        if not self._follows:
+            return expressions.inverse_dynamics(self._tree, q, v, a, gravity)
+        A, b = self._plain.A, self._plain.b
+        return A.T @ expressions.inverse_dynamics(self._tree, A @ q + b, A @ v, A @ a, gravity)
 
     def _place(self, q: Any, frame: str) -> tuple[Any, Any]:
-        return expressions.frame_pose(expressions.world_poses(self._tree, q), self._find(frame))
+        return expressions.frame_pose(self._poses(q), self._find(frame))
 
     def _frame_jacobian(self, q: Any, frame: str, local: bool) -> Any:
-        poses = expressions.world_poses(self._tree, q)
+        poses = self._poses(q)
         R, p = expressions.frame_pose(poses, self._find(frame))
         J = expressions.frame_jacobian(self._tree, poses, int(self._find(frame).parentJoint), p)
+        if self._follows:
+            J = J @ self._plain.A
         casadi = _casadi()
         return casadi.densify(casadi.vertcat(R.T @ J[:3, :], R.T @ J[3:, :]) if local else J)
 

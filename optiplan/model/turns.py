@@ -15,6 +15,7 @@ def images(robot: Robot, q: Array, near: Array) -> list[Array]:
 
     Every combination reaches the same pose. A joint without limits has the image nearest to `near` (n,) and those one
     turn from it; one that cannot come within its limits, and a sliding joint outside, have none.
+    A joint that another follows at a broken number of turns has no other image.
     """
     return [_of_joint(robot, j, float(q[j]), float(near[j])) for j in range(robot.n)]
 
@@ -32,7 +33,7 @@ def whole_turns(robot: Robot, q: Array, near: Array, count: int) -> list[Array]:
 
 def _of_joint(robot: Robot, j: int, value: float, near: float) -> Array:
     lower, upper = float(robot.limits.lower[j]), float(robot.limits.upper[j])
-    if robot.model.joints[j + 1].shortname().startswith("JointModelP"):
+    if not robot.whole_turns[j]:
         return np.array([value] if lower <= value <= upper else [])
     middle = np.round((near - value) / _TURN)
     first = np.ceil((lower - value) / _TURN) if np.isfinite(lower) else middle - 1.0

@@ -5,18 +5,19 @@ joints that turn without end become revolute ones without limits (so that nq = n
 """
 
 import logging
-import math
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from optiplan.errors import InputError, Issue
-from optiplan.model.urdf_faults import faults
+from optiplan.errors import InputError, Issue, plain_reason
+from optiplan.model.mimic import Mimic, MimicError, leaders_first, resolve
+from optiplan.model.urdf_faults import MOVING, faults
 
 log = logging.getLogger(__name__)
 
@@ -25,17 +26,11 @@ ENDLESS = 1e30
 
 
 @dataclass(frozen=True)
-class Mimic:
-    """A joint that follows another: q = multiplier · q_source + offset."""
-
-    source: str
-    multiplier: float
-    offset: float
-
-
-@dataclass(frozen=True)
 class UrdfSource:
-    """A URDF put in order; `renamed` holds the new names of links that shared theirs with a joint."""
+    """A URDF put in order; `renamed` holds the new names of links that shared theirs with a joint.
+
+    `mimics` are the joints that follow another one in the end.
+    """
 
     path: Path
     xml: str
@@ -46,15 +41,30 @@ class UrdfSource:
     meshes: tuple[Path, ...]
     notes: tuple[str, ...]
 
+    @cached_property
+    def children(self) -> dict[str, str]:
+        """The link behind every joint, by the joint's name."""
+        return {joint: child for joint, (_, child) in zip(self.joint_types, self.edges, strict=True)}
+
+    def fixed_to(self, joint: str) -> str | None:
+        """The link in front of a fixed joint; None for one that moves."""
+        if self.joint_types[joint] != "fixed":
+            return None
+        return dict(zip(self.joint_types, (parent for parent, _ in self.edges), strict=True))[joint]
+
     def error(self, name: str, found: str, expected: str) -> InputError:
         """An `InputError` about the element called `name`."""
         return element_error(self.path, name, found, expected)
 
 
 def element_error(path: Path, name: str, found: str, expected: str) -> InputError:
-    """An `InputError` about the element called `name` of an XML file, with the line where that name first stands."""
+    """An `InputError` about the element called `name` of an XML file, with the line where it stands.
+
+    That is a link or a joint of that name, else the first element that has it.
+    """
     text = path.read_text(encoding="utf-8", errors="replace")
-    match = re.search(rf"name\s*=\s*[\"']{re.escape(name)}[\"']", text)
+    called = rf"\bname\s*=\s*[\"']{re.escape(name)}[\"']"
+    match = re.search(rf"<(?:link|joint)\b[^>]*?{called}", text) or re.search(called, text)
     line = None if match is None else text.count("\n", 0, match.start()) + 1
     return InputError([Issue(str(path), line, name, found, expected)])
 
@@ -71,22 +81,25 @@ def read_urdf(path: Path, folder: Path, text: str | None = None) -> UrdfSource:
         InputError: no URDF, or one that cannot be planned with; names link or joint and what was tried.
     """
     root = _parse(path, text)
+    _refuse_xacro(path, root)
     notes: list[str] = []
     finder = _MeshFinder(path, folder)
-    for link in root.iter("link"):
+    joints = [joint for joint in root.findall("joint") if joint.find("parent") is not None]
+    issues = [element_error(path, *fault).issues[0] for fault in faults(root, joints)]
+    if issues:
+        raise InputError(issues)
+    for link in root.findall("link"):
         _settle_visuals(link, finder, notes)
         _settle_collisions(link, finder)
-    joints = [joint for joint in root.findall("joint") if joint.find("parent") is not None]
-    for fault in faults(root, joints):
-        raise element_error(path, *fault)
     renamed = _rename_links(root, joints)
     notes += [f"link {old} is called {new}, since a joint is called {old} too" for old, new in renamed.items()]
     types = {joint.get("name", ""): joint.get("type", "") for joint in joints}
-    mimics = dict(_mimics(joints, path))
+    mimics = _mimics(joints, types, path)
     for joint in joints:
         _settle_joint(joint, path)
     xml = ET.tostring(root, encoding="unicode")
-    return UrdfSource(path, xml, renamed, types, mimics, _edges(joints), tuple(finder.collision), tuple(notes))
+    meshes, remarks = tuple(finder.collision), tuple(notes)
+    return UrdfSource(path, xml, renamed, types, mimics, _edges(joints), meshes, remarks)
 
 
 def build_model(source: UrdfSource) -> pin.Model:
@@ -101,7 +114,7 @@ def build_model(source: UrdfSource) -> pin.Model:
         raise _unreadable(source, error, "a URDF that pinocchio can read") from error
     model.lowerPositionLimit = np.where(model.lowerPositionLimit <= -ENDLESS, -np.inf, model.lowerPositionLimit)
     model.upperPositionLimit = np.where(model.upperPositionLimit >= ENDLESS, np.inf, model.upperPositionLimit)
-    return model
+    return leaders_first(model, source.mimics)
 
 
 def build_collisions(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
@@ -131,7 +144,7 @@ def build_visuals(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
 
 
 def _unreadable(source: UrdfSource, error: Exception, expected: str) -> InputError:
-    return InputError([Issue(str(source.path), None, "urdf", " ".join(str(error).split()), expected)])
+    return InputError([Issue(str(source.path), None, "urdf", plain_reason(error), expected)])
 
 
 def _parse(path: Path, text: str | None) -> ET.Element:
@@ -141,11 +154,20 @@ def _parse(path: Path, text: str | None) -> ET.Element:
         found = error.strerror or str(error)
         raise InputError([Issue(str(path), None, "urdf", found, "a readable URDF file")]) from error
     except (ET.ParseError, ValueError, LookupError) as error:
+        _refuse_xacro(path, None)
         line = error.position[0] if isinstance(error, ET.ParseError) else None
         raise InputError([Issue(str(path), line, "urdf", str(error), "well-formed XML")]) from error
     if root.tag != "robot":
         raise InputError([Issue(str(path), 1, "urdf", f"an XML file of <{root.tag}>", "a URDF, whose root is <robot>")])
     return root
+
+
+def _refuse_xacro(path: Path, root: ET.Element | None) -> None:
+    """Raise an `InputError` for a file of macros, which another program turns into a URDF."""
+    tags = () if root is None else (str(element.tag) for element in root.iter())
+    if path.suffix == ".xacro" or any(tag.startswith("{") and "xacro" in tag for tag in tags):
+        command = f"`xacro {path.name} > {path.name.split('.')[0]}.urdf`"
+        raise InputError([Issue(str(path), None, "urdf", "this is xacro", f"a URDF: run xacro first, {command}")])
 
 
 class _MeshFinder:
@@ -217,19 +239,22 @@ def _edges(joints: list[ET.Element]) -> tuple[tuple[str, str], ...]:
     return tuple((a.get("link", ""), b.get("link", "")) for a, b in ends if a is not None and b is not None)
 
 
-def _mimics(joints: list[ET.Element], path: Path) -> Iterator[tuple[str, Mimic]]:
+def _mimics(joints: list[ET.Element], types: Mapping[str, str], path: Path) -> dict[str, Mimic]:
+    """The joints that follow another, and which one that is in the end."""
+    movable = [name for name, kind in types.items() if kind in MOVING]
+    stated = {name: mimic for name, mimic in _stated_mimics(joints) if name in movable}
+    try:
+        return resolve(stated, movable)
+    except MimicError as error:
+        raise element_error(path, error.joint, error.found, error.expected) from error
+
+
+def _stated_mimics(joints: list[ET.Element]) -> Iterator[tuple[str, Mimic]]:
     for joint in joints:
         mimic = joint.find("mimic")
         if mimic is not None:
-            name, numbers = joint.get("name", ""), (mimic.get("multiplier", "1"), mimic.get("offset", "0"))
-            try:
-                multiplier, offset = map(float, numbers)
-                if not math.isfinite(multiplier + offset):
-                    raise ValueError
-            except ValueError as error:
-                raise element_error(path, name, f"<mimic> with {' and '.join(numbers)}", "numbers") from error
-            yield name, Mimic(mimic.get("joint", ""), multiplier, offset)
-            joint.remove(mimic)
+            multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+            yield joint.get("name", ""), Mimic(mimic.get("joint", ""), multiplier, offset)
 
 
 def _settle_joint(joint: ET.Element, path: Path) -> None:

@@ -1,61 +1,177 @@
 """Faults of a URDF that its parser would pass over: it drops the part in question, which then is not checked at all."""
 
 import math
+import re
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 SIZES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}}
 SIZES["capsule"] = SIZES["cylinder"]
 """Attributes of each shape, and how many numbers > 0 each has."""
 
 MOVING = ("revolute", "continuous", "prismatic")
+JOINT_TYPES = (*MOVING, "fixed", "floating", "planar")
+
+DEEPEST = 64
+"""How deep elements may be nested; a URDF needs seven."""
+
+LONGEST = 256
+"""Characters of a name."""
+
+RESERVED = "universe"
+"""Pinocchio's name of the world, which no joint and no link may have."""
 
 Fault = tuple[str, str, str]
 """Name of the link or joint, what was found, what is expected."""
 
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
+
+
+@dataclass(frozen=True)
+class _Range:
+    """How many numbers an attribute holds, and between which bounds each must be."""
+
+    count: int
+    low: float
+    high: float
+    words: str
+
+
+_PLACE = _Range(3, -1e5, 1e5, "three numbers of at most 1e5 m")
+_TURN = _Range(3, -1e5, 1e5, "three numbers of at most 1e5 rad")
+_END = _Range(1, -1e30, 1e30, "a number of at most 1e30 (a joint without an end is `continuous`)")
+_RATE = _Range(1, 0.0, 1e12, "a number from 0 to 1e12")
+_MASS = _Range(1, 0.0, 1e9, "a mass from 0 to 1e9 kg, as a plain number")
+_MOMENT = _Range(1, -1e-9, 1e12, "a moment of inertia from 0 to 1e12 kg m², as a plain number")
+_PRODUCT = _Range(1, -1e12, 1e12, "a number of at most 1e12 kg m²")
+
+_ORIGIN = {"xyz": _PLACE, "rpy": _TURN}
+_FACTOR = _Range(1, -1e12, 1e12, "a number of at most 1e12")
+_MIMIC = {"multiplier": _FACTOR, "offset": _FACTOR}
+_LIMIT = {"lower": _END, "upper": _END, "velocity": _RATE, "effort": _RATE}
+_INERTIA = {key: _MOMENT if key[1] == key[2] else _PRODUCT for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
+
 
 def faults(root: ET.Element, joints: list[ET.Element]) -> Iterator[Fault]:
-    """Every collision shape that cannot be read, every axis of length 0, every link with two parents."""
-    for link in root.iter("link"):
-        for collision in link.findall("collision"):
-            fault = _shape_fault(collision.find("geometry"))
-            if fault is not None:
-                yield link.get("name", ""), *fault
+    """Everything that a parser would drop or choke on, of links first and of joints then."""
+    yield from _depth_faults(root)
+    links = root.findall("link")
+    yield from _name_faults("link", links)
+    yield from _name_faults("joint", joints)
+    for link in links:
+        name = link.get("name", "")
+        for fault in _link_faults(link):
+            yield name, *fault
+    yield from _tree_faults(joints, {link.get("name", "") for link in links})
+    for joint in joints:
+        for fault in _joint_faults(joint):
+            yield joint.get("name", ""), *fault
+
+
+def _depth_faults(root: ET.Element) -> Iterator[Fault]:
+    level = [root]
+    for _ in range(DEEPEST):
+        level = [child for element in level for child in element]
+    if level:
+        yield root.get("name", ""), f"elements nested more than {DEEPEST} deep", "a URDF"
+
+
+def _name_faults(kind: str, elements: list[ET.Element]) -> Iterator[Fault]:
+    counts = Counter(element.get("name", "") for element in elements)
+    for name, count in counts.items():
+        if not name:
+            yield "", f"a {kind} without a name", "a name"
+        elif len(name) > LONGEST or not name.isprintable():
+            yield name, f"a {kind} with a name of {len(name)} characters", f"at most {LONGEST}, all printable"
+        elif count > 1:
+            yield name, f"{count} {kind}s called '{name}'", "names that differ"
+        elif name == RESERVED:
+            yield name, f"a {kind} called '{RESERVED}', which is the world's own name", "another name"
+
+
+def _link_faults(link: ET.Element) -> Iterator[tuple[str, str]]:
+    for collision in link.findall("collision"):
+        yield from _shape_faults(collision.find("geometry"))
+        yield from _number_faults(collision.find("origin"), _ORIGIN)
+    for visual in link.findall("visual"):
+        yield from _number_faults(visual.find("origin"), _ORIGIN)
+    for inertial in link.findall("inertial"):
+        mass, inertia = inertial.find("mass"), inertial.find("inertia")
+        if mass is None or inertia is None:
+            missing = " and ".join(f"<{tag}>" for tag in ("mass", "inertia") if inertial.find(tag) is None)
+            yield f"an <inertial> without {missing}", "both, or no <inertial>"
+        yield from _number_faults(mass, {"value": _MASS}, required=True)
+        yield from _number_faults(inertia, _INERTIA, required=True)
+        yield from _number_faults(inertial.find("origin"), _ORIGIN)
+
+
+def _tree_faults(joints: list[ET.Element], links: set[str]) -> Iterator[Fault]:
     seen: set[str] = set()
     for joint in joints:
+        for end in ("parent", "child"):
+            element = joint.find(end)
+            link = "" if element is None else element.get("link", "")
+            if link not in links:
+                yield joint.get("name", ""), f"the {end} link '{link}', which is not there", "a link of this file"
         child = joint.find("child")
         name = "" if child is None else child.get("link", "")
         if name in seen:
             yield name, "a link that is the child of two joints", "a tree: one parent for each link"
         seen.add(name)
-        axis = joint.find("axis")
-        if joint.get("type") in MOVING and axis is not None:
-            numbers = _numbers(axis.get("xyz", "1 0 0"))
-            if len(numbers) != 3 or not 1e-6 < math.hypot(*numbers) < 1e6:
-                yield joint.get("name", ""), f"the axis '{axis.get('xyz')}'", "a direction: three numbers, not all 0"
 
 
-def _shape_fault(geometry: ET.Element | None) -> tuple[str, str] | None:
+def _joint_faults(joint: ET.Element) -> Iterator[tuple[str, str]]:
+    kind = joint.get("type", "")
+    if kind not in JOINT_TYPES:
+        yield f"a joint of type '{kind}'", f"one of: {', '.join(JOINT_TYPES)}"
+    yield from _number_faults(joint.find("origin"), _ORIGIN)
+    yield from _number_faults(joint.find("limit"), _LIMIT)
+    yield from _number_faults(joint.find("mimic"), _MIMIC)
+    axis = joint.find("axis")
+    if kind in MOVING and axis is not None:
+        numbers = _numbers(axis.get("xyz", "1 0 0"))
+        if len(numbers) != 3 or not 1e-6 < math.hypot(*numbers) < 1e6:
+            yield f"the axis '{axis.get('xyz')}'", "a direction: three numbers, not all 0"
+
+
+def _shape_faults(geometry: ET.Element | None) -> Iterator[tuple[str, str]]:
     shapes = [] if geometry is None else [shape for shape in geometry if shape.tag in (*SIZES, "mesh")]
     if len(shapes) != 1:
-        return f"a <collision> with {len(shapes)} shapes", f"one of: {', '.join(SIZES)}, mesh"
+        yield f"a <collision> with {len(shapes)} shapes", f"one of: {', '.join(SIZES)}, mesh"
+        return
     shape = shapes[0]
     if shape.tag == "mesh":
         scale = shape.get("scale", "1 1 1")
         numbers = _numbers(scale)
-        fits = len(numbers) == 3 and all(1e-9 < abs(x) < 1e9 for x in numbers)  # a mirrored mesh has one below 0
-        return None if fits else (f"<mesh> with scale '{scale}'", "three numbers, none of them 0")
+        if len(numbers) != 3 or not all(1e-9 < abs(x) < 1e9 for x in numbers):  # a mirrored mesh has one below 0
+            yield f"<mesh> with scale '{scale}'", "three numbers, none of them 0"
+        return
     for name, count in SIZES[shape.tag].items():
         numbers = _numbers(shape.get(name, ""))
         if len(numbers) != count or not all(0.0 < x < 1e6 for x in numbers):
             expected = "three numbers > 0" if count == 3 else "a number > 0"
-            return f"<{shape.tag}> with {name} '{shape.get(name, '')}'", expected
-    return None
+            yield f"<{shape.tag}> with {name} '{shape.get(name, '')}'", expected
+
+
+def _number_faults(
+    element: ET.Element | None, ranges: dict[str, _Range], required: bool = False
+) -> Iterator[tuple[str, str]]:
+    """Attributes that are no plain numbers, or beyond their range; those left out only where they are required."""
+    if element is None:
+        return
+    for key, allowed in ranges.items():
+        text = element.get(key)
+        if text is None and not required:
+            continue
+        numbers = _numbers(text or "")
+        if len(numbers) != allowed.count or not all(allowed.low <= x <= allowed.high for x in numbers):
+            found = f"no {key}" if text is None else f"{key}='{text}'"
+            yield f"<{element.tag}> with {found}", allowed.words
 
 
 def _numbers(text: str) -> list[float]:
-    """The numbers of a text; none if one of them is no number."""
-    try:
-        return [float(word) for word in text.split()]
-    except ValueError:
-        return []
+    """The numbers of a text as every reader of URDFs takes them; none if one of its words is something else."""
+    words = text.split()
+    return [float(word) for word in words] if all(_NUMBER.match(word) for word in words) else []

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
-from optiplan.model.kinematics import BatchKinematics
+from optiplan.model.kinematics import BatchKinematics, carrying_joints
 
 Index = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
@@ -29,8 +29,8 @@ class Bodies:
     Attributes:
         shapes: coal geometry of each body.
         pairs: (P, 2) bodies a and b of each pair.
-        moves: (P, 2, n) whether joint j moves that side of the pair against the other; a joint that carries both does
-            not change their distance.
+        moves: (P, 2, J) whether joint j moves that side of the pair against the other; a joint that carries both does
+            not change their distance. Joints that follow others are joints of their own here.
         centre: (G, 3) in the body's frame, m; `radius` (G,): a ball about it holds the body.
         extent: (G,) bound on the coordinates in which a body is given, in the frame of its joint, m.
     """
@@ -50,11 +50,7 @@ class Bodies:
         own = np.where(np.isinf(self.radius), planes, self.radius)
         offset = np.linalg.norm(self.placements[:, :3, 3], axis=1) + np.linalg.norm(self.centre, axis=1)
         self.extent = offset + own
-        carries = np.zeros((robot.njoints, robot.nv), dtype=bool)
-        for j in range(1, robot.njoints):
-            carries[j] = carries[robot.parents[j]]
-            carries[j, robot.joints[j].idx_v] = True
-        carried = carries[self.joints[self.pairs]]
+        carried = carrying_joints(robot)[self.joints[self.pairs]]
         self.moves: Flags = carried & ~carried[:, ::-1]
 
     def unsupported(self) -> int | None:

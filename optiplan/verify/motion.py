@@ -31,7 +31,7 @@ class Boxes:
 class Asked:
     """K questions: pair pairs[k] on interval rows[k], where `placed` has its bodies.
 
-    `direction` and `point`, both (N, n, 3), are the joints' axes in the world at the middles of all N intervals.
+    `direction` and `point`, both (N, J, 3), are all joints' axes in the world at the middles of all N intervals.
     """
 
     rows: Index
@@ -73,6 +73,7 @@ class Motion:
         tip. With Omega, u the body's twist at the middle, f(0) + f'(0) s = x . (w + s w x Omega) + s w . u, whose
         maximum over the body is a support function, convex in s: so its maximum for |s| <= h is at s = h or -h.
         """
+        boxes = self._of_all_joints(boxes)
         rows, half = asked.rows, boxes.half[asked.rows]
         travel, bend, gap = np.zeros(len(rows)), np.zeros(len(rows)), np.zeros((2, len(rows)))
         for side, sign in ((0, 1.0), (1, -1.0)):
@@ -90,8 +91,16 @@ class Motion:
                 gap[end] -= self._bodies.support(asked.placed, side, direction) + sign * s * shift
         return Approach(travel, np.nan_to_num(gap.min(axis=0), nan=-np.inf), bend)
 
+    def _of_all_joints(self, boxes: Boxes) -> Boxes:
+        """The same of all J joints: a follower moves by its multiplier times what its leader does."""
+        kinematics = self._bodies.kinematics
+        bounds = (boxes.reach, boxes.speed, boxes.acceleration, boxes.jump)
+        reach, speed, acceleration, jump = map(kinematics.joint_reach, bounds)
+        q, v = kinematics.joint_rates(boxes.q) + kinematics.offset, kinematics.joint_rates(boxes.v)
+        return Boxes(boxes.half, q, v, reach, speed, acceleration, jump)
+
     def _levers(self, boxes: Boxes, asked: Asked, side: int) -> tuple[Array, Array]:
-        """L (K, n), the farthest any point of the body gets from each axis on the interval, m; and its travel (K,), m.
+        """L (K, J), the farthest any point of the body gets from each axis on the interval, m; and its travel (K,), m.
 
         Joints are moved one after another, from the tip to the base. When joint j turns, about its axis at the middle,
         the body has travelled t already: its points are within R_j + t of the axis and move by at most D_j (R_j + t).

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel, Contacts
+from optiplan.model.mimic import unfold
 from optiplan.planners.trajopt.spline import FIXED, SplineBasis
 from optiplan.problem.problem import Problem
 
@@ -114,6 +115,8 @@ class Transcription:
         self.objective = problem.objective
         self._pin = problem.robot.model
         self._data = self._pin.createData()
+        self._plain = unfold(self._pin)  # pinocchio's derivatives do not know joints that follow others
+        self._plain_data = self._plain.model.createData()
         self._limited = np.flatnonzero(np.isfinite(problem.limits.torque))
         self.u = np.zeros(0)
 
@@ -169,13 +172,15 @@ class Transcription:
     def _torque_derivatives(self, motion: list[Array]) -> list[Array]:
         """Derivatives of inverse dynamics by q, v and a at (q, v, a) of shape (H, n) each: three arrays (H, n, n)."""
         result: list[list[Array]] = [[], [], []]
-        for q, v, a in zip(*motion, strict=True):
-            pin.computeRNEADerivatives(self._pin, self._data, q, v, a)
-            for store, matrix in zip(result, (self._data.dtau_dq, self._data.dtau_dv, self._data.M), strict=True):
-                store.append(np.array(matrix))
-        by_q, by_v, upper = (np.array(matrices) for matrices in result)
-        strict = np.triu(upper, 1)  # pinocchio fills the upper half of the mass matrix only
-        return [by_q, by_v, np.triu(upper) + strict.transpose(0, 2, 1)]
+        A, b = self._plain.A, self._plain.b
+        for q, v, a in zip(motion[0] @ A.T + b, motion[1] @ A.T, motion[2] @ A.T, strict=True):
+            data = self._plain_data
+            pin.computeRNEADerivatives(self._plain.model, data, q, v, a)
+            upper = np.array(data.M)  # pinocchio fills the upper half of the mass matrix only
+            mass = np.triu(upper) + np.triu(upper, 1).T
+            for store, matrix in zip(result, (data.dtau_dq, data.dtau_dv, mass), strict=True):
+                store.append(A.T @ np.array(matrix) @ A)
+        return [np.array(matrices) for matrices in result]
 
     def watch(self, torques: SoftRows) -> bool:
         """From now on give rows to the joints and samples whose torque is too large in `torques`; whether any is new.

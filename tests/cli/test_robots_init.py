@@ -1,0 +1,130 @@
+"""`optiplan robots init`: from a URDF to a robot that plans."""
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from click.testing import CliRunner
+from typer.main import get_command
+
+from optiplan.cli.robots import app
+from optiplan.model.robot import load_robot
+from tests.model.robots import chain, joint
+
+FINGER = '<limit lower="0" upper="0.1" velocity="1" effort="1"/>'
+PARTS = [
+    *chain(joint("j1", "a", "b"), joint("j2", "b", "c"), joint("j3", "c", "d")),
+    '<link name="tool0"/><link name="f"/>',
+    joint("mount", "d", "tool0", "fixed", ""),
+    joint("finger", "d", "f", "prismatic", FINGER, x=0.01),
+]
+
+
+@pytest.fixture
+def urdf(tmp_path: Path) -> Path:
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="my arm">{"".join(PARTS)}</robot>')
+    return path
+
+
+def test_without_flags_the_choices_are_made_and_said(optiplan, urdf):
+    code, out, _ = optiplan("robots", "init", urdf)
+    assert code == 0
+    folder = urdf.parent
+    assert (folder / "robot.yaml").read_text() == (
+        '# Made by `optiplan robots init arm.urdf`.\nversion: 1\nname: "my arm"\nurdf: arm.urdf\n'
+        "group: [j1, j2, j3]\ntool_frame: tool0\nsrdf: robot.srdf\n"
+    )
+    for words in (
+        "planned is the longest chain of joints, j1, j2, j3",
+        f"written: {folder / 'robot.yaml'} and",
+        "next:",
+    ):
+        assert words in out
+    robot = load_robot(str(folder / "robot.yaml"))
+    assert (robot.joint_names, robot.tool_frame) == (("j1", "j2", "j3"), "tool0")
+    pairs = ElementTree.parse(folder / "robot.srdf").getroot().findall("disable_collisions")
+    assert {(pair.get("link1"), pair.get("link2")) for pair in pairs} <= set(robot.allowed)
+
+
+def test_it_plans_what_it_made(optiplan, urdf, tmp_path):
+    assert optiplan("robots", "init", urdf, "--out", tmp_path / "made")[0] == 0
+    problem = tmp_path / "problem.yaml"
+    problem.write_text(
+        "version: 1\nrobot: made/robot.yaml\nplanner: quintic\n"
+        "start: {joints: [0, 0, 0]}\ngoal: {joints: [0.5, 0, 0.2]}\n"
+    )
+    code, out, err = optiplan("plan", problem, "--out", tmp_path / "run")
+    assert code == 0, out + err
+
+
+def test_flags_choose(optiplan, urdf, tmp_path):
+    flags = ("--group", "j2, j3", "--tool", "d", "--lock", "j1=0.5", "--lock", "finger=0.02", "--name", "half")
+    limits = ("--limit", "acceleration=5", "--limit", "jerk=50")
+    code, out, _ = optiplan("robots", "init", urdf, "--out", tmp_path / "made", *flags, *limits, "--json")
+    assert code == 0
+    data = json.loads(out)
+    assert data["written"] == [str(tmp_path / "made/robot.yaml"), str(tmp_path / "made/robot.srdf")]
+    robot = load_robot(str(tmp_path / "made"))
+    assert (robot.name, robot.joint_names, robot.tool_frame) == ("half", ("j2", "j3"), "d")
+    assert robot.locked == {"j1": 0.5, "finger": 0.02}
+    assert (robot.limits.acceleration.tolist(), robot.limits.jerk.tolist()) == ([5, 5], [50, 50])
+
+
+def test_a_terminal_is_asked(urdf):
+    answers = "j1,j9\nj1,j2\nd\n0.3\n\n\n7\n"  # j9 is not there; the tool, j3 and the finger, two limits
+    result = CliRunner().invoke(get_command(app), ["init", str(urdf), "--ask"], input=answers, standalone_mode=False)
+    assert result.exception is None, result.output
+    assert "unknown joints to plan 'j9'; choose from: finger, j1, j2, j3" in result.output
+    robot = load_robot(str(urdf.parent))
+    assert (robot.joint_names, robot.tool_frame) == (("j1", "j2"), "d")
+    assert robot.locked == {"j3": 0.3, "finger": 0}
+    assert robot.limits.acceleration.tolist() == [10, 10]
+    assert robot.limits.jerk.tolist() == [7, 7]
+
+
+def test_what_is_there_is_kept_unless_forced(optiplan, urdf):
+    (urdf.parent / "robot.yaml").write_text("mine")
+    code, out, err = optiplan("robots", "init", urdf)
+    assert (code, out) == (2, "")
+    assert "robot.yaml: robots init: a file that is there already; expected --force to replace it" in err
+    assert (urdf.parent / "robot.yaml").read_text() == "mine"
+    assert not (urdf.parent / "robot.srdf").exists()
+    assert optiplan("robots", "init", urdf, "--force")[0] == 0
+    assert load_robot(str(urdf.parent)).n == 3
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        (("--group", "j1,j9"), "group[1]: unknown joint 'j9'; expected one of: j1, j2, j3, finger"),
+        (("--tool", "nose"), "tool_frame: unknown frame 'nose'; expected one of"),
+        (("--lock", "j1"), "--lock: found 'j1'; expected a name and a number, such as finger=0.02"),
+        (("--lock", "j9=1"), "locked.j9: unknown joint 'j9'"),
+        (("--limit", "speed=1"), "unknown limit 'speed'; choose from: acceleration, jerk, torque, velocity"),
+        (("--limit", "jerk=-1"), "limit jerk: found -1; expected a number > 0, in rad/s³"),
+    ],
+)
+def test_what_is_wrong_is_said_and_nothing_written(optiplan, urdf, flags, words):
+    code, out, err = optiplan("robots", "init", urdf, *flags)
+    assert (code, out) == (2, "")
+    assert words in err
+    assert "/tmp" not in err.replace(str(urdf.parent), "")
+    assert [path.name for path in urdf.parent.iterdir()] == ["arm.urdf"]
+
+
+@pytest.mark.parametrize("name", ["arm.urdf.xacro", "arm.xacro", "arm.urdf"])
+def test_xacro_is_named_with_the_command_to_run(optiplan, tmp_path, name):
+    macros = '<robot name="x" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="a" value="1"/></robot>'
+    (tmp_path / name).write_text(macros)
+    (tmp_path / "robot.yaml").write_text(f"version: 1\nname: x\nurdf: {name}\n")
+    for command in (("robots", "init", tmp_path / name, "--force"), ("robots", "show", tmp_path / "robot.yaml")):
+        code, out, err = optiplan(*command)
+        assert (code, out) == (2, "")
+        assert f"{tmp_path / name}: urdf: this is xacro; expected a URDF: run xacro first, `xacro {name} > arm" in err
+
+
+def test_a_urdf_that_only_declares_the_namespace_is_a_urdf(optiplan, urdf):
+    urdf.write_text(urdf.read_text().replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" '))
+    assert optiplan("robots", "init", urdf)[0] == 0
