@@ -35,7 +35,9 @@ def _torque(problem: Problem, checks: Sequence[Check]) -> list[str]:
     if check.kind == "unchecked":
         return [f"torque: not checked, {check.detail}"]
     held = ", attached objects weigh nothing" if problem.scene.attached else ""
-    return [f"torque: at all times, without friction{held}"]
+    light = problem.robot.massless_links
+    names = f"; without masses of their own: {', '.join(light)}" if light else ""
+    return [f"torque: at all times, without friction{held}{names}"]
 
 
 def _allowed(problem: Problem) -> list[str]:

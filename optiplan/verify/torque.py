@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.model.mimic import unfold
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.bodies import Flags, Index
@@ -53,7 +54,8 @@ class _Proof:
 
     def __init__(self, problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> None:
         self._model, self._policy = problem.robot.model, policy
-        self._data, self._bounds = self._model.createData(), TorqueBounds(self._model)
+        plain = unfold(self._model)
+        self._data, self._bounds = self._model.createData(), TorqueBounds(plain.model, plain.A, plain.b)
         self._trajectory, self._pieces = trajectory, [trajectory.derivatives(order) for order in range(3)]
         self.evaluated = 0
         self.peak, self.time = np.zeros(trajectory.n), np.zeros(trajectory.n)
