@@ -182,6 +182,29 @@ class LeavesChildren(Straight):
             file.write(" ".join(map(str, children)))
 
 
+class KilledWithChildren(LeavesChildren):
+    """Starts such processes, and is killed."""
+
+    def misbehave(self):
+        super().misbehave()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+class Daemons(Straight):
+    """Starts a process whose parent ends at once, in a session of its own, as daemons do."""
+
+    def misbehave(self):
+        child = os.fork()
+        if child == 0:
+            os.setsid()
+            with open(os.environ["CHILDREN"], "w") as file:
+                file.write("started")
+            if os.fork() == 0:
+                time.sleep(1000.0)
+            os._exit(0)
+        os.waitpid(child, 0)
+
+
 class ComesBackTwice(Straight):
     """Forks, and returns from both processes."""
 

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from optiplan.bench.machine import descendants
+from optiplan.bench.machine import descendants, ended
 from optiplan.bench.pool import LocalPool
 from optiplan.bench.runner import open_results, other_versions, run_suite
 from optiplan.bench.store import StoreError
@@ -139,7 +139,7 @@ def test_ctrl_c_ends_cleanly_and_the_same_command_goes_on(write_suite, tmp_path,
     _, err = process.communicate(timeout=10)
     assert process.returncode == 130
     assert "the same command goes on" in err
-    assert not any(os.path.exists(f"/proc/{pid}") for pid in workers)
+    assert all(map(ended, workers))
     there = stored(folder)
     done, rows = run(path, folder)
     assert (done.found, done.total, len(rows)) == (there, 30, 30)
@@ -154,7 +154,7 @@ def test_killed_with_a_worker_every_run_is_there_once(write_suite, tmp_path, run
     time.sleep(0.1)
     process.kill()
     process.communicate(timeout=10)
-    wait_until(lambda: not any(os.path.exists(f"/proc/{pid}") for pid in workers))
+    wait_until(lambda: all(map(ended, workers)))
     done, rows = run(path, folder, workers=2)
     assert 3 <= done.found < 32
     assert len(rows) == 32
