@@ -1,4 +1,4 @@
-"""The keeper of a worker: ends and reaps every process that the worker started, whoever process 1 is and whatever it does.
+"""The keeper of a worker: ends and reaps all processes that the worker started, whatever process 1 does.
 
 The keeper is a child subreaper: processes whose parent ends become its children, also those with a session of their
 own, so none of them is lost and none stays behind as a zombie.
@@ -25,7 +25,7 @@ def keep_a_child(parent: int, *closed: int) -> None:
     """Fork: return in the child, the worker; the calling process becomes its keeper and never returns.
 
     The keeper ends as the worker does, by the same exit code or signal, once all that the worker started has ended. On
-    SIGTERM, which it also gets when `parent` ends, it ends the worker first. When the keeper is killed the worker is, too.
+    SIGTERM, which it also gets when `parent` ends, it ends the worker first. A keeper that is killed takes the worker along.
 
     Args:
         parent: the process that must live for the keeper to live.

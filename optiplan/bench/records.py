@@ -99,7 +99,7 @@ class Row:
     verify_time: float | None = None
     duration: float | None = None
     lower_bound: float | None = None
-    ratio: float | None = None
+    goal_bound: float | None = None
     failure_kind: str | None = None
     failure_detail: str | None = None
     witness: Mapping[str, Any] | None = None
@@ -109,12 +109,15 @@ class Row:
     cut_short: bool = False
     trajectory: str | None = None
     output: str = ""
+    plan_cpu: float | None = None
     cpu_time: float | None = None
     memory: float | None = None
     wall_time: float | None = None
     worker: str = ""
     load: float | None = None
     started_at: str = ""
+    optiplan: str = ""
+    code: str = ""
 
     @property
     def key(self) -> Key:

@@ -23,8 +23,11 @@ from optiplan.trajectory.trajectory import Trajectory
 
 FILE = "results.sqlite"
 LOCK = "lock"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Counted up with every change of a table that readers can notice."""
+
+ADDED = {2: {"goal_bound": "REAL", "plan_cpu": "REAL", "optiplan": "TEXT", "code": "TEXT"}}
+"""Columns of `runs` that came with a version: results of earlier releases get them, empty, when they are opened."""
 
 SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -40,13 +43,30 @@ CREATE TABLE runs (
     problem TEXT NOT NULL REFERENCES problems (id), planner TEXT NOT NULL REFERENCES planners (label),
     seed INTEGER NOT NULL, repetition INTEGER NOT NULL, set_name TEXT NOT NULL, difficulty TEXT,
     planned INTEGER NOT NULL, timed INTEGER NOT NULL, verified INTEGER NOT NULL, executed INTEGER,
-    plan_time REAL, verify_time REAL, duration REAL, lower_bound REAL, ratio REAL,
+    plan_time REAL, verify_time REAL, duration REAL, lower_bound REAL, goal_bound REAL,
     failure_kind TEXT, failure_detail TEXT, witness TEXT, metrics TEXT NOT NULL, timings TEXT NOT NULL,
     info TEXT NOT NULL, cut_short INTEGER NOT NULL, trajectory TEXT REFERENCES trajectories (sha256),
-    output TEXT NOT NULL, cpu_time REAL, memory REAL, wall_time REAL, worker TEXT NOT NULL, load REAL,
-    started_at TEXT NOT NULL, session INTEGER NOT NULL REFERENCES sessions (session),
+    output TEXT NOT NULL, plan_cpu REAL, cpu_time REAL, memory REAL, wall_time REAL, worker TEXT NOT NULL, load REAL,
+    started_at TEXT NOT NULL, optiplan TEXT, code TEXT,
+    session INTEGER NOT NULL REFERENCES sessions (session),
     PRIMARY KEY (problem, planner, seed, repetition));
 """
+
+STILL = 1e-4
+"""s: a bound below it is rounding, of a problem that is solved where it starts; no duration is measured by it."""
+
+VIEW = f"""
+CREATE TEMP VIEW rated AS
+WITH known AS (
+    SELECT problem, lower_bound AS bound FROM runs WHERE verified AND lower_bound IS NOT NULL
+    UNION ALL SELECT problem, goal_bound FROM runs WHERE goal_bound IS NOT NULL),
+bounds AS (SELECT problem, min(bound) AS bound FROM known GROUP BY problem)
+SELECT {{columns}}, bounds.bound AS problem_bound,
+    CASE WHEN bounds.bound >= {STILL} THEN runs.duration / bounds.bound END AS ratio
+FROM runs LEFT JOIN bounds ON bounds.problem = runs.problem
+"""
+"""`rated`: the runs with one bound for each problem, the least over the end configurations that verified runs reached
+and those that the problem lists, s; and `ratio`, duration / that bound."""
 
 BATCH = 20_000
 """Rows at a time."""
@@ -82,6 +102,7 @@ class Store:
             with self._told():
                 self._db = _connected(self.path, write)
             self._check_version()
+            self._rate()
         except BaseException:
             self._unlock()
             raise
@@ -146,6 +167,12 @@ class Store:
         if not found:
             raise KeyError(key)
         return json.loads(found[0][0])
+
+    @property
+    def code(self) -> dict[str, Any] | None:
+        """The code that the runs are of, as `Suite.code`; None in results of a release that did not record it."""
+        found = self.query("SELECT value FROM meta WHERE key = 'code'")
+        return json.loads(found[0][0]) if found else None
 
     def query(self, sql: str, values: tuple[Any, ...] = ()) -> list[sqlite3.Row]:
         """The rows of any SELECT; they can be asked by column name."""
@@ -251,11 +278,26 @@ class Store:
             raise StoreError(f"{self.path}: no database of results: {error}") from error
 
     def _check_version(self) -> None:
-        found = self.query("SELECT value FROM meta WHERE key = 'schema_version'")
-        if not found or int(found[0][0]) != SCHEMA_VERSION:
-            what = f"schema version {found[0][0] if found else 'unknown'}"
+        """Refuse results of a later release, bring those of an earlier one up to date."""
+        rows = self.query("SELECT value FROM meta WHERE key = 'schema_version'")
+        found = int(rows[0][0]) if rows else 0
+        if not 1 <= found <= SCHEMA_VERSION:
+            what = f"schema version {found or 'unknown'}"
             self.close()
-            raise _unusable(self.path, what, f"{SCHEMA_VERSION}, which this release writes")
+            raise _unusable(self.path, what, f"1 to {SCHEMA_VERSION}, which this release reads")
+        if found < SCHEMA_VERSION:
+            with self._transaction():  # nobody else adds columns meanwhile
+                there = {row["name"] for row in self.query("PRAGMA main.table_info(runs)")}
+                wanted = {name: kind for version in ADDED for name, kind in ADDED[version].items()}
+                for name in wanted.keys() - there:
+                    self._db.execute(f"ALTER TABLE runs ADD COLUMN {name} {wanted[name]}")
+                self._db.execute("UPDATE meta SET value = ? WHERE key = 'schema_version'", (str(SCHEMA_VERSION),))
+
+    def _rate(self) -> None:
+        """Make the view `rated`, which lives as long as the connection."""
+        names = [row["name"] for row in self.query("PRAGMA table_info(runs)") if row["name"] != "ratio"]
+        with self._told():
+            self._db.execute(VIEW.format(columns=", ".join(f"runs.{name} AS {name}" for name in names)))
 
 
 def _connected(path: Path, write: bool) -> sqlite3.Connection:
