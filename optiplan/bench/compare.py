@@ -122,7 +122,7 @@ def _changes(label: str, one: tuple[Runs, Indices], other: tuple[Runs, Indices],
     yield Change(label, "success", *rates, nothing, better, worse, sign_test(better, worse))
     both = a.verified[i] & b.verified[j]
     i, j, problem = i[both], j[both], problem[both]
-    work = paired(np.log(b.cpu_time[j] / a.cpu_time[i]), problem, seed).ratio.value
+    work = paired(np.log(b.plan_cpu[j] / a.plan_cpu[i]), problem, seed).ratio.value
     for quantity, before, after, by in (
         ("planning time", a.plan_time[i], b.plan_time[j], work),
         ("duration", a.duration[i], b.duration[j], math.nan),

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 import random
 import time
 import traceback
@@ -18,7 +17,7 @@ from optiplan.bench.code import own_digest, planner_code
 from optiplan.bench.records import BenchPlanner, BenchProblem, Outcome, Row, Task, empty_row, failure
 from optiplan.bench.robots import RobotShelf
 from optiplan.errors import OptiPlanError
-from optiplan.pipeline import Run, run
+from optiplan.pipeline import Run, processor_time, run
 from optiplan.planners.base import Budget
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import JointGoal, Problem
@@ -127,15 +126,10 @@ def warm_up_problem(problem: Problem) -> dict[str, Any]:
     return kept | {"name": "warm-up", "goal": {"joints": goal.tolist()}}
 
 
-def processor_time() -> float:
-    """Seconds of processor time of this process and of the processes that it started and waited for."""
-    return sum(os.times()[:4])
-
-
 def forget(seed: int) -> None:
-    """Set the generators that belong to the whole process, so that no run depends on those before it."""
+    """Seed the generators that belong to the whole process: what a run draws from them no other run decides."""
     random.seed(seed)
-    np.random.seed(seed)  # noqa: NPY002: planners from outside may draw from it
+    np.random.seed(seed)  # noqa: NPY002
 
 
 def result_columns(done: Run, metrics: tuple[str, ...] | None) -> dict[str, Any]:
@@ -151,7 +145,7 @@ def result_columns(done: Run, metrics: tuple[str, ...] | None) -> dict[str, Any]
         "duration": done.duration,
         "lower_bound": done.lower_bound,
         "goal_bound": goal_bound(done.problem),
-        "plan_cpu": done.timings.get("plan_cpu"),
+        "plan_cpu": done.plan_cpu,
         "metrics": {name: measured[name] for name in (measured if metrics is None else metrics) if name in measured},
         "info": jsonable(done.info),
         "cut_short": bool(done.info.get("cut_short")),

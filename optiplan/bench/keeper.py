@@ -24,8 +24,8 @@ PR_SET_CHILD_SUBREAPER = 36
 def keep_a_child(parent: int, *closed: int) -> None:
     """Fork: return in the child, the worker; the calling process becomes its keeper and never returns.
 
-    The keeper ends as the worker does, by the same exit code or signal, once all that the worker started has ended. On
-    SIGTERM, which it also gets when `parent` ends, it ends the worker first. A keeper that is killed takes the worker along.
+    The keeper ends as the worker does, by the same exit code or signal, once all that the worker started has ended.
+    On SIGTERM, which it also gets when `parent` ends, it ends the worker first. A worker ends with its keeper.
 
     Args:
         parent: the process that must live for the keeper to live.

@@ -47,7 +47,7 @@ def open_results(suite: Suite, folder: Path) -> Store:
     if (folder / FILE).exists():
         store = Store(folder, write=True)
     else:
-        meta = {"name": suite.spec.name, "suite": suite.text, "suite_hash": suite.hash}
+        meta: dict[str, object] = {"name": suite.spec.name, "suite": suite.text, "suite_hash": suite.hash}
         meta |= {"parts": suite.parts, "code": suite.code}
         store = Store.create(folder, meta)
     words = differences(store.meta("parts"), suite.parts)

@@ -289,7 +289,7 @@ class Store:
             with self._transaction():  # nobody else adds columns meanwhile
                 there = {row["name"] for row in self.query("PRAGMA main.table_info(runs)")}
                 wanted = {name: kind for version in ADDED for name, kind in ADDED[version].items()}
-                for name in wanted.keys() - there:
+                for name in (name for name in wanted if name not in there):
                     self._db.execute(f"ALTER TABLE runs ADD COLUMN {name} {wanted[name]}")
                 self._db.execute("UPDATE meta SET value = ? WHERE key = 'schema_version'", (str(SCHEMA_VERSION),))
 

@@ -41,7 +41,7 @@ def test_parquet_is_what_the_database_holds_and_duckdb_reads_it(results, tmp_pat
         f"SELECT planner, avg(verified::INT), count(*) FILTER (WHERE verified) FROM '{files['runs']}' GROUP BY planner"
     )
     assert ask(sql).fetchall() == [("bench_planners:Straight", 0.5, 2)]
-    stored = [tuple(row) for row in results.query("SELECT * FROM runs ORDER BY problem, planner, seed, repetition")]
+    stored = [tuple(row) for row in results.query("SELECT * FROM rated ORDER BY problem, planner, seed, repetition")]
     assert ask(f"SELECT * FROM '{files['runs']}'").fetchall() == stored
     assert ask(f"SELECT id FROM '{files['problems']}' ORDER BY position").fetchall() == [("plain/p0",), ("plain/p1",)]
     sql = f"SELECT json_extract(machine, '$.cores')::INT FROM '{files['sessions']}'"
