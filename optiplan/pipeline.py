@@ -24,7 +24,8 @@ from optiplan.verify.verify import verify
 LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "toppra", "ruckig", "trimesh", "coacd")
 """Distributions whose version can change a result; recorded with every run."""
 
-_STILL = 1e-4  # s: a lower bound below it is rounding of one configuration, not a way from one to another
+STILL = 1e-4
+"""s: a lower bound below it is rounding of one configuration, not a way from one to another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ class Run:
     @property
     def ratio(self) -> float | None:
         """Duration / lower_bound, at least 1; None without a trajectory or when the robot need not move."""
-        if self.duration is None or not self.lower_bound or self.lower_bound < _STILL:
+        if self.duration is None or not self.lower_bound or self.lower_bound < STILL:
             return None
         return self.duration / self.lower_bound
 

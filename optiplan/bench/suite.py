@@ -19,7 +19,7 @@ from optiplan.bench.spec import SuiteSpec, read_suite
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.metrics import Metrics
 from optiplan.planners.base import Progress
-from optiplan.planners.registry import planner_options
+from optiplan.planners.registry import make_planner
 from optiplan.problem.load import source_of
 from optiplan.problem.spec import ProblemSpec
 from optiplan.yaml_lines import Document, validate
@@ -155,11 +155,13 @@ def _planners(spec: SuiteSpec, document: Document, issues: list[Issue]) -> tuple
     for index, planner in enumerate(spec.planners):
         place = ("planners", index)
         try:
-            planner_options(planner.name, planner.options)  # making it is the business of its runs
+            make_planner(planner.name, planner.options)
         except UnknownChoiceError as error:
             issues.append(document.issue(place, f"unknown {error.kind} '{error.found}'", ", ".join(error.choices)))
         except InputError as error:
             issues += [document.issue((*place, issue.field), issue.found, issue.expected) for issue in error.issues]
+        except (Exception, SystemExit):  # a planner from outside that cannot be made: its runs will tell
+            continue
     return tuple(BenchPlanner(planner.shown, planner.name, planner.options) for planner in spec.planners)
 
 

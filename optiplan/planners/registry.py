@@ -242,18 +242,6 @@ def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner
     """The planner of that name with these options, the others at their defaults.
 
     Raises:
-        UnknownChoiceError, InputError: as `planner_options`.
-    """
-    entry, made = planner_entry(name), planner_options(name, options)
-    for module in LIBRARIES.get(entry.family, ()):
-        import_module(module)
-    return cast(Planner, _load(entry.planner)(made))
-
-
-def planner_options(name: str, options: Mapping[str, Any] | None = None) -> Any:
-    """The options of the planner of that name, checked, the others at their defaults: an instance of its dataclass.
-
-    Raises:
         UnknownChoiceError: no such planner, or no such option; lists the valid ones with their types.
         InputError: values of the wrong type or out of range; holds all of them.
     """
@@ -273,10 +261,13 @@ def planner_options(name: str, options: Mapping[str, Any] | None = None) -> Any:
     if issues:
         raise InputError(issues)
     try:
-        return _load(entry.options)(**values)
+        made = _load(entry.options)(**values)
     except ValueError as error:  # the dataclass checks ranges by itself
         named = next((key for key in valid if key in re.findall(r"\w+", str(error))), "options")
         raise InputError([Issue(f"planner '{name}'", None, named, str(error), "values in range")]) from None
+    for module in LIBRARIES.get(entry.family, ()):
+        import_module(module)
+    return cast(Planner, _load(entry.planner)(made))
 
 
 def kind_of(hint: Any) -> str:

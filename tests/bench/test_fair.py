@@ -35,7 +35,7 @@ def test_every_label_is_warm_on_every_robot(write_suite, tmp_path, monkeypatch):
     path = write_suite(count=2, planners=planners, repetitions=2)
     other = tmp_path / "problems" / "p1.yaml"
     other.write_text(
-        "{version: 1, name: p1, robot: ur5, start: {joints: [0, -1.5, 1, 0, 1, 0]}, goal: {joints: [1, -1.5, 1, 0, 1, 0]}}"
+        "{version: 1, robot: ur5, start: {joints: [0, -1.5, 1, 0, 1, 0]}, goal: {joints: [1, -1.5, 1, 0, 1, 0]}}"
     )
     suite = load_suite(path, tmp_path / "files")
     with open_results(suite, tmp_path / "out") as store:
