@@ -193,8 +193,8 @@ class Trajectory:
         names = data.get("joint_names")
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
             raise InputError([Issue(file, None, "joint_names", f"{names!r:.120}", "a list of names")])
-        breakpoints = _numbers(pieces.get("breakpoints"), file, "pieces.breakpoints")
-        coefficients = _numbers(pieces.get("coefficients"), file, "pieces.coefficients")
+        breakpoints = numbers(pieces.get("breakpoints"), file, "pieces.breakpoints")
+        coefficients = numbers(pieces.get("coefficients"), file, "pieces.coefficients")
         problem = defect(tuple(names), breakpoints, coefficients)
         if problem is not None:
             field = problem[0] if problem[0] == "joint_names" else f"pieces.{problem[0]}"
@@ -230,7 +230,12 @@ def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array
     return None
 
 
-def _numbers(value: Any, file: str, field: str) -> Array:
+def numbers(value: Any, file: str, field: str) -> Array:
+    """Parsed JSON as an array.
+
+    Raises:
+        InputError: it holds anything but numbers, or rows of different lengths.
+    """
     expected = "nested lists of numbers, all rows of one length"
     try:
         array = np.array(value)

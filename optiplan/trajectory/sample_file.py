@@ -1,0 +1,131 @@
+"""Samples of a motion as other programs write them: JSON with `t`, `q`, `v`, `a`, or CSV with named columns."""
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.errors import InputError, Issue
+from optiplan.trajectory.from_samples import from_samples, interpolation
+from optiplan.trajectory.trajectory import Trajectory, numbers
+
+_KINDS = ("q", "v", "a")
+_HEADER = "t, then NAME or q_NAME of each joint, and if you like v_NAME and a_NAME"
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """States at times: `t` (k,), s; `q`, `v`, `a` (k, n) in rad or m and s; v and a may be None.
+
+    `file` is where they were read; shapes need not fit each other, since files may hold anything.
+    """
+
+    joint_names: tuple[str, ...]
+    t: Array
+    q: Array
+    v: Array | None = None
+    a: Array | None = None
+    file: str = "samples"
+
+    @property
+    def interpolation(self) -> str:
+        """What `trajectory` puts between them, in words."""
+        return interpolation(self.v, self.a)
+
+    def trajectory(self) -> Trajectory:
+        """The motion through them.
+
+        Raises:
+            InputError: they are no motion: shapes, times that do not increase, numbers that are not finite.
+        """
+        try:
+            return from_samples(self.joint_names, self.t, self.q, self.v, self.a)
+        except ValueError as error:
+            field, found, expected = str(error).replace("; expected ", ": found ", 1).split(": found ", 2)
+            raise InputError([Issue(self.file, None, field, found, expected)]) from None
+
+
+def read_samples(path: Path, joint_names: Sequence[str] | None = None) -> Samples:
+    """Read a CSV (suffix .csv) or JSON file of samples.
+
+    Args:
+        path: the file.
+        joint_names: order of the columns of the answer, if the file has just these joints; and their names, if a JSON
+            file names none.
+
+    Raises:
+        InputError: naming file, line and field of what cannot be read.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        found = (error.strerror or str(error)).lower()
+        raise InputError([Issue(str(path), None, "file", found, "a file of samples")]) from error
+    except ValueError as error:
+        raise InputError([Issue(str(path), None, "file", "no UTF-8 text", "CSV or JSON")]) from error
+    if path.suffix.lower() == ".csv":
+        return _ordered(_of_csv(text, str(path)), joint_names)
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        line = getattr(error, "lineno", None)
+        raise InputError([Issue(str(path), line, "file", "broken JSON", "JSON with t, q, and perhaps v, a")]) from error
+    return samples_from_dict(data, str(path), joint_names)
+
+
+def samples_from_dict(data: Any, file: str, joint_names: Sequence[str] | None = None) -> Samples:
+    """Samples of parsed JSON; arguments and errors as `read_samples`."""
+    if not isinstance(data, Mapping) or "t" not in data or "q" not in data:
+        raise InputError([Issue(file, None, "t, q", "nothing", "times t and positions q")])
+    names = data.get("joint_names", None if joint_names is None else list(joint_names))
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InputError([Issue(file, None, "joint_names", f"{names!r:.120}", "a list of names")])
+    given = {key: numbers(data[key], file, key) for key in ("t", *_KINDS) if data.get(key) is not None}
+    return _ordered(Samples(tuple(names), **given, file=file), joint_names)
+
+
+def _of_csv(text: str, file: str) -> Samples:
+    rows = [(k, row) for k, row in enumerate(csv.reader(text.splitlines()), 1) if any(cell.strip() for cell in row)]
+    header = [cell.strip() for cell in rows[0][1]] if rows else []
+    if not header or header[0] not in ("t", "time") or len(header) < 2 or len(set(header)) < len(header):
+        raise InputError([Issue(file, 1, "header", ", ".join(header)[:120] or "nothing", _HEADER)])
+    values = []
+    for line, row in rows[1:]:
+        try:
+            values.append([float(cell) for cell in row])
+        except ValueError as error:
+            raise InputError([Issue(file, line, "row", str(error), "numbers")]) from None
+        if len(row) != len(header):
+            raise InputError([Issue(file, line, "row", f"{len(row)} numbers", f"{len(header)}, as the header has")])
+    table = np.array(values, dtype=float).reshape(-1, len(header))
+    columns: dict[str, dict[str, int]] = {kind: {} for kind in _KINDS}
+    for k, name in enumerate(header[1:], 1):
+        kind, joint = (name[0], name[2:]) if name[:2] in ("q_", "v_", "a_") else ("q", name)
+        columns[kind][joint] = k
+    names = tuple(columns["q"])
+    for kind in ("v", "a"):
+        if columns[kind] and set(columns[kind]) != set(names):
+            found = f"{kind} of {', '.join(columns[kind])}"
+            raise InputError([Issue(file, 1, "header", found, f"those of {', '.join(names) or 'all joints'}")])
+    parts = {kind: table[:, [columns[kind][name] for name in names]] for kind in _KINDS if columns[kind]}
+    if "q" not in parts:
+        raise InputError([Issue(file, 1, "header", ", ".join(header)[:120], _HEADER)])
+    return Samples(names, table[:, 0], **parts, file=file)
+
+
+def _ordered(samples: Samples, joint_names: Sequence[str] | None) -> Samples:
+    """With columns in this order, where the joints are the same."""
+    names = samples.joint_names
+    if joint_names is None or names == tuple(joint_names) or set(names) != set(joint_names):
+        return samples
+    order = [names.index(name) for name in joint_names]
+    parts = {kind: getattr(samples, kind) for kind in _KINDS}
+    if any(x is not None and x.shape[1:] != (len(names),) for x in parts.values()):
+        return samples
+    turned = {kind: x[:, order] for kind, x in parts.items() if x is not None}
+    return replace(samples, joint_names=tuple(joint_names), **turned)
