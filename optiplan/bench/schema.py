@@ -1,4 +1,4 @@
-"""The tables of `results.sqlite`, what changed between their versions, and the view that rates runs; see docs/bench.md."""
+"""The tables of `results.sqlite`, what changed between versions, and the view that rates runs; see docs/bench.md."""
 
 from optiplan.pipeline import STILL
 

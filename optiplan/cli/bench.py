@@ -124,18 +124,23 @@ def export(
 
 @app.command("import-results")
 def import_results(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="metrics in robometrics' terms, JSON")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="results in JSON, see docs/bench.md")],
     beside: Annotated[Path, typer.Argument(metavar="DIR", help="our results on the same problems")],
     out: Annotated[Path, typer.Option(metavar="OUT", help="where these results go, a folder of their own")],
     label: Annotated[str, typer.Option(metavar="NAME", help="what to call the planner")] = "external",
 ) -> int:
-    """Read results that were made elsewhere, to compare with ours; they count as planned and never as verified."""
-    from optiplan.bench.foreign import read_metrics
+    """Read results that were made elsewhere, to compare with ours.
+
+    Entries are matched by their field `problem`. Those with a trajectory (samples t, q) are verified here; the others
+    count as planned, with the times that their authors tell, and never as verified.
+    """
+    from optiplan.bench.imported import read_results
     from optiplan.bench.store import Store
 
-    with Store(beside) as store:
-        count = read_metrics(file, label, store, out)
-    results().print(f"{count} runs in {out}", markup=False, soft_wrap=True)
+    with Store(beside) as store, stdout_is_ours():
+        found = read_results(file, label, store, out)
+    words = f"{found.runs} runs in {out}: {found.trajectories} with a trajectory, {found.verified} of them verified"
+    results().print(words, markup=False, soft_wrap=True)
     return 0
 
 
