@@ -209,7 +209,8 @@ ENTRY = {"problem": "plain/p0", "success": True}
         ("nothing", "expected {set: [entry, …]} or [entry, …] in JSON"),
     ],
 )
-def test_foreign_results_that_are_refused(results, tmp_path, capsys, content, said):
-    assert imported((results, None), tmp_path, content) == 2
+def test_foreign_results_that_are_refused(write_results, tmp_path, capsys, content, said):
+    made = write_results(tmp_path / "made", {("plain/p0", "one", 0): (1.0, 2.0)})
+    assert imported((made, None), tmp_path, content) == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "in").exists()
