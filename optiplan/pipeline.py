@@ -12,17 +12,20 @@ from typing import Any
 import optiplan
 from optiplan.errors import InputError, OptiPlanError
 from optiplan.metrics import Metrics, measure
-from optiplan.planners.base import Budget, Failure, Progress
+from optiplan.planners.base import Budget, Candidate, Failure, Progress
 from optiplan.planners.legs import plan_through
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import Problem
+from optiplan.selection import best_verified
 from optiplan.trajectory.timing import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
-from optiplan.verify.verify import verify
 
 LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "toppra", "ruckig", "trimesh", "coacd")
 """Distributions whose version can change a result; recorded with every run."""
+
+_PROVING, _MOST_PROVING = 0.05, 0.25
+"""Share of the budget, and s at the most, that the planner leaves for the proof."""
 
 STILL = 1e-4
 """s: a lower bound below it is rounding of one configuration, not a way from one to another."""
@@ -42,7 +45,9 @@ class Run:
         metrics: what the trajectory measures, verified or not; None without one that moves the robot's joints.
         timings: seconds of wall time: `plan`, `verify` and `measure`.
         stages: seconds of wall time of the planner's own stages.
-        info: what the planner tells about its work, JSON-ready.
+        info: what the planner tells about its work, JSON-ready; `slowed`, the factor on the planner's duration that
+            the verdict needed, if any.
+        improvements: (seconds of planning and proving, duration in s) of every verified answer on the way.
         plan_cpu: seconds of processor time of planning alone, with that of processes that the planner waited for.
     """
 
@@ -57,6 +62,7 @@ class Run:
     timings: Mapping[str, float]
     stages: Mapping[str, float]
     info: Mapping[str, Any] = field(default_factory=dict)
+    improvements: tuple[tuple[float, float], ...] = ()
     plan_cpu: float | None = None
 
     @property
@@ -97,12 +103,15 @@ class Run:
             "geometry": dict(self.problem.robot.link_geometry),
             "notes": list(self.problem.robot.notes),
             "info": dict(self.info),
+            "improvements": [list(improvement) for improvement in self.improvements],
             "versions": versions(),
         }
 
 
 def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budget, progress: Progress) -> Run:
-    """Plan, verify and measure; only the planning is held to the budget.
+    """Plan, verify and measure; planning and proving are held to the budget.
+
+    The answer is the best of the planner's candidates that is verified, slowed down a little where only that helps.
 
     Args:
         problem: its own `planner` and `options` are not looked at.
@@ -118,30 +127,33 @@ def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budg
     chosen = make_planner(planner, options)
     budget.start()
     began, spent = time.perf_counter(), processor_time()
-    result = plan_through(chosen, problem, budget, progress)
+    result = plan_through(chosen, problem, budget.leaving(reserve(budget.seconds)), progress)
     timings, spent = {"plan": time.perf_counter() - began}, processor_time() - spent
-    report = bound = metrics = None
+    selection = bound = metrics = None
     if result.trajectory is not None:
         progress("verify", 0.0)
+        seconds = timings["plan"] if result.seconds is None else result.seconds
         began = time.perf_counter()
-        report = verify(problem, result.trajectory)
+        selection = best_verified(problem, [*result.earlier, Candidate(result.trajectory, seconds)], budget)
         timings["verify"] = time.perf_counter() - began
-        bound = lower_bound(problem.start, result.trajectory.end, problem.limits)
+        bound = lower_bound(problem.start, selection.trajectory.end, problem.limits)
         began = time.perf_counter()
-        metrics = measure(problem, result.trajectory, report)
+        metrics = measure(problem, selection.trajectory, selection.report)
         timings["measure"] = time.perf_counter() - began
+    slowed = {"slowed": selection.slowed} if selection is not None and selection.slowed > 1.0 else {}
     return Run(
         problem=problem,
         planner=planner,
         options=dict(options),
-        trajectory=result.trajectory,
+        trajectory=None if selection is None else selection.trajectory,
         failure=result.failure,
-        report=report,
+        report=None if selection is None else selection.report,
         lower_bound=bound,
         metrics=metrics,
         timings=timings,
         stages=dict(result.timings),
-        info=dict(result.info),
+        info={**result.info, **slowed},
+        improvements=() if selection is None else selection.improvements,
         plan_cpu=spent,
     )
 
@@ -172,6 +184,11 @@ def attempt(problem: Problem, planner: str, options: Mapping[str, Any], budget: 
         timings={"plan": time.perf_counter() - began},
         stages={},
     )
+
+
+def reserve(seconds: float) -> float:
+    """Seconds of a budget that the planner leaves for the proof."""
+    return min(_PROVING * seconds, _MOST_PROVING)
 
 
 def processor_time() -> float:

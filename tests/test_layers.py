@@ -14,6 +14,7 @@ ROOMS = (
     {"trajectory"},
     {"planners", "verify"},
     {"metrics"},
+    {"selection"},
     {"pipeline"},
     {"store"},
     {"viewer"},

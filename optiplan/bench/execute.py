@@ -17,7 +17,7 @@ from optiplan.bench.code import own_digest, planner_code
 from optiplan.bench.records import BenchPlanner, BenchProblem, Outcome, Row, Task, empty_row, failure
 from optiplan.bench.robots import RobotShelf
 from optiplan.errors import OptiPlanError
-from optiplan.pipeline import Run, processor_time, run
+from optiplan.pipeline import Run, processor_time, reserve, run
 from optiplan.planners.base import Budget
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import JointGoal, Problem
@@ -66,7 +66,9 @@ class Executor:
             done = run(replace(problem, seed=task.seed), task.planner.name, options, budget, lambda stage, part: None)
             stored, blob = packed(done.trajectory)
             columns = result_columns(done, task.metrics) | {"trajectory": stored}
-            columns["cut_short"] |= done.trajectory is None and done.timings["plan"] >= task.budget
+            columns["cut_short"] |= done.trajectory is None and done.timings["plan"] >= task.budget - reserve(
+                task.budget
+            )
             spent = timings | {**done.timings, "stages": dict(done.stages)}
             json.dumps([columns, spent], allow_nan=False)  # a planner may tell what nobody can store
             row, timings = row | columns, spent
@@ -148,6 +150,7 @@ def result_columns(done: Run, metrics: tuple[str, ...] | None) -> dict[str, Any]
         "plan_cpu": done.plan_cpu,
         "metrics": {name: measured[name] for name in (measured if metrics is None else metrics) if name in measured},
         "info": jsonable(done.info),
+        "improvements": jsonable(done.improvements),
         "cut_short": bool(done.info.get("cut_short")),
     }
     if done.failure is not None:

@@ -1,6 +1,6 @@
 """What travels between the runner and its workers, and what is stored: plain data, JSON-ready."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -106,6 +106,7 @@ class Row:
     metrics: Mapping[str, Any] = field(default_factory=dict)
     timings: Mapping[str, Any] = field(default_factory=dict)
     info: Mapping[str, Any] = field(default_factory=dict)
+    improvements: Sequence[Sequence[float]] = ()
     cut_short: bool = False
     trajectory: str | None = None
     output: str = ""

@@ -5,7 +5,7 @@ from optiplan.pipeline import STILL
 SCHEMA_VERSION = 2
 """Counted up with every change of a table that readers can notice."""
 
-ADDED = {2: {"goal_bound": "REAL", "plan_cpu": "REAL", "optiplan": "TEXT", "code": "TEXT"}}
+ADDED = {2: {"goal_bound": "REAL", "plan_cpu": "REAL", "optiplan": "TEXT", "code": "TEXT", "improvements": "TEXT"}}
 """Columns of `runs` that came with a version: results of earlier releases get them, empty, when they are opened."""
 
 SCHEMA = """
@@ -24,7 +24,7 @@ CREATE TABLE runs (
     planned INTEGER NOT NULL, timed INTEGER NOT NULL, verified INTEGER NOT NULL, executed INTEGER,
     plan_time REAL, verify_time REAL, duration REAL, lower_bound REAL, goal_bound REAL,
     failure_kind TEXT, failure_detail TEXT, witness TEXT, metrics TEXT NOT NULL, timings TEXT NOT NULL,
-    info TEXT NOT NULL, cut_short INTEGER NOT NULL, trajectory TEXT REFERENCES trajectories (sha256),
+    info TEXT NOT NULL, improvements TEXT, cut_short INTEGER NOT NULL, trajectory TEXT REFERENCES trajectories (sha256),
     output TEXT NOT NULL, plan_cpu REAL, cpu_time REAL, memory REAL, wall_time REAL, worker TEXT NOT NULL, load REAL,
     started_at TEXT NOT NULL, optiplan TEXT, code TEXT,
     session INTEGER NOT NULL REFERENCES sessions (session),

@@ -27,7 +27,7 @@ LOCK = "lock"
 BATCH = 20_000
 """Rows at a time."""
 
-JSON_COLUMNS = ("witness", "metrics", "timings", "info")
+JSON_COLUMNS = ("witness", "metrics", "timings", "info", "improvements")
 INSERT = f"INSERT INTO runs ({', '.join(COLUMNS)}, session) VALUES ({', '.join('?' * (len(COLUMNS) + 1))})"
 
 

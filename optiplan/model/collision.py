@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.model import gjk as _primed  # noqa: F401  # before the first query of the process
 from optiplan.model.bounds import Index, PairBounds
 from optiplan.model.robot import Robot
 from optiplan.model.scene import Scene

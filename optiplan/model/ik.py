@@ -152,11 +152,23 @@ def pose_error(X_WF: pin.SE3, X_WG: pin.SE3) -> tuple[float, float]:
     return float(np.linalg.norm(X_WG.translation - X_WF.translation)), float(angle)
 
 
-def random_seeds(robot: Robot, near: Array, rng: np.random.Generator, count: int) -> list[Array]:
-    """Uniform configurations within the limits; a joint without bounds is drawn within pi of `near` (n,)."""
+def random_seeds(robot: Robot, near: Array, rng: np.random.Generator, count: int, frame: str = "") -> list[Array]:
+    """Uniform configurations within the limits; a joint without bounds is drawn within pi of `near` (n,).
+
+    With a `frame`, joints that do not move it stay at `near`.
+    """
     low = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, near - np.pi)
     high = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, near + np.pi)
-    return list(rng.uniform(low, high, (count, robot.n)))
+    drawn = rng.uniform(low, high, (count, robot.n))
+    return list(np.where(joints_that_move(robot, frame), drawn, near) if frame else drawn)
+
+
+def joints_that_move(robot: Robot, frame: str) -> npt.NDArray[np.bool_]:
+    """Which joints lie between the base and a frame, (n,): all other columns of its Jacobian are zero everywhere."""
+    model = robot.model
+    carrying = np.zeros(model.njoints, dtype=bool)
+    carrying[list(model.supports[model.frames[model.getFrameId(frame)].parentJoint])] = True
+    return carrying[1:]
 
 
 def _feature(X: pin.SE3) -> Array:

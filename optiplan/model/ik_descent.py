@@ -82,6 +82,24 @@ class Descent:
             q = self._step(q, e, J, _DAMPING * error + _LEAST_DAMPING)
         return best
 
+    def settle(self, q: Array, position: float, orientation: float, iterations: int = 4) -> Array | None:
+        """The nearest configuration, nearly, whose error is at most `position` (m) and `orientation` (rad).
+
+        Each step takes away the error in excess of them; None where the last of `iterations` does not get there.
+        """
+        for _ in range(iterations):
+            e, J = self._linearise(q)
+            excess = np.concatenate([_excess(e[:3], position), _excess(e[3:], orientation)])
+            if not excess.any():
+                return q
+            q = self._step(q, excess, J, _LEAST_DAMPING)
+        return None
+
+    def error(self, q: Array) -> tuple[Array, Array]:
+        """The error (6,) or (3,) at q (n,), and the Jacobian of the frame; both are the caller's."""
+        e, J = self._linearise(q)
+        return e.copy(), J
+
     def reached(self, q: Array) -> bool:
         """Whether q (n,) puts the frame at the target, to ten times what `descend` aims for."""
         return float(np.linalg.norm(self._linearise(q)[0])) < 10.0 * _CONVERGED
@@ -114,3 +132,9 @@ class Descent:
         A = J @ J.T
         A.flat[self._diagonal] += damping
         return np.asarray(J.T @ dposv(A, e)[1])
+
+
+def _excess(e: Array, radius: float) -> Array:
+    """What of a vector lies outside a ball about zero, aiming a little inside."""
+    length = float(np.linalg.norm(e))
+    return e * (1.0 - 0.98 * radius / length) if length > radius else np.zeros(len(e))

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.model import gjk as _primed  # noqa: F401  # before the first query of the process
 from optiplan.model.srdf import LinkPair, link_pair
 
 MARGIN = 0.01

@@ -27,18 +27,31 @@ class Failure:
     witness: Mapping[str, Any] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A trajectory that the planner holds for an answer, `seconds` after it began."""
+
+    trajectory: Trajectory
+    seconds: float
+
+
 @dataclass(frozen=True)
 class PlanResult:
     """A trajectory or the reason why there is none, with the seconds spent by named stage.
 
-    `info` is JSON-ready; its `cut_short` says that the clock ended some of the work, so that another run of the same
-    problem may give another answer.
+    Attributes:
+        info: JSON-ready; its `cut_short` says that the clock ended some of the work, so that another run of the same
+            problem may give another answer.
+        earlier: answers that were the best for a while, each better than those before it and worse than `trajectory`.
+        seconds: after which `trajectory` was there; None: at the end.
     """
 
     trajectory: Trajectory | None
     failure: Failure | None
     timings: Mapping[str, float]
     info: Mapping[str, Any] = field(default_factory=dict)
+    earlier: tuple[Candidate, ...] = ()
+    seconds: float | None = None
 
 
 class Budget:
@@ -56,6 +69,12 @@ class Budget:
     def share(self, fraction: float) -> "Budget":
         """A budget of that fraction of what is left, cancelled together with this one."""
         return Budget(fraction * self.remaining, self._cancel)
+
+    def leaving(self, seconds: float) -> "Budget":
+        """The same budget, over so many seconds sooner, cancelled together with this one."""
+        other = Budget(self.seconds, self._cancel)
+        other._end = self._end - seconds
+        return other
 
     @property
     def remaining(self) -> float:

@@ -29,4 +29,4 @@ class Kpiece:
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         searcher = partial(search, options=SearchOptions("kpiece", self.options.reach))
-        return plan_sampled(Task(problem, budget, progress), self.options, searcher)
+        return plan_sampled(Task(problem, budget, progress), self.options, searcher, detour=2.0)

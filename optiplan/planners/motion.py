@@ -1,9 +1,11 @@
 """Is a straight motion free at all its points? What samplers ask thousands of times."""
 
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
@@ -17,6 +19,9 @@ _LEAST = 1e-6  # m of travel; a part not proved free by then counts as blocked
 _MOST = 1000  # queries, some 20 ms; a motion that takes more slides along an obstacle and counts as blocked
 _HEAVY_STEP = 0.05  # rad or m, largest joint, between looks at gravity, whose reserve covers what is between
 _UNBOUNDED = 1e6  # m, the stroke of a prismatic joint without bounds
+
+
+Joints = npt.NDArray[np.bool_]
 
 
 class MotionCheck:
@@ -56,6 +61,10 @@ class MotionCheck:
         """The same for every segment between waypoints (k, n)."""
         return all(self.free(a, b) for a, b in pairwise(waypoints))
 
+    def lift(self, q: Array) -> Array:
+        """The robot's configuration (n,) of a configuration of this check."""
+        return q
+
     def _heavy(self, a: Array, d: Array) -> bool:
         if self._gravity is None:
             return False
@@ -82,6 +91,37 @@ class MotionCheck:
             half *= 0.5
             middles = tuple(middle + side for middle in near for side in (-half, half))
         return True
+
+
+class PartialCheck(MotionCheck):
+    """The same questions about some of the joints, within a box, while the others stand still.
+
+    Attributes:
+        limits: of those joints, with the box for their position limits.
+        still: (n,) where the other joints stand.
+    """
+
+    def __init__(self, whole: MotionCheck, still: Array, joints: Joints, box: tuple[Array, Array]) -> None:
+        """Take box (n,), (n,) within the limits; `joints` (n,) says which are searched."""
+        limits = whole.limits
+        fields = {name: getattr(limits, name)[joints] for name in ("velocity", "acceleration", "jerk", "torque")}
+        self.model = whole.model
+        self.limits = replace(limits, lower=box[0][joints], upper=box[1][joints], **fields)
+        self.still, self._whole, self._joints = still, whole, joints
+
+    def lift(self, q: Array) -> Array:
+        """The robot's configuration (n,) with its searched joints at q (m,); of many (k, m): (k, n)."""
+        full = np.broadcast_to(self.still, (*q.shape[:-1], len(self.still))).copy()
+        full[..., self._joints] = q
+        return full
+
+    def blocked(self, q: Array) -> bool:
+        """Whether q (m,) collides, or is too heavy to hold."""
+        return self._whole.blocked(self.lift(q))
+
+    def free(self, a: Array, b: Array) -> bool:
+        """Whether the segment from a to b (m,) is proved free; see `MotionCheck.free`."""
+        return self._whole.free(self.lift(a), self.lift(b))
 
 
 @lru_cache(maxsize=1024)

@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from dataclasses import dataclass
+from math import inf
 
 from optiplan.model.collision import CollisionModel
 from optiplan.planners.base import Budget, PlanResult, Progress
@@ -46,8 +47,11 @@ class Prm:
         """Plan within the budget; see `planners.base.Planner`."""
         return plan_sampled(Task(problem, budget, progress), self.options, self.search)
 
-    def search(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int) -> Search:
-        """Ask the roadmap of this scene, and let it grow until it knows a way; a `search.Searcher`."""
+    def search(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
+        """Ask the roadmap of this scene, and let it grow until it knows a way; a `search.Searcher`.
+
+        It keeps what it learns, so its patience does not end before its vertices.
+        """
         roadmap = self._roadmap(check, ends, seed)
         count = max(self.options.vertices, len(roadmap.vertices))
         while True:

@@ -8,7 +8,7 @@ import numpy as np
 from optiplan.model.collision import CollisionModel
 from optiplan.planners.base import Budget, Failure, PlanResult, Progress
 from optiplan.planners.failures import too_heavy
-from optiplan.planners.goals import ranked_goals
+from optiplan.planners.goals import goal_sampler
 from optiplan.planners.sampling import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.search import Searcher
 from optiplan.planners.smoothing import smooth_path
@@ -56,18 +56,22 @@ class Task:
     progress: Progress
 
 
-def plan_sampled(task: Task, options: SampledOptions, searcher: Searcher) -> PlanResult:
-    """A search between the start and all goal configurations; its path is shortened, smoothed and timed."""
+def plan_sampled(task: Task, options: SampledOptions, searcher: Searcher, detour: float = np.inf) -> PlanResult:
+    """A search between the start and all goal configurations; its path is shortened, smoothed and timed.
+
+    For `detour` see `SamplingOptions`.
+    """
     problem, budget, watch = task.problem, task.budget, Stopwatch()
     with watch.stage("set-up"):
         model = CollisionModel(problem.robot, problem.scene)
     task.progress("goals", 0.0)
     with watch.stage("goals"):
-        goals = ranked_goals(problem, model, budget, options.goals)
-    if isinstance(goals, Failure):
-        return PlanResult(None, goals, watch.seconds)
+        sampler = goal_sampler(problem, model, budget, options.goals)
+    if isinstance(sampler, Failure):
+        return PlanResult(None, sampler, watch.seconds)
     task.progress("sampling", 0.1)
-    sampling = SamplingOptions(budget, problem.seed, options.attempts, searcher)
+    goals = sampler.configurations[: options.goals]
+    sampling = SamplingOptions(budget, problem.seed, options.attempts, searcher, detour, sampler.more)
     with watch.stage("sampling"):
         path = sample_path(model, problem.start, goals, problem.limits, sampling)
     if isinstance(path, Failure):

@@ -1,6 +1,7 @@
 """A free path from a start to one of several goals: searched for, shortened, every segment proved."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,18 @@ from optiplan.model.collision import CollisionModel, Contact
 from optiplan.model.robot import Limits
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.failures import contact_witness, end_collides, out_of_time
-from optiplan.planners.motion import MotionCheck
+from optiplan.planners.motion import MotionCheck, PartialCheck
 from optiplan.planners.search import Search, Searcher, rrt_connect
 from optiplan.planners.shortcut import path_time, shorten
+from optiplan.planners.space import Ends
 from optiplan.planners.torque import Gravity
 
 _RESERVE = 3e-3  # share of the torque limits kept free for gravity between the steps
+_BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line to fall back on
+_PATIENCE, _GROWTH = 500, 3.0  # iterations of the first round, and factor from one round to the next
+_FRESH = 4  # goals asked for between two rounds
+_SHORT = 0.5  # s: ends nearer than this to each other are searched as if they were so far apart
+_SAME = 1e-9  # rad or m
 
 
 @dataclass(frozen=True)
@@ -27,12 +34,17 @@ class SamplingOptions:
         seed: of all random numbers.
         attempts: random shortcuts to try.
         searcher: finds a first path.
+        detour: the first round looks only where a path through some place can take at most so many times as long as
+            the straight line; infinite: everywhere at once.
+        more_goals: asked for so many new goals between rounds, with something to poll.
     """
 
     budget: Budget
     seed: int = 0
     attempts: int = 120
     searcher: Searcher = rrt_connect
+    detour: float = 2.0
+    more_goals: Callable[[int, Callable[[], bool]], list[Array]] = field(default=lambda count, stop: [])
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +53,7 @@ class SampledPath:
 
     Attributes:
         waypoints: (k, n), rad or m; k >= 2.
-        goal_index: which of the goals it ends in.
+        goal_index: which of the goals it ends in; -1 for one that was drawn while searching.
         cost: sum over segments of max_j |dq_j| / v_j, s, plus a tenth of the 2-norm (see `shortcut.path_time`).
         info: number of `states` the search looked at, and whether it was `cut_short` by the clock; JSON-ready.
     """
@@ -57,8 +69,11 @@ def sample_path(
 ) -> SampledPath | Failure:
     """Connect start (n,) with one of the goals (n,): straight ahead with the first where that is free, else by search.
 
-    Same arguments give the same path, unless the budget cut the work short. Failure kinds: `start-in-collision`,
-    `goal-in-collision`, `no-path`, `cancelled`; the witness of `no-path` is where the two trees came nearest.
+    A straight line to another goal that is free is the answer unless the search, for which it leaves a third of the
+    budget, finds a shorter path. Same arguments give the same path, unless the budget cut the work short.
+
+    Failure kinds: `start-in-collision`, `goal-in-collision`, `no-path`, `cancelled`; the witness of `no-path` is where
+    the two trees came nearest.
     """
     free_goals = np.array([q for q in goals if not model.collides(q)])
     if model.collides(start):
@@ -66,17 +81,72 @@ def sample_path(
     if not len(free_goals):
         return end_collides(model, goals[0], "goal")
     check = MotionCheck(model, limits, Gravity(model.robot, limits.torque, _RESERVE))
-    path, info = np.array([start, free_goals[0]]), {"states": 0, "cut_short": False}
-    if not check.free(start, free_goals[0]):
+    straight = next((np.array([start, q]) for q in free_goals if check.free(start, q)), None)
+    if straight is not None and np.array_equal(straight[-1], free_goals[0]):
+        path, info = straight, {"states": 0, "cut_short": False}
+    else:
+        budget = options.budget if straight is None else options.budget.share(_BEHIND)
         rng = np.random.default_rng(options.seed)
-        found = options.searcher(check, (start, free_goals), options.budget, int(rng.integers(1, 2**31)))
-        if found.path is None:
+        found = _rounds(check, (start, free_goals), replace(options, budget=budget), rng)
+        if found.path is None and straight is None:
             return _no_path(model, found, limits, options.budget)
-        draws = rng.uniform(size=(options.attempts, 3))
-        path = shorten(check, found.path, limits.velocity, draws, options.budget)
-        info = {"states": sum(found.sizes), "cut_short": found.cut_short}
-    index = int(np.argmin([np.abs(q - path[-1]).max() for q in goals]))
+        path = _shorter(check, [straight, found.path], rng.uniform(size=(options.attempts, 3)), options.budget)
+        info = {"states": sum(found.sizes), "cut_short": found.cut_short or (budget.over and found.path is None)}
+    distances = [np.abs(q - path[-1]).max() for q in goals]
+    index = int(np.argmin(distances)) if min(distances) < _SAME else -1
     return SampledPath(path, index, float(path_time(path, limits.velocity).sum()), info)
+
+
+def _shorter(check: MotionCheck, paths: list[Array | None], draws: Array, budget: Budget) -> Array:
+    """The cheapest of the paths that there are, each shortened."""
+    velocity = check.limits.velocity
+    short = [shorten(check, path, velocity, draws, budget) for path in paths if path is not None]
+    return min(short, key=lambda path: float(path_time(path, velocity).sum()))
+
+
+def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.random.Generator) -> Search:
+    """Search in rounds of growing patience, the first one near the ends alone, each later one with fresh goals.
+
+    A search that has not met a path is begun anew, because the time that random trees take is heavy-tailed: a few
+    take very long (Gomes, Selman and Kautz, "Boosting combinatorial search through randomization", AAAI 1998).
+    """
+    start, goals = ends
+    patience, near = float(_PATIENCE), np.isfinite(options.detour)
+    while True:
+        seed = int(rng.integers(1, 2**31))
+        if near:
+            found = _near_the_ends(check, (start, goals), options, seed)
+        else:
+            found = options.searcher(check, (start, goals), options.budget, seed, patience=patience)
+            patience *= _GROWTH
+        if not found.impatient or options.budget.over:
+            return found
+        if not near:
+            goals = np.vstack([goals, *options.more_goals(_FRESH, lambda: options.budget.over)])
+        near = False
+
+
+def _near_the_ends(check: MotionCheck, ends: Ends, options: SamplingOptions, seed: int) -> Search:
+    """Search with the joints that differ between the ends, where a path takes at most `detour` times the straight one.
+
+    Through q it takes at least max_j (|q_j - start_j| + |goal_j - q_j|) / v_j: what is left is a box for each goal. A
+    slow joint can go only a little beyond its ends there, and one that need not move stands still.
+    """
+    start, goals = ends
+    velocity, limits = check.limits.velocity, check.limits
+    apart = np.abs(goals - start)
+    longest = options.detour * np.maximum((apart / velocity).max(axis=1), _SHORT)
+    slack = 0.5 * (longest[:, None] * velocity - apart)
+    low = np.maximum((np.minimum(start, goals) - slack).min(axis=0), limits.lower)
+    high = np.minimum((np.maximum(start, goals) + slack).max(axis=0), limits.upper)
+    joints = apart.max(axis=0) > _SAME
+    part = PartialCheck(check, start, joints, (low, high))
+    within = (start[joints], goals[:, joints])
+    found = options.searcher(part, within, options.budget, seed, patience=_PATIENCE)
+    path = None if found.path is None else part.lift(found.path)
+    if path is not None:
+        path[-1] = goals[np.argmin(np.abs(goals - path[-1]).max(axis=1))]
+    return replace(found, path=path, start_tree=part.lift(found.start_tree), goal_tree=part.lift(found.goal_tree))
 
 
 def _no_path(model: CollisionModel, search: Search, limits: Limits, budget: Budget) -> Failure:

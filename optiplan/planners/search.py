@@ -4,8 +4,9 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from math import isfinite
-from typing import Any, Literal
+from itertools import count
+from math import inf, isfinite
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -35,6 +36,7 @@ class Search:
             does not show its tree.
         sizes: number of states of the two trees.
         cut_short: the clock ended it before its effort was spent.
+        impatient: it ended without a path because its patience was spent, not the budget.
     """
 
     path: Array | None
@@ -42,6 +44,7 @@ class Search:
     goal_tree: Array
     sizes: tuple[int, int]
     cut_short: bool = False
+    impatient: bool = False
 
 
 @dataclass(frozen=True)
@@ -61,14 +64,21 @@ class SearchOptions:
     effort: int = 0
 
 
-Searcher = Callable[[MotionCheck, Ends, Budget, int], Search]
-"""(check, (start, goals), budget, seed > 0) -> what was found."""
+class Searcher(Protocol):
+    """What `search` is with its options given."""
+
+    def __call__(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float) -> Search:
+        """See `search`."""
+        ...
 
 
-def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, options: SearchOptions) -> Search:
+def search(  # noqa: PLR0913
+    check: MotionCheck, ends: Ends, budget: Budget, seed: int, options: SearchOptions, *, patience: float = inf
+) -> Search:
     """Connect the start (n,) with one of the goals (k, n) = `ends`, in coordinates q / velocity limit (s).
 
-    Same arguments, same result, unless the budget cut it. Sources: Kuffner and LaValle, "RRT-Connect", ICRA 2000;
+    Without a path after `patience` iterations the search ends (`impatient`), so that another one can be tried. Same
+    arguments, same result, unless the budget cut it. Sources: Kuffner and LaValle, "RRT-Connect", ICRA 2000;
     Karaman and Frazzoli, "Sampling-based algorithms for optimal motion planning", IJRR 2011 (RRT*); Gammell et al.,
     "Informed RRT*", IROS 2014, and "Batch informed trees", IJRR 2020; Sucan and Kavraki, "KPIECE", WAFR 2008.
     """
@@ -85,8 +95,17 @@ def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, options: S
         planner.setProblemDefinition(problem)
         planner.setup()
         early = budget.share(_SEARCHING)
-        planner.solve(base.PlannerTerminationCondition(lambda: budget.over or enough(early)))
-        found = replace(_collect(planner, space, problem, trees), cut_short=options.effort > 0 and early.over)
+        looks = count()
+        spent = [False]
+
+        def over() -> bool:
+            spent[0] = next(looks) > patience and not problem.hasExactSolution()
+            return budget.over or spent[0] or enough(early)
+
+        planner.solve(base.PlannerTerminationCondition(over))
+        found = _collect(planner, space, problem, trees)
+        cut = options.effort > 0 and early.over
+        found = replace(found, cut_short=cut, impatient=spent[0] and found.path is None and not budget.over)
         space.close()
     if not back:
         return found
@@ -94,9 +113,9 @@ def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, options: S
     return replace(found, path=path, start_tree=found.goal_tree, goal_tree=found.start_tree, sizes=sizes)
 
 
-def rrt_connect(check: MotionCheck, ends: Ends, budget: Budget, seed: int) -> Search:
+def rrt_connect(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
     """The quickest `Searcher`, as its options are by default."""
-    return search(check, ends, budget, seed, SearchOptions("rrtconnect"))
+    return search(check, ends, budget, seed, SearchOptions("rrtconnect"), patience=patience)
 
 
 def _goals_are_tighter(check: MotionCheck, ends: Ends, seed: int) -> bool:

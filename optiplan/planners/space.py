@@ -123,7 +123,7 @@ class SearchSpace:
         """A projection of states to the tool's position, m: coverage is counted in cells of 0.1 m of the work space."""
         from ompl import base
 
-        model, read = self._robot.model, self.read
+        model, read, lift = self._robot.model, self.read, self._check.lift
         data, frame = model.createData(), model.getFrameId(self._robot.tool_frame)
 
         class ToolPosition(base.ProjectionEvaluator):  # type: ignore[misc]  # ompl has no types
@@ -131,7 +131,7 @@ class SearchSpace:
                 return 3
 
             def project(self, state: Any, projection: Array) -> None:
-                pin.forwardKinematics(model, data, read(state))
+                pin.forwardKinematics(model, data, lift(read(state)))
                 projection[:] = pin.updateFramePlacement(model, data, frame).translation
 
         cells = ToolPosition(self._space)

@@ -4,7 +4,7 @@ An interval of the curve is free for a pair when the distance at its middle exce
 travel to both ends. Where it does not, the interval is cut into as many pieces as the ratio of the two asks for.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,26 +45,40 @@ class Touch:
 def first_contact(
     model: CollisionModel, trajectory: Trajectory, stop: Callable[[], bool] = lambda: False
 ) -> Touch | None:
-    """Earliest place found where two bodies of a trajectory touch, or None: free at all times.
+    """Earliest place found where two bodies of a trajectory touch, or None: free at all times; see `contacts_along`."""
+    return next(contacts_along(model, trajectory, stop), None)
 
-    Holds at: everywhere; None is a proof up to coal's tolerance. An interval shorter than 1e-6 s that is neither proved
-    free nor seen to touch counts as a touch. So does what is not proved yet when `stop` says so: callers look at their
-    budget before they believe in a touch.
+
+def contacts_along(
+    model: CollisionModel, trajectory: Trajectory, stop: Callable[[], bool] = lambda: False
+) -> Iterator[Touch]:
+    """Places where two bodies of a trajectory touch, one for each stretch of time that is seen to; none: it is free.
+
+    Holds at: everywhere; no place is a proof up to coal's tolerance. An interval shorter than 1e-6 s that is neither
+    proved free nor seen to touch counts as a touch. So does what is not proved yet when `stop` says so: callers look at
+    their budget before they believe in a touch.
     """
     curve, edges = trajectory_curve(trajectory), trajectory.breakpoints
     _, D = curve(0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
     middle, half = _subdivide(edges, np.ceil(2.0 * D.sum(axis=1) / _FIRST_STEP))
+    seen = before = False
     for t, q in zip(middle, curve(middle, half)[0], strict=True):  # ten times cheaper than a proof: refuse early
         stopped = stop()
-        contact = model.clearance(q) if stopped or model.collides(q) else None
+        touching = stopped or model.collides(q)
+        contact = model.clearance(q) if touching and not before else None
         if contact is not None and (stopped or contact.distance <= 0.0):
-            return Touch(float(t), q, contact)
+            seen = True
+            yield Touch(float(t), q, contact)
+            if stopped:
+                return
+        before = touching
+    if seen:
+        return
     for k in range(0, len(middle), _CHUNK):
         part = slice(k, k + _CHUNK)
         touch = _prove(model, curve, (middle[part], half[part]), stop)
         if touch is not None:
-            return touch
-    return None
+            yield touch
 
 
 def trajectory_curve(trajectory: Trajectory) -> Curve:

@@ -9,12 +9,12 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
-from optiplan.model.ik import IkOptions, IkResult, pose_error, random_seeds
+from optiplan.model.ik import IkOptions, IkResult, joints_that_move, pose_error, random_seeds
 from optiplan.model.inverse import inverse_kinematics
 from optiplan.model.turns import whole_turns
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 
-_SHARE = 0.5  # of a tolerance that a solution may use up; the rest is for what planning does to it
+SHARE = 0.5  # of a tolerance that a solution may use up; the rest is for what planning does to it
 
 
 @dataclass(frozen=True)
@@ -110,9 +110,10 @@ def goal_configurations(
 
 def _solve(problem: Problem, goal: PoseGoal, rng: np.random.Generator, options: GoalOptions) -> list[Array] | GoalSet:
     robot = problem.robot
-    seeds = [problem.start, *robot.configurations.values()]
-    seeds += random_seeds(robot, problem.start, rng, options.attempts)
-    tolerance = IkOptions(goal.position * _SHARE, goal.orientation * _SHARE, options.solutions, stop=options.stop)
+    moving = joints_that_move(robot, goal.frame)
+    seeds = [np.where(moving, q, problem.start) for q in (problem.start, *robot.configurations.values())]
+    seeds += random_seeds(robot, problem.start, rng, options.attempts, goal.frame)
+    tolerance = IkOptions(goal.position * SHARE, goal.orientation * SHARE, options.solutions, stop=options.stop)
     if goal.orientation >= np.pi:
         tolerance = replace(tolerance, orientation=goal.orientation)
     found = inverse_kinematics(robot, goal.frame, goal.X_WG, seeds, tolerance)

@@ -55,15 +55,21 @@ class Frames:
                 X_MW = pose(transform)
         self._X_WM = X_MW.inverse()
         self._named = {"": self._X_WM}
-        for item in scene.get("fixed_frame_transforms") or []:
-            parent = str((item.get("header") or {}).get("frame_id") or "")
-            self._named[str(item["child_frame_id"])] = self.named(parent) * pose(item["transform"])
         data = robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, start)
         for frame, X_WF in zip(robot.model.frames, data.oMf, strict=True):
             if frame.name != "universe":
                 self._named[frame.name] = X_WF.copy()
-        self._named.setdefault("world", self._X_WM)
+        self._add_fixed(list(scene.get("fixed_frame_transforms") or []))
+
+    def _add_fixed(self, transforms: list[Data]) -> None:
+        """Resolve transforms in whatever order they are listed; frames of the robot are where it has them."""
+        if not any(_child(item) == "world" for item in transforms):
+            self.add("world", self._X_WM)
+        while transforms := [item for item in transforms if _child(item) not in self._named]:
+            ready = [item for item in transforms if _parent(item) in self._named]
+            for item in ready or transforms:  # without any, the first one's parent is reported as unknown
+                self.add(_child(item), self.named(_parent(item)) * pose(item["transform"]))
 
     def pose(self, header: Data | None) -> pin.SE3:
         """Pose of the frame named by a message header."""
@@ -79,6 +85,16 @@ class Frames:
     def add(self, name: str, X_WO: pin.SE3) -> None:
         """Objects are frames too."""
         self._named.setdefault(name, X_WO)
+
+
+def _child(transform: Data) -> str:
+    """Name of the frame that a `geometry_msgs/TransformStamped` places."""
+    return str(transform["child_frame_id"]).removeprefix("/")
+
+
+def _parent(transform: Data) -> str:
+    """Name of the frame that it is placed in."""
+    return str((transform.get("header") or {}).get("frame_id") or "").removeprefix("/")
 
 
 class Bodies:

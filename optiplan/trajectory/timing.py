@@ -48,9 +48,14 @@ def lower_bounds(start: Array, goals: Array, limits: Limits) -> Array:
     Returns:
         (k,) in s.
     """
-    t_j, t_a, t_v = _phases(np.abs(goals - start), limits.velocity, limits.acceleration, limits.jerk)
-    times: Array = np.where(goals == start, 0.0, 4.0 * t_j + 2.0 * t_a + t_v).max(axis=1)
+    times: Array = joint_times(np.abs(goals - start), limits).max(axis=1)
     return times
+
+
+def joint_times(distances: Array, limits: Limits) -> Array:
+    """Shortest time from rest to rest, s, of each joint over distances (k, n) >= 0, rad or m: (k, n)."""
+    t_j, t_a, t_v = _phases(distances, limits.velocity, limits.acceleration, limits.jerk)
+    return np.where(distances == 0.0, 0.0, 4.0 * t_j + 2.0 * t_a + t_v)
 
 
 def lower_bound(start: Array, goal: Array, limits: Limits) -> float:

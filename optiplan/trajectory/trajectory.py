@@ -150,6 +150,17 @@ class Trajectory:
         left = polynomial.evaluate(np.swapaxes(c[:-1], 1, 2), h)
         return np.asarray(c[1:, 0] - left)
 
+    def squared_jerk(self) -> float:
+        """The integral of sum_j (d³q_j/dt³)² over the motion, exact for its pieces; (rad/s³)² s, prismatic joints m.
+
+        A jump of the acceleration, which has no such integral, counts as nothing.
+        """
+        jerk = self.derivatives(3)  # (m, k, n)
+        order = np.arange(jerk.shape[1])
+        power = order[:, None] + order + 1.0
+        widths = np.diff(self.breakpoints)[:, None, None] ** power / power  # (m, k, k)
+        return float(np.einsum("mkj,mkl,mlj->", jerk, widths, jerk))
+
     def scaled(self, duration: float) -> "Trajectory":
         """The same path in another duration, s: q'(t) = q(t T / duration), every derivative times (T / duration)^k.
 

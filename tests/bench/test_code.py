@@ -139,7 +139,7 @@ def test_results_of_the_first_schema_are_read_and_not_gone_on_with(write_suite, 
     path = write_suite(count=1)
     run(path)
     with sqlite3.connect(tmp_path / "out" / "results.sqlite") as db:
-        for column in ("goal_bound", "plan_cpu", "optiplan", "code"):
+        for column in ("goal_bound", "plan_cpu", "optiplan", "code", "improvements"):
             db.execute(f"ALTER TABLE runs DROP COLUMN {column}")
         db.execute("ALTER TABLE runs ADD COLUMN ratio REAL")
         db.execute("UPDATE meta SET value = '1' WHERE key = 'schema_version'")

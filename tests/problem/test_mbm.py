@@ -187,3 +187,18 @@ def test_ur5_data_set_has_poses_of_objects_and_of_their_shapes(tmp_path, shared,
     top, can = obstacles["table_top"], obstacles["Can1"]
     height = top.X_WO.translation[2] + top.shape.size[2] / 2
     assert np.isclose(can.X_WO.translation[2] - can.shape.length / 2, height, atol=0.021)  # it stands on the table
+
+
+def test_fetch_data_set_names_the_robots_own_frames(tmp_path, shared):
+    """Its scenes give transforms and objects in `base_link`, which only the robot knows."""
+    for name in ("box", "table_pick"):
+        (tmp_path / "in" / name).mkdir(parents=True)
+        for file in ("scene0001.yaml", "request0001.yaml"):
+            (tmp_path / "in" / name / file).symlink_to(shared / "mbm" / "fetch" / name / file)
+    robot = shared / "robots" / "mbm_fetch" / "robot.yaml"
+    summary = import_mbm(tmp_path / "in", tmp_path / "out", str(robot))
+    assert not summary.skipped
+    box, table = (load_problem(path) for path in summary.written)
+    assert box.robot.joint_names[0] == table.robot.joint_names[0] == "torso_lift_joint"
+    can = next(item for item in box.scene.obstacles if item.name == "Can1")
+    assert can.X_WO.translation == pytest.approx([0.6891922481543604, 0.3801750115407592, 0.6437735542248464])

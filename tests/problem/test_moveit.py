@@ -85,6 +85,17 @@ def test_frames_of_objects(robot):
     assert np.allclose(bodies["c"]["pose"]["position"], [0, 0.7, 1])
 
 
+def test_transforms_name_the_robots_frames_and_come_in_any_order(robot):
+    frames = [
+        {"child_frame_id": "cup", "header": {"frame_id": "table"}, "transform": {"translation": [0.5, 0, 0]}},
+        {"child_frame_id": "base", "header": {"frame_id": "base"}, "transform": {"translation": [0, 0, 0]}},
+        {"child_frame_id": "table", "header": {"frame_id": "/base"}, "transform": {"translation": [0, 0, 1]}},
+    ]
+    item = {"id": "a", "header": {"frame_id": "cup"}, "primitives": [BOX], "primitive_poses": [{}]}
+    bodies = obstacles(robot, scene(item, fixed_frame_transforms=frames))
+    assert np.allclose(bodies["a"]["pose"]["position"], [0.5, 0, 1])
+
+
 def test_base_moved_by_the_virtual_joint_moves_the_world_the_other_way(robot):
     moved = {"multi_dof_joint_state": {"transforms": [{"translation": [1, 0, 0], "rotation": QUARTER}]}}
     item = {
@@ -201,6 +212,11 @@ REFUSED = [
         "1 primitives and 2 primitive_poses",
     ),
     (scene({"id": "a", "header": {"frame_id": "moon"}, "primitives": [BOX]}), request_(), "unknown frame 'moon'"),
+    (
+        scene(fixed_frame_transforms=[{"child_frame_id": "moon", "header": {"frame_id": "sun"}, "transform": {}}]),
+        request_(),
+        "unknown frame 'sun'",
+    ),
     (scene({"id": "a", "meshes": [{"resource": "package://x"}]}), request_(), "a mesh without vertices"),
     (scene({"id": "a", "planes": [{"coef": [0, 0, 0, 1]}]}), request_(), "a plane without a normal"),
     ({"world": {"octomap": {"octomap": {"data": [1]}}}}, request_(), "an octomap"),

@@ -50,7 +50,9 @@ def other_branches(
     """
     X = frame_pose(problem.robot, problem.start, frame)
     near = problem.start if end is None else end
-    goals = ranked_goals(replace(problem, start=near, goal=(PoseGoal(frame, X),), vias=()), *tools, count + 1)
+    goals = ranked_goals(
+        replace(problem, start=near, goal=(PoseGoal(frame, X),), vias=()), *tools, count + 1, nearer=False
+    )
     here = Tracker(problem.robot, frame, line(X, X), Aim())
     exact = [here.correct(0.0, q) for q in ([] if isinstance(goals, Failure) else goals)]
     return [Branch(q, changed=True) for q in exact if q is not None and np.abs(q - problem.start).max() > _OTHER]

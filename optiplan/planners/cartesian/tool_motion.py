@@ -115,7 +115,7 @@ class ToolMotion(ABC, Generic[Options]):
         work = Work.on(problem, budget)
         seconds = work.watch.seconds
         with work.watch.stage("goals"):
-            goals = ranked_goals(problem, work.model, budget, self.options.goals)
+            goals = ranked_goals(problem, work.model, budget, self.options.goals, nearer=False)
         if isinstance(goals, Failure) and goals.kind != "goal-unreachable":
             return PlanResult(None, goals, seconds)
         tasks, failures = self._tasks(problem), list[Failure]()

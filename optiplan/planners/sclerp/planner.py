@@ -32,7 +32,7 @@ class Sclerp:
         """Plan within the budget; see `planners.base.Planner`."""
         watch, model = Stopwatch(), CollisionModel(problem.robot, problem.scene)
         with watch.stage("goals"):
-            goals = ranked_goals(problem, model, budget, self.options.goals)
+            goals = ranked_goals(problem, model, budget, self.options.goals, nearer=False)
         if isinstance(goals, Failure) and goals.kind != "goal-unreachable":
             return PlanResult(None, goals, watch.seconds)
         failures: list[Failure] = []

@@ -7,7 +7,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
 from optiplan.planners.base import Budget
-from optiplan.planners.sweep import Touch, first_contact
+from optiplan.planners.sweep import Touch, contacts_along
 from optiplan.planners.timed import within_torque
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.spline import DEGREE, SplineBasis, bunched_breakpoints
@@ -22,12 +22,26 @@ HOPELESS = 0.05
 """Missing clearance summed over the samples, m, above which an attempt is given up."""
 
 
+ACTIVE = 1e-3
+"""Clearance beyond its margin, m, below which a pair counts as held by it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """What came of a seed: the trajectory, where it still touches (None: free), and the work done."""
+    """What came of a seed.
 
+    Attributes:
+        control: (K, n) control points, rad or m.
+        trajectory: the curve in time.
+        touch: where it still touches; None: it is free.
+        close: whether some pair is as near as its margin lets it be, so that a smaller margin may save time.
+        iterations: steps taken.
+    """
+
+    control: Array
     trajectory: Trajectory
     touch: Touch | None
+    close: bool
     iterations: int
 
 
@@ -38,12 +52,18 @@ class Optimiser:
         self.problem, self.model, self.options = problem, model, options
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
 
-    def run(self, control: Array, budget: Budget) -> Attempt | None:
+    def run(self, control: Array, budget: Budget, margin: float | None = None) -> Attempt | None:
         """Optimise from control points (K, n), look between the samples, add some where bodies touch there, and again.
 
         None when the bodies stay far inside each other, the arm is too heavy, or somebody cancelled.
+
+        Args:
+            control: of the first curve; its ends stay as they are.
+            budget: polled at every step; once it is over, the curve as it is gets timed and looked at.
+            margin: m, instead of the option's.
         """
-        transcription = Transcription(self.problem, self.model, self.basis, self._margins(control))
+        margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
+        transcription = Transcription(self.problem, self.model, self.basis, margins)
         subproblem = Subproblem(transcription, self.options.solver)
         u = _instants(self.basis, self.options.samples)
         iterations, attempt = 0, None
@@ -58,13 +78,15 @@ class Optimiser:
             trajectory = self.timed(control, point.duration)
             if trajectory is None:
                 return None
-            touch = first_contact(self.model, trajectory, lambda: budget.cancelled)
-            attempt = Attempt(trajectory, touch, iterations)
+            touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
+            close = bool((point.contacts.value < ACTIVE).any())
+            attempt = Attempt(control, trajectory, touches[0] if touches else None, close, iterations)
             if budget.cancelled:
                 return None
-            if touch is None or budget.over or iterations >= self.options.iterations:
+            if not touches or budget.over or iterations >= self.options.iterations:
                 break
-            u = np.concatenate([transcription.u, _around(transcription.u, touch.t / trajectory.duration)])
+            near = [_around(transcription.u, touch.t / trajectory.duration) for touch in touches]
+            u = np.concatenate([transcription.u, *near])
         return attempt
 
     def timed(self, control: Array, duration: float) -> Trajectory | None:
@@ -72,11 +94,6 @@ class Optimiser:
         names = self.problem.robot.joint_names
         trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
         return within_torque(self.model, self.problem.limits, scale_to_limits(trajectory, self.problem.limits))
-
-    def _margins(self, control: Array) -> Margins:
-        ends = [self.model.clearance(q) for q in (control[0], control[-1])]
-        start, end = (np.inf if c is None else 0.6 * c.distance for c in ends)
-        return Margins(min(start, self.options.margin), self.options.margin, min(end, self.options.margin))
 
 
 def _instants(basis: SplineBasis, count: int) -> Array:

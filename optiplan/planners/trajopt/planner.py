@@ -1,41 +1,49 @@
-"""`trajopt`: seeds, optimisation of each, and the best trajectory that is free at all times."""
+"""`trajopt`: seeds, optimisation of each, and the best of all motions that are free at all times."""
 
-from typing import Any
+import time
+from typing import Any, Literal
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
-from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.base import Budget, Candidate, Failure, PlanResult, Progress
 from optiplan.planners.failures import out_of_time, too_heavy
-from optiplan.planners.goals import ranked_goals
+from optiplan.planners.goals import GoalSampler, goal_sampler
 from optiplan.planners.sampling import SampledPath, SamplingOptions, sample_path
+from optiplan.planners.shortcut import path_time
 from optiplan.planners.stopwatch import Stopwatch
-from optiplan.planners.sweep import Touch
-from optiplan.planners.timed import timed_path
-from optiplan.planners.trajopt.attempt import Optimiser
+from optiplan.planners.sweep import Touch, first_contact
+from optiplan.planners.timed import timed_path, within_torque
+from optiplan.planners.trajopt.attempt import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.seeds import along_path
+from optiplan.planners.trajopt.patience import Patience
+from optiplan.planners.trajopt.seeds import along_path, with_bump
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing import lower_bounds, stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
-_PATIENCE = 0.05
-"""With every sampled seed tried, this much more of the lower bound is good enough."""
-
 _EARLY = 1.0 / 3.0
 """Share of the budget after which straight lines that led to nothing must leave the rest to sampled paths."""
 
-_SAME, _FAMILIAR = 1.01, 0.1
-"""Durations within 1 % are one local optimum; found again, it is good enough at 10 % more of the lower bound."""
+_CLOSE = 0.2
+"""Share of the option's margin that the best motion is optimised with once more: the margin is a wish."""
+
+_WORTH_CLOSE = 0.01
+"""Share of the cost to the bound below which no margin is in the way."""
+
+_NO_GAIN = 1e-6
+"""Share of the cost below which a motion counts as no better."""
+
+Kind = Literal["straight", "sampled", "bump", "close"]
 
 
 class TrajOpt:
     """Minimum-time B-splines by sequential quadratic programming, from straight lines and sampled paths.
 
-    Goals are tried in the order of their lower bounds, first along straight lines; sampled paths follow until one
-    result is within `good_enough` of the bound. Where no optimised curve is free, the sampled path itself is timed and
-    returned, so that an answer is given whenever a path was found.
+    Everything that is proved free on the way is a candidate: straight lines timed exactly, sampled paths timed, every
+    optimised curve; the best of them is the answer. Attempts go on while they can be expected to gain (`Patience`),
+    in turn from a path sampled anew and from the best curve with a bump.
     """
 
     def __init__(self, options: TrajOptOptions | None = None) -> None:
@@ -47,15 +55,19 @@ class TrajOpt:
 
 
 class _Run:
-    """The state of one call: stages timed, the best trajectory so far, the reason why there is none."""
+    """The state of one call: stages timed, the best motions so far, the reason why there is none."""
 
     def __init__(self, problem: Problem, budget: Budget, progress: Progress, options: TrajOptOptions) -> None:
         self.problem, self.budget, self.progress, self.options = problem, budget, progress, options
+        self.began = time.perf_counter()
         self.watch = Stopwatch()
         self.info: dict[str, Any] = {"attempts": [], "cut_short": False}
-        self.best: Trajectory | None = None
+        self.candidates: list[Candidate] = []
+        self.best = np.inf  # cost of the best candidate
+        self.curve: Attempt | None = None  # the best optimised one
         self.touching: Touch | None = None
-        self.least = 0.0
+        self.bound = 0.0
+        self.patience = Patience(budget, options.good_enough)
         with self.watch.stage("set-up"):
             self.model = CollisionModel(problem.robot, problem.scene)
             self.optimiser = Optimiser(problem, self.model, options)
@@ -64,8 +76,9 @@ class _Run:
         """Search, and put what came of it into words."""
         failure = self._search()
         self.info["cut_short"] |= self.budget.over
-        if self.best is not None:
-            return PlanResult(self.best, None, self.watch.seconds, self.info)
+        if self.candidates:
+            *earlier, last = self.candidates
+            return PlanResult(last.trajectory, None, self.watch.seconds, self.info, tuple(earlier), last.seconds)
         if self.budget.cancelled:
             failure = out_of_time(self.budget, "looking for a trajectory")
         return PlanResult(None, failure, self.watch.seconds, self.info)
@@ -73,72 +86,132 @@ class _Run:
     def _search(self) -> Failure | None:
         problem, start = self.problem, self.problem.start
         with self.watch.stage("goals"):
-            goals = ranked_goals(problem, self.model, self.budget)
-        if isinstance(goals, Failure):
-            return goals
+            sampler = goal_sampler(problem, self.model, self.budget)
+        if isinstance(sampler, Failure):
+            return sampler
+        goals = sampler.configurations
         bounds = lower_bounds(start, np.array(goals), problem.limits)
         if bounds[0] == 0.0:
-            self.best = stop_at_corners(np.array([start, goals[0]]), problem.limits, problem.robot.joint_names)
+            self._offer(stop_at_corners(np.array([start, goals[0]]), problem.limits, problem.robot.joint_names), None)
             return None
-        self.least, early = float(bounds[0]), self.budget.share(_EARLY)
+        self.bound = self._cost_bound(float(bounds[0]))
+        early = self.budget.share(_EARLY)
         for goal, bound in list(zip(goals, bounds, strict=True))[: self.options.straight_goals]:
-            budget = early if self.best is None else self.budget
-            if not budget.over and not self._done(max(float(bound), self.options.good_enough * self.least)):
-                self._attempt("straight", np.array([start, goal]), budget)
-        self.info["cut_short"] = early.over
-        return self._from_sampled_paths(goals)
-
-    def _from_sampled_paths(self, goals: list[Array]) -> Failure | None:
-        shortest: SampledPath | None = None
-        failure: Failure | None = None
-        for number in range(self.options.seeds):
-            if self._done(self.least * (self.options.good_enough + _PATIENCE * number + _FAMILIAR * self._repeats())):
+            if early.over or self._cost_bound(float(bound)) >= self.best or not self._worth():
                 break
-            with self.watch.stage("sampling"):
-                options = SamplingOptions(self.budget, seed=self.problem.seed * 1000 + number)
-                path = sample_path(self.model, self.problem.start, goals, self.problem.limits, options)
+            self._straight(np.array([start, goal]))
+            if self._worth():
+                self._attempt("straight", self._along(np.array([start, goal])), self.budget if self.curve else early)
+        self.info["cut_short"] = early.over and not self.candidates
+        return self._further(sampler)
+
+    def _further(self, sampler: GoalSampler) -> Failure | None:
+        """Sampled paths and bumps in turn, while they are worth it."""
+        failure: Failure | None = None
+        rng = np.random.default_rng(self.problem.seed)
+        for number in range(self.options.seeds):
+            if not self._worth():
+                break
+            path = self._sample(sampler, number)
             if isinstance(path, Failure):
                 failure = path
                 break
-            if shortest is None or path.cost < shortest.cost:
-                shortest = path
-            self._attempt("sampled", path.waypoints, self.budget)
-        if self.best is None and shortest is not None:
-            return self._time_path(shortest.waypoints)
+            if not self.candidates:
+                failure = self._time_path(path)
+            self._attempt("sampled", self._along(path.waypoints), self.budget)
+            if self.best > self._cost_bound(float(path_time(path.waypoints, self.problem.limits.velocity).sum())):
+                self._time_path(path)
+            if self.curve is not None and self._worth():
+                curve, limits = self.curve, self.problem.limits
+                bumped = with_bump(self.optimiser.basis, curve.control, curve.trajectory.duration, limits, rng)
+                self._attempt("bump", bumped, self.budget)
+        if self.candidates:
+            return None
         return failure if failure is not None else self._why_not()
 
-    def _time_path(self, waypoints: Array) -> Failure | None:
-        """No optimised curve is free, but the sampled path is: time it as it is."""
-        with self.watch.stage("timing of the sampled path"):
-            self.best = timed_path(self.model, waypoints, self.problem.limits, self.budget)
-        self.info["fallback"] = "sampled path"
-        return too_heavy(self.problem.robot, self.problem.limits, waypoints) if self.best is None else None
+    def _sample(self, sampler: GoalSampler, number: int) -> SampledPath | Failure:
+        """The path of one seed to any of the goals that a shorter motion than the best can end in."""
+        bounds = lower_bounds(self.problem.start, np.array(sampler.configurations), self.problem.limits)
+        costs = [self._cost_bound(float(bound)) for bound in bounds]
+        goals = [q for q, cost in zip(sampler.configurations, costs, strict=True) if cost < self.best]
+        seed = self.problem.seed + 1000 * number
+        with self.watch.stage("sampling"):
+            options = SamplingOptions(self.budget, seed=seed, more_goals=sampler.more)
+            return sample_path(self.model, self.problem.start, goals, self.problem.limits, options)
 
-    def _attempt(self, kind: str, waypoints: Array, budget: Budget) -> None:
-        self.progress("optimisation", len(self.info["attempts"]) / (self.options.seeds + self.options.straight_goals))
+    def _straight(self, ends: Array) -> None:
+        """The straight line between ends (2, n), timed exactly, if it is free."""
+        with self.watch.stage("straight line"):
+            line = stop_at_corners(ends, self.problem.limits, self.problem.robot.joint_names)
+            timed = within_torque(self.model, self.problem.limits, line)
+            if timed is not None and first_contact(self.model, timed, lambda: self.budget.over) is None:
+                self._offer(timed, None)
+
+    def _time_path(self, path: SampledPath) -> Failure | None:
+        """The sampled path, timed as it is."""
+        with self.watch.stage("timing of sampled paths"):
+            timed = timed_path(self.model, path.waypoints, self.problem.limits, self.budget)
+        if timed is None:
+            return too_heavy(self.problem.robot, self.problem.limits, path.waypoints)
+        if self._offer(timed, None):
+            self.info["fallback"] = "sampled path"
+        return None
+
+    def _along(self, waypoints: Array) -> Array:
+        return along_path(self.optimiser.basis, waypoints, self.problem.limits.velocity)
+
+    def _attempt(self, kind: Kind, control: Array, budget: Budget) -> None:
+        """Optimise from a seed; where what comes of it is the best so far, once more with less margin."""
+        began = time.perf_counter()
+        attempt = self._optimised(kind, control, budget, None)
+        better = attempt is not None and self._offer(attempt.trajectory, attempt)
+        if attempt is not None and better and attempt.close and self.bound < (1.0 - _WORTH_CLOSE) * self.best:
+            closer = self._optimised("close", attempt.control, budget, _CLOSE * self.options.margin)
+            if closer is not None:
+                self._offer(closer.trajectory, closer)
+        cost = None if attempt is None else self._cost(attempt.trajectory)
+        self.patience.record(cost, time.perf_counter() - began)
+
+    def _optimised(self, kind: Kind, control: Array, budget: Budget, margin: float | None) -> Attempt | None:
+        """What comes of a seed, if it is free."""
+        self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
         with self.watch.stage("optimisation"):
-            velocity = self.problem.limits.velocity
-            attempt = self.optimiser.run(along_path(self.optimiser.basis, waypoints, velocity), budget)
+            attempt = self.optimiser.run(control, budget, margin)
         entry: dict[str, Any] = {"seed": kind, "free": attempt is not None and attempt.touch is None}
         if attempt is not None:
             entry |= {"duration": attempt.trajectory.duration, "iterations": attempt.iterations}
         self.info["attempts"].append(entry)
-        if attempt is None:
-            return
-        if attempt.touch is not None:
+        if attempt is not None and attempt.touch is not None:
             self.touching = attempt.touch
-        elif self.best is None or attempt.trajectory.duration < self.best.duration:
-            self.best = attempt.trajectory
+            return None
+        return attempt
 
-    def _repeats(self) -> int:
-        """How often the best local optimum was found again."""
-        best = self.best.duration if self.best is not None else np.inf
-        found = [a["duration"] for a in self.info["attempts"] if a["free"] and a["duration"] <= _SAME * best]
-        return max(0, len(found) - 1)
+    def _offer(self, trajectory: Trajectory, attempt: Attempt | None) -> bool:
+        """Make a free motion the answer where it is better than the best; whether it is."""
+        cost = self._cost(trajectory)
+        if cost >= self.best * (1.0 - _NO_GAIN):
+            return False
+        self.best = cost
+        self.info.pop("fallback", None)
+        self.candidates.append(Candidate(trajectory, time.perf_counter() - self.began))
+        if attempt is not None:
+            self.curve = attempt
+        return True
 
-    def _done(self, enough: float) -> bool:
-        """Out of time, or there is a trajectory of at most `enough` s."""
-        return self.budget.over or (self.best is not None and self.best.duration <= enough)
+    def _cost(self, trajectory: Trajectory) -> float:
+        """What the problem's objective says: s."""
+        objective = self.problem.objective
+        return objective.time * trajectory.duration + objective.jerk * trajectory.squared_jerk()
+
+    def _cost_bound(self, duration: float) -> float:
+        """A bound on the cost of motions that take at least so many seconds."""
+        return self.problem.objective.time * duration
+
+    def _worth(self) -> bool:
+        """Whether there is time, and reason, for more."""
+        if self.budget.over:
+            return False
+        return not self.candidates or self.patience.worth_another(self.best, self.bound)
 
     def _why_not(self) -> Failure:
         detail = f"no free trajectory within {self.budget.seconds:.3g} s"

@@ -1,85 +1,114 @@
-"""Sequential quadratic programming with an l1 exact penalty and a trust region."""
+"""Sequential quadratic programming with an l1 exact penalty, a trust region and a watchdog."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from optiplan.arrays import Array
-from optiplan.planners.trajopt.subproblem import Subproblem
+from optiplan.planners.trajopt.subproblem import Penalty, Step, Subproblem
 from optiplan.planners.trajopt.transcription import SoftRows, Transcription
 
-CONTACT_PENALTY = 300.0
-"""Cost of a missing metre of clearance at one sample, s/m."""
+CONTACT_PENALTY = 1.5
+"""Cost of a missing centimetre of clearance at one sample, as a share of the duration that the curve begins with."""
 
-TORQUE_PENALTY = 3.0
-"""Cost of a torque that exceeds its limit by the limit itself at one sample, s."""
+TORQUE_PENALTY = 2.0
+"""Cost of a torque that exceeds its limit by the limit itself at one sample, likewise."""
 
-FIRST_RADIUS, LEAST_RADIUS = 0.3, 1e-4
-"""Trust region on every control point, rad or m."""
+CENTIMETRE = 0.01
+
+FIRST_RADIUS, LEAST_RADIUS = 0.1, 3e-5
+"""Trust region on every control point, as a share of what its joint can travel at full speed in that duration."""
+
+SHRINK = 0.35
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A curve with its linearised inequalities and its merit: weighted time and jerk plus penalties."""
+    """A curve with its linearised inequalities and its merit: weighted time and jerk plus penalties.
+
+    Attributes:
+        control: (K, n), rad or m.
+        duration: s.
+        span: s, what prices and trust region are measured by: the duration of the curve that was begun with.
+    """
 
     control: Array
     duration: float
     contacts: SoftRows
     torques: SoftRows
     merit: float
+    span: float
 
     @property
-    def soft(self) -> list[tuple[SoftRows, float]]:
+    def soft(self) -> list[Penalty]:
         """Rows with the penalty of each kind."""
-        return [(self.contacts, CONTACT_PENALTY), (self.torques, TORQUE_PENALTY)]
+        return penalties(self.contacts, self.torques, self.span)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether next to no clearance is missing (0.1 mm over all samples), nor torque."""
+        return self.contacts.violation() < 1e-4 and self.torques.violation() < 0.01
 
 
-def evaluate(transcription: Transcription, control: Array, duration: float) -> Point:
-    """The curve at a duration not shorter than its derivative control points allow."""
-    least = transcription.basis.shortest_duration(control, transcription.bounds)
-    duration = max(duration, least)
+def penalties(contacts: SoftRows, torques: SoftRows, span: float) -> list[Penalty]:
+    """What violations cost, in s, in a motion of about `span` s."""
+    return [Penalty(contacts, CONTACT_PENALTY * span, CENTIMETRE), Penalty(torques, TORQUE_PENALTY * span, 1.0)]
+
+
+def evaluate(transcription: Transcription, control: Array, duration: float, span: float | None = None) -> Point:
+    """The curve at a duration not shorter than its derivative control points allow; `span` is that by default."""
+    duration = max(duration, transcription.basis.shortest_duration(control, transcription.bounds))
+    span = span or duration
     contacts, torques = transcription.contacts(control), transcription.torques(control, duration)
-    jerk_cost = transcription.jerk_cost(control, duration).cost
-    merit = transcription.objective.time * duration + jerk_cost
-    merit += CONTACT_PENALTY * contacts.violation() + TORQUE_PENALTY * torques.violation()
-    return Point(control, duration, contacts, torques, merit)
+    merit = transcription.objective.time * duration + transcription.jerk_cost(control, duration).cost
+    merit += sum(part.cost() for part in penalties(contacts, torques, span))
+    return Point(control, duration, contacts, torques, merit, span)
 
 
 def optimise(subproblem: Subproblem, control: Array, iterations: int, stop: Callable[[], bool]) -> tuple[Point, int]:
     """Descend from control points (K, n) until a step gains less than 0.2 % of the duration: the point, steps taken.
 
     A step is accepted when the merit falls by a tenth of what the linear model promised; the trust region doubles
-    where it fell by more than 70 % and shrinks to 35 % when a step is refused.
+    where it fell by more than 70 %. A step that is refused gets a second one from where it led (the watchdog of
+    Chamberlain et al., Mathematical Programming Study 16, 1982): curved constraints make good steps look bad, and the
+    second step often repairs it. Where it does not, both are taken back and the trust region shrinks to 35 %.
     """
     transcription = subproblem.transcription
-    point, radius = evaluate(transcription, control, 0.0), FIRST_RADIUS
-    for iteration in range(iterations):
-        if stop() or radius < LEAST_RADIUS:
-            return point, iteration
-        step = subproblem.solve(point.control, point.duration, point.soft, radius)
+    point, taken, radius = evaluate(transcription, control, 0.0), 0, FIRST_RADIUS
+    while taken < iterations and not stop() and radius >= LEAST_RADIUS:
+        step = subproblem.solve(point.control, point.duration, point.soft, radius, point.span)
+        taken += 1
         if step is None:
-            radius *= 0.35
+            radius *= SHRINK
             continue
         if step.promise < 2e-4 * point.duration:
-            return point, iteration
-        # Where no torque binds, the derivative control points alone say how short T may be.
-        duration = step.duration if len(point.torques.value) else 0.0
-        trial = evaluate(transcription, step.control, duration)
+            break
+        trial = _follow(transcription, point, step)
+        if point.merit - trial.merit <= 0.1 * step.promise and not stop():
+            trial = _second(subproblem, trial, radius)
+            taken += 1
         gain = point.merit - trial.merit
         if gain <= 0.1 * step.promise:
-            radius *= 0.35
-            point = _with_watched_torques(transcription, point)
+            radius *= SHRINK
+            if transcription.watch(trial.torques):
+                point = replace(point, torques=transcription.torques(point.control, point.duration))
             continue
-        small = gain < 0.002 * point.duration
-        settled = small and trial.contacts.violation() < 1e-4 and trial.torques.violation() < 0.01
+        settled = gain < 0.002 * point.duration and trial.feasible
         point = trial
         if gain > 0.7 * step.promise:
             radius *= 2.0
         if settled:
-            return point, iteration + 1
-    return point, iterations
+            break
+    return point, taken
 
 
-def _with_watched_torques(transcription: Transcription, point: Point) -> Point:
-    """The same point with rows for the torques that the refused trial, evaluated last, exceeded."""
-    transcription.watch_exceeded()
-    return replace(point, torques=transcription.torques(point.control, point.duration))
+def _second(subproblem: Subproblem, trial: Point, radius: float) -> Point:
+    """The better of a trial and what a step from it leads to."""
+    step = subproblem.solve(trial.control, trial.duration, trial.soft, radius, trial.span)
+    again = trial if step is None else _follow(subproblem.transcription, trial, step)
+    return again if again.merit < trial.merit else trial
+
+
+def _follow(transcription: Transcription, point: Point, step: Step) -> Point:
+    # Where no torque binds, the derivative control points alone say how short T may be.
+    duration = step.duration if len(point.torques.value) else 0.0
+    return evaluate(transcription, step.control, duration, point.span)

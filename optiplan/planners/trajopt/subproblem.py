@@ -1,16 +1,44 @@
 """The quadratic program of one step: everything linear, inside a trust region."""
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import qpsolvers
 import scipy.sparse as sp
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.transcription import SoftRows, Transcription
 
-REGULARISATION = 1e-3
-"""Cost of the squared change of each control point, s/rad^2: it makes the program strictly convex."""
+REGULARISATION = 5e-3
+"""Cost of the squared change of each control point, in the program's own variables: it makes it strictly convex."""
+
+NEAR = 0.2
+"""Derivative rows below this share of their limit are left out until a solution exceeds them."""
+
+EXCEEDED = 0.01
+"""Share of a limit by which a row that was left out may be exceeded: the step's duration is computed afresh anyway."""
+
+ROUNDS = 8
+"""Times that a program is solved again with rows that its solution exceeded."""
+
+TOLERANCES: dict[str, dict[str, Any]] = {
+    "piqp": {"eps_abs": 1e-5, "eps_rel": 1e-5, "eps_duality_gap_abs": 1e-5, "eps_duality_gap_rel": 1e-5}
+}
+"""Settings of solvers whose defaults are finer than a step of this method needs."""
+
+
+class Penalty(NamedTuple):
+    """Soft rows and what a violation costs: `price` in s for each `unit` of the rows' value."""
+
+    rows: SoftRows
+    price: float
+    unit: float
+
+    def cost(self) -> float:
+        """Cost, s, of the violation as it is."""
+        return self.price * self.rows.violation() / self.unit
 
 
 class Step(NamedTuple):
@@ -21,67 +49,119 @@ class Step(NamedTuple):
     promise: float
 
 
+class _Objective(NamedTuple):
+    """1/2 x' `quadratic` x + `linear`' x, of which `hessian` is the part that the merit has too."""
+
+    quadratic: sp.csc_matrix
+    linear: Array
+    hessian: sp.csc_matrix
+
+    def cost(self, x: Array, count: int) -> float:
+        """The model's change of the merit over T, slacks as they are, without what only makes the program convex."""
+        moved, slack = x[:count], np.maximum(x[count + 1 :], 0.0)
+        smooth = self.linear[: count + 1] @ x[: count + 1] + 0.5 * moved @ (self.hessian @ moved)
+        return float(smooth + self.linear[count + 1 :] @ slack)
+
+
 class Subproblem:
     """Builds and solves the program; what depends only on the spline and the limits is built once.
 
-    Variables: changes of the free control points (joint by joint), change of T, and a slack for every sample with soft
-    rows. Rows of the derivative control points at the current (C', T'), for order r = 1, 2, 3 and limit b:
+    Variables have no unit, whatever the robot: changes of the free control points over v_j `span` (joint speed times a
+    time typical of the motion), control point by control point so that neighbours in time are neighbours in the
+    program; the change of T over T; and a slack for every sample with soft rows, in the rows' unit. Rows of the
+    derivative control points at the current (C', T'), for order r = 1, 2, 3 and limit b:
     +-D_r C <= b (T'^r + r T'^(r-1) (T - T')), inside the true bound because T^r is convex, each divided by b T'^r.
+    The objective is the merit over T'.
     """
 
     def __init__(self, transcription: Transcription, solver: str) -> None:
         self.transcription, self.solver = transcription, solver
         basis, bounds = transcription.basis, transcription.bounds
         self._rows = np.vstack(basis.derivative[1:])  # (R, K)
+        self._free_rows = self._rows[:, basis.free]  # (R, M)
         self._order = np.concatenate([np.full(len(basis.derivative[r]), r) for r in (1, 2, 3)])  # (R,)
         self._limit = np.array(bounds)[self._order - 1]  # (R, n)
-        joints = range(self._limit.shape[1])
-        self._blocks = sp.block_diag([self._rows[:, basis.free] / self._limit[:, [j]] for j in joints], format="csr")
-        self._row_order = np.tile(self._order, len(joints)).astype(float)
+        self._met = np.zeros((2, *self._limit.shape), dtype=bool)  # rows that some solution has exceeded
 
-    def solve(self, control: Array, duration: float, soft: list[tuple[SoftRows, float]], radius: float) -> Step | None:
-        """One step from (control, duration); `soft` pairs rows with their penalty; None when the solver gives up."""
-        objective, free = self.transcription.objective, self.transcription.basis.free
-        matrix, right, penalties = self._constraints(control, duration, soft)
-        moving = control[free].T.ravel()
-        count, slacks = len(moving), len(penalties)
-        jerk = self.transcription.jerk_cost(control, duration)
-        quadratic = sp.block_diag(
-            [jerk.hessian + REGULARISATION * sp.eye(count), 1e-6 * sp.eye(slacks + 1)], format="csc"
-        )
-        linear = np.concatenate([jerk.gradient, [objective.time + jerk.by_duration], penalties])
-        limits = self.transcription.limits
-        below, above = (np.repeat(side, count // len(side)) - moving for side in (limits.lower, limits.upper))
-        low = np.concatenate([np.clip(below, -radius, 0.0), [-0.5 * duration], np.zeros(slacks)])
-        high = np.concatenate([np.clip(above, 0.0, radius), [duration], np.full(slacks, np.inf)])
-        program = qpsolvers.Problem(quadratic, linear, matrix, right, None, None, low, high)
-        solution = qpsolvers.solve_problem(program, solver=self.solver)
-        if not solution.found or solution.x is None:
-            return None
-        x = solution.x
-        proposal = control.copy()
-        proposal[free] += x[:count].reshape(control.shape[1], -1).T
-        now = sum(penalty * rows.violation() for rows, penalty in soft)
-        change = linear[: count + 1] @ x[: count + 1] + 0.5 * x[:count] @ (jerk.hessian @ x[:count])
-        promise = now - change - penalties @ np.maximum(x[count + 1 :], 0.0)
-        return Step(proposal, duration + float(x[count]), float(promise))
+    def solve(
+        self, control: Array, duration: float, soft: Sequence[Penalty], radius: float, span: float
+    ) -> Step | None:
+        """One step from (control, duration); None when the solver gives up.
 
-    def _constraints(
-        self, control: Array, duration: float, soft: list[tuple[SoftRows, float]]
-    ) -> tuple[sp.csc_matrix, Array, Array]:
-        share = ((self._rows @ control) / (self._limit * duration ** self._order[:, None])).T.ravel()
-        scaled = sp.diags(duration**-self._row_order) @ self._blocks
-        by_duration = sp.csr_matrix(-self._row_order[:, None] / duration)
-        grid: list[list[sp.spmatrix | None]] = [[scaled, by_duration], [-scaled, by_duration]]
-        right, penalties = [1.0 - share, 1.0 + share], [np.zeros(0)]
-        for rows, penalty in soft:
-            samples, column = np.unique(rows.sample, return_inverse=True)
-            shape = (len(column), len(samples))
-            slack = sp.csr_matrix((-np.ones(len(column)), (np.arange(len(column)), column)), shape=shape)
-            for line in grid:
-                line.append(None)
-            padding: list[sp.spmatrix | None] = [None] * (len(grid[0]) - 3)
-            grid.append([-sp.csr_matrix(rows.by_control), -sp.csr_matrix(rows.by_duration[:, None]), *padding, slack])
-            right.append(rows.value)
-            penalties.append(np.full(len(samples), penalty))
-        return sp.bmat(grid, format="csc"), np.concatenate(right), np.concatenate(penalties)
+        Args:
+            control: (K, n), rad or m.
+            duration: s.
+            soft: rows that may be violated, at a price.
+            radius: of the trust region, in shares of v_j `span`.
+            span: s.
+        """
+        free, limits = self.transcription.basis.free, self.transcription.limits
+        moving = control[free]
+        scale, count = np.tile(limits.velocity * span, len(moving)), moving.size
+        soft_rows, soft_right, prices = _soft(soft, scale, duration)
+        program = self._program(control, duration, scale, prices)
+        below, above = ((side - moving).ravel() / scale for side in (limits.lower, limits.upper))
+        low = np.concatenate([np.clip(below, -radius, 0.0), [-0.5], np.zeros(len(prices))])
+        high = np.concatenate([np.clip(above, 0.0, radius), [1.0], np.full(len(prices), np.inf)])
+        share = (self._rows @ control) / (self._limit * duration ** self._order[:, None])  # (R, n)
+        wanted = (np.stack([share, -share]) > NEAR) | self._met
+        for _ in range(ROUNDS):
+            hard_rows, hard_right = self._hard(wanted, share, scale, duration)
+            padded = np.hstack([hard_rows, np.zeros((len(hard_right), len(prices)))])
+            matrix, right = np.vstack([padded, soft_rows]), np.concatenate([hard_right, soft_right])
+            problem = qpsolvers.Problem(
+                program.quadratic, program.linear, sp.csc_matrix(matrix), right, None, None, low, high
+            )
+            solution = qpsolvers.solve_problem(problem, solver=self.solver, **TOLERANCES.get(self.solver, {}))
+            x = solution.x
+            if not solution.found or x is None:
+                return None
+            change = np.zeros_like(control)
+            change[free] = (x[:count] * scale).reshape(moving.shape)
+            after = share + (self._rows @ change) / (self._limit * duration ** self._order[:, None])
+            allowed = 1.0 + self._order[:, None] * x[count] + EXCEEDED
+            beyond = (np.stack([after, -after]) > allowed) & ~wanted
+            if not beyond.any():
+                break
+            wanted |= beyond
+            self._met |= beyond
+        now = sum(part.cost() for part in soft) / duration
+        promise = duration * (now - program.cost(x, count))
+        return Step(control + change, duration * (1.0 + float(x[count])), float(promise))
+
+    def _program(self, control: Array, duration: float, scale: Array, prices: Array) -> "_Objective":
+        """The objective: time, jerk and the slacks' prices, over T, with a little curvature for all variables."""
+        jerk, weight = self.transcription.jerk_cost(control, duration), self.transcription.objective.time
+        hessian = jerk.hessian.multiply(scale[:, None]).multiply(scale[None, :]) / duration
+        curvature = hessian + REGULARISATION * sp.eye(len(scale))
+        quadratic = sp.block_diag([curvature, 1e-6 * sp.eye(len(prices) + 1)], format="csc")
+        linear = np.concatenate([jerk.gradient * scale / duration, [weight + jerk.by_duration], prices / duration])
+        return _Objective(quadratic, linear, hessian)
+
+    def _hard(self, wanted: npt.NDArray[np.bool_], share: Array, scale: Array, duration: float) -> tuple[Array, Array]:
+        """Rows (k, M n + 1) and right sides (k,) of the wanted (2, R, n) derivative control points, both signs."""
+        side, row, joint = np.nonzero(wanted)
+        sign = 1.0 - 2.0 * side
+        n, knots = wanted.shape[2], self._free_rows.shape[1]
+        rows = np.zeros((len(row), knots, n))
+        weight = sign / (self._limit[row, joint] * duration ** self._order[row]) * scale[joint]
+        rows[np.arange(len(row)), :, joint] = self._free_rows[row] * weight[:, None]
+        flat = np.column_stack([rows.reshape(len(row), -1), -self._order[row].astype(float)])
+        return flat, 1.0 - sign * share[row, joint]
+
+
+def _soft(soft: Sequence[Penalty], scale: Array, duration: float) -> tuple[Array, Array, Array]:
+    """Rows (k, M n + 1 + slacks), right sides (k,) and the price, s, of each slack, one a sample of each kind."""
+    blocks, right, prices = [], [], []
+    columns = [np.unique(part.rows.sample, return_inverse=True) for part in soft]
+    total, begin = sum(len(samples) for samples, _ in columns), 0
+    for part, (samples, column) in zip(soft, columns, strict=True):
+        rows = part.rows
+        slack = np.zeros((len(column), total))
+        slack[np.arange(len(column)), begin + column] = -1.0
+        moving = np.column_stack([rows.by_control * scale, rows.by_duration * duration]) / -part.unit
+        blocks.append(np.hstack([moving, slack]))
+        right.append(rows.value / part.unit)
+        prices.append(np.full(len(samples), part.price))
+        begin += len(samples)
+    return np.vstack(blocks), np.concatenate(right), np.concatenate(prices)

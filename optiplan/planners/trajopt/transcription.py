@@ -20,6 +20,9 @@ TORQUE_SHARE = 0.6
 """Torques above this share of their limit get a row."""
 
 
+Mask = npt.NDArray[np.bool_]
+
+
 @dataclass(frozen=True, eq=False)
 class SoftRows:
     """Linearised inequalities g_k + dg_k >= 0 at samples of the curve, one slack a sample.
@@ -27,19 +30,21 @@ class SoftRows:
     Attributes:
         sample: (K,) sample of each row.
         value: (K,) g_k: m for contacts, share of the limit for torques.
-        by_control: (K, M n) derivative with respect to the free control points, joint by joint.
+        by_control: (K, M n) derivative with respect to the free control points, one control point after another.
         by_duration: (K,) derivative with respect to T.
+        exceeded: (N, limited joints) where torque is above its limit, for rows of torques.
     """
 
     sample: npt.NDArray[np.intp]
     value: Array
     by_control: Array
     by_duration: Array
+    exceeded: Mask | None = None
 
     @classmethod
-    def none(cls, free: int) -> "SoftRows":
+    def none(cls, free: int, exceeded: Mask | None = None) -> "SoftRows":
         """No rows, for `free` = M n variables."""
-        return cls(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, free)), np.zeros(0))
+        return cls(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, free)), np.zeros(0), exceeded)
 
     def violation(self) -> float:
         """Sum over the samples of the worst shortfall of each."""
@@ -50,22 +55,43 @@ class SoftRows:
         return float(worst.sum())
 
 
-@dataclass(frozen=True)
+_KEPT = 0.6
+"""Share of a pair's clearance at an end that is aimed at near this end, where the pair is nearer than the margin."""
+
+
+@dataclass(frozen=True, eq=False)
 class Margins:
-    """Clearance, m, aimed at along the curve: `middle`, but not more than the ends themselves allow near the ends."""
+    """Clearance aimed at along the curve: a wish, for each pair not more than what its ends allow.
 
-    start: float
+    A pair that is nearer than the margin at one end leaves it as fast as its clearance at the other end asks for; one
+    that is near at both ends stays as near.
+
+    Attributes:
+        middle: m, of pairs that are far apart at both ends.
+        start: (P,) clearance of each pair at the start, m, as far as it is known: at least `CUTOFF` beyond that.
+        end: (P,) the same at the end.
+    """
+
     middle: float
-    end: float
+    start: Array
+    end: Array
 
-    def at(self, u: Array) -> Array:
-        """Margin at fractions u (N,) of the duration: grows from each end to `middle` within a fifth of the curve."""
-        rise = 5.0 * self.middle
-        return np.minimum(self.middle, np.minimum(self.start + rise * u, self.end + rise * (1.0 - u)))
+    @classmethod
+    def between(cls, model: CollisionModel, ends: Array, middle: float) -> "Margins":
+        """Margins of a curve between two configurations, `ends` (2, n)."""
+        clearance = np.full((2, len(model.pairs)), CUTOFF)
+        found = model.near(ends, CUTOFF)
+        clearance[found.rows, found.pairs] = np.maximum(found.distance, 0.0)
+        return cls(middle, clearance[0], clearance[1])
+
+    def at(self, u: Array, pairs: npt.NDArray[np.intp]) -> Array:
+        """Margins (K,), m, of pairs (K,) at fractions u (K,) of the duration."""
+        ends = (1.0 - u) * self.start[pairs] + u * self.end[pairs]
+        return np.minimum(self.middle, _KEPT * ends)
 
 
 class JerkCost(NamedTuple):
-    """Cost and its derivatives: `hessian` (n M, n M) sparse and `gradient` (n M,) by the free control points."""
+    """Cost and its derivatives: `hessian` (M n, M n) sparse and `gradient` (M n,) by the free control points."""
 
     cost: float
     hessian: sp.csc_matrix
@@ -95,14 +121,13 @@ class Transcription:
         """Instants, as fractions of the duration, at which contacts and torques are looked at."""
         self.u = np.unique(u)
         self._at = [self.basis.at(self.u, order) for order in range(3)]
-        self._margin = self.margins.at(self.u)
-        self._watched: npt.NDArray[np.bool_] = np.zeros((len(self.u), len(self._limited)), dtype=bool)
+        self._watched: Mask = np.zeros((len(self.u), len(self._limited)), dtype=bool)
 
     def contacts(self, control: Array) -> SoftRows:
         """Rows of all pairs nearer than the cutoff."""
         Q = self._at[0] @ control
         found = _pushed_one_way(self.model.near(Q, CUTOFF))
-        value = found.distance - self._margin[found.rows]
+        value = found.distance - self.margins.at(self.u[found.rows], found.pairs)
         by_control = self._spread(self.model.gradients(Q, found), self._at[0][found.rows])
         return SoftRows(found.rows, value, by_control, np.zeros(len(value)))
 
@@ -112,8 +137,8 @@ class Transcription:
         scale = self.objective.jerk * duration**-5
         push = self.basis.jerk_gram @ control
         cost = scale * float(np.sum(control * push))
-        hessian = sp.block_diag([2.0 * scale * self.basis.jerk_gram[free, free]] * joints, format="csc")
-        return JerkCost(cost, hessian, 2.0 * scale * push[free].T.ravel(), -5.0 * cost / duration)
+        hessian = sp.kron(2.0 * scale * self.basis.jerk_gram[free, free], sp.eye(joints), format="csc")
+        return JerkCost(cost, hessian, 2.0 * scale * push[free].ravel(), -5.0 * cost / duration)
 
     def torques(self, control: Array, duration: float) -> SoftRows:
         """Rows 1 - |tau_j| / limit_j >= 0 of joints and samples above `TORQUE_SHARE` of the limit, or watched."""
@@ -123,10 +148,10 @@ class Transcription:
         motion = [matrix @ control / duration**order for order, matrix in enumerate(self._at)]
         tau = np.array([pin.rnea(self._pin, self._data, q, v, a) for q, v, a in zip(*motion, strict=True)])
         share = tau[:, self._limited] / self.limits.torque[self._limited]
-        self._exceeded = np.abs(share) > 1.0
+        exceeded: Mask = np.abs(share) > 1.0
         sample, which = np.nonzero((np.abs(share) > TORQUE_SHARE) | self._watched)
         if not len(sample):
-            return SoftRows.none(free)
+            return SoftRows.none(free, exceeded)
         hot, back = np.unique(sample, return_inverse=True)
         derivatives = self._torque_derivatives([part[hot] for part in motion])
         sign, joint = np.sign(share[sample, which]), self._limited[which]
@@ -139,7 +164,7 @@ class Transcription:
         by_duration = -np.einsum("rj,rj->r", rows[1], motion[1][sample])
         by_duration -= 2.0 * np.einsum("rj,rj->r", rows[2], motion[2][sample])
         value = 1.0 - np.abs(share[sample, which])
-        return SoftRows(sample, value, np.asarray(by_control), by_duration / duration)
+        return SoftRows(sample, value, np.asarray(by_control), by_duration / duration, exceeded)
 
     def _torque_derivatives(self, motion: list[Array]) -> list[Array]:
         """Derivatives of inverse dynamics by q, v and a at (q, v, a) of shape (H, n) each: three arrays (H, n, n)."""
@@ -152,16 +177,19 @@ class Transcription:
         strict = np.triu(upper, 1)  # pinocchio fills the upper half of the mass matrix only
         return [by_q, by_v, np.triu(upper) + strict.transpose(0, 2, 1)]
 
-    def watch_exceeded(self) -> None:
-        """From now on give rows to the joints and samples whose torque was too large in the last call of `torques`.
+    def watch(self, torques: SoftRows) -> bool:
+        """From now on give rows to the joints and samples whose torque is too large in `torques`; whether any is new.
 
         A refused step showed that they matter, although they were far from their limit where the step began.
         """
-        self._watched |= self._exceeded
+        if torques.exceeded is None or not (torques.exceeded & ~self._watched).any():
+            return False
+        self._watched |= torques.exceeded
+        return True
 
     def _spread(self, gradient: Array, basis: Array) -> Array:
-        """Chain rule q = B C: from d/dq (K, n) to d/dC of the free control points, joint by joint (K, n M)."""
-        product = gradient[:, :, None] * basis[:, None, self.basis.free]
+        """Chain rule q = B C: from d/dq (K, n) to d/dC of the free control points, one after another (K, M n)."""
+        product = basis[:, self.basis.free, None] * gradient[:, None, :]
         return np.asarray(product.reshape(len(gradient), product.shape[1] * product.shape[2]))
 
 

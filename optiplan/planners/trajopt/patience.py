@@ -1,0 +1,45 @@
+"""Is another attempt worth its time?"""
+
+from dataclasses import dataclass, field
+
+from optiplan.planners.base import Budget
+
+PRICE = 0.05
+"""Share of the motion's cost that spending the whole budget must be expected to save: 5 %."""
+
+
+@dataclass(eq=False)
+class Patience:
+    """Judges attempts by what they gained.
+
+    With n attempts made and the two best of them costing c_1 <= c_2, a further one is expected to gain
+    (c_2 - c_1) / n: that is what the last one gained, averaged over all orders in which they could have come (the
+    jackknife estimate for exchangeable draws). While few have been made this says little, so what is left to the bound
+    counts too: g² / n, with g = 1 - bound / c_1 once for the chance that a better motion exists and once for its gain.
+    Another attempt is worth making while the larger of the two, as a share of c_1 and for each second that attempts
+    have taken so far on average, exceeds `PRICE` / budget: the larger the budget, the longer the search.
+    """
+
+    budget: Budget
+    good_enough: float = 1.0
+    costs: list[float] = field(default_factory=list)
+    attempts: int = 0
+    seconds: float = 0.0
+
+    def record(self, cost: float | None, seconds: float) -> None:
+        """One more attempt: the cost of its free motion (None: it has none), and the time it took."""
+        self.attempts += 1
+        self.seconds += seconds
+        if cost is not None:
+            self.costs.append(cost)
+
+    def worth_another(self, best: float, bound: float) -> bool:
+        """Whether to go on, with a motion of cost `best` at hand and none below `bound` possible."""
+        if best <= self.good_enough * bound:
+            return False
+        gap = max(0.0, 1.0 - bound / best)
+        if not self.attempts:
+            return True
+        first, second = [*sorted(self.costs), best, best][:2]
+        gain = max((second - first) / best, gap * gap) / self.attempts
+        return gain * self.attempts / max(self.seconds, 1e-9) > PRICE / self.budget.seconds
