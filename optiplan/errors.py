@@ -5,6 +5,7 @@ A broken *input* is an exception from this file. "No solution" is a value: see `
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 
 class OptiPlanError(Exception):
@@ -16,7 +17,9 @@ class UnknownChoiceError(OptiPlanError):
 
     def __init__(self, kind: str, found: str, choices: Iterable[str]) -> None:
         self.kind, self.found, self.choices = kind, found, tuple(sorted(choices))
-        super().__init__(f"unknown {kind} '{found}'; choose from: {', '.join(self.choices)}")
+        near = get_close_matches(found, [choice.partition(" (")[0] for choice in self.choices], n=1)
+        hint = f" (did you mean '{near[0]}'?)" if near else ""
+        super().__init__(f"unknown {kind} '{found}'; choose from: {', '.join(self.choices)}{hint}")
 
 
 @dataclass(frozen=True)
@@ -36,8 +39,8 @@ class Issue:
 
 
 class InputError(OptiPlanError):
-    """A problem, robot, run or scene file that cannot be used; holds *all* issues found, in file order."""
+    """A problem, robot, run or scene file that cannot be used; holds *all* issues found, each once, in file order."""
 
     def __init__(self, issues: Iterable[Issue]) -> None:
-        self.issues = tuple(issues)
+        self.issues = tuple(dict.fromkeys(issues))
         super().__init__("\n".join(map(str, self.issues)))

@@ -16,7 +16,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from optiplan.errors import InputError, Issue
-from optiplan.yaml_words import describe, field_name, words_for
+from optiplan.yaml_words import describe, field_name, mistaken, words_for
 
 Place = tuple[str | int, ...]
 """Where a value stands in a document: keys and list indices from the root."""
@@ -111,6 +111,8 @@ def validate(model_class: type[Model], document: Document) -> Model:
     try:
         model = model_class.model_validate(document.data)
     except ValidationError as error:
+        if (words := mistaken(model_class, document.data)) is not None:
+            raise InputError([document.issue((), *words)]) from error
         seen = {issue.field for issue in issues}
         issues += [issue for issue in pydantic_issues(model_class, document, error) if issue.field not in seen]
         raise InputError(_in_file_order(issues)) from error

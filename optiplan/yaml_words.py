@@ -5,9 +5,10 @@ import math
 import types
 import typing
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, get_args, get_origin
 
-from pydantic import BaseModel
+from pydantic import AfterValidator, BaseModel
 from pydantic_core import ErrorDetails
 
 EXPECTED = {
@@ -38,6 +39,29 @@ EXPECTED = {
 """What pydantic's error types mean by "expected"; the braces are filled from the error's context."""
 
 
+FILES = (
+    ("a problem file", {"robot", "start"}),
+    ("a robot file", {"urdf"}),
+    ("a robot file", {"dh"}),
+    ("a suite file", {"problems", "planners"}),
+)
+"""Kinds of YAML files, and keys by which each is known."""
+
+
+def mistaken(model_class: type[BaseModel], data: Any) -> tuple[str, str] | None:
+    """What a file is and what it should be, where it is known by its keys as one of another kind than `model_class`."""
+    if not isinstance(data, Mapping):
+        return None
+    own = [kind for kind, keys in FILES if keys <= set(model_class.model_fields)]
+    found = [kind for kind, keys in FILES if keys <= set(data)]
+    return (found[0], own[0]) if own and found and not set(own) & set(found) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Reserved(AfterValidator):
+    """Validator of a key whose every useful value is refused so far: messages do not suggest such a key."""
+
+
 def field_name(place: Iterable[str | int]) -> str:
     """`("goal", "pose", 2)` as `goal.pose[2]`; the root is `file`."""
     text = ""
@@ -64,6 +88,8 @@ def describe(value: Any) -> str:
 
 def choices(found: str, valid: Sequence[str]) -> str:
     """`one of: a, b, c`, and the nearest of them when `found` looks like a slip of the pen."""
+    if not valid:
+        return "none, since there is none to choose"
     near = difflib.get_close_matches(str(found), valid, n=1)
     return f"one of: {', '.join(valid)}" + (f" (did you mean '{near[0]}'?)" if near else "")
 
@@ -97,7 +123,12 @@ def _keys_at(model_class: type[BaseModel], loc: Iterable[str | int]) -> list[str
         named = [model for model in models if model.__name__ == key]
         inner = [found for model in models for found in _models_in(_annotation(model, key))]
         models = named or inner or models
-    return [field.alias or name for model in models for name, field in model.model_fields.items()]
+    return [
+        field.alias or name
+        for model in models
+        for name, field in model.model_fields.items()
+        if not any(isinstance(part, Reserved) for part in field.metadata)
+    ]
 
 
 def _annotation(model: type[BaseModel], key: str | int) -> Any:

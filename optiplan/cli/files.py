@@ -1,26 +1,47 @@
 """Problem files as a person names them: a path, or the bare name of an example that comes with OptiPlan."""
 
 import difflib
+from collections.abc import Iterable
 from pathlib import Path
 
 from optiplan.data import problems_dir
 from optiplan.errors import InputError, Issue
+
+_ROBOT = "the description of a robot, which a robot file names (`urdf: …`) and a problem through it (`robot: …`)"
+_RUN = "what came of a run (`optiplan view` shows it)"
+_NOT_PROBLEMS = {".urdf": _ROBOT, ".xacro": _ROBOT, ".srdf": _ROBOT}
+_RUN_FILES = ("run.json", "trajectory.json")
 
 
 def find_problem(name: str) -> Path:
     """The file meant by `name`: a path that exists, else `01_reach`, `01_reach.yaml` or `problems/01_reach.yaml`.
 
     Raises:
-        InputError: naming the examples nearest to it.
+        InputError: nothing of that name, with the example nearest to it; a file that is no problem by its name.
     """
     path = Path(name)
-    if path.is_file():
+    other = _NOT_PROBLEMS.get(path.suffix.lower()) or (_RUN if path.name in _RUN_FILES else None)
+    if path.is_file() and other is None:
         return path
     examples = {example.stem: example for example in sorted(problems_dir().glob("*.yaml"))}
     if path.parent in (Path(), Path("problems")) and path.suffix in ("", ".yaml") and path.stem in examples:
         return examples[path.stem]
-    near = difflib.get_close_matches(path.stem, examples, n=1)
-    hint = f" (did you mean '{near[0]}'?)" if near else ""
-    found = "is a folder" if path.is_dir() else "no such file"
-    expected = f"a problem file, or one of the examples: {', '.join(examples)}{hint}"
-    raise InputError([Issue(name or "''", None, "file", found, expected)])
+    if path.is_file() and other is not None:
+        raise InputError([Issue(name, None, "file", other, "a problem file (YAML)")])
+    expected = f"a problem file, or one of the examples: {', '.join(examples)}{_hint(path.stem, examples)}"
+    raise InputError([Issue(name or "''", None, "file", _found(path) if name else "an empty name", expected)])
+
+
+def _found(path: Path) -> str:
+    if (path / _RUN_FILES[0]).is_file():
+        return f"the folder of a run: {_RUN}"
+    if path.is_dir():
+        return "is a folder"
+    return "is no regular file" if path.exists() else "no such file"
+
+
+def _hint(name: str, examples: Iterable[str]) -> str:
+    """The example that looks most like a name, or the only one that begins with it."""
+    begun = [example for example in examples if name and example.startswith(name)]
+    near = begun if len(begun) == 1 else difflib.get_close_matches(name, examples, n=1)
+    return f" (did you mean '{near[0]}'?)" if near else ""

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from optiplan.cli.completion import robot_names
 from optiplan.cli.output import Exit, print_json, results, stdout_is_ours
 
 _EXPECTED = "six numbers with commas between them: X,Y,Z,ROLL,PITCH,YAW"
@@ -21,7 +22,12 @@ def _pose(text: str) -> str:
 
 
 def ik(
-    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="a name of `optiplan robots`, or a robot.yaml")],
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="ROBOT", help="a name of `optiplan robots`, or a robot.yaml", autocompletion=robot_names
+        ),
+    ],
     pose: Annotated[
         str,
         typer.Option(callback=_pose, metavar="X,Y,Z,ROLL,PITCH,YAW", help="of the frame, in the robot's base frame"),

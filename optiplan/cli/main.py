@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -15,7 +16,7 @@ import typer
 import optiplan
 from optiplan.cli import bench, check, ik, importing, plan, planners, robots, verify, view, workspace
 from optiplan.cli.output import Exit, print_error, print_json, report_error, results
-from optiplan.errors import OptiPlanError
+from optiplan.errors import InputError, Issue, OptiPlanError
 
 HELP = """One YAML file in, one trajectory out that is [bold]proved[/] collision-free and within limits.
 
@@ -28,9 +29,19 @@ Exit codes: 0 verified · 2 bad input · 3 no plan found within the budget · 4 
 STDOUT_LOST = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EFBIG, errno.EDQUOT)
 """Errors without a file name by which writing to stdout fails: a full disk, a terminal that is gone."""
 
+USAGE = {
+    "Input should be a valid number, .*": "expected a number",
+    "Input should be a valid integer, .*": "expected a whole number",
+    "Input should be greater than or equal to ": "expected a number ≥ ",
+    "Input should be less than or equal to ": "expected a number ≤ ",
+}
+"""What typer says of the value of an option, and what we say."""
+
+COMPLETION = ("--install-completion", "--show-completion")
+"""Typer's own: they work for the shell that calls, and end with 1 where there is none."""
+
 app = typer.Typer(
     name="optiplan",
-    add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -92,7 +103,8 @@ def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code; no exception leaves, unless OPTIPLAN_DEBUG is set."""
     as_json = "--json" in arguments
     try:
-        return int(app(list(arguments) or ["--help"], prog_name="optiplan", standalone_mode=False) or 0)
+        code = int(app(list(arguments) or ["--help"], prog_name="optiplan", standalone_mode=False) or 0)
+        return _without_shell() if code and set(arguments) & set(COMPLETION) else code
     except typer.TyperException as error:  # the command line itself is wrong
         return _usage(error, as_json)
     except OptiPlanError as error:
@@ -107,7 +119,7 @@ def run(arguments: Sequence[str]) -> int:
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             return Exit.BUG
         # a file that a person named cannot be read or written
-        report_error(OptiPlanError(f"{error.filename or 'file'}: {error.strerror or error}"), as_json)
+        report_error(_file_error(error), as_json)
         return Exit.BAD_INPUT
     except Exception as error:
         if os.environ.get("OPTIPLAN_DEBUG"):
@@ -115,13 +127,27 @@ def run(arguments: Sequence[str]) -> int:
         return _bug(error, as_json)
 
 
+def _file_error(error: OSError) -> InputError:
+    expected = "a file, not a folder" if error.errno == errno.EISDIR else "one that can be read or written"
+    found = str(error.strerror or error).lower()
+    return InputError([Issue(str(error.filename or "file"), None, "file", found, expected)])
+
+
+def _without_shell() -> int:
+    print_error("optiplan: not called from a shell; expected bash, zsh, fish or PowerShell")
+    return Exit.BAD_INPUT
+
+
 def _usage(error: typer.TyperException, as_json: bool) -> int:
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "optiplan"
+    text = error.format_message()
+    for theirs, ours in USAGE.items():
+        text = re.sub(theirs, ours, text)
     if as_json:
-        print_json({"error": error.format_message(), "issues": [], "exit_code": int(Exit.BAD_INPUT)})
+        print_json({"error": text, "issues": [], "exit_code": int(Exit.BAD_INPUT)})
     else:
-        print_error(f"{command}: {error.format_message()}\nsee: {command} --help")
+        print_error(f"{command}: {text}\nsee: {command} --help")
     return Exit.BAD_INPUT
 
 

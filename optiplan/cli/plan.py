@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.files import find_problem
 from optiplan.cli.output import Exit, interrupts_held, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
@@ -17,6 +18,7 @@ BUDGET = 20.0
 """Seconds, when none are given."""
 PORT = 7000
 """First port that --view tries."""
+PROBLEM = "a problem file, or the name of an example: 01_reach"
 PLANNER = "instead of the file's; see: planners. all, or NAME,NAME,…: compares these"
 
 
@@ -27,8 +29,8 @@ def _positive(seconds: float) -> float:
 
 
 def plan(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="a problem file, or the name of an example: 01_reach")],
-    planner: Annotated[str | None, typer.Option(metavar="NAME", help=PLANNER)] = None,
+    file: Annotated[str, typer.Argument(metavar="FILE", help=PROBLEM, autocompletion=problem_names)],
+    planner: Annotated[str | None, typer.Option(metavar="NAME", help=PLANNER, autocompletion=planner_names)] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="instead of the file's")] = None,
     budget: Annotated[
         float, typer.Option(callback=_positive, metavar="S", help="seconds of wall time for the planner")

@@ -26,9 +26,13 @@ def planner_issues(path: Path) -> list[Issue]:
         if name is not None:
             make_planner(name, options)
     except UnknownChoiceError as error:
-        place = ("planner", error.found) if error.kind != "planner" else ("planner",)
-        known = [choice.partition(" (")[0] for choice in error.choices]
-        return [document.issue(place, f"unknown {error.kind} '{error.found}'", choices(error.found, known))]
+        if error.kind == "planner":
+            return [
+                document.issue(("planner",), f"unknown planner '{error.found}'", choices(error.found, error.choices))
+            ]
+        known = ["name", *(choice.partition(" (")[0] for choice in error.choices)]
+        found = f"unknown option '{error.found}' of planner '{name}'"
+        return [document.issue(("planner", error.found), found, choices(error.found, known))]
     except InputError as error:
         return _placed(document, error)
     return []
@@ -79,5 +83,5 @@ def _asked(data: Any) -> tuple[str | None, dict[str, Any]]:
     asked = data.get("planner") if isinstance(data, dict) else None
     if isinstance(asked, dict):
         name = asked.get("name", "trajopt")
-        return name if isinstance(name, str) else None, {key: asked[key] for key in asked if key != "name"}
+        return name if isinstance(name, str) and name else None, {key: asked[key] for key in asked if key != "name"}
     return asked if isinstance(asked, str) and asked else None, {}

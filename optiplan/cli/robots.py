@@ -6,10 +6,16 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from optiplan.cli.completion import robot_names
 from optiplan.cli.output import print_json, results, stdout_is_ours
 
 app = typer.Typer(invoke_without_command=True)
-Name = Annotated[str, typer.Argument(metavar="NAME", help="a robot that comes along, or the path of a robot.yaml")]
+Name = Annotated[
+    str,
+    typer.Argument(
+        metavar="NAME", help="a robot that comes along, or the path of a robot.yaml", autocompletion=robot_names
+    ),
+]
 Group = Annotated[str | None, typer.Option("--group", metavar="GROUP", help="one of the robot's groups of joints")]
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
 

@@ -5,12 +5,18 @@ from typing import Annotated
 
 import typer
 
+from optiplan.cli.completion import problem_names
 from optiplan.cli.files import find_problem
 from optiplan.cli.output import Exit, messages, print_json, results, stdout_is_ours
 
 
 def verify(
-    problem: Annotated[str, typer.Argument(metavar="PROBLEM", help="a problem file, or the name of an example")],
+    problem: Annotated[
+        str,
+        typer.Argument(
+            metavar="PROBLEM", help="a problem file, or the name of an example", autocompletion=problem_names
+        ),
+    ],
     run: Annotated[Path, typer.Argument(metavar="RUN", help="a run folder, or a trajectory.json")],
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
 ) -> int:

@@ -1,13 +1,12 @@
 """`optiplan view`: runs in the browser, or as a page to send."""
 
-import errno
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from optiplan.cli.output import results
+from optiplan.errors import InputError, Issue
 
 
 def view(
@@ -29,7 +28,7 @@ def view(
     from optiplan.viewer.page import export_page
 
     if export is not None and export.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(export))
+        raise InputError([Issue(str(export), None, "export", "is a folder", "a file to write, such as page.html")])
     problem, shown = open_runs(runs)
     if export is None:
         serve_page(problem, shown, port)

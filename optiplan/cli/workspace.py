@@ -1,5 +1,6 @@
 """`optiplan workspace`: where a robot's tool can be, how dexterous it is there, and how exact."""
 
+import math
 import time
 from collections.abc import Callable
 from functools import partial
@@ -9,16 +10,30 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from optiplan.cli.completion import robot_names
 from optiplan.cli.output import print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
-Names = Annotated[list[str], typer.Argument(metavar="ROBOT…", help="robots that come along, or paths of robot.yaml")]
+
+def _height(z: float | None) -> float | None:
+    if z is not None and not math.isfinite(z):
+        raise typer.BadParameter("expected a height in m")
+    return z
+
+
+Names = Annotated[
+    list[str],
+    typer.Argument(metavar="ROBOT…", help="robots that come along, or paths of robot.yaml", autocompletion=robot_names),
+]
 Count = Annotated[int, typer.Option(min=1, metavar="N", help="random configurations a robot")]
 Grid = Annotated[int | None, typer.Option(min=2, metavar="K", help="instead: K values a joint, K^n configurations")]
 Group = Annotated[str | None, typer.Option(metavar="G", help="of the robot's groups of joints")]
 Frame = Annotated[str | None, typer.Option(metavar="F", help="which frame; the robot's tool frame if left out")]
 Apart = Annotated[bool, typer.Option("--collision/--no-collision", help="leave out where the robot touches itself")]
-Floor = Annotated[float | None, typer.Option(metavar="Z", help="a floor at this height, m, not to be touched")]
+Floor = Annotated[
+    float | None,
+    typer.Option(callback=_height, metavar="Z", help="a floor at this height, m, not to be touched"),
+]
 Accuracy = Annotated[bool, typer.Option("--accuracy", help="map what the joints' resolution means at the tool")]
 Resolution = Annotated[
     str | None,

@@ -104,10 +104,11 @@ def check_locked(wanted: Mapping[str, float], planned: Sequence[str], urdf: Urdf
         InputError: with an issue for each, in the field `locked.<joint>`.
     """
     names = list(urdf.joint_types)
+    free = [name for name in names if name not in planned and urdf.joint_types[name] != "fixed"]
     issues: list[Issue] = []
     for name in wanted:
         if name not in names:
-            issues.append(document.issue(("locked", name), f"unknown joint '{name}'", choices(name, names)))
+            issues.append(document.issue(("locked", name), f"unknown joint '{name}'", choices(name, free)))
         elif name in planned:
             issues.append(document.issue(("locked", name), f"the planned joint '{name}'", "a joint outside the group"))
     if issues:

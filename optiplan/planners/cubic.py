@@ -5,29 +5,14 @@ From rest to rest, with s = t / T and D = q_goal - q_start:  q(t) = q_start + D 
 with `limits: {jerk: none}` can have it verified.
 """
 
-from dataclasses import dataclass
-
 from optiplan.arrays import Array
-from optiplan.planners.point_to_point import PointToPoint, Profile, ProfileOptions
-from optiplan.planners.polynomial import Family, polynomial_profile
+from optiplan.planners.point_to_point import PointToPoint, Profile
+from optiplan.planners.polynomial import EndOptions, Family, polynomial_profile
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.profiles import CUBIC
 
 
-@dataclass(frozen=True)
-class CubicOptions(ProfileOptions):
-    """Also velocities at the ends.
-
-    Attributes:
-        start_velocity: rad/s or m/s, one a joint; None is at rest.
-        end_velocity: the same at the goal.
-    """
-
-    start_velocity: tuple[float, ...] | None = None
-    end_velocity: tuple[float, ...] | None = None
-
-
-class Cubic(PointToPoint[CubicOptions]):
+class Cubic(PointToPoint[EndOptions]):
     """See the module."""
 
     def profile(self, problem: Problem, goal: Array) -> Profile:

@@ -1,5 +1,6 @@
 """Is a straight motion free at all its points? What samplers ask thousands of times."""
 
+from copy import copy
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
@@ -18,6 +19,7 @@ _TOLERANCE = 4e-6  # m; twice what coal's distances are trusted to
 _LEAST = 1e-6  # m of travel; a part not proved free by then counts as blocked
 _MOST = 1000  # queries, some 20 ms; a motion that takes more slides along an obstacle and counts as blocked
 _HEAVY_STEP = 0.05  # rad or m, largest joint, between looks at gravity, whose reserve covers what is between
+_UNIT, _SHORT_LEVER = 1.5, 0.1  # m; a joint that moves less than the second is measured as if it moved as much
 _UNBOUNDED = 1e6  # m, the stroke of a prismatic joint without bounds
 
 
@@ -38,10 +40,12 @@ class MotionCheck:
     Attributes:
         model: of the robot in its scene.
         limits: of its joints; `levers` hold within the position limits.
+        units: (n,) rad or m, what a search counts as one: the way of each joint in a second at full speed.
     """
 
     def __init__(self, model: CollisionModel, limits: Limits, gravity: Gravity | None = None) -> None:
         self.model, self.limits, self._gravity = model, limits, gravity
+        self.units = limits.velocity
         stroke = np.minimum(np.maximum(np.abs(limits.lower), np.abs(limits.upper)), _UNBOUNDED)
         self._levers, self._margins = model.bounds.levers(stroke), PairMargins(model)
 
@@ -64,6 +68,15 @@ class MotionCheck:
     def lift(self, q: Array) -> Array:
         """The robot's configuration (n,) of a configuration of this check."""
         return q
+
+    def by_levers(self) -> "MotionCheck":
+        """The same check, where one unit of a joint moves some point of the robot by up to `_UNIT`.
+
+        A slow joint is far in time and near in space; what is free depends on space.
+        """
+        twin = copy(self)
+        twin.units = _UNIT / np.maximum(self._levers.max(axis=0, initial=0.0), _SHORT_LEVER)
+        return twin
 
     def _heavy(self, a: Array, d: Array) -> bool:
         if self._gravity is None:
@@ -105,7 +118,7 @@ class PartialCheck(MotionCheck):
         """Take box (n,), (n,) within the limits; `joints` (n,) says which are searched."""
         limits = whole.limits
         fields = {name: getattr(limits, name)[joints] for name in ("velocity", "acceleration", "jerk", "torque")}
-        self.model = whole.model
+        self.model, self.units = whole.model, whole.units[joints]
         self.limits = replace(limits, lower=box[0][joints], upper=box[1][joints], **fields)
         self.still, self._whole, self._joints = still, whole, joints
 

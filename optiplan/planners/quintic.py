@@ -6,31 +6,27 @@ With s = t / T from 0 to 1 and D = q_goal - q_start,
 
 which starts and ends at rest with no acceleration. Its largest velocity is 1.875 |D| / T, its largest acceleration
 (10 / sqrt(3)) |D| / T^2 and its largest jerk 60 |D| / T^3: T is the smallest that keeps all three within limits.
-With velocities or accelerations at the ends it is the one polynomial of degree five that has them.
+With accelerations at the ends it is the one polynomial of degree five that has them.
 """
 
 from dataclasses import dataclass
 
 from optiplan.arrays import Array
-from optiplan.planners.point_to_point import PointToPoint, Profile, ProfileOptions
-from optiplan.planners.polynomial import Family, polynomial_profile
+from optiplan.planners.point_to_point import PointToPoint, Profile
+from optiplan.planners.polynomial import EndOptions, Family, polynomial_profile
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.profiles import QUINTIC
 
 
 @dataclass(frozen=True)
-class QuinticOptions(ProfileOptions):
-    """Also velocities and accelerations at the ends.
+class QuinticOptions(EndOptions):
+    """Also accelerations at the ends.
 
     Attributes:
-        start_velocity: rad/s or m/s, one a joint; None is at rest.
-        end_velocity: the same at the goal.
         start_acceleration: rad/s² or m/s², one a joint; None is none.
         end_acceleration: the same at the goal.
     """
 
-    start_velocity: tuple[float, ...] | None = None
-    end_velocity: tuple[float, ...] | None = None
     start_acceleration: tuple[float, ...] | None = None
     end_acceleration: tuple[float, ...] | None = None
 

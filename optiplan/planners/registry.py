@@ -13,6 +13,8 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.planners.base import Planner
+from optiplan.planners.option_words import in_words, out_of_range
+from optiplan.yaml_words import describe
 
 
 @dataclass(frozen=True)
@@ -95,9 +97,9 @@ PLANNERS: dict[str, PlannerEntry] = {
         ),
         PlannerEntry(
             "cubic",
-            "one polynomial of degree three a joint, any velocities at the ends",
+            "one polynomial of degree three a joint",
             "optiplan.planners.cubic:Cubic",
-            "optiplan.planners.cubic:CubicOptions",
+            "optiplan.planners.polynomial:EndOptions",
         ),
         PlannerEntry(
             "informed_rrtstar",
@@ -189,7 +191,7 @@ PLANNERS: dict[str, PlannerEntry] = {
         ),
         PlannerEntry(
             "septic",
-            "one polynomial of degree seven a joint, any velocities, accelerations and jerks at the ends",
+            "one polynomial of degree seven a joint, with any jerk at the ends",
             "optiplan.planners.septic:Septic",
             "optiplan.planners.septic:SepticOptions",
         ),
@@ -257,14 +259,13 @@ def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner
         try:
             values[key] = TypeAdapter(types[key], config=ConfigDict(strict=True)).validate_python(_frozen(value))
         except ValidationError:
-            issues.append(Issue(f"planner '{name}'", None, key, f"{value!r}", valid[key].kind))
+            issues.append(Issue(f"planner '{name}'", None, key, describe(value), in_words(valid[key].kind)))
     if issues:
         raise InputError(issues)
     try:
         made = _load(entry.options)(**values)
     except ValueError as error:  # the dataclass checks ranges by itself
-        named = next((key for key in valid if key in re.findall(r"\w+", str(error))), "options")
-        raise InputError([Issue(f"planner '{name}'", None, named, str(error), "values in range")]) from None
+        raise InputError([out_of_range(name, valid, str(error))]) from None
     for module in LIBRARIES.get(entry.family, ()):
         import_module(module)
     return cast(Planner, _load(entry.planner)(made))

@@ -7,27 +7,23 @@ The jerk starts and ends at 0 as well, at the price of higher peaks: 2.1875 |D| 
 from dataclasses import dataclass
 
 from optiplan.arrays import Array
-from optiplan.planners.point_to_point import PointToPoint, Profile, ProfileOptions
-from optiplan.planners.polynomial import Family, polynomial_profile
+from optiplan.planners.point_to_point import PointToPoint, Profile
+from optiplan.planners.polynomial import EndOptions, Family, polynomial_profile
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.profiles import SEPTIC
 
 
 @dataclass(frozen=True)
-class SepticOptions(ProfileOptions):
-    """Also velocities, accelerations and jerks at the ends.
+class SepticOptions(EndOptions):
+    """Also accelerations and jerks at the ends.
 
     Attributes:
-        start_velocity: rad/s or m/s, one a joint; None is at rest.
-        end_velocity: the same at the goal.
         start_acceleration: rad/s² or m/s², one a joint; None is none.
         end_acceleration: the same at the goal.
         start_jerk: rad/s³ or m/s³, one a joint; None is none.
         end_jerk: the same at the goal.
     """
 
-    start_velocity: tuple[float, ...] | None = None
-    end_velocity: tuple[float, ...] | None = None
     start_acceleration: tuple[float, ...] | None = None
     end_acceleration: tuple[float, ...] | None = None
     start_jerk: tuple[float, ...] | None = None

@@ -28,7 +28,7 @@ def search_bounds(limits: Limits, ends: Ends) -> tuple[Array, Array]:
 
 
 class SearchSpace:
-    """Joint space scaled to x = q / velocity limit, in s, within `search_bounds`.
+    """Joint space scaled to x = q / units, by default in s at full speed, within `search_bounds`.
 
     Attributes:
         information: OMPL's space information: states and motions are proved free.
@@ -37,12 +37,12 @@ class SearchSpace:
     def __init__(self, check: MotionCheck, ends: Ends) -> None:
         from ompl import base
 
-        self._robot, self._speed, self._n = check.model.robot, check.limits.velocity, len(ends[0])
+        self._robot, self._units, self._n = check.model.robot, check.units, len(ends[0])
         self._lower, self._upper = search_bounds(check.limits, ends)
         bounds = base.RealVectorBounds(self._n)
         for j in range(self._n):
-            bounds.setLow(j, float(self._lower[j] / self._speed[j]))
-            bounds.setHigh(j, float(self._upper[j] / self._speed[j]))
+            bounds.setLow(j, float(self._lower[j] / self._units[j]))
+            bounds.setHigh(j, float(self._upper[j] / self._units[j]))
         self._space = base.RealVectorStateSpace(self._n)
         self._space.setBounds(bounds)
         self._check = check
@@ -54,7 +54,7 @@ class SearchSpace:
 
     def read(self, state: Any) -> Array:
         """The configuration (n,) of a state."""
-        return np.array([state[j] for j in range(self._n)]) * self._speed
+        return np.array([state[j] for j in range(self._n)]) * self._units
 
     def _valid(self, state: Any) -> bool:
         return not self._check.blocked(self.read(state))
@@ -90,22 +90,22 @@ class SearchSpace:
 
     def _state(self, q: Array) -> Any:
         state = self.information.allocState()
-        for j, x in enumerate(np.clip(q, self._lower, self._upper) / self._speed):
+        for j, x in enumerate(np.clip(q, self._lower, self._upper) / self._units):
             state[j] = float(x)
         return state
 
     def path_time(self) -> Any:
-        """The objective sum over segments of max_j |dx_j| + 0.1 ||dx||, as `shortcut.path_time` has it."""
+        """The objective sum over segments of max_j |dq_j / v_j| + 0.1 ||dq / v||, as `shortcut.path_time` has it."""
         from ompl import base
 
-        joints = range(self._n)
+        seconds = (self._units / self._check.limits.velocity).tolist()
 
         class PathTime(base.OptimizationObjective):  # type: ignore[misc]  # ompl has no types
             def stateCost(self, state: Any) -> Any:
                 return base.Cost(0.0)
 
             def motionCost(self, a: Any, b: Any) -> Any:
-                d = [a[j] - b[j] for j in joints]
+                d = [(a[j] - b[j]) * s for j, s in enumerate(seconds)]
                 return base.Cost(max(max(d), -min(d)) + TWO_NORM_SHARE * hypot(*d))
 
             def motionCostHeuristic(self, a: Any, b: Any) -> Any:

@@ -4,6 +4,7 @@ These classes hold what the file says, after checks that need nothing but the fi
 against the robot and the scene.
 """
 
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
@@ -24,18 +25,21 @@ from optiplan.problem.values import (
     Vector,
 )
 from optiplan.yaml_lines import Number, Strict, Whole
+from optiplan.yaml_words import Reserved
 
 
-def _empty(what: str) -> AfterValidator:
+def _empty(what: str) -> Reserved:
     def check(values: tuple[Any, ...]) -> tuple[Any, ...]:
         if values:
             raise ValueError(f"an empty list: {what} are not supported in this release")
         return values
 
-    return AfterValidator(check)
+    return Reserved(check)
 
 
 def _named(value: Any) -> Any:
+    if not isinstance(value, str | Mapping | PlannerSpec):
+        raise ValueError("the name of a planner, or {name: …} with its options")
     return {"name": value} if isinstance(value, str) else value
 
 

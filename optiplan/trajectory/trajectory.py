@@ -107,22 +107,26 @@ class Trajectory:
             c = polynomial.derivative(c)
         return np.swapaxes(c, 1, 2)
 
-    def __call__(self, t: Array, order: int = 0) -> Array:
+    def __call__(self, t: Array, order: int = 0, *, clamp: bool = False) -> Array:
         """Derivative of the given order (0 to 3) at times t (k,), s: array (k, n), rad/s^order or m/s^order.
 
+        With `clamp` the motion is q(min(max(t, 0), duration)): before and after, the robot stands at the nearer end,
+        with derivatives of 0.
+
         Raises:
-            ValueError: if a time is outside [0, duration] by more than 1e-9 s, or not a number.
+            ValueError: if a time is outside [0, duration] by more than 1e-9 s without `clamp`, or not a number.
         """
         t = np.atleast_1d(np.asarray(t, dtype=float))
-        if not ((t >= -_OUTSIDE) & (t <= self.duration + _OUTSIDE)).all():
-            raise ValueError(f"t: found [{t.min()}, {t.max()}]; expected times in [0, {self.duration}]")
+        inside = (t >= -_OUTSIDE) & (t <= self.duration + _OUTSIDE)
+        if not (inside.all() or (clamp and not np.isnan(t).any())):
+            raise ValueError(f"t: found [{t.min()}, {t.max()}]; expected times in [0, {self.duration}], or clamp=True")
         piece = np.searchsorted(self.breakpoints[1:-1], t, side="right")
         c = self._derivatives[order] if 0 <= order < 4 else self.derivatives(order)
         local = (np.clip(t, 0.0, self.duration) - self.breakpoints[piece])[:, None]
         value = c[piece, -1]
         for k in range(c.shape[1] - 2, -1, -1):
             value = value * local + c[piece, k]
-        return np.asarray(value)
+        return np.asarray(value) if order == 0 else np.where(inside[:, None], value, 0.0)
 
     def extrema(self, order: int) -> tuple[Array, Array]:
         """Exact minimum and maximum of a derivative over all time: two arrays of shape (n,), rad/s^order."""

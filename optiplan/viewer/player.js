@@ -128,7 +128,7 @@
 
   function switchSets(view) {
     for (const run of scene.runs) {
-      run.figure.traverse((o) => { if (o.userData.set && o.userData.set !== "attached") o.visible = o.userData.set === view; });
+      run.figure.traverse((o) => { if (["visual", "collision"].includes(o.userData.set)) o.visible = o.userData.set === view; });
     }
   }
 
@@ -160,7 +160,7 @@
   if (scene.layers.path.children.length) addLayer("path", "Tool path", true, layer("path"));
   addLayer("start", "Start", wish.get("ghosts") !== "0", layer("start"));
   if (scene.layers.goal.children.length) addLayer("goal", "Goal", wish.get("ghosts") !== "0", layer("goal"));
-  addLayer("collision", "Collision shape", wish.get("view") === "collision", (on) => switchSets(on ? "collision" : "visual"));
+  if (data.parts.some((part) => part.set === "collision")) addLayer("collision", "Collision shape", wish.get("view") === "collision", (on) => switchSets(on ? "collision" : "visual"));
   addLayer("floor", "Floor", true, (on) => { scene.floor.visible = on; });
   if (scene.layers.ellipsoids.children.length) {
     addLayer("ellipsoids", "Ellipsoids", wish.has("ellipsoids"), layer("ellipsoids"));
@@ -168,6 +168,8 @@
   }
   if (data.runs.some((run) => run.witnesses.length)) addLayer("witness", "Where it failed", true, layer("witness"));
   data.runs.forEach(addRunCard);
+  byId("note").textContent = data.note;
+  byId("note").hidden = !data.note;
   if (innerWidth < 620 || innerHeight < 420) byId("card").open = false;
 
   for (const speed of SPEEDS) byId("speed").append(new Option(speed + "×", String(speed)));

@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.model.manipulability import ToolKinematics, ellipsoids, scaled
+from optiplan.pipeline import STILL
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
@@ -111,7 +112,7 @@ def _facts(problem: Problem, trajectory: Trajectory, report: Mapping[str, Any] |
     ends = trajectory(np.array([0.0, trajectory.duration]))
     bound = lower_bound(ends[0], ends[1], problem.limits)
     facts = [("duration", f"{trajectory.duration:.3f} s")]
-    if bound > 1e-9:
+    if bound >= STILL:
         facts.append(("× lower bound", f"{trajectory.duration / bound:.3f}"))
     for check in (report or {}).get("checks", ()):
         if check.get("name") == "collision" and check.get("worst") is not None:

@@ -94,7 +94,7 @@ const OptiPlanScene = (() => {
       if (run.path) this.coloured++; // what did not move needs no colour of its own
       const mixed = new THREE.Color(colour).toArray(), behind = { polygonOffset: true, polygonOffsetFactor: 0.5 * k, polygonOffsetUnits: k };
       const material = (part) => this.surface(part.colour.map((c, i) => (i < 3 ? c + tint * (mixed[i] - c) : c)), k ? behind : {});
-      const figure = this.figure(material, ["visual", "collision", "attached"]);
+      const figure = this.figure(material, ["visual", "collision", "frame", "attached"]);
       figure.bodies[0].visible = k === 0; // what is bolted down is the same in every figure
       const poses = run.poses ? floats(run.poses) : floats(this.data.start);
       const shown = { figure, poses, samples: run.samples || 1, duration: run.duration || 0, colour, path: null, witness: new THREE.Group() };
@@ -129,7 +129,7 @@ const OptiPlanScene = (() => {
 
     addGhost(layer, poses, colour, opacity = 0.3) {
       const materials = this.ghostMaterials(colour, opacity);
-      const ghost = this.figure(() => materials, ["visual", "attached"]);
+      const ghost = this.figure(() => materials, ["visual", "frame", "attached"]);
       ghost.bodies[0].visible = false;
       for (const body of ghost.bodies) body.traverse((o) => { o.receiveShadow = false; });
       this.pose(ghost, floats(poses));

@@ -15,6 +15,7 @@ from optiplan.model.scene import HalfSpace, Shape
 from optiplan.model.shapes import build_geometry
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.viewer.runs import Poses, RunLike, ViewedRun, show_run
+from optiplan.viewer.skeleton import skeleton
 from optiplan.viewer.surfaces import Colour, encode, packed, visual_surfaces
 
 _PLAIN: Colour = (0.93, 0.94, 0.95, 1.0)
@@ -22,6 +23,7 @@ _COLLISION: Colour = (0.45, 0.62, 0.78, 1.0)
 _HELD: Colour = (0.90, 0.62, 0.25, 1.0)
 _FURNITURE: Colour = (0.70, 0.63, 0.54, 1.0)
 _THING: Colour = (0.42, 0.60, 0.60, 1.0)
+_BARE = "Robot '{}' has no bodies. Its joint and tool frames are drawn instead, and the lines between them."
 _THING_SIZE = 0.35  # m; obstacles smaller than this in every direction are coloured as things, the others as furniture
 
 
@@ -32,12 +34,14 @@ class SceneData:
     Attributes:
         name: of the problem; the page's title.
         geometries: each shape once.
-        parts: `{set, name, body, geometry, pose, colour}`; body 0 is the world, body j the robot's joint j.
+        parts: `{set, name, body, geometry, pose, colour}`; body 0 is the world, body j the robot's joint j; a robot
+            without any geometry has its frames in the set `frame`.
         bodies: how many joints move.
         start: poses of the joints at the start, (1, bodies, 7).
         goal: the same at the end to be reached, None when it is not known.
         targets: poses that the goal names, and those of the vias: the tool's where a via gives joint values.
         runs: what is played, see `runs.show_run`.
+        note: what a person should know about the picture, empty for nothing.
     """
 
     name: str
@@ -48,6 +52,7 @@ class SceneData:
     goal: str | None
     targets: tuple[list[float], ...]
     runs: tuple[dict[str, Any], ...]
+    note: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready form."""
@@ -90,7 +95,8 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
             found, n = len(run.trajectory.joint_names), problem.robot.n
             raise OptiPlanError(f"run '{run.label}' moves {found} joints; robot '{problem.robot.name}' has {n}")
     parts, poses = _Parts(), Poses(problem)
-    _add_robot(parts, problem.robot)
+    bare = not problem.robot.visual.geometryObjects and not problem.robot.geometry.geometryObjects
+    (_add_frames if bare else _add_robot)(parts, problem.robot)
     _add_objects(parts, problem)
     ends = [run.trajectory for run in viewed if run.trajectory is not None]
     goal = ends[0](np.array([ends[0].duration]))[0] if ends else None
@@ -106,6 +112,7 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         goal=None if goal is None else packed(poses.of(goal[None])[0]),
         targets=_targets(problem),
         runs=tuple(show_run(problem, poses, run) for run in viewed),
+        note=_BARE.format(problem.robot.name) if bare else "",
     )
 
 
@@ -134,6 +141,13 @@ def _add_robot(parts: _Parts, robot: Robot) -> None:
         parts.add("collision", thing.name, thing.parentJoint, thing.placement, (drawn, _COLLISION))
         if thing.parentFrame not in seen:
             parts.add("visual", thing.name, thing.parentJoint, thing.placement, (drawn, _PLAIN))
+
+
+def _add_frames(parts: _Parts, robot: Robot) -> None:
+    for piece in skeleton(robot):
+        key = ("frame", piece.cylinder.radius, piece.cylinder.halfLength)
+        drawn = parts.geometry(key, partial(encode, piece.cylinder))
+        parts.add("frame", piece.name, piece.body, piece.X_BP, (drawn, piece.colour))
 
 
 def _add_visual(parts: _Parts, thing: pin.GeometryObject) -> None:

@@ -18,10 +18,20 @@ HELD = "attached: [{name: h, shape: {half_space: {normal: [0, 0, 1]}}, link: for
         ("obstacles:", f"{HELD}, obstacles:", 6, "no robot can carry a half-space"),
         ("planner: quintic", "planner: quintix", 7, "did you mean 'quintic'"),
         ("planner: quintic", "planner: {name: trajopt, spams: 3}", 7, "did you mean 'spans'"),
-        ("planner: quintic", "planner: {name: trajopt, spans: -3}", 7, "not within 4 to 1000"),
-        ("planner: quintic", "planner: {name: trajopt, solver: foo}", 7, "is not one of"),
-        ("planner: quintic", "planner: {name: rrtconnect, reach: -1.0}", 7, "not positive"),
+        (
+            "planner: quintic",
+            "planner: {name: trajopt, spans: -3}",
+            7,
+            "planner.spans: -3; expected a number from 4 to 1000",
+        ),
+        ("planner: quintic", "planner: {name: trajopt, solver: foo}", 7, "planner.solver: 'foo'; expected one of "),
+        ("planner: quintic", "planner: {name: rrtconnect, reach: -1.0}", 7, "expected a finite number > 0"),
         ("planner: quintic", "planner: {name: quintic, 3: 4}", 7, "the key '3'"),
+        ("planner: quintic", "planner: {nam: quintic}", 7, "unknown option 'nam' of planner 'trajopt'"),
+        ("planner: quintic", "planner: {nam: quintic}", 7, "did you mean 'name'"),
+        ("planner: quintic", "planner: [quintic]", 7, "the name of a planner, or {name: …} with its options"),
+        ("planner: quintic", "planner:", 7, "the name of a planner, or {name: …} with its options"),
+        ("planner: quintic", "planner: {name: quintic, duration: fast}", 7, "'fast'; expected a number"),
         ("planner: quintic", "limits: {velocity: 1.0e-320}", 7, "≥ 1e-06"),
         ("robot: planar2r", "robot: no/robot.yaml", 3, "there is no file"),
         ("robot: planar2r", "robot: " + "a" * 4000, 3, "too long"),
@@ -36,6 +46,32 @@ def test_it_is_told_with_its_line_by_check_and_plan(optiplan, free, old, new, li
         assert code == 2
         assert f"{free}:{line}: " in err
         assert words in err
+
+
+def test_keys_whose_values_are_refused_are_not_suggested(optiplan, free):
+    """`path_constraints` may be empty, and nothing else so far: it is no help to anybody who mistypes a key."""
+    text = free.read_text()
+    for key in ("path_constraint", "constraints"):
+        free.write_text(f"{text}{key}: []\n")
+        code, _, err = optiplan("check", free)
+        assert (code, f"unknown key '{key}'" in err) == (2, True)
+        assert "path_constraints" not in err
+        assert "limits, objective" in err
+    free.write_text(f"{text}path_constraints: []\n")
+    assert optiplan("check", free)[0] == 0
+
+
+def test_joints_that_cannot_be_locked_are_not_suggested(optiplan, free):
+    free.write_text(free.read_text() + "locked: {elbo: 1}\n")
+    code, _, err = optiplan("check", free)
+    assert (code, "unknown joint 'elbo'" in err) == (2, True)
+    assert "expected none, since there is none to choose" in err
+
+
+def test_an_empty_planner_name_is_told_once(optiplan, free):
+    free.write_text(free.read_text().replace("planner: quintic", "planner: {name: ''}"))
+    code, _, err = optiplan("check", free)
+    assert (code, err.count("\n")) == (2, 1)
 
 
 def test_a_broken_mesh_is_told_in_one_line(optiplan, free):
@@ -90,4 +126,32 @@ def test_json_before_the_subcommand_and_for_srdf(optiplan, optiplan_json, tmp_pa
     assert json.loads(optiplan("robots", "--json", "show", "planar2r")[1])["name"] == "planar2r"
     assert optiplan_json("robots", "srdf", "planar2r", tmp_path / "p.srdf")[1]["written"] == str(tmp_path / "p.srdf")
     code, _, err = optiplan("robots", "srdf", "planar2r", tmp_path)
-    assert (code, err) == (2, f"optiplan: {tmp_path}: Is a directory\n")
+    assert (code, err) == (2, f"{tmp_path}: file: is a directory; expected a file, not a folder\n")
+
+
+def test_a_file_of_another_kind_is_told_in_one_line(optiplan, free, tmp_path):
+    robot, suite = tmp_path / "robot.yaml", tmp_path / "suite.yaml"
+    robot.write_text("version: 1\nname: mine\nurdf: a.urdf\n")
+    suite.write_text("version: 1\nproblems: [{file: free.yaml}]\nplanners: [quintic]\n")
+    for command, file, found, expected in (
+        (("plan",), robot, "a robot file", "a problem file"),
+        (("check",), suite, "a suite file", "a problem file"),
+        (("robots", "show"), free, "a problem file", "a robot file"),
+        (("bench",), free, "a problem file", "a suite file"),
+    ):
+        code, _, err = optiplan(*command, file)
+        assert (code, err) == (2, f"{file}:1: file: {found}; expected {expected}\n")
+
+
+def test_a_folder_where_a_file_is_written_is_told(optiplan, tmp_path):
+    code, out, err = optiplan("robots", "export", "planar2r", tmp_path)
+    assert (code, out) == (2, "")
+    assert err == f"{tmp_path}: file: is a directory; expected a file, not a folder\n"
+
+
+@pytest.mark.parametrize("floor", ["nan", "inf", "-inf"])
+def test_a_floor_that_is_no_height_is_refused(optiplan, floor):
+    code, out, err = optiplan("workspace", "planar2r", "--samples", "10", f"--floor={floor}")
+    assert (code, out) == (2, "")
+    assert "--floor" in err
+    assert "a height in m" in err

@@ -34,3 +34,41 @@ def test_only_the_plain_name_means_an_example(name):
 def test_folder_is_no_problem(tmp_path):
     with pytest.raises(InputError, match="is a folder"):
         find_problem(str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("arm.urdf", "the description of a robot"),
+        ("arm.urdf.xacro", "the description of a robot"),
+        ("trajectory.json", "`optiplan view` shows it"),
+    ],
+)
+def test_a_file_that_is_no_problem_by_its_name_is_told_so(tmp_path, name, words):
+    (tmp_path / name).write_text("<robot/>")
+    with pytest.raises(InputError, match="expected a problem file") as caught:
+        find_problem(str(tmp_path / name))
+    assert words in str(caught.value)
+
+
+def test_the_folder_of_a_run_is_told_so(tmp_path):
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(InputError, match="the folder of a run"):
+        find_problem(str(tmp_path))
+
+
+def test_a_device_is_no_problem():
+    with pytest.raises(InputError, match="is no regular file"):
+        find_problem("/dev/null")
+
+
+def test_the_beginning_of_an_example_is_enough_for_a_hint():
+    with pytest.raises(InputError, match=r"did you mean '28_circle_of_base_and_arm'\?"):
+        find_problem("28")
+
+
+def test_an_empty_name_is_not_the_folder_one_stands_in(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("run.json").write_text("{}")
+    with pytest.raises(InputError, match="'': file: an empty name"):
+        find_problem("")

@@ -6,6 +6,7 @@ import pytest
 
 from optiplan import __version__
 from optiplan.cli import main
+from optiplan.errors import InputError, Issue
 from optiplan.planners.registry import PLANNERS
 
 
@@ -34,6 +35,28 @@ def test_wrong_usage_is_exit_code_2_and_points_to_help(optiplan, arguments):
     assert (code, out) == (2, "")
     assert "--help" in err
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["plan", "a", "--budget", "soon"], "'--budget': expected a number\n"),
+        (["plan", "a", "--budget", "0"], "'--budget': expected a number of seconds above 0\n"),
+        (["plan", "a", "--budget", "nan"], "'--budget': expected a number of seconds above 0\n"),
+        (["plan", "a", "--seed", "1.5"], "'--seed': expected a whole number\n"),
+        (["plan", "a", "--seed", "-1"], "'--seed': expected a number ≥ 0\n"),
+        (["view", "a", "--port", "70000"], "'--port': expected a number ≤ 65535\n"),
+    ],
+)
+def test_values_of_options_that_do_not_fit(optiplan, arguments, words):
+    code, out, err = optiplan(*arguments)
+    assert (code, out) == (2, "")
+    assert words in err
+
+
+def test_what_is_wrong_is_told_once():
+    issue = Issue("a.yaml", 3, "limits", "-1", "a number > 0")
+    assert str(InputError([issue, issue])) == str(issue)
 
 
 def test_wrong_usage_in_json_mode(optiplan_json):

@@ -111,7 +111,7 @@ def test_budget_is_a_positive_number(optiplan, free, budget):
 def test_unknown_planner_lists_the_known(optiplan, free):
     code, _, err = optiplan("plan", free, "--planner", "rrt")
     assert code == 2
-    assert f"unknown planner 'rrt'; choose from: {', '.join(sorted(PLANNERS))}" in err
+    assert f"unknown planner 'rrt'; choose from: {', '.join(sorted(PLANNERS))} (did you mean 'rrtstar'?)" in err
 
 
 def test_broken_file_is_told_with_its_line(optiplan, optiplan_json, free):

@@ -62,3 +62,9 @@ def test_a_trajectory_changed_since_does_not_wear_the_old_verdict(run):
     motion["pieces"]["breakpoints"] = [0.5 * t for t in motion["pieces"]["breakpoints"]]
     (run / "trajectory.json").write_text(json.dumps(motion))
     assert not viewing.open_runs([run])[1][0].report["verified"]
+
+
+def test_export_to_a_folder_says_what_to_give(optiplan, run, tmp_path):
+    code, out, err = optiplan("view", run, "--export", tmp_path)
+    assert (code, out) == (2, "")
+    assert err == f"{tmp_path}: export: is a folder; expected a file to write, such as page.html\n"

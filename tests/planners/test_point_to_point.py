@@ -156,7 +156,7 @@ def test_each_joint_of_a_trapezoid_has_bounds_of_its_own():
         ("quintic", {"motion": "together"}),
         ("quintic", {"start_velocity": [0.1]}),
         ("quintic", {"end_velocity": [0.1, float("nan")]}),
-        ("cubic", {"end_velocity": [0.1, 0.0], "motion": "sequential"}),
+        ("septic", {"end_jerk": [0.1, 0.0], "motion": "sequential"}),
         ("lspb", {"velocity": 1.0, "blend_time": 1.0}),
         ("lspb", {"blend_time": -1.0}),
         ("lspb", {"velocity": 0.0}),
@@ -169,19 +169,27 @@ def test_options_that_make_no_sense_are_input_errors(name, options):
         plan(cases.planar(), name, **options)
 
 
-def test_velocities_and_accelerations_at_the_ends():
-    ends = {"start_velocity": [0.2, -0.1], "end_velocity": [0.0, 0.3], "end_acceleration": [0.5, 0.0]}
-    found = plan(cases.planar(), "quintic", **ends).trajectory
+@pytest.mark.parametrize("name", ["cubic", "quintic", "septic"])
+@pytest.mark.parametrize("option", ["start_velocity", "end_velocity"])
+def test_velocities_at_the_ends_are_refused_at_once(name, option):
+    with pytest.raises(InputError, match=rf"{option} = \[0\.2, 0\.0\]: problems start and end at rest"):
+        make_planner(name, {option: [0.2, 0.0]})
+    make_planner(name, {option: [0.0, 0.0]})
+
+
+def test_accelerations_at_the_ends_where_the_jerk_is_free():
+    ends = {"end_acceleration": [0.5, 0.0]}
+    problem = free_of_jerk(cases.planar())
+    found = plan(problem, "quintic", **ends).trajectory
     t = np.array([0.0, found.duration])
-    assert found(t, 1) == pytest.approx(np.array([[0.2, -0.1], [0.0, 0.3]]), abs=1e-9)
+    assert found(t, 1) == pytest.approx(0.0, abs=1e-9)
     assert found(t, 2) == pytest.approx(np.array([[0.0, 0.0], [0.5, 0.0]]), abs=1e-9)
-    assert excess(found, cases.planar().limits) is None
-    report = verify(cases.planar(), found)
-    assert {check.name for check in report.failures} == {"rest"}
-    with_jerk = plan(cases.planar(), "septic", **ends, start_jerk=[2.0, 0.0]).trajectory
+    assert verify(problem, found).verified
+    with_jerk = plan(cases.planar(), "septic", start_jerk=[2.0, 0.0]).trajectory
     assert with_jerk(np.zeros(1), 3)[0] == pytest.approx([2.0, 0.0], abs=1e-9)
-    failure = plan(cases.planar(), "cubic", start_velocity=[3.0, 0.0]).failure
-    assert (failure.kind, failure.witness["joint"], failure.witness["quantity"]) == ("limits", "shoulder", "velocity")
+    assert verify(cases.planar(), with_jerk).verified
+    with pytest.raises(InputError, match=r"end_acceleration.*jerk"):
+        plan(cases.planar(), "quintic", **ends)
 
 
 @pytest.mark.parametrize("name", FAMILY)

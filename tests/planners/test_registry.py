@@ -34,9 +34,9 @@ def test_all_wrong_types_are_reported_at_once():
     with pytest.raises(InputError) as caught:
         make_planner("rrtconnect", {"reach": "far", "goals": 2.5, "attempts": True})
     assert [(issue.field, issue.found, issue.expected) for issue in caught.value.issues] == [
-        ("reach", "'far'", "float"),
-        ("goals", "2.5", "int"),
-        ("attempts", "True", "int"),
+        ("reach", "'far'", "a number"),
+        ("goals", "2.5", "a whole number"),
+        ("attempts", "true", "a whole number"),
     ]
 
 

@@ -1,15 +1,19 @@
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from optiplan.errors import InputError
 from optiplan.model.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
+from optiplan.model.shapes import build_geometry
 from optiplan.problem.load import check_file, load_problem, problem_from_dict
 from optiplan.problem.problem import JointGoal, Objective, PoseGoal
 
+ROOT = Path(__file__).parents[2]
 GOAL = "{joints: [1, 0.5]}"
 NO_BODIES = "attached: []"
 ATTACH = "attached: [{name: part, shape: {sphere: 0.01}, link: LINK, pose: {position: [0.05, 0, 0]}, touch: [TOUCH]}]"
@@ -117,6 +121,16 @@ def test_broken_mesh_is_an_issue(write, tmp_path):
     (issue,) = check_file(write("{sphere: 0.1}", "{mesh: {file: a.stl}}"))
     assert issue.field == "scene.obstacles[0].shape.mesh.file"
     assert "cannot read mesh" in issue.found
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "glb"])
+def test_mesh_formats_of_the_docs_are_read(write, tmp_path, suffix):
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / f"a.{suffix}")
+    (obstacle,) = load_problem(write("{sphere: 0.1}", f"{{mesh: {{file: a.{suffix}}}}}")).scene.obstacles
+    box = build_geometry(obstacle.shape).aabb_local
+    assert np.allclose(np.sort(box.max_ - box.min_), [0.1, 0.2, 0.3], atol=1e-6)  # z up, whatever the file's own is
+    row = next(line for line in (ROOT / "docs" / "problem.md").read_text().splitlines() if line.startswith("| `mesh`"))
+    assert suffix.upper() in row
 
 
 def test_start_in_collision_names_bodies_and_depth(write):

@@ -54,6 +54,23 @@ def test_times_outside_are_refused(t):
         random_trajectory(4)(np.array([0.1, t]))
 
 
+@pytest.mark.parametrize("order", range(4))
+def test_clamped_times_let_the_robot_stand_at_the_nearer_end(order):
+    """Of q(min(max(t, 0), T)): the ends themselves belong to the motion, beyond them nothing moves."""
+    traj = random_trajectory(4)
+    t = np.array([-np.inf, -0.5, 0.0, 0.3 * traj.duration, traj.duration, traj.duration + 1e-6, 99.0, np.inf])
+    found = traj(t, order, clamp=True)
+    np.testing.assert_array_equal(found[2:5], traj(t[2:5], order))
+    for k, end in ((0, traj.start), (1, traj.start), (5, traj.end), (6, traj.end), (7, traj.end)):
+        np.testing.assert_array_equal(found[k], end if order == 0 else np.zeros(traj.n))
+    assert np.abs(found[4]).max() > 0.0
+
+
+def test_a_time_that_is_no_number_is_refused_even_if_clamped():
+    with pytest.raises(ValueError, match="found \\[nan"):
+        random_trajectory(4)(np.array([0.1, np.nan]), clamp=True)
+
+
 @settings(max_examples=150, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 7), st.integers(0, 3), st.sampled_from([0.0, 1e-17, 1e-12, 1e-8, 1.0]))
 def test_extrema_bound_dense_samples_and_are_reached(seed, degree, order, leading):

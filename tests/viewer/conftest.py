@@ -1,3 +1,4 @@
+import copy
 from collections.abc import Callable
 
 import numpy as np
@@ -30,6 +31,14 @@ def panda() -> Robot:
 @pytest.fixture(scope="session")
 def planar() -> Robot:
     return load_robot("planar2r")
+
+
+@pytest.fixture(scope="session")
+def bare(planar: Robot) -> Problem:
+    """Two links that have joints and nothing else."""
+    robot = copy.copy(planar)
+    robot.__dict__.update(name="bare", visual=pin.GeometryModel(), geometry=pin.GeometryModel())
+    return Problem("flat", robot, Scene(), np.zeros(2), (JointGoal(np.array([1.0, -1.0])),), robot.limits)
 
 
 @pytest.fixture(scope="session")

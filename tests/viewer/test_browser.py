@@ -267,6 +267,28 @@ def test_served_page_of_a_planar_robot_without_runs(visit, planar):
         served.shutdown()
 
 
+@pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
+def test_a_robot_without_bodies_is_drawn_and_told_in_words(visit, bare, motion, tmp_path, size):
+    path = tmp_path / "bare.html"
+    export_page(bare, [ViewedRun("quintic", motion(bare))], path)
+    page = visit(path.as_uri() + "#t=0&paused&ghosts=0")
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    note = page.locator("#note")
+    assert note.is_visible()
+    assert "Robot 'bare' has no bodies" in note.text_content()
+    place = note.bounding_box()
+    assert place["x"] >= 0
+    assert place["x"] + place["width"] <= size[0]
+    assert page.locator("#layer-collision").count() == 0
+    first = pixels(page)
+    page.evaluate("optiplan.seek(1.2)")
+    assert np.abs(pixels(page) - first).max() > 50.0
+
+
+def test_the_note_stays_away_where_there_is_nothing_to_say(visit, exported):
+    assert not visit(exported + "#t=0").locator("#note").is_visible()
+
+
 def test_served_page_plays(visit, shelf, motion):
     with PageServer(render_page(build_scene(shelf, [("quintic", motion(shelf), None)])), port=0) as served:
         threading.Thread(target=served.serve_forever, daemon=True).start()

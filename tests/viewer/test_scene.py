@@ -63,6 +63,28 @@ def test_links_without_visual_geometry_show_their_collision_geometry(shelf, pand
     assert drawn == [(p["name"], p["geometry"]) for p in scene.parts if p["set"] == "collision"]
 
 
+def test_a_robot_without_bodies_is_drawn_as_its_frames_and_says_so(bare, shelf, motion):
+    scene = build_scene(bare, [("quintic", motion(bare), None)])
+    assert "Robot 'bare' has no bodies" in scene.note
+    assert {part["set"] for part in scene.parts} == {"frame"}
+    model, data = bare.robot.model, bare.robot.model.createData()
+    pin.framesForwardKinematics(model, data, np.array([0.4, -0.9]))
+    tips = {name: [] for name in (*model.names[1:], bare.robot.tool_frame)}
+    for part in scene.parts:
+        half = scene.geometries[part["geometry"]]["length"] / 2.0
+        X = data.oMi[part["body"]] * pin.XYZQUATToSE3(np.array(part["pose"]))
+        tips[part["name"]].append([X.act(np.array([0.0, 0.0, sign * half])) for sign in (-1.0, 1.0)])
+    frames = [data.oMi[1], data.oMi[2], data.oMf[model.getFrameId(bare.robot.tool_frame)]]
+    for rods, X in zip(tips.values(), frames, strict=True):
+        axes = [rod for rod in rods if np.allclose(rod[0], X.translation)]  # and a rod from the frame before, if apart
+        assert np.allclose(
+            [end - start for start, end in axes[-3:]] @ X.rotation,
+            np.linalg.norm(axes[-1][1] - axes[-1][0]) * np.eye(3),
+        )
+        assert any(np.allclose(rod[1], X.translation) for rod in rods) or np.allclose(X.translation, 0.0)
+    assert build_scene(shelf, []).note == ""
+
+
 def test_goal_ghost_stands_at_the_end_of_the_motion_or_at_the_goal(shelf, motion, planar):
     goal = build_scene(shelf, []).goal
     assert goal is not None
