@@ -20,7 +20,7 @@ BOXES = [
     [([0.161, 0.081, 0.099], [0.746, 0.209, 0.15], 0), ([0.186, 0.123, 0.117], [0.238, -0.439, 0.15], 0.976)],
     [([0.101, 0.143, 0.11], [0.726, 0.281, 0.15], 0.311), ([0.174, 0.073, 0.188], [0.282, -0.753, 0.15], 0)],
 ]
-"""Of three problems, size, position and turn about z of boxes in the way: some along the axes, which is what decides how
+"""Of three problems, size, position and turn about z of boxes in the way: some along the axes, which decides how
 coal rounds boxes where nobody has asked it before (`model/gjk.py`)."""
 PLANNERS = ["quintic", "rrtconnect", "prm"]
 
