@@ -11,16 +11,15 @@ from optiplan.planners.sweep import Touch, contacts_along
 from optiplan.planners.timed import within_torque
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.spline import DEGREE, SplineBasis, bunched_breakpoints
-from optiplan.planners.trajopt.sqp import optimise
+from optiplan.planners.trajopt.sqp import HOPELESS, optimise
 from optiplan.planners.trajopt.subproblem import Subproblem
 from optiplan.planners.trajopt.transcription import Margins, Transcription
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
 
-HOPELESS = 0.05
-"""Missing clearance summed over the samples, m, above which an attempt is given up."""
-
+SPACING = 0.025
+"""How far bodies may move from sample to sample to begin with, m, roughly: edges must not slip through between two."""
 
 ACTIVE = 1e-3
 """Clearance beyond its margin, m, below which a pair counts as held by it."""
@@ -65,7 +64,7 @@ class Optimiser:
         margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
         transcription = Transcription(self.problem, self.model, self.basis, margins)
         subproblem = Subproblem(transcription, self.options.solver)
-        u = _instants(self.basis, self.options.samples)
+        u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
         iterations, attempt = 0, None
         for _ in range(self.options.refinements + 1):
             transcription.set_samples(u)
@@ -88,6 +87,12 @@ class Optimiser:
             near = [_around(transcription.u, touch.t / trajectory.duration) for touch in touches]
             u = np.concatenate([transcription.u, *near])
         return attempt
+
+    def _length(self, control: Array) -> float:
+        """How far the curve carries the origin of the joint that it carries farthest, m."""
+        Q = self.basis.at(np.linspace(0.0, 1.0, self.options.samples)) @ control
+        steps = np.diff(self.model.bounds.kinematics.poses(Q)[:, :, :3, 3], axis=0)
+        return float(np.linalg.norm(steps, axis=2).sum(axis=0).max())
 
     def timed(self, control: Array, duration: float) -> Trajectory | None:
         """The curve at the least duration at which exact extrema and torques hold; None when gravity is too much."""

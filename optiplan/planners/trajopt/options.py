@@ -23,7 +23,7 @@ class TrajOptOptions:
     Attributes:
         spans: polynomial pieces of the spline.
         bunching: 0 for equal pieces, towards 1 for shorter ones at both ends.
-        samples: instants at which contacts are linearised to begin with.
+        samples: instants at which contacts are linearised to begin with, at least; more in long motions.
         refinements: times that samples are added where bodies touch between them.
         iterations: steps of an attempt, at most.
         margin: clearance aimed at, m: a wish. Pairs that are closer at the start or the goal may stay as close, and
@@ -41,7 +41,7 @@ class TrajOptOptions:
     bunching: float = 0.6
     samples: int = 64
     refinements: int = 10
-    iterations: int = 80
+    iterations: int = 120
     margin: float = 0.005
     straight_goals: int = 3
     seeds: int = 1000

@@ -7,7 +7,7 @@ from optiplan.arrays import Array
 from optiplan.planners.trajopt.subproblem import Penalty, Step, Subproblem
 from optiplan.planners.trajopt.transcription import SoftRows, Transcription
 
-CONTACT_PENALTY = 1.5
+CONTACT_PENALTY = 0.5
 """Cost of a missing centimetre of clearance at one sample, as a share of the duration that the curve begins with."""
 
 TORQUE_PENALTY = 2.0
@@ -19,6 +19,12 @@ FIRST_RADIUS, LEAST_RADIUS = 0.1, 3e-5
 """Trust region on every control point, as a share of what its joint can travel at full speed in that duration."""
 
 SHRINK = 0.35
+
+HOPELESS = 0.05
+"""Missing clearance summed over the samples, m, above which a curve leads to nothing."""
+
+STALLED, HALVED = 8, 0.5
+"""Steps after which a hopeless curve must have come down to this share of the missing clearance that it had."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +76,14 @@ def optimise(subproblem: Subproblem, control: Array, iterations: int, stop: Call
     A step is accepted when the merit falls by a tenth of what the linear model promised; the trust region doubles
     where it fell by more than 70 %. A step that is refused gets a second one from where it led (the watchdog of
     Chamberlain et al., Mathematical Programming Study 16, 1982): curved constraints make good steps look bad, and the
-    second step often repairs it. Where it does not, both are taken back and the trust region shrinks to 35 %.
+    second step often repairs it. Where it does not, both are taken back and the trust region shrinks to 35 %. What
+    stays deep inside obstacles for several steps is given up.
     """
     transcription = subproblem.transcription
     point, taken, radius = evaluate(transcription, control, 0.0), 0, FIRST_RADIUS
-    while taken < iterations and not stop() and radius >= LEAST_RADIUS:
+    missing: list[float] = []
+    while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
+        missing.append(point.contacts.violation())
         step = subproblem.solve(point.control, point.duration, point.soft, radius, point.span)
         taken += 1
         if step is None:
@@ -99,6 +108,11 @@ def optimise(subproblem: Subproblem, control: Array, iterations: int, stop: Call
         if settled:
             break
     return point, taken
+
+
+def _stalled(missing: list[float]) -> bool:
+    """Whether the missing clearance, m, one figure a step, is hopeless and hardly falls."""
+    return len(missing) > STALLED and missing[-1] > max(HOPELESS, HALVED * missing[-1 - STALLED])
 
 
 def _second(subproblem: Subproblem, trial: Point, radius: float) -> Point:
