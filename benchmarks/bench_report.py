@@ -81,7 +81,8 @@ def made_up(rng: np.random.Generator, good: bool, speed: float) -> dict:
         failure = {"failure_kind": kind, "failure_detail": words.format(round(time_, 3)), "witness": {"q": [0.1, 0.2]}}
         return {"plan_time": time_, **failure}
     ratio = float(1.0 + rng.lognormal(-1.5, 0.8))
-    numbers = {"plan_time": time_, "verify_time": 0.1, "duration": 2.0 * ratio, "lower_bound": 2.0, "ratio": ratio}
+    numbers = {"plan_time": time_, "plan_cpu": 0.9 * time_, "verify_time": 0.1}
+    numbers |= {"duration": 2.0 * ratio, "lower_bound": 2.0, "goal_bound": 2.0}
     return {"planned": True, "timed": True, "verified": True, **numbers}
 
 

@@ -1,6 +1,7 @@
 """The one place where planning meets verification: `run` plans, has the answer verified, and keeps both as a `Run`."""
 
 import platform
+import resource
 import time
 import traceback
 from collections.abc import Mapping
@@ -48,6 +49,7 @@ class Run:
         info: what the planner tells about its work, JSON-ready; `slowed`, the factor on the planner's duration that
             the verdict needed, if any.
         improvements: (seconds of planning and proving, duration in s) of every verified answer on the way.
+        plan_cpu: seconds of processor time of planning alone, with that of processes that the planner waited for.
     """
 
     problem: Problem
@@ -62,6 +64,7 @@ class Run:
     stages: Mapping[str, float]
     info: Mapping[str, Any] = field(default_factory=dict)
     improvements: tuple[tuple[float, float], ...] = ()
+    plan_cpu: float | None = None
 
     @property
     def verified(self) -> bool:
@@ -104,7 +107,7 @@ class Run:
             "metrics": self.metrics and self.metrics.to_dict(),
             "failure": failure and {"kind": failure.kind, "detail": failure.detail, "witness": dict(failure.witness)},
             "report": self.report and self.report.to_dict(),
-            "timings": {**self.timings, "stages": dict(self.stages)},
+            "timings": {**self.timings, "plan_cpu": self.plan_cpu, "stages": dict(self.stages)},
             "geometry": dict(self.problem.robot.link_geometry),
             "notes": list(self.problem.robot.notes),
             "info": dict(self.info),
@@ -136,10 +139,9 @@ def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budg
     """
     chosen = make_planner(planner, options)
     budget.start()
-    began = time.perf_counter()
-    reserve = min(_PROVING * budget.seconds, _MOST_PROVING)
-    result = plan_through(chosen, problem, budget.leaving(reserve), progress)
-    timings = {"plan": time.perf_counter() - began}
+    began, spent = time.perf_counter(), processor_time()
+    result = plan_through(chosen, problem, budget.leaving(reserve(budget.seconds)), progress)
+    timings, spent = {"plan": time.perf_counter() - began}, processor_time() - spent
     selection = bound = metrics = None
     if result.trajectory is not None:
         progress("verify", 0.0)
@@ -165,6 +167,7 @@ def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budg
         stages=dict(result.timings),
         info={**result.info, **slowed},
         improvements=() if selection is None else selection.improvements,
+        plan_cpu=spent,
     )
 
 
@@ -194,6 +197,17 @@ def attempt(problem: Problem, planner: str, options: Mapping[str, Any], budget: 
         timings={"plan": time.perf_counter() - began},
         stages={},
     )
+
+
+def reserve(seconds: float) -> float:
+    """Seconds of a budget that the planner leaves for the proof."""
+    return min(_PROVING * seconds, _MOST_PROVING)
+
+
+def processor_time() -> float:
+    """Seconds of processor time of this process and of the processes that it started and waited for."""
+    waited = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + waited.ru_utime + waited.ru_stime
 
 
 def versions() -> dict[str, str]:

@@ -9,7 +9,8 @@ told, and left out. As in the report the unit is the problem: its runs are taken
 | planning time | median ratio beyond 1.20 or below 1 / 1.20, processor time's, too | signed ranks over problems |
 | duration | median ratio beyond 1.02 or below 1 / 1.02 | signed ranks over problems |
 
-of those that both solve; and when, corrected by Holm for all quantities of all planners, such a change has a
+of those that both solve (of runs from elsewhere those that their authors call solved count for times and durations, not
+for success: `CLAIMED`); and when, corrected by Holm for all quantities of all planners, such a change has a
 probability below 0.05 by chance. Processor time has its say because a busy machine makes every planner slower:
 measured, 2.6 times by the clock and 1.1 times by the processor at 2.5 times the load.
 """
@@ -20,12 +21,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from optiplan.bench.imported import CLAIMED
 from optiplan.bench.records import Key
 from optiplan.bench.report.pairs import paired
-from optiplan.bench.runs import Indices, Runs, load_runs
+from optiplan.bench.runs import Flags, Indices, Runs, load_runs
 from optiplan.bench.statistics import Interval, holm, sign_test
 from optiplan.bench.store import Store
-from optiplan.bench.suite import differences
+from optiplan.bench.suite import code_differences, differences
 
 ALPHA = 0.05
 THRESHOLDS = {"success": 1.0, "planning time": 1.20, "duration": 1.02}
@@ -40,7 +42,7 @@ class Change(NamedTuple):
     Attributes:
         planner: its label.
         quantity: a key of `THRESHOLDS`.
-        before, after: share of verified runs; or the median over runs that both verified, s. nan without any.
+        before, after: share of verified runs; or the median over runs that both solved, s. nan without any.
         ratio: median over problems of after / before, with its interval; nan for success.
         better, worse: problems with more and with fewer verified runs, or that cost less and more, beyond 1 %.
         p: probability of so uneven a change by chance.
@@ -90,8 +92,8 @@ def compare(old: Store, new: Store, seed: int = 0) -> Comparison:
         len(common),
         (*_notes((old, a), (new, b), changed, len(common)), *_busy(judged)),
         tuple(judged),
-        tuple((key, str(b.kind[y])) for key, before, after, x, y in pairs if before and not after),
-        tuple((key, str(a.kind[x])) for key, before, after, x, y in pairs if after and not before),
+        tuple((key, str(b.kind[y])) for key, was, now, x, y in pairs if was and not now and b.kind[y] != CLAIMED),
+        tuple((key, str(a.kind[x])) for key, was, now, x, y in pairs if now and not was and a.kind[x] != CLAIMED),
     )
 
 
@@ -116,13 +118,12 @@ def _changes(label: str, one: tuple[Runs, Indices], other: tuple[Runs, Indices],
     if len(i) == 0:
         return
     problem = a.problem[i]
-    gained = np.bincount(problem, b.verified[j].astype(float) - a.verified[i])
-    better, worse = int((gained > 0.0).sum()), int((gained < 0.0).sum())
-    rates, nothing = (float(a.verified[i].mean()), float(b.verified[j].mean())), Interval(math.nan, math.nan, math.nan)
-    yield Change(label, "success", *rates, nothing, better, worse, sign_test(better, worse))
-    both = a.verified[i] & b.verified[j]
+    claimed = [runs.kind[k] == CLAIMED for runs, k in ((a, i), (b, j))]
+    if not any(claims.any() for claims in claimed):  # a claim is no verdict
+        yield _success(label, problem, a.verified[i], b.verified[j])
+    both = (a.verified[i] | claimed[0]) & (b.verified[j] | claimed[1])
     i, j, problem = i[both], j[both], problem[both]
-    work = paired(np.log(b.cpu_time[j] / a.cpu_time[i]), problem, seed).ratio.value
+    work = paired(np.log(b.plan_cpu[j] / a.plan_cpu[i]), problem, seed).ratio.value
     for quantity, before, after, by in (
         ("planning time", a.plan_time[i], b.plan_time[j], work),
         ("duration", a.duration[i], b.duration[j], math.nan),
@@ -131,6 +132,13 @@ def _changes(label: str, one: tuple[Runs, Indices], other: tuple[Runs, Indices],
         medians = (float(np.median(values)) if len(values) else math.nan for values in (before, after))
         score = found.ratio, found.wins, found.losses, found.rank
         yield Change(label, quantity, next(medians), next(medians), *score, work=by)
+
+
+def _success(label: str, problem: Indices, before: Flags, after: Flags) -> Change:
+    gained = np.bincount(problem, after.astype(float) - before)
+    better, worse = int((gained > 0.0).sum()), int((gained < 0.0).sum())
+    rates, nothing = (float(before.mean()), float(after.mean())), Interval(math.nan, math.nan, math.nan)
+    return Change(label, "success", *rates, nothing, better, worse, sign_test(better, worse))
 
 
 def _judged(changes: list[Change]) -> Iterable[Change]:
@@ -175,6 +183,18 @@ def _notes(one: tuple[Store, Runs], other: tuple[Store, Runs], changed: set[str]
     for name, runs in (("A", a), ("B", b)):
         if runs.size > common:
             yield f"{runs.size - common} of {runs.size} runs in {name} have no counterpart"
+    yield from _origins(one, other)
+
+
+def _origins(one: tuple[Store, Runs], other: tuple[Store, Runs]) -> Iterable[str]:
+    """Where the runs come from: claims of others, code, versions, machines."""
+    (old, a), (new, b) = one, other
+    for name, runs in (("A", a), ("B", b)):
+        claims = int((runs.kind == CLAIMED).sum())
+        if claims:
+            yield f"{claims} runs in {name} have no trajectory: times and durations as their authors tell, no verdict"
+    words = code_differences(old.code, new.code) if old.code and new.code else []
+    yield from (text.replace("there,", "before,").replace("here", "now") for text in words)
     for column, text in (("versions", "versions of the software"), ("machine", "machines (times may differ by that)")):
         before_, after_ = (_told(store, column) for store in (old, new))
         if before_ != after_:

@@ -2,38 +2,37 @@
 
 import hashlib
 import json
+import random
 import time
 import traceback
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from optiplan.bench import machine
-from optiplan.bench.records import BenchProblem, Outcome, Row, Task, empty_row, failure
+from optiplan.bench.code import own_digest, planner_code
+from optiplan.bench.records import BenchPlanner, BenchProblem, Outcome, Row, Task, empty_row, failure
 from optiplan.bench.robots import RobotShelf
 from optiplan.errors import OptiPlanError
-from optiplan.pipeline import Run, run
+from optiplan.pipeline import Run, processor_time, reserve, run
 from optiplan.planners.base import Budget
 from optiplan.problem.load import problem_from_dict
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import JointGoal, Problem
+from optiplan.trajectory.timing import lower_bounds
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
 
 KEPT = 4
 """Problems that stay loaded; runs come problem by problem."""
 
-WARM_UP = {
-    "version": 1,
-    "name": "warm-up",
-    "robot": "planar2r",
-    "start": {"joints": [0.5, 1.0]},
-    "goal": {"joints": [-0.5, 1.2]},
-    "scene": {"obstacles": [{"name": "far", "shape": {"sphere": 0.1}, "pose": {"position": [-1.0, 0.18, 1.0]}}]},
-}
-"""What every planner solves once, unmeasured, in each worker: libraries are loaded and caches filled by it."""
-
 WARM_UP_BUDGET = 0.5
 """s."""
+WARM_UP_STEP = 0.05
+"""Share of the way from the start to the middle of the joints' ranges that is planned to warm up."""
+KEPT_KEYS = ("version", "robot", "locked", "group", "start", "limits")
+"""What a problem to warm up with has in common with the one that is to come."""
 
 Phase = Callable[[str], None]
 """Told `warm-up` and `run` when these begin."""
@@ -45,25 +44,30 @@ class Executor:
     def __init__(self) -> None:
         self._robots = RobotShelf()
         self._problems: dict[str, Problem] = {}
-        self._warm: set[str] = set()
+        self._warm: set[tuple[str, ...]] = set()
+        self._codes: dict[str, str] = {}
 
     def __call__(self, task: Task, phase: Phase) -> Outcome:
         """The outcome; whatever goes wrong inside is one, too."""
-        began, cpu = time.perf_counter(), time.process_time()
-        row = {**empty_row(task), "started_at": machine.now()}
+        began, cpu = time.perf_counter(), processor_time()
+        row = {**empty_row(task), "started_at": machine.now(), "optiplan": own_digest()}
+        row["code"] = self._code(task.planner)
         row["load"] = machine.load()
         timings: dict[str, Any] = {}
         blob = None
         try:
             problem = self._load(task.problem, timings)
-            self._warm_up(task.planner.name, task.planner.options, phase, timings)
+            self._warm_up(task.planner, problem, phase, timings)
             phase("run")
-            cpu = time.process_time()
+            forget(task.seed)
+            cpu = processor_time()
             options, budget = task.planner.options, Budget(task.budget)
             done = run(problem.with_seed(task.seed), task.planner.name, options, budget, lambda stage, part: None)
             stored, blob = packed(done.trajectory)
             columns = result_columns(done, task.metrics) | {"trajectory": stored}
-            columns["cut_short"] |= done.trajectory is None and done.timings["plan"] >= task.budget
+            columns["cut_short"] |= done.trajectory is None and done.timings["plan"] >= task.budget - reserve(
+                task.budget
+            )
             spent = timings | {**done.timings, "stages": dict(done.stages)}
             json.dumps([columns, spent], allow_nan=False)  # a planner may tell what nobody can store
             row, timings = row | columns, spent
@@ -75,7 +79,7 @@ class Executor:
             blob = None
             what = traceback.format_exception_only(error)[-1].strip()
             row |= failure("bug", what, {"traceback": traceback.format_exc(limit=-8)})
-        row |= {"cpu_time": time.process_time() - cpu, "wall_time": time.perf_counter() - began}
+        row |= {"cpu_time": processor_time() - cpu, "wall_time": time.perf_counter() - began}
         return Outcome(Row(**row, timings=timings), blob)
 
     def _load(self, problem: BenchProblem, timings: dict[str, Any]) -> Problem:
@@ -87,18 +91,46 @@ class Executor:
         timings["load"] = time.perf_counter() - began
         return self._problems[problem.hash]
 
-    def _warm_up(self, name: str, options: Mapping[str, Any], phase: Phase, timings: dict[str, Any]) -> None:
-        """Let the planner run once where nothing is measured; what it makes of that is of no interest."""
-        if name in self._warm:
+    def _code(self, planner: BenchPlanner) -> str:
+        """The planner's code as it was before its first use here."""
+        if planner.label not in self._codes:
+            self._codes[planner.label] = planner_code(planner.name, planner.options)
+        return self._codes[planner.label]
+
+    def _warm_up(self, planner: BenchPlanner, problem: Problem, phase: Phase, timings: dict[str, Any]) -> None:
+        """Let the planner, as it is labelled, move this robot once where nothing is measured; forget what came of it.
+
+        Libraries are loaded, code compiled and caches filled by it: by planner, by its options, and by robot.
+        """
+        key = (planner.label, *(json.dumps(problem.source.get(name)) for name in ("robot", "locked", "group")))
+        if key in self._warm:
             return
         phase("warm-up")
         began = time.perf_counter()
-        self._warm.add(name)
+        self._warm.add(key)
         try:
-            run(problem_from_dict(WARM_UP), name, options, Budget(WARM_UP_BUDGET), lambda stage, fraction: None)
+            easy = problem_from_dict(warm_up_problem(problem), "/", self._robots)
+            run(easy, planner.name, planner.options, Budget(WARM_UP_BUDGET), lambda stage, fraction: None)
         except BaseException:  # the run itself will tell
             timings["warm_up_failed"] = True
         timings["warm_up"] = time.perf_counter() - began
+
+
+def warm_up_problem(problem: Problem) -> dict[str, Any]:
+    """Content of a problem file: the same robot and start, nothing in the way, a short motion to a joint goal."""
+    limits = problem.robot.limits
+    middle = np.clip(problem.start, limits.lower, limits.upper)
+    bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+    middle = np.where(bounded, 0.5 * (limits.lower + limits.upper), middle + 1.0)
+    goal = problem.start + WARM_UP_STEP * (middle - problem.start)
+    kept = {key: problem.source[key] for key in KEPT_KEYS if key in problem.source}
+    return kept | {"name": "warm-up", "goal": {"joints": goal.tolist()}}
+
+
+def forget(seed: int) -> None:
+    """Seed the generators that belong to the whole process: what a run draws from them no other run decides."""
+    random.seed(seed)
+    np.random.seed(seed)  # noqa: NPY002
 
 
 def result_columns(done: Run, metrics: tuple[str, ...] | None) -> dict[str, Any]:
@@ -113,9 +145,11 @@ def result_columns(done: Run, metrics: tuple[str, ...] | None) -> dict[str, Any]
         "verify_time": done.timings.get("verify"),
         "duration": done.duration,
         "lower_bound": done.lower_bound,
-        "ratio": done.ratio,
+        "goal_bound": goal_bound(done.problem),
+        "plan_cpu": done.plan_cpu,
         "metrics": {name: measured[name] for name in (measured if metrics is None else metrics) if name in measured},
         "info": jsonable(done.info),
+        "improvements": jsonable(done.improvements),
         "cut_short": bool(done.info.get("cut_short")),
     }
     if done.failure is not None:
@@ -128,6 +162,15 @@ def result_columns(done: Run, metrics: tuple[str, ...] | None) -> dict[str, Any]
     if done.report is None:
         return row | failure("bug", "the planner gave neither a trajectory nor a failure")
     return row
+
+
+def goal_bound(problem: Problem) -> float | None:
+    """Least duration from the start to any of the configurations that the problem lists as its goal, s; None: none.
+
+    Obstacles are ignored, and so are goals that are stated as poses: which configurations reach these is found by runs.
+    """
+    listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
+    return float(lower_bounds(problem.start, np.array(listed), problem.limits).min()) if listed else None
 
 
 def packed(trajectory: Trajectory | None) -> tuple[str | None, bytes | None]:

@@ -13,13 +13,16 @@ from optiplan.problem.write import problem_text, write_text
 
 FORMATS = ("csv", "parquet")
 TABLES = ("runs", "problems", "planners", "sessions")
-"""Tables that are written; trajectories stay in the database."""
+"""Tables that are written; `meta` (the suite, its code) and the trajectories stay in the database."""
 
 TYPES = {"INTEGER": "int64", "REAL": "float64", "TEXT": "string"}
 """SQLite's types and Arrow's."""
 
 FLAGS = ("planned", "timed", "verified", "executed", "cut_short")
 """Columns of `runs` that are true or false."""
+
+RATED = {"problem_bound": "REAL", "ratio": "REAL"}
+"""Columns that `runs` is written with and that are computed: one bound a problem, and the duration by it."""
 
 ORDER = {"runs": "problem, planner, seed, repetition", "sessions": "session"}
 
@@ -68,8 +71,10 @@ def write_problems(store: Store, folder: Path) -> list[Path]:
 
 
 def columns_of(store: Store, table: str) -> dict[str, str]:
-    """The columns of a table and their types, in order."""
-    return {row["name"]: row["type"] for row in store.query(f"PRAGMA table_info({table})")}
+    """The columns of a table and their types, in order; of `runs` those of the view `rated`."""
+    return {
+        row["name"]: RATED.get(row["name"], row["type"]) for row in store.query(f"PRAGMA table_info({_from(table)})")
+    }
 
 
 @contextmanager
@@ -83,7 +88,7 @@ def _whole(path: Path) -> Iterator[Path]:
 
 
 def _batches(store: Store, table: str) -> Iterator[list[Any]]:
-    return store.batches(f"SELECT * FROM {table} ORDER BY {ORDER.get(table, 'position')}")
+    return store.batches(f"SELECT * FROM {_from(table)} ORDER BY {ORDER.get(table, 'position')}")
 
 
 def _write_csv(store: Store, table: str, path: Path) -> None:
@@ -109,6 +114,10 @@ def _write_parquet(store: Store, table: str, path: Path) -> None:
                 for name, kind in kinds.items()
             ]
             writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+
+
+def _from(table: str) -> str:
+    return "rated" if table == "runs" else table
 
 
 def _flag(value: int | None) -> bool | None:

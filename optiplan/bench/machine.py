@@ -2,6 +2,7 @@
 
 import os
 import platform
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -29,13 +30,12 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
-def resident(pid: int) -> float:
-    """Resident memory of a process and of all that it started, MB; 0 when it is gone."""
-    children = descendants(pid)
+def resident(pids: Sequence[int]) -> float:
+    """Resident memory of processes, MB, what they share counted once; 0 for those that are gone."""
+    if len(pids) > 1:
+        return sum(_share(each) for each in pids)
     try:
-        if children:
-            return sum(_share(each) for each in (pid, *children))
-        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+        pages = int(Path(f"/proc/{pids[0]}/statm").read_text().split()[1])
     except (OSError, IndexError, ValueError):
         return 0.0
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
@@ -49,6 +49,28 @@ def descendants(pid: int) -> list[int]:
         return []
     children = [int(child) for text in texts for child in text.split()]
     return children + [each for child in children for each in descendants(child)]
+
+
+def ended(pid: int) -> bool:
+    """Whether a process has ended; a zombie has, whoever is to reap it."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] in "ZX"
+    except OSError:
+        return True
+
+
+def cores() -> list[int]:
+    """The cores that this process may use, one of every physical core before the second threads of any."""
+    seen: list[str] = []
+    ranked = []
+    for core in sorted(os.sched_getaffinity(0)):
+        try:
+            physical = Path(f"/sys/devices/system/cpu/cpu{core}/topology/thread_siblings_list").read_text()
+        except OSError:
+            physical = str(core)
+        ranked.append((seen.count(physical), core))
+        seen.append(physical)
+    return [core for _, core in sorted(ranked)]
 
 
 def _share(pid: int) -> float:

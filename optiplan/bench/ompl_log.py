@@ -114,7 +114,7 @@ def _planner(store: Store, label: str, rows: list[Any], enums: Mapping[str, tupl
 
 
 def _runs(store: Store, name: str, label: str) -> list[Any]:
-    sql = "SELECT * FROM runs WHERE set_name = ? AND planner = ? ORDER BY problem, seed, repetition"
+    sql = "SELECT * FROM rated WHERE set_name = ? AND planner = ? ORDER BY problem, seed, repetition"
     return store.query(sql, (name, label))
 
 

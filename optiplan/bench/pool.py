@@ -5,6 +5,7 @@ import threading
 from collections.abc import Generator, Iterable, Iterator
 from typing import Protocol
 
+from optiplan.bench.machine import cores
 from optiplan.bench.records import Outcome, Task
 from optiplan.bench.slot import Slot, Stopped
 
@@ -30,10 +31,17 @@ class LocalPool:
     A slot takes its next task before the last outcome is stored: storing costs no slot any time.
     """
 
-    def __init__(self, workers: int) -> None:
+    def __init__(self, workers: int, pin: bool = False) -> None:
+        """Make the slots.
+
+        Args:
+            workers: how many.
+            pin: keep each on a core of its own; there must be as many.
+        """
+        pinned: list[int | None] = list(cores()) if pin else [None] * workers
         self._stop = threading.Event()
         self._lock = threading.Lock()
-        self._slots = [Slot(f"local/{index}", self._stop) for index in range(workers)]
+        self._slots = [Slot(f"local/{index}", self._stop, pinned[index]) for index in range(workers)]
         self._done: queue.Queue[Outcome | BaseException | None] = queue.Queue(4 * workers + 4)
 
     @property

@@ -1,6 +1,6 @@
 """What travels between the runner and its workers, and what is stored: plain data, JSON-ready."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -99,22 +99,26 @@ class Row:
     verify_time: float | None = None
     duration: float | None = None
     lower_bound: float | None = None
-    ratio: float | None = None
+    goal_bound: float | None = None
     failure_kind: str | None = None
     failure_detail: str | None = None
     witness: Mapping[str, Any] | None = None
     metrics: Mapping[str, Any] = field(default_factory=dict)
     timings: Mapping[str, Any] = field(default_factory=dict)
     info: Mapping[str, Any] = field(default_factory=dict)
+    improvements: Sequence[Sequence[float]] = ()
     cut_short: bool = False
     trajectory: str | None = None
     output: str = ""
+    plan_cpu: float | None = None
     cpu_time: float | None = None
     memory: float | None = None
     wall_time: float | None = None
     worker: str = ""
     load: float | None = None
     started_at: str = ""
+    optiplan: str = ""
+    code: str = ""
 
     @property
     def key(self) -> Key:

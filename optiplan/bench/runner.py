@@ -3,19 +3,23 @@
 import json
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from optiplan.bench.machine import machine
 from optiplan.bench.pool import Workforce
 from optiplan.bench.records import Outcome
 from optiplan.bench.store import FILE, Store
-from optiplan.bench.suite import Suite, differences
-from optiplan.errors import InputError, Issue
+from optiplan.bench.suite import Suite, code_differences, differences
+from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.pipeline import versions
 
 Watch = Callable[[Outcome], None]
 """Told every outcome once it is stored."""
+
+
+class CodeError(OptiPlanError):
+    """Code that was changed while a suite was run."""
 
 
 @dataclass(frozen=True)
@@ -36,22 +40,23 @@ def open_results(suite: Suite, folder: Path) -> Store:
     """The results of this suite in a folder, ready to be added to; made when there are none.
 
     Raises:
-        InputError: the folder holds the results of another suite (what differs is named), or another process is
-            writing to them.
+        InputError: the folder holds the results of another suite or of other code (what differs is named), or another
+            process is writing to them.
         StoreError: the folder cannot be written.
     """
     if (folder / FILE).exists():
         store = Store(folder, write=True)
     else:
-        meta = {"name": suite.spec.name, "suite": suite.text, "suite_hash": suite.hash, "parts": suite.parts}
+        meta: dict[str, object] = {"name": suite.spec.name, "suite": suite.text, "suite_hash": suite.hash}
+        meta |= {"parts": suite.parts, "code": suite.code}
         store = Store.create(folder, meta)
     words = differences(store.meta("parts"), suite.parts)
-    if words:
+    issues = [f"results of another suite: {text}" for text in words]
+    issues += [f"results of other code: {text}" for text in code_differences(store.code, suite.code)]
+    if issues:
         store.close()
-        expected = "the same suite (or choose another folder with --out)"
-        raise InputError(
-            Issue(str(folder), None, "suite", f"results of another one: {text}", expected) for text in words
-        )
+        expected = "the same suite and code (or choose another folder with --out)"
+        raise InputError(Issue(str(folder), None, "suite", text, expected) for text in issues)
     store.fill(suite.problems, suite.planners)
     return store
 
@@ -81,6 +86,7 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
     Raises:
         StoreError: a run cannot be stored; those before it are.
         WorkerError: no worker can be started.
+        CodeError: code was changed since the suite was read.
     """
     there = store.done()
     made = 0
@@ -89,6 +95,7 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
     try:
         with closing(workforce.outcomes(task for task in suite.tasks() if task.key not in there)) as outcomes:
             for outcome in outcomes:
+                outcome = _with_code(outcome, suite)
                 store.add(outcome)
                 made += 1
                 watch(outcome)
@@ -99,3 +106,19 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
         workforce.close()
         if how != "failed":  # where storing failed, storing why would fail, too
             store.end(how)
+
+
+def _with_code(outcome: Outcome, suite: Suite) -> Outcome:
+    """The outcome with the code it was made by, also where its process ended before telling.
+
+    Raises:
+        CodeError: a worker that was started later has read other code than the suite's.
+    """
+    row = outcome.row
+    theirs = suite.code["planners"][row.planner]
+    if row.optiplan and (row.optiplan, row.code) != (suite.code["digest"], theirs):
+        raise CodeError(
+            f"the code of planner '{row.planner}' or of optiplan was changed while the suite was run: "
+            "what was stored is of the code before; run the suite into another folder"
+        )
+    return replace(outcome, row=replace(row, optiplan=suite.code["optiplan"], code=theirs))

@@ -14,9 +14,9 @@ Indices = npt.NDArray[np.int64]
 
 COLUMNS = (
     *("problem", "planner", "seed", "repetition", "planned", "timed", "verified", "executed"),
-    *("plan_time", "cpu_time", "duration", "ratio", "cut_short", "failure_kind"),
+    *("plan_time", "plan_cpu", "duration", "ratio", "cut_short", "failure_kind"),
 )
-SELECT = f"SELECT {', '.join(COLUMNS)} FROM runs ORDER BY problem, planner, seed, repetition"
+SELECT = f"SELECT {', '.join(COLUMNS)} FROM rated ORDER BY problem, planner, seed, repetition"
 
 
 class Grid(NamedTuple):
@@ -55,9 +55,9 @@ class Runs:
         verified: (n,), and proved.
         executed: (n,), followed by a controller: 0 or 1; nan where that was not tried.
         plan_time: (n,), s; nan where it is not known.
-        cpu_time: (n,), s, processor time of planning, verifying and measuring; nan where it is not known.
+        plan_cpu: (n,), s, processor time of planning alone; nan where it is not known.
         duration: (n,), s; nan without a motion.
-        ratio: (n,), duration / lower bound; nan without either.
+        ratio: (n,), duration / the bound of the problem, one for all its runs (`store.VIEW`); nan without either.
         cut_short: (n,), the clock ended some of the work.
         kind: (n,), of the failure; empty where there is none.
     """
@@ -75,7 +75,7 @@ class Runs:
     verified: Flags
     executed: Array
     plan_time: Array
-    cpu_time: Array
+    plan_cpu: Array
     duration: Array
     ratio: Array
     cut_short: Flags
@@ -124,6 +124,6 @@ def load_runs(store: Store) -> Runs:
         np.array([numbers[1][name] for name in values["planner"]], dtype=np.int64),
         **{name: column(name, np.int64) for name in ("seed", "repetition")},
         **{name: column(name, bool) for name in ("planned", "timed", "verified", "cut_short")},
-        **{name: column(name, np.float64) for name in ("executed", "plan_time", "cpu_time", "duration", "ratio")},
+        **{name: column(name, np.float64) for name in ("executed", "plan_time", "plan_cpu", "duration", "ratio")},
         kind=np.array([kind or "" for kind in values["failure_kind"]], dtype=np.str_),
     )

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from typing import Any
@@ -21,6 +20,8 @@ POLL = 0.05
 """s between two looks at the clock and at the worker's memory."""
 START = 300.0
 """s within which a new worker has to be ready: imports only, but maybe of a hundred workers at once."""
+LAST = 10.0
+"""s that a keeper has to end and reap what its worker started."""
 OUTPUT = 8000
 """Bytes of what a run prints that are kept, the last ones."""
 CHUNKS = 64
@@ -54,9 +55,10 @@ class Slot:
     To be used by one thread from beginning to end: workers die with the thread that started them.
     """
 
-    def __init__(self, name: str, stop: threading.Event | None = None) -> None:
-        """Give it a name, for column `worker`, and an event that makes `run` raise `Stopped`."""
+    def __init__(self, name: str, stop: threading.Event | None = None, core: int | None = None) -> None:
+        """Give it a name, for column `worker`, an event that makes `run` raise `Stopped`, and a core to stay on."""
         self.name = name
+        self._core = core
         self.starting = 0.0
         self._stop = stop or threading.Event()
         self._worker: _Worker | None = None
@@ -89,10 +91,10 @@ class Slot:
                 self.close()
                 raise Stopped
             message = worker.message(POLL)
-            peak = max(peak, machine.resident(worker.pid))
+            peak = max(peak, machine.resident(worker.processes()))
             if message is not None and message["phase"] == "done":
                 row = Row(**message["row"])
-                if message["spoilt"] or machine.descendants(worker.pid):  # it must not disturb the next run
+                if message["spoilt"] or len(worker.processes()) > 1:  # it must not disturb the next run
                     self.close()
                 return Outcome(replace(row, output=worker.output(), memory=peak), message.get("trajectory")), None
             if message is not None:
@@ -120,8 +122,9 @@ class Slot:
             return self._worker
         self.close()
         began = time.perf_counter()
-        self._worker = worker = _Worker()
-        while worker.message(POLL) is None:
+        self._worker = worker = _Worker(self._core)
+        while not worker.pid:
+            worker.greet(POLL)
             if self._stop.is_set():
                 self.close()
                 raise Stopped
@@ -133,11 +136,15 @@ class Slot:
 
 
 class _Worker:
-    """The process and the two ways that lead to it: messages, and what it prints."""
+    """The process, its keeper, and the two ways that lead to it: messages, and what it prints.
 
-    def __init__(self) -> None:
+    `pid` is 0 until the worker is ready; our own child is the keeper, which ends as the worker does.
+    """
+
+    def __init__(self, core: int | None) -> None:
         ours, theirs = socket.socketpair()
-        command = [sys.executable, "-c", BOOT, json.dumps(sys.path), str(theirs.fileno()), str(os.getpid())]
+        words = (theirs.fileno(), os.getpid(), -1 if core is None else core)
+        command = [sys.executable, "-c", BOOT, json.dumps(sys.path), *map(str, words)]
         with theirs:
             self._process = subprocess.Popen(
                 command,
@@ -148,7 +155,7 @@ class _Worker:
                 pass_fds=(theirs.fileno(),),
                 start_new_session=True,  # Ctrl-C is for the runner; and what a planner starts is ended with it
             )
-        self.pid = self._process.pid
+        self.pid = 0
         self._connection = Connection(ours.detach())
         assert self._process.stdout is not None
         self._printed = self._process.stdout.fileno()
@@ -156,6 +163,16 @@ class _Worker:
         self._tail = b""
         self._silent = False  # it closed its standard output
         self.gone = False
+
+    def greet(self, patience: float) -> None:
+        """Learn the worker's `pid` from its first message, if that comes within so many seconds."""
+        message = self.message(patience)
+        self.pid = 0 if message is None else message["pid"]
+
+    def processes(self) -> list[int]:
+        """The worker, first, and what it started that has not been reaped."""
+        others = [pid for pid in machine.descendants(self._process.pid) if pid != self.pid]
+        return [self.pid, *others]
 
     def begin(self, task: Task) -> None:
         """Send a task; what was printed before it is forgotten."""
@@ -201,15 +218,14 @@ class _Worker:
         return self._rest().decode(errors="replace")
 
     def kill(self) -> None:
-        """End it together with what it started, also in sessions of their own."""
+        """End it together with what it started, also in sessions of their own; returns when all of it is reaped."""
         self.gone = True
-        children = machine.descendants(self.pid)
-        with suppress(ProcessLookupError):
-            os.killpg(self.pid, signal.SIGKILL)
-        for child in children:
-            with suppress(ProcessLookupError):
-                os.kill(child, signal.SIGKILL)
-        self._process.wait()
+        self._process.terminate()  # the keeper ends the others
+        try:
+            self._process.wait(LAST)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
         self._rest()
         self._connection.close()
         if self._process.stdout is not None:

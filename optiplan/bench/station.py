@@ -3,7 +3,6 @@
 Knows nothing of Dask but that its functions are called there: `carry_out` in the worker's threads, the others between.
 """
 
-import hashlib
 import os
 import platform
 import threading
@@ -11,9 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import metadata
-from pathlib import Path
 
-import optiplan
+from optiplan.bench.code import own_digest
 from optiplan.bench.records import Outcome, Task
 from optiplan.bench.slot import Slot
 from optiplan.bench.travel import Freight, keep, lacking, unpack
@@ -60,9 +58,7 @@ _lock = threading.Lock()
 @cache
 def signature() -> dict[str, str]:
     """What has to be the same on every machine for results to be: versions, and optiplan's code itself."""
-    folder = Path(optiplan.__file__).parent
-    code = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(folder.rglob("*.py")))).hexdigest()
-    found = versions() | {"optiplan's code": code[:12], "processor": platform.machine()}
+    found = versions() | {"optiplan's code": own_digest()[:12], "processor": platform.machine()}
     found["python"] = found["python"].rpartition(".")[0]
     try:
         return found | {"example-robot-data": metadata.version("example-robot-data")}

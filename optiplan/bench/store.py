@@ -18,40 +18,16 @@ from typing import Any, Self
 
 from optiplan.bench.machine import now
 from optiplan.bench.records import COLUMNS, BenchPlanner, BenchProblem, Key, Outcome
+from optiplan.bench.schema import ADDED, SCHEMA, SCHEMA_VERSION, VIEW
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.trajectory.trajectory import Trajectory
 
 FILE = "results.sqlite"
 LOCK = "lock"
-SCHEMA_VERSION = 1
-"""Counted up with every change of a table that readers can notice."""
-
-SCHEMA = """
-CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE sessions (
-    session INTEGER PRIMARY KEY, started_at TEXT NOT NULL, ended_at TEXT, how TEXT, workers TEXT NOT NULL,
-    machine TEXT NOT NULL, versions TEXT NOT NULL);
-CREATE TABLE planners (label TEXT PRIMARY KEY, position INTEGER NOT NULL, name TEXT NOT NULL, options TEXT NOT NULL);
-CREATE TABLE problems (
-    id TEXT PRIMARY KEY, position INTEGER NOT NULL, set_name TEXT NOT NULL, difficulty TEXT, hash TEXT NOT NULL,
-    data TEXT NOT NULL, origin TEXT NOT NULL);
-CREATE TABLE trajectories (sha256 TEXT PRIMARY KEY, data BLOB NOT NULL);
-CREATE TABLE runs (
-    problem TEXT NOT NULL REFERENCES problems (id), planner TEXT NOT NULL REFERENCES planners (label),
-    seed INTEGER NOT NULL, repetition INTEGER NOT NULL, set_name TEXT NOT NULL, difficulty TEXT,
-    planned INTEGER NOT NULL, timed INTEGER NOT NULL, verified INTEGER NOT NULL, executed INTEGER,
-    plan_time REAL, verify_time REAL, duration REAL, lower_bound REAL, ratio REAL,
-    failure_kind TEXT, failure_detail TEXT, witness TEXT, metrics TEXT NOT NULL, timings TEXT NOT NULL,
-    info TEXT NOT NULL, cut_short INTEGER NOT NULL, trajectory TEXT REFERENCES trajectories (sha256),
-    output TEXT NOT NULL, cpu_time REAL, memory REAL, wall_time REAL, worker TEXT NOT NULL, load REAL,
-    started_at TEXT NOT NULL, session INTEGER NOT NULL REFERENCES sessions (session),
-    PRIMARY KEY (problem, planner, seed, repetition));
-"""
-
 BATCH = 20_000
 """Rows at a time."""
 
-JSON_COLUMNS = ("witness", "metrics", "timings", "info")
+JSON_COLUMNS = ("witness", "metrics", "timings", "info", "improvements")
 INSERT = f"INSERT INTO runs ({', '.join(COLUMNS)}, session) VALUES ({', '.join('?' * (len(COLUMNS) + 1))})"
 
 
@@ -82,6 +58,7 @@ class Store:
             with self._told():
                 self._db = _connected(self.path, write)
             self._check_version()
+            self._rate()
         except BaseException:
             self._unlock()
             raise
@@ -146,6 +123,12 @@ class Store:
         if not found:
             raise KeyError(key)
         return json.loads(found[0][0])
+
+    @property
+    def code(self) -> dict[str, Any] | None:
+        """The code that the runs are of, as `Suite.code`; None in results of a release that did not record it."""
+        found = self.query("SELECT value FROM meta WHERE key = 'code'")
+        return json.loads(found[0][0]) if found else None
 
     def query(self, sql: str, values: tuple[Any, ...] = ()) -> list[sqlite3.Row]:
         """The rows of any SELECT; they can be asked by column name."""
@@ -251,11 +234,26 @@ class Store:
             raise StoreError(f"{self.path}: no database of results: {error}") from error
 
     def _check_version(self) -> None:
-        found = self.query("SELECT value FROM meta WHERE key = 'schema_version'")
-        if not found or int(found[0][0]) != SCHEMA_VERSION:
-            what = f"schema version {found[0][0] if found else 'unknown'}"
+        """Refuse results of a later release, bring those of an earlier one up to date."""
+        rows = self.query("SELECT value FROM meta WHERE key = 'schema_version'")
+        found = int(rows[0][0]) if rows else 0
+        if not 1 <= found <= SCHEMA_VERSION:
+            what = f"schema version {found or 'unknown'}"
             self.close()
-            raise _unusable(self.path, what, f"{SCHEMA_VERSION}, which this release writes")
+            raise _unusable(self.path, what, f"1 to {SCHEMA_VERSION}, which this release reads")
+        if found < SCHEMA_VERSION:
+            with self._transaction():  # nobody else adds columns meanwhile
+                there = {row["name"] for row in self.query("PRAGMA main.table_info(runs)")}
+                wanted = {name: kind for version in ADDED for name, kind in ADDED[version].items()}
+                for name in (name for name in wanted if name not in there):
+                    self._db.execute(f"ALTER TABLE runs ADD COLUMN {name} {wanted[name]}")
+                self._db.execute("UPDATE meta SET value = ? WHERE key = 'schema_version'", (str(SCHEMA_VERSION),))
+
+    def _rate(self) -> None:
+        """Make the view `rated`, which lives as long as the connection."""
+        names = [row["name"] for row in self.query("PRAGMA table_info(runs)") if row["name"] != "ratio"]
+        with self._told():
+            self._db.execute(VIEW.format(columns=", ".join(f"runs.{name} AS {name}" for name in names)))
 
 
 def _connected(path: Path, write: bool) -> sqlite3.Connection:

@@ -5,9 +5,13 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from optiplan.bench.code import own_code, own_digest, planner_code
 from optiplan.bench.records import BenchPlanner, BenchProblem, Task
 from optiplan.bench.robots import RobotShelf
 from optiplan.bench.sources import Found, Place, read_source
@@ -46,14 +50,18 @@ class Suite:
         return len(self.problems) * len(self.planners) * len(self.spec.seeds) * self.spec.repetitions
 
     def tasks(self) -> Iterator[Task]:
-        """Every run, problem by problem: planners meet a problem under like load, and workers keep it loaded."""
+        """Every run, problem by problem: planners meet a problem under like load, and workers keep it loaded.
+
+        The runs of one problem come in a random order, drawn from the problem's id: the same every time, and no planner
+        is always the first, on a cold machine, or the last.
+        """
         spec = self.spec
+        hard = (spec.budget, spec.wall, spec.limits.memory)
         for problem in self.problems:
-            for repetition in range(spec.repetitions):
-                for seed in spec.seeds:
-                    for planner in self.planners:
-                        hard = (spec.budget, spec.wall, spec.limits.memory)
-                        yield Task(problem, planner, seed, repetition, *hard, spec.metrics)
+            runs = list(product(range(spec.repetitions), spec.seeds, self.planners))
+            order = np.random.default_rng(list(hashlib.sha256(problem.id.encode()).digest())).permutation(len(runs))
+            for repetition, seed, planner in (runs[k] for k in order):
+                yield Task(problem, planner, seed, repetition, *hard, spec.metrics)
 
     @cached_property
     def parts(self) -> dict[str, Any]:
@@ -68,6 +76,12 @@ class Suite:
             "metrics": None if spec.metrics is None else list(spec.metrics),
             "problems": {p.id: [p.hash, p.set_name, p.difficulty] for p in self.problems},
         }
+
+    @cached_property
+    def code(self) -> dict[str, Any]:
+        """The code that runs are made with now: OptiPlan's, in words and by its digest, and each planner's own."""
+        planners = {planner.label: planner_code(planner.name, planner.options) for planner in self.planners}
+        return {"optiplan": own_code(), "digest": own_digest(), "planners": planners}
 
     @property
     def hash(self) -> str:
@@ -113,6 +127,17 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     return words
 
 
+def code_differences(old: Mapping[str, Any] | None, new: Mapping[str, Any]) -> list[str]:
+    """What differs between the `code` of two suites, one sentence each; None: it was not recorded."""
+    if old is None:
+        return [f"code: not recorded there, optiplan {new['optiplan']} here"]
+    words = []
+    if old["digest"] != new["digest"]:
+        words.append(f"code: optiplan {old['optiplan']} there, {new['optiplan']} here")
+    changed = [label for label, digest in new["planners"].items() if old["planners"].get(label, digest) != digest]
+    return words + ([f"code: changed files of the planners {_some(changed)}"] if changed else [])
+
+
 def _entries(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
     changed = [name for name in new if name in old and old[name] != new[name]]
     for what, names in (("only there", old.keys() - new.keys()), ("only here", new.keys() - old.keys())):
@@ -135,6 +160,8 @@ def _planners(spec: SuiteSpec, document: Document, issues: list[Issue]) -> tuple
             issues.append(document.issue(place, f"unknown {error.kind} '{error.found}'", ", ".join(error.choices)))
         except InputError as error:
             issues += [document.issue((*place, issue.field), issue.found, issue.expected) for issue in error.issues]
+        except (Exception, SystemExit):  # a planner from outside that cannot be made: its runs will tell
+            continue
     return tuple(BenchPlanner(planner.shown, planner.name, planner.options) for planner in spec.planners)
 
 

@@ -1,26 +1,28 @@
 """The process behind a slot: takes tasks from a pipe one by one, sends back what came of them.
 
-Its arguments are the folders of Python modules (JSON), one end of a pair of sockets, and the process that must live for
-this one to live. Standard output and standard error belong to the planners: what they print is recorded with the run.
+Its arguments are the folders of Python modules (JSON), one end of a pair of sockets, the process that must live for
+this one to live, and the core to stay on (-1: any). Standard output and standard error belong to the planners: what
+they print is recorded with the run. Above it stands its keeper (`keeper.py`), which ends and reaps what planners start.
 """
 
 import ctypes
 import json
 import os
 import resource
-import signal
 import sys
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
-PR_SET_PDEATHSIG = 1
-"""Of prctl(2): the signal to be sent to us when our parent ends."""
+from optiplan.bench.keeper import keep_a_child
 
 
 def main() -> None:
-    """Serve until the other end is closed."""
-    connection, parent = Connection(int(sys.argv[2])), int(sys.argv[3])
-    _die_with(parent)
+    """Serve until the other end is closed, in a child of the keeper that this process becomes."""
+    socket, parent, core = (int(word) for word in sys.argv[2:5])
+    if core >= 0:
+        os.sched_setaffinity(0, {core})
+    keep_a_child(parent, socket)
+    connection = Connection(socket)
     from optiplan.bench.execute import Executor  # takes half a second: after the line above
 
     libc, execute, ours = ctypes.CDLL(None), Executor(), os.getpid()
@@ -35,7 +37,7 @@ def main() -> None:
         libc.fflush(None)  # what C++ printed belongs to this run, not to the next
         connection.send_bytes(json.dumps(message, allow_nan=False).encode())
 
-    send({"phase": "ready"})
+    send({"phase": "ready", "pid": ours})
     while True:
         try:
             task = Task.from_dict(json.loads(connection.recv_bytes()))
@@ -66,10 +68,3 @@ def limit_memory(megabytes: float) -> None:
     hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
     wanted = int(2e6 * megabytes)
     resource.setrlimit(resource.RLIMIT_DATA, (wanted if hard < 0 else min(wanted, hard), hard))
-
-
-def _die_with(parent: int) -> None:
-    """End when the parent ends, however that happens."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it ended before we could ask
-        os._exit(1)

@@ -2,9 +2,7 @@
 
 import os
 import signal
-import sys
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -13,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from optiplan.cli import bench_report
+from optiplan.cli.bench_progress import progress
 from optiplan.cli.output import messages, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
@@ -50,6 +49,7 @@ def run(
     dask: Annotated[
         str | None, typer.Option(metavar="tcp://…", help="address of a Dask scheduler whose workers make the runs")
     ] = None,
+    pin: Annotated[bool, typer.Option("--pin", help="keep each worker on a core of its own")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
 ) -> int:
     """Make every run of a suite that is not in the folder yet.
@@ -60,7 +60,7 @@ def run(
 
       optiplan bench benchmarks/suites/quick.yaml
 
-      optiplan bench mine.yaml --workers 4 --out results/mine
+      optiplan bench mine.yaml --workers 4 --pin --out results/mine
 
       optiplan bench mine.yaml --dask tcp://10.0.0.1:8786
 
@@ -69,14 +69,14 @@ def run(
     from optiplan.bench.runner import open_results, other_versions, run_suite
     from optiplan.bench.suite import load_suite
 
-    pool, label = _workforce(workers, dask)
-    with stdout_is_ours(), ProgressLine() as progress:
-        chosen = load_suite(suite, _scratch(suite, out), progress)
+    pool, label = _workforce(workers, dask, pin)
+    with stdout_is_ours(), ProgressLine() as line:
+        chosen = load_suite(suite, _scratch(suite, out), line)
     folder = out or Path("runs", "bench", chosen.spec.name)
     with open_results(chosen, folder) as store:
         for words in other_versions(store):
             messages().print(f"note: earlier runs were made with another version of {words}", style="yellow")
-        with _stopped_by_signals(pool), _progress(chosen.size, len(store.done())) as watch:
+        with _stopped_by_signals(pool), progress(chosen.size, len(store.done())) as watch:
             done = run_suite(chosen, store, pool, label, watch)
         _tell(store, done, as_json)
     if not done.complete:
@@ -124,30 +124,38 @@ def export(
 
 @app.command("import-results")
 def import_results(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="metrics in robometrics' terms, JSON")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="results in JSON, see docs/bench.md")],
     beside: Annotated[Path, typer.Argument(metavar="DIR", help="our results on the same problems")],
     out: Annotated[Path, typer.Option(metavar="OUT", help="where these results go, a folder of their own")],
     label: Annotated[str, typer.Option(metavar="NAME", help="what to call the planner")] = "external",
 ) -> int:
-    """Read results that were made elsewhere, to compare with ours; they count as planned and never as verified."""
-    from optiplan.bench.foreign import read_metrics
+    """Read results that were made elsewhere, to compare with ours.
+
+    Entries are matched by their field `problem`. Those with a trajectory (samples t, q) are verified here; the others
+    count as planned, with the times that their authors tell, and never as verified.
+    """
+    from optiplan.bench.imported import read_results
     from optiplan.bench.store import Store
 
-    with Store(beside) as store:
-        count = read_metrics(file, label, store, out)
-    results().print(f"{count} runs in {out}", markup=False, soft_wrap=True)
+    with Store(beside) as store, stdout_is_ours():
+        found = read_results(file, label, store, out)
+    words = f"{found.runs} runs in {out}: {found.trajectories} with a trajectory, {found.verified} of them verified"
+    results().print(words, markup=False, soft_wrap=True)
     return 0
 
 
-def _workforce(workers: int | None, dask: str | None) -> tuple[Any, str]:
+def _workforce(workers: int | None, dask: str | None, pin: bool) -> tuple[Any, str]:
     """Whoever makes the runs, and its name in the results."""
     if dask is None:
         from optiplan.bench.pool import LocalPool
 
-        count = workers or len(os.sched_getaffinity(0))
-        return LocalPool(count), f"{count} local"
-    if workers is not None:
-        raise typer.BadParameter("--dask brings its own workers: leave out --workers")
+        cores = len(os.sched_getaffinity(0))
+        count = workers or cores
+        if pin and count > cores:
+            raise typer.BadParameter(f"--pin: {count} workers, and {cores} cores for them: expected --workers {cores}")
+        return LocalPool(count, pin), f"{count} local" + (", each on a core of its own" if pin else "")
+    if workers is not None or pin:
+        raise typer.BadParameter("--dask brings its own workers: leave out --workers and --pin")
     from optiplan.bench.cluster import DaskCluster
 
     cluster = DaskCluster(dask)
@@ -193,31 +201,3 @@ def _stopped_by_signals(pool: Any) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-@contextmanager
-def _progress(total: int, found: int) -> Iterator[Any]:
-    """A bar with rate and time left, on stderr, where a person watches."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns: Sequence[Any] = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TextColumn("left:"),
-        TimeRemainingColumn(elapsed_when_finished=True),
-    )
-    console = messages()
-    with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty()) as bar:
-        console.show_cursor(True)  # who is killed meanwhile leaves the terminal as it was
-        line = bar.add_task("runs", total=total, completed=found, rate="")
-        began, made, good = time.perf_counter(), 0, 0
-
-        def watch(outcome: Any) -> None:
-            nonlocal made, good
-            made, good = made + 1, good + outcome.row.verified
-            rate = f"{made / (time.perf_counter() - began):.2f}/s, {100 * good / made:.0f} % verified"
-            bar.update(line, advance=1, rate=rate)
-
-        yield watch

@@ -11,7 +11,7 @@ from optiplan.bench.compare import IMPROVEMENT, REGRESSION, Change, Comparison
 LISTED = 20
 """Failures that are listed in words; --json has all."""
 
-WIDTH = 110
+WIDTH = 118
 """Characters that the table needs; a narrower terminal wraps its lines."""
 
 STYLES = {REGRESSION: "red", IMPROVEMENT: "green"}
@@ -45,13 +45,15 @@ def show_comparison(console: Console, found: Comparison) -> None:
     for note in found.notes:
         console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
     table = Table(box=None, pad_edge=False)
-    for name in ("planner", "quantity", "A", "B", "B / A", "95 %", "better", "worse", "p", ""):
+    for name in ("planner", "quantity", "A", "B", "B / A", "95 %", "better", "worse", "p", "Holm", ""):
         table.add_column(name, justify="left" if name in ("planner", "quantity", "") else "right", no_wrap=True)
     for change in found.changes:
         table.add_row(*_row(change), style=STYLES.get(change.verdict))
     console.width = max(console.width, WIDTH)
     console.print(table)
-    console.print(f"{found.common} runs in common; p: corrected for {len(found.changes)} comparisons", markup=False)
+    console.print(
+        f"{found.common} runs in common; Holm: p corrected for {len(found.changes)} comparisons", markup=False
+    )
     for verdict in (REGRESSION, IMPROVEMENT):
         for change in found.of(verdict):
             console.print(f"{verdict}: {words(change)}", style=STYLES[verdict], markup=False, soft_wrap=True)
@@ -77,6 +79,6 @@ def _row(change: Change) -> list[str]:
     values = ["–" if math.isnan(x) else form.format(scale * x) for x in (change.before, change.after)]
     ratio = "–" if math.isnan(change.ratio.value) else f"{change.ratio.value:.3f}"
     spread = "–" if math.isnan(change.ratio.low) else f"{change.ratio.low:.3f} to {change.ratio.high:.3f}"
-    counts = [str(change.better), str(change.worse), f"{change.corrected:.2g}"]
+    counts = [str(change.better), str(change.worse), f"{change.p:.2g}", f"{change.corrected:.2g}"]
     verdict = change.verdict if change.verdict in STYLES else ""
     return [change.planner, change.quantity, *values, ratio, spread, *counts, verdict]

@@ -16,7 +16,7 @@ FROM runs JOIN planners ON planners.label = runs.planner GROUP BY planners.label
 MEDIAN = """
 SELECT avg(value) AS median FROM (
     SELECT {column} AS value, row_number() OVER (ORDER BY {column}) AS place, count(*) OVER () AS size
-    FROM runs WHERE planner = ? AND verified AND {column} IS NOT NULL)
+    FROM rated WHERE planner = ? AND verified AND {column} IS NOT NULL)
 WHERE place IN ((size + 1) / 2, (size + 2) / 2)
 """
 FAILURES = "SELECT failure_kind, count(*) AS runs FROM runs WHERE failure_kind IS NOT NULL GROUP BY 1 ORDER BY 2 DESC"
@@ -26,7 +26,7 @@ def summary_data(store: Store, done: Summary) -> dict[str, Any]:
     """JSON-ready: counts, shares and medians (over verified runs) by planner, failures by kind."""
     planners = {}
     for row in store.query(SHARES):
-        medians = {name: _median(store, row["planner"], name) for name in ("plan_time", "ratio")}
+        medians = {name: _median(store, row["planner"], name) for name in ("plan_time", "plan_cpu", "ratio")}
         planners[row["planner"]] = {key: row[key] for key in row.keys() if key != "planner"} | medians
     return {
         "results": str(store.path),
@@ -43,11 +43,11 @@ def show_summary(console: Console, store: Store, done: Summary) -> None:
     """The same as a table."""
     data = summary_data(store, done)
     table = Table(box=None, pad_edge=False)
-    for name in ("planner", "runs", "planned", "timed", "verified", "plan s, median", "ratio, median"):
+    for name in ("planner", "runs", "planned", "timed", "verified", "plan s, median", "processor s", "/ bound, median"):
         table.add_column(name, justify="left" if name == "planner" else "right", overflow="fold")
     for name, row in data["planners"].items():
         shares = [f"{100 * row[key]:.1f} %" for key in ("planned", "timed", "verified")]
-        medians = ["–" if row[key] is None else f"{row[key]:.3f}" for key in ("plan_time", "ratio")]
+        medians = ["–" if row[key] is None else f"{row[key]:.3f}" for key in ("plan_time", "plan_cpu", "ratio")]
         table.add_row(name, str(row["runs"]), *shares, *medians)
     console.print(table)
     for kind, count in data["failures"].items():

@@ -4,8 +4,9 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -14,11 +15,12 @@ from optiplan.cli.output import Exit, interrupts_held, messages, print_error, pr
 from optiplan.cli.planner_choice import choose, placed
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError, Issue
-from optiplan.pipeline import Run, attempt, share_of
+from optiplan.pipeline import STILL, Run, attempt
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.registry import PLANNERS, planner_entry
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import JointGoal, Problem
 from optiplan.store import save_run
+from optiplan.trajectory.timing import lower_bounds
 from optiplan.verify.report import jsonable
 
 ALL = "all"
@@ -90,6 +92,38 @@ def _rank(run: Run) -> tuple[bool, bool, float]:
     return not run.verified, run.trajectory is None, run.duration or 0.0
 
 
+class Bound(NamedTuple):
+    """What the durations of a comparison are divided by: one bound for all, s, and what it is the least of."""
+
+    seconds: float | None
+    words: str
+
+    def ratio(self, run: Run) -> float | None:
+        """Duration / bound; None without a motion, or where the robot need not move."""
+        return None if run.duration is None or self.seconds is None else run.duration / self.seconds
+
+
+def bound_of(runs: Sequence[Run]) -> Bound:
+    """The bound of the problem that these runs are of.
+
+    No motion to an end configuration is shorter than its bound. Of the problem it is the least over the end
+    configurations that the verified runs reached and those that the problem lists.
+    """
+    problem = runs[0].problem
+    listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
+    reached = [run.trajectory.end for run in runs if run.verified and run.trajectory is not None]
+    if not listed and not reached:
+        return Bound(None, "not known: no goal configuration is listed, and none was reached")
+    seconds = float(lower_bounds(problem.start, np.array([*listed, *reached]), problem.limits).min())
+    if seconds < STILL:
+        return Bound(None, "none: the robot need not move")
+    if len(listed) == len(problem.goal):
+        words = "of the goal" if len(listed) == 1 else f"the least over the {len(listed)} goals of the problem"
+    else:
+        words = "the least over the end configurations reached here; others may have a lower one"
+    return Bound(seconds, words)
+
+
 def exit_code(runs: Sequence[Run]) -> Exit:
     """The best of the runs decides, unless a planner has a bug."""
     if any(run.failure is not None and run.failure.kind == "bug" for run in runs):
@@ -101,25 +135,20 @@ def exit_code(runs: Sequence[Run]) -> Exit:
 
 def show(runs: Sequence[Run], as_json: bool, unsaved: Sequence[InputError] = ()) -> Exit:
     """Print the comparison on stdout, as a table or as one JSON object; its exit code."""
-    code = Exit.BAD_INPUT if unsaved else exit_code(runs)
-    bound = common_bound(runs)
+    code, bound = Exit.BAD_INPUT if unsaved else exit_code(runs), bound_of(runs)
     for error in unsaved:
         print_error(f"a run is not saved: {error}")
     if as_json:
-        shared = {"lower_bound": bound, "lower_bound_of": runs[0].lower_bound_of}
-        print_json(jsonable({"runs": [run.to_dict() for run in runs], **shared, "exit_code": int(code)}))
+        rows = [{**run.to_dict(), "ratio": bound.ratio(run)} for run in runs]
+        found = {"seconds": bound.seconds, "of": bound.words}
+        print_json(jsonable({"runs": rows, "bound": found, "exit_code": int(code)}))
         return code
     problem = runs[0].problem
     console = results()
     console.print(f"{problem.name} · {problem.robot.name} · seed {problem.seed}", style="bold", markup=False)
     width = console.width if console.is_terminal or "COLUMNS" in os.environ else max(console.width, WIDTH)
-    _print(Console(width=width, highlight=False), runs)
+    _print(Console(width=width, highlight=False), runs, bound)
     return code
-
-
-def common_bound(runs: Sequence[Run]) -> float | None:
-    """One bound for all rows, s: the least of the end configurations that the motions reached."""
-    return min((run.lower_bound for run in runs if run.lower_bound is not None), default=None)
 
 
 TIMES = ("", "planning\ns", "duration\ns", "duration\n/ bound")
@@ -133,43 +162,39 @@ MEASURES = (
 )
 
 
-def _print(console: Console, runs: Sequence[Run]) -> None:
+def _print(console: Console, runs: Sequence[Run], bound: Bound) -> None:
     """The table as the width allows: reasons in a column, reasons below it, or measures in a second half as well."""
-    bound = common_bound(runs)
-    if bound is not None:
-        plain = runs[0].lower_bound_of == "problem"
-        least = "no motion is shorter" if plain else "the least of the ends reached; a motion to another may be shorter"
-        console.print(f"bound {bound:.3f} s: {least}", markup=False, style="dim")
     if console.width >= WIDTH:
-        console.print(_table(runs, (*TIMES, *MEASURES), reasons=True))
-        return
-    for headings in ((*TIMES, *MEASURES),) if console.width >= NARROW else (TIMES, MEASURES):
-        console.print(_table(runs, headings))
-    for run in runs:
-        if _reason(run):
-            console.print(f"{run.planner}: {_reason(run)}", markup=False)
+        console.print(_table(runs, bound, (*TIMES, *MEASURES), reasons=True))
+    else:
+        for headings in ((*TIMES, *MEASURES),) if console.width >= NARROW else (TIMES, MEASURES):
+            console.print(_table(runs, bound, headings))
+        for run in runs:
+            if _reason(run):
+                console.print(f"{run.planner}: {_reason(run)}", markup=False)
+    seconds = "" if bound.seconds is None else f"{bound.seconds:.3f} s, "
+    console.print(f"bound: {seconds}{bound.words}", style="dim", markup=False)
 
 
-def _table(runs: Sequence[Run], headings: Sequence[str], reasons: bool = False) -> Table:
+def _table(runs: Sequence[Run], bound: Bound, headings: Sequence[str], reasons: bool = False) -> Table:
     table = Table(box=None, pad_edge=False, header_style="dim", padding=(0, 2 if reasons else 1, 0, 0))
     table.add_column("planner", no_wrap=True)
     for heading in headings:
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     if reasons:
         table.add_column("why not", overflow="fold", min_width=24)
-    bound = common_bound(runs)
     for run in runs:
         word = "no plan" if run.trajectory is None else "not verified"
         verdict = "[green]verified[/]" if run.verified else f"[red]{word}[/]"
-        cells = dict(zip((*TIMES, *MEASURES), (verdict, *_numbers(run, bound)), strict=True))
+        cells = dict(zip((*TIMES, *MEASURES), (verdict, *_numbers(run, bound.ratio(run))), strict=True))
         why = [escape(_reason(run))] if reasons else []
         table.add_row(run.planner, *(cells[heading] for heading in headings), *why)
     return table
 
 
-def _numbers(run: Run, bound: float | None) -> list[str]:
+def _numbers(run: Run, ratio: float | None) -> list[str]:
     found = run.metrics
-    row = [f"{run.timings['plan']:.2f}", _text(run.duration, ".3f"), _text(share_of(run.duration, bound), ".3f")]
+    row = [f"{run.timings['plan']:.2f}", _text(run.duration, ".3f"), _text(ratio, ".3f")]
     if found is None:
         return [*row, *("–" for _ in range(6))]
     return [

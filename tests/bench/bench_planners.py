@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import random
 import signal
 import sys
 import time
@@ -182,6 +183,29 @@ class LeavesChildren(Straight):
             file.write(" ".join(map(str, children)))
 
 
+class KilledWithChildren(LeavesChildren):
+    """Starts such processes, and is killed."""
+
+    def misbehave(self):
+        super().misbehave()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+class Daemons(Straight):
+    """Starts a process whose parent ends at once, in a session of its own, as daemons do."""
+
+    def misbehave(self):
+        child = os.fork()
+        if child == 0:
+            os.setsid()
+            with open(os.environ["CHILDREN"], "w") as file:
+                file.write("started")
+            if os.fork() == 0:
+                time.sleep(1000.0)
+            os._exit(0)
+        os.waitpid(child, 0)
+
+
 class ComesBackTwice(Straight):
     """Forks, and returns from both processes."""
 
@@ -199,3 +223,45 @@ class ChildrenEat(Straight):
                 held.append(np.ones(1_000_000))
                 time.sleep(0.005)
         time.sleep(1000.0)
+
+
+class NeverMade(Straight):
+    """Cannot be made."""
+
+    def __init__(self, options):
+        raise OSError("no licence")
+
+
+class Draws(Straight):
+    """Tells what it draws from the generators of the process, and which cores it may use."""
+
+    def plan(self, problem, budget, progress):
+        drawn = [random.random(), float(np.random.random())]  # noqa: NPY002
+        result = super().plan(problem, budget, progress)
+        return replace(result, info={"drawn": drawn, "cores": sorted(os.sched_getaffinity(0))})
+
+
+class WarmsUp(Straight):
+    """Writes down what it is asked to do, and with which option."""
+
+    def plan(self, problem, budget, progress):
+        with open(os.environ["ASKED"], "a") as file:
+            file.write(f"{self.options.only} {problem.name} {problem.robot.name}\n")
+        return super().plan(problem, budget, progress)
+
+    def misbehave(self):
+        """Never."""
+
+
+class Works(Straight):
+    """Half a tenth of a second of work here, the same in a process that it waits for, and a tenth of sleep."""
+
+    def misbehave(self):
+        child = os.fork()
+        end = time.process_time() + 0.05
+        while time.process_time() < end:
+            pass
+        if child == 0:
+            os._exit(0)
+        os.waitpid(child, 0)
+        time.sleep(0.1)

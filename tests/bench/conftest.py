@@ -149,4 +149,4 @@ def _columns(outcome):
         return {"plan_time": 0.1, **failure}
     plan_time, duration = outcome
     ladder = {"planned": True, "timed": True, "verified": True}
-    return {**ladder, "plan_time": plan_time, "duration": duration, "lower_bound": 0.5, "ratio": 2.0 * duration}
+    return {**ladder, "plan_time": plan_time, "duration": duration, "lower_bound": 0.5}

@@ -73,7 +73,7 @@ def test_a_busy_machine_is_no_regression(results, work, regressions):
     folders = [results(made(), "old"), results(made(slower=2.0), "new")]
     for folder, factor in zip(folders, (1.0, work), strict=True):
         with sqlite3.connect(folder / "results.sqlite") as db:
-            db.execute("UPDATE runs SET cpu_time = ?", (3.0 * factor,))
+            db.execute("UPDATE runs SET plan_cpu = ?", (3.0 * factor,))
     with Store(folders[0]) as before, Store(folders[1]) as after:
         found = compare(before, after)
     assert len(found.of("regression")) == regressions

@@ -1,12 +1,20 @@
 import csv
 import json
+import re
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from optiplan.bench.export import TABLES, export, write_problems
+from optiplan.bench.generate import GENERATORS
+from optiplan.bench.records import COLUMNS
+from optiplan.bench.spec import KINDS
 from optiplan.bench.store import Store
 from optiplan.errors import OptiPlanError
 from optiplan.problem.load import load_problem
+
+DOCS = Path(__file__).parents[2] / "docs" / "bench.md"
 
 
 @pytest.fixture
@@ -41,11 +49,30 @@ def test_parquet_is_what_the_database_holds_and_duckdb_reads_it(results, tmp_pat
         f"SELECT planner, avg(verified::INT), count(*) FILTER (WHERE verified) FROM '{files['runs']}' GROUP BY planner"
     )
     assert ask(sql).fetchall() == [("bench_planners:Straight", 0.5, 2)]
-    stored = [tuple(row) for row in results.query("SELECT * FROM runs ORDER BY problem, planner, seed, repetition")]
+    stored = [tuple(row) for row in results.query("SELECT * FROM rated ORDER BY problem, planner, seed, repetition")]
     assert ask(f"SELECT * FROM '{files['runs']}'").fetchall() == stored
     assert ask(f"SELECT id FROM '{files['problems']}' ORDER BY position").fetchall() == [("plain/p0",), ("plain/p1",)]
     sql = f"SELECT json_extract(machine, '$.cores')::INT FROM '{files['sessions']}'"
     assert ask(sql).fetchone()[0] >= 1
+
+
+def test_the_query_of_the_documentation_runs(results, tmp_path):
+    duckdb = pytest.importorskip("duckdb")
+    pytest.importorskip("pyarrow")
+    export(results, tmp_path / "tables", "parquet")
+    (query,) = re.findall(r"```sql\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
+    assert "'results/quick/runs.parquet'" in query
+    found = duckdb.connect().execute(query.replace("results/quick", str(tmp_path / "tables"))).fetchall()
+    times = [row[0] for row in results.query("SELECT plan_time FROM runs WHERE verified")]
+    assert found == [("bench_planners:Straight", 0.5, pytest.approx(np.percentile(times, 95)))]
+
+
+def test_the_documentation_names_every_source_column_and_table():
+    text = DOCS.read_text(encoding="utf-8")
+    for name in (*KINDS, *COLUMNS, "problem_bound", *TABLES):
+        assert f"`{name}`" in text, name
+    for name in GENERATORS:
+        assert f"`{name}`" in text, name
 
 
 def test_problems_can_be_planned_again(results, tmp_path):

@@ -2,10 +2,13 @@
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from optiplan.bench.machine import ended
 from optiplan.bench.pool import LocalPool
 from optiplan.bench.runner import open_results, run_suite
 from optiplan.bench.suite import load_suite
@@ -92,4 +95,41 @@ def test_a_bug_is_kept_with_its_traceback(rows):
 
 def test_what_a_planner_started_ends_with_its_run(rows):
     assert len(rows["children"]) == 2
-    assert not any(os.path.exists(f"/proc/{pid}") for pid in rows["children"])
+    assert all(ended(pid) for pid in rows["children"])
+
+
+NEVER_WAITS = """
+import ctypes, os, subprocess, sys, time
+from optiplan.bench.machine import descendants
+ctypes.CDLL(None).prctl(36, 1)  # orphans come to us, as to process 1, and nobody waits for them
+code = "from optiplan.cli.main import main; main()"
+assert subprocess.run([sys.executable, "-c", code, *sys.argv[1:]]).returncode == 0
+print(descendants(os.getpid()))
+"""
+
+
+@pytest.mark.parametrize("name", ["LeavesChildren", "KilledWithChildren", "Daemons"])
+def test_nothing_is_left_where_nobody_reaps_orphans(write_suite, tmp_path, monkeypatch, name):
+    """Not even a zombie: under a parent that takes up orphans and never waits for them."""
+    monkeypatch.setenv("CHILDREN", str(tmp_path / "children"))
+    planner = {"name": f"bench_planners:{name}", "only": "p0"}
+    path = write_suite(count=2, planners=[planner], limits={"wall": 20, "memory": 600})
+    words = ["bench", str(path), "--out", str(tmp_path / "out"), "--workers", "1", "--json"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", NEVER_WAITS, *words]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "children").read_text()
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_zombie_has_ended():
+    child = os.fork()
+    if child == 0:
+        os._exit(0)
+    os.waitid(os.P_PID, child, os.WEXITED | os.WNOWAIT)
+    assert os.path.exists(f"/proc/{child}")
+    assert ended(child)
+    assert not ended(os.getpid())
+    os.waitpid(child, 0)
+    assert ended(child)

@@ -1,10 +1,12 @@
+import csv
 import json
 import math
 import sqlite3
 
+import numpy as np
 import pytest
 
-from optiplan.bench.foreign import UNVERIFIED
+from optiplan.bench.imported import CLAIMED
 from optiplan.bench.ompl_log import PROPERTIES, STATUS
 from optiplan.bench.store import Store
 from optiplan.cli.main import run as main
@@ -75,33 +77,140 @@ def test_metrics_out_and_in_again(results, tmp_path, capsys):
     file = tmp_path / "to" / "robometrics" / "bench_planners_Straight.json"
     (first, second) = json.loads(file.read_text())["plain"]
     assert (first["success"], first["skip"], first["problem"]) == (True, False, "plain/p0")
+    file.write_text(json.dumps({"plain": [second, first]}))  # in any order
     words = ["bench", "import-results", str(file), str(results), "--out", str(tmp_path / "in"), "--label", "theirs"]
     assert main(words) == 0
     with Store(tmp_path / "in") as there, Store(results) as here:
-        (row, _) = there.query("SELECT * FROM runs ORDER BY problem")
-        ours = here.query("SELECT * FROM runs WHERE verified AND problem = 'plain/p0'")[0]
-    assert (row["planner"], row["timed"], row["verified"], row["failure_kind"]) == ("theirs", 1, 0, UNVERIFIED)
-    assert (row["duration"], row["plan_time"]) == (ours["duration"], ours["plan_time"])
-    turned = json.loads(ours["metrics"])["tool_rotation"]
+        rows = there.query("SELECT * FROM runs ORDER BY problem")
+        ours = here.query("SELECT * FROM runs WHERE verified ORDER BY problem, planner")
+    assert [row["problem"] for row in rows] == ["plain/p0", "plain/p1"]
+    row, our = rows[0], ours[0]
+    assert (row["planner"], row["timed"], row["verified"], row["failure_kind"]) == ("theirs", 1, 0, CLAIMED)
+    assert (row["duration"], row["plan_time"]) == (our["duration"], our["plan_time"])
+    turned = json.loads(our["metrics"])["tool_rotation"]
     assert first["eef_orientation_path_length"] == pytest.approx(math.degrees(turned), rel=1e-12)
     assert json.loads(row["metrics"])["tool_rotation"] == pytest.approx(turned, rel=1e-12)
     assert second["motion_time"] > 0
 
 
+@pytest.fixture
+def ours(results, tmp_path):
+    """Our results on the two problems, and samples of their motions as another program would write them."""
+    with Store(results) as store:
+        rows = store.query("SELECT * FROM runs WHERE verified AND planner LIKE '%Straight' ORDER BY problem")
+        samples = []
+        for row in rows:
+            motion = store.trajectory(row["trajectory"])
+            slow = 2.0 * motion.duration  # no limit is near
+            t = np.linspace(0.0, slow, 201)
+            s = (t / slow) ** 3 * (10.0 - 15.0 * t / slow + 6.0 * (t / slow) ** 2)
+            a, b = motion(0.0), motion.end
+            samples.append({"t": t.tolist(), "q": (a + s[:, None] * (b - a)).tolist()})
+    return results, samples
+
+
+def imported(ours, tmp_path, entries, label="bench_planners:Straight"):
+    file = tmp_path / "their.json"
+    file.write_text(json.dumps(entries))
+    out = tmp_path / "in"
+    code = main(["bench", "import-results", str(file), str(ours[0]), "--out", str(out), "--label", label])
+    if code != 0:
+        return code
+    with Store(out) as store:
+        return {row["problem"]: dict(row) for row in store.query("SELECT * FROM runs")}
+
+
+def test_trajectories_from_elsewhere_are_verified_here(ours, tmp_path, capsys):
+    one, two = ours[1]
+    names = ["shoulder", "elbow"]
+    header = ["t", *reversed(names)]
+    with (tmp_path / "two.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(header)
+        writer.writerows([t, *reversed(q)] for t, q in zip(two["t"], two["q"], strict=True))
+    entries = [
+        {"problem": "plain/p1", "solve_time": 0.25, "success": True, "trajectory": "two.csv"},
+        {"problem": "plain/p0", "solve_time": 0.5, "success": True, "motion_time": 9.0, "trajectory": one},
+    ]
+    rows = imported(ours, tmp_path, entries)
+    assert "2 runs in" in (out := capsys.readouterr().out)
+    assert "2 with a trajectory, 2 of them verified" in out
+    for name, samples, seconds in (("plain/p0", one, 0.5), ("plain/p1", two, 0.25)):
+        row = rows[name]
+        assert (row["verified"], row["failure_kind"], row["plan_time"]) == (1, None, seconds)
+        assert row["duration"] == pytest.approx(samples["t"][-1])  # not what was told
+        assert row["duration"] > row["lower_bound"] > 0.0
+        assert json.loads(row["metrics"])["tool_path"] > 0.0
+        assert json.loads(row["info"])["interpolation"].startswith("cubic spline through the positions")
+    with Store(tmp_path / "in") as store:
+        np.testing.assert_allclose(store.trajectory(rows["plain/p1"]["trajectory"]).end, two["q"][-1], atol=1e-12)
+
+
+def test_a_trajectory_that_does_not_keep_to_the_problem_is_refused_whatever_its_authors_say(ours, tmp_path):
+    one = ours[1][0]
+    hurried = one | {"t": (0.1 * np.array(one["t"])).tolist()}
+    entries = {
+        "plain": [
+            {"problem": "plain/p0", "success": True, "solve_time": 1.0, "trajectory": hurried},
+            {"problem": "plain/p1", "success": True, "solve_time": 1.0, "trajectory": one},  # of the other problem
+        ]
+    }
+    rows = imported(ours, tmp_path, entries)
+    assert [rows[name]["verified"] for name in ("plain/p0", "plain/p1")] == [0, 0]
+    assert {row["failure_kind"] for row in rows.values()} == {"not-verified"}
+    assert "velocity" in rows["plain/p0"]["failure_detail"]
+    assert "goal" in rows["plain/p1"]["failure_detail"]
+
+
+def test_imported_runs_are_compared_with_times(ours, tmp_path, capsys):
+    entries = [
+        {"problem": f"plain/p{k}", "solve_time": 0.5, "success": True, "trajectory": samples}
+        for k, samples in enumerate(ours[1])
+    ]
+    imported(ours, tmp_path, entries)
+    capsys.readouterr()
+    assert main(["bench", "compare", str(ours[0]), str(tmp_path / "in"), "--json"]) == 0
+    changes = {change["quantity"]: change for change in json.loads(capsys.readouterr().out)["changes"]}
+    assert changes["planning time"]["after"] == 0.5
+    assert changes["duration"]["ratio"] == pytest.approx(2.0, rel=1e-6)
+    assert (changes["success"]["before"], changes["success"]["after"]) == (1.0, 1.0)
+
+
+def test_claims_are_compared_with_times_and_never_as_success(ours, tmp_path, capsys):
+    entries = [{"problem": f"plain/p{k}", "solve_time": 0.5, "motion_time": 3.0, "success": True} for k in (1, 0)]
+    imported(ours, tmp_path, entries)
+    capsys.readouterr()
+    assert main(["bench", "compare", str(ours[0]), str(tmp_path / "in"), "--json", "--gate"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert [change["quantity"] for change in data["changes"]] == ["planning time", "duration"]
+    assert data["changes"][1]["after"] == 3.0
+    assert data["new_failures"] == []
+    assert any("2 runs in B have no trajectory" in note for note in data["notes"])
+
+
+ENTRY = {"problem": "plain/p0", "success": True}
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ('{"plain": [{}, {}, {}]}', "problem 2 of the set 'plain'; expected 2 problems of that set"),
-        ('{"other": [{}]}', "problem 0 of the set 'other'; expected 0 problems"),
-        ("[1]", "expected {set: [metrics, …]} in JSON"),
-        ('{"plain": [3]}', "expected {set: [metrics, …]} in JSON"),
-        ("nothing", "expected {set: [metrics, …]} in JSON"),
+        ({"plain": [{"success": True}]}, "entry 0 of plain: no problem; expected an id of"),
+        ([{"problem": "plain/p9"}], "entry 0: problem 'plain/p9'; expected an id of"),
+        ([ENTRY, ENTRY], "entry 1: 'plain/p0', seed 0 a second time; expected one entry for each problem and seed"),
+        ([ENTRY | {"seed": "one"}], "seed: entry 0: 'one'; expected a whole number"),
+        ([ENTRY | {"trajectory": {"t": [0, 1]}}], "entry 0: trajectory: t, q: nothing"),
+        (
+            [ENTRY | {"trajectory": {"t": [0, 0], "q": [[0, 0], [1, 1]]}}],
+            "times that are not finite or do not increase",
+        ),
+        ([ENTRY | {"trajectory": "gone.csv"}], "gone.csv: file: no such file"),
+        ([1], "expected {set: [entry, …]} or [entry, …] in JSON"),
+        ({"plain": [3]}, "expected {set: [entry, …]} or [entry, …] in JSON"),
+        ("nothing", "expected {set: [entry, …]} or [entry, …] in JSON"),
     ],
 )
-def test_foreign_results_that_are_refused(results, tmp_path, capsys, content, said):
-    (tmp_path / "their.json").write_text(content)
-    assert (
-        main(["bench", "import-results", str(tmp_path / "their.json"), str(results), "--out", str(tmp_path / "x")]) == 2
-    )
+def test_foreign_results_that_are_refused(write_results, tmp_path, capsys, content, said):
+    made = write_results(tmp_path / "made", {("plain/p0", "one", 0): (1.0, 2.0)})
+    assert imported((made, None), tmp_path, content) == 2
     assert said in capsys.readouterr().err
-    assert not (tmp_path / "x").exists()
+    assert not (tmp_path / "in").exists()

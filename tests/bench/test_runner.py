@@ -11,12 +11,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from optiplan.bench.machine import descendants
+from optiplan.bench.machine import descendants, ended
 from optiplan.bench.pool import LocalPool
 from optiplan.bench.runner import open_results, other_versions, run_suite
 from optiplan.bench.store import StoreError
 from optiplan.bench.suite import load_suite
-from optiplan.cli.bench import _progress
+from optiplan.cli.bench_progress import progress
 from optiplan.errors import InputError
 
 SLOW = {"name": "bench_planners:Straight", "label": "slow", "seconds": 0.05}
@@ -139,7 +139,7 @@ def test_ctrl_c_ends_cleanly_and_the_same_command_goes_on(write_suite, tmp_path,
     _, err = process.communicate(timeout=10)
     assert process.returncode == 130
     assert "the same command goes on" in err
-    assert not any(os.path.exists(f"/proc/{pid}") for pid in workers)
+    assert all(map(ended, workers))
     there = stored(folder)
     done, rows = run(path, folder)
     assert (done.found, done.total, len(rows)) == (there, 30, 30)
@@ -154,7 +154,7 @@ def test_killed_with_a_worker_every_run_is_there_once(write_suite, tmp_path, run
     time.sleep(0.1)
     process.kill()
     process.communicate(timeout=10)
-    wait_until(lambda: not any(os.path.exists(f"/proc/{pid}") for pid in workers))
+    wait_until(lambda: all(map(ended, workers)))
     done, rows = run(path, folder, workers=2)
     assert 3 <= done.found < 32
     assert len(rows) == 32
@@ -168,16 +168,26 @@ class Terminal(io.StringIO):
         return True
 
 
-@pytest.mark.parametrize(("stream", "words"), [(Terminal, ["2/4", "/s, 100 % verified", "left:"]), (io.StringIO, [])])
-def test_a_bar_with_rate_and_time_left_where_a_person_watches(monkeypatch, stream, words):
+@pytest.mark.parametrize("stream", [Terminal, io.StringIO])
+def test_a_bar_with_rate_and_time_left_where_a_person_watches(monkeypatch, stream):
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.setattr(sys, "stderr", stream())
-    with _progress(4, 1) as watch:
+    with progress(4, 1) as watch:
         watch(SimpleNamespace(row=SimpleNamespace(verified=True)))
     shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", sys.stderr.getvalue())
-    assert all(word in shown for word in words)
-    assert bool(shown) == bool(words)
+    assert all(word in shown for word in ("2/4", "/s, 100 % verified", "left"))
+    assert (sys.stderr.getvalue() == shown) == (stream is io.StringIO)
+
+
+def test_without_a_terminal_progress_is_plain_lines_now_and_then(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with progress(50, 10) as watch:
+        for k in range(40):
+            watch(SimpleNamespace(row=SimpleNamespace(verified=k % 2 == 0)))
+    first, last = sys.stderr.getvalue().splitlines()
+    assert re.fullmatch(r"11/50 runs, [\d.]+/s, 100 % verified, about \d+ s left", first)
+    assert re.fullmatch(r"50/50 runs, [\d.]+/s, 50 % verified, about 0 s left", last)
 
 
 def test_one_runner_a_folder(write_suite, tmp_path):

@@ -11,27 +11,59 @@ from optiplan.bench.statistics import (
     holm,
     median_interval,
     performance_ratios,
+    share_intervals,
     share_within,
     sign_test,
     signed_rank_test,
-    wilson,
 )
 
-NEWCOMBE = {(81, 263): (0.2553, 0.3662), (15, 148): (0.0624, 0.1605), (0, 20): (0.0, 0.1611), (1, 29): (0.0061, 0.1718)}
-"""Table I of Newcombe (1998), method 3."""
+
+def wilson(k, n, z=1.959963984540054):
+    """Wilson's interval of k in n independent tries: what shares had before problems were resampled."""
+    middle, spread = k / n + z**2 / (2 * n), z * math.sqrt(k / n * (1 - k / n) / n + z**2 / (4 * n**2))
+    return (middle - spread) / (1 + z**2 / n), (middle + spread) / (1 + z**2 / n)
 
 
-@pytest.mark.parametrize(("k", "n"), NEWCOMBE)
-def test_wilson_against_the_published_table(k, n):
-    found = wilson(k, n)
-    assert found[1:] == pytest.approx(NEWCOMBE[k, n], abs=5e-5)
-    assert found.value == k / n
+@pytest.mark.parametrize(("mean", "alike"), [(0.5, 0.2), (0.8, 0.3), (0.9, 2.0)])
+def test_intervals_of_shares_cover_the_truth_where_runs_of_a_problem_are_alike(mean, alike, monkeypatch):
+    """Problems of which most are always solved or never: 40 of them, 15 runs each, 400 experiments."""
+    monkeypatch.setattr(statistics, "SHARE_RESAMPLES", 1000)
+    rng = np.random.default_rng(1)
+    ours = independent = 0
+    for seed in range(400):
+        chance = rng.beta(mean * alike, (1.0 - mean) * alike, 40)
+        verified = rng.binomial(15, chance).astype(float)
+        (found,) = share_intervals(verified[:, None], np.full((40, 1), 15.0), seed)
+        low, high = wilson(verified.sum(), 600)
+        ours += found.low <= mean <= found.high
+        independent += low <= mean <= high
+    assert 0.93 <= ours / 400 <= 0.99
+    assert independent / 400 < 0.70
 
 
-def test_wilson_at_the_ends():
-    assert wilson(10, 10)[1:] == (pytest.approx(1.0 / (1.0 + statistics.Z**2 / 10)), 1.0)
-    assert wilson(0, 10).low == 0.0
-    assert wilson(0, 0)[1:] == (0.0, 1.0)
+def test_the_ends_of_a_share_s_interval_hardly_depend_on_the_seed():
+    verified = np.random.default_rng(0).integers(0, 6, (60, 2)).astype(float)
+    ends = np.array([[one[1:] for one in share_intervals(verified, np.full((60, 2), 5.0), seed)] for seed in range(8)])
+    width = np.diff(ends.mean(axis=0), axis=1)
+    assert (np.ptp(ends, axis=0) < 0.05 * width).all()
+
+
+def test_shares_at_the_ends_and_of_few_problems():
+    tries = np.array([[5.0, 5.0, 5.0]] * 10)
+    tries[4:, 2] = 0.0
+    all_, none, few = share_intervals(tries * [1, 0, 1], tries, 0)
+    assert (all_.value, all_.high, none.value, none.low) == (1.0, 1.0, 0.0, 0.0)
+    assert 0.6 < all_.low < 0.9
+    assert none.high == pytest.approx(1.0 - all_.low, abs=0.05)
+    assert few.value == 1.0
+    assert math.isnan(few.low)
+    assert math.isnan(share_intervals(np.zeros((6, 1)), np.zeros((6, 1)), 0)[0].value)
+
+
+def test_seeds_of_a_problem_add_nothing_to_what_is_known_of_problems():
+    verified = (np.arange(30) < 20).astype(float)[:, None]
+    once, often = (share_intervals(n * verified, np.full((30, 1), n), 0)[0] for n in (1.0, 20.0))
+    assert often == pytest.approx(once, abs=1e-9)
 
 
 @pytest.mark.parametrize("n", [8, 9, 40, 41])

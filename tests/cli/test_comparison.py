@@ -6,15 +6,19 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
+import pinocchio as pin
 import pytest
 
-from optiplan.cli import comparison, viewing
-from optiplan.pipeline import run
-from optiplan.planners.base import Budget
+from optiplan.cli import viewing
+from optiplan.cli.comparison import bound_of
 from optiplan.planners.quintic import Quintic
 from optiplan.planners.registry import PLANNERS
 from optiplan.problem.load import load_problem
+from optiplan.problem.problem import JointGoal, PoseGoal
+from optiplan.trajectory.timing import lower_bounds
 
 LSPB = "planner: {name: lspb, duration: 18, velocity: 0.02}"
 
@@ -63,6 +67,39 @@ def test_table_has_verified_ones_first_by_duration(optiplan, optiplan_json, free
     assert f"{1e3 * best['metrics']['clearance']:.2f}" in rows(out)["scurve"]
 
 
+def made(problem, end, duration, verified=True):
+    """A run that ends there, of which a comparison of bounds looks at no more."""
+    trajectory = SimpleNamespace(end=np.array(end), duration=duration)
+    return SimpleNamespace(problem=problem, trajectory=trajectory, duration=duration, verified=verified)
+
+
+def test_runs_that_end_elsewhere_are_held_against_one_bound(free):
+    problem = load_problem(free)
+    pose = replace(problem, goal=(PoseGoal("tip", pin.SE3.Identity()),))
+    near, far = problem.start + np.array([[0.1, 0.0], [1.0, 0.0]])
+    bounds = lower_bounds(problem.start, np.array([near, far]), problem.limits)
+    runs = [made(pose, far, 1.01 * bounds[1]), made(pose, near, 1.4 * bounds[0]), made(pose, problem.start, 1.0, False)]
+    bound = bound_of(runs)
+    assert bound.seconds == bounds[0]
+    assert bound.words.startswith("the least over the end configurations reached here")
+    assert bound.ratio(runs[1]) == pytest.approx(1.4)
+    assert bound.ratio(runs[0]) == pytest.approx(1.01 * bounds[1] / bounds[0])
+    assert bound.ratio(runs[1]) < bound.ratio(runs[0])
+    listed = replace(problem, goal=(JointGoal(far), JointGoal(near)))
+    assert bound_of([made(listed, far, 2.0)]) == (bounds[0], "the least over the 2 goals of the problem")
+    assert bound_of([made(pose, far, 2.0, False)]).seconds is None
+    assert bound_of([made(pose, problem.start, 2.0)]) == (None, "none: the robot need not move")
+
+
+def test_table_and_json_say_what_the_bound_is(optiplan, optiplan_json, free):
+    out = optiplan("plan", free, "--planner", "quintic,scurve")[1]
+    data = optiplan_json("plan", free, "--planner", "quintic,scurve")[1]
+    assert f"bound: {data['bound']['seconds']:.3f} s, of the goal" in out
+    assert data["bound"]["of"] == "of the goal"
+    for run in data["runs"]:
+        assert run["ratio"] == pytest.approx(run["duration"] / data["bound"]["seconds"])
+
+
 @pytest.mark.parametrize("width", [80, 120, 200])
 def test_table_fits_the_terminal(optiplan, free, monkeypatch, width):
     """Narrow, the reasons stand below it and its measures in a second half; nothing is cut off."""
@@ -88,8 +125,8 @@ def test_all_are_the_planners_of_the_registry(optiplan_json, free):
 def test_a_row_is_the_run_of_the_planner_alone(optiplan_json, free):
     alone = optiplan_json("plan", free, "--planner", "scurve", "--seed", "3")[1]
     row = optiplan_json("plan", free, "--planner", "quintic,scurve", "--seed", "3")[1]["runs"][0]
-    different = {key for key in row if row[key] != alone[key]}
-    assert different - {"improvements"} == {"timings"}  # improvements hold times as well
+    assert {key for key in row if row[key] != alone[key]} - {"ratio"} == {"timings", "improvements"}
+    assert row["ratio"] == pytest.approx(alone["ratio"], rel=1e-9)  # by the goal's bound, alone by that of its end
 
 
 def test_every_planner_has_a_folder(optiplan, free, tmp_path):
@@ -195,18 +232,3 @@ def test_ctrl_c_leaves_whole_folders_only(shut_in, tmp_path):
     assert process.wait(timeout=10) == -signal.SIGINT
     assert time.monotonic() - began < 2.0
     assert [str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()] == ["quintic/run.json"]
-
-
-def test_all_rows_have_one_bound(free, capsys):
-    """The least of the ends reached: 2.0 s at an end of its own bound 1.9 s is no better than 1.5 s at one of 1.0 s."""
-    problem = load_problem(free)
-    done = run(problem, "quintic", {}, Budget(5.0), lambda stage, part: None)
-    far, near = replace(done, lower_bound=0.9), replace(done, lower_bound=0.5)
-    assert comparison.common_bound([far, near]) == 0.5
-    assert comparison.common_bound([replace(done, trajectory=None, lower_bound=None)]) is None
-    comparison.show([far, near], as_json=False)
-    out = capsys.readouterr().out
-    assert out.count(f"{done.duration / 0.5:.3f}") == 2
-    assert "bound 0.500 s" in out
-    comparison.show([far, near], as_json=True)
-    assert json.loads(capsys.readouterr().out)["lower_bound"] == 0.5

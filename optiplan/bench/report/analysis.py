@@ -12,7 +12,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.bench.report.pairs import Pair, pairs
 from optiplan.bench.runs import Flags, Indices, Runs, load_runs
-from optiplan.bench.statistics import Interval, median_interval, performance_ratios, wilson
+from optiplan.bench.statistics import Interval, median_interval, performance_ratios, share_intervals
 from optiplan.bench.store import Store
 
 PERCENTILES = (50, 75, 95, 99)
@@ -40,8 +40,9 @@ class PlannerNumbers(NamedTuple):
         planned, timed, verified: how many got so far.
         executed: how many a controller followed; None where that was not tried.
         success: share of verified runs.
-        plan_time: s, of verified runs.
-        ratio: duration / lower bound, of verified runs.
+        plan_time: s by the clock, of verified runs.
+        plan_cpu: s of the processor, of planning alone, likewise.
+        ratio: duration / bound of the problem, of verified runs.
         quickest: share of tasks on which no planner was quicker; of those that all planners were given.
         shortest: share of tasks on which no motion was shorter; likewise.
         cut_short: runs in which the clock ended some of the work.
@@ -55,6 +56,7 @@ class PlannerNumbers(NamedTuple):
     executed: int | None
     success: Interval
     plan_time: Spread
+    plan_cpu: Spread
     ratio: Spread
     quickest: float
     shortest: float
@@ -99,15 +101,16 @@ def analyse(store: Store, seed: int = 0) -> Analysis:
     grid = runs.grid()
     common = grid.there.all(axis=1)
     times, durations = (performance_ratios(costs[common]) for costs in (grid.plan_time, grid.duration))
+    success = _success(runs, np.ones(runs.size, bool), seed)
     numbers = []
-    for k, label in enumerate(runs.planners):
+    for k in range(len(runs.planners)):
         firsts = [_share(ratios[:, k] <= SAME) for ratios in (times, durations)]
-        numbers.append(_planner(runs, k, label, firsts, seed))
+        numbers.append(_planner(runs, k, firsts, success[k], seed))
     return Analysis(
         runs,
         tuple(numbers),
-        _parts(runs, runs.sets),
-        _parts(runs, [label or "no label" for label in runs.difficulties]) if any(runs.difficulties) else (),
+        _parts(runs, runs.sets, seed),
+        _parts(runs, [label or "no label" for label in runs.difficulties], seed) if any(runs.difficulties) else (),
         int(common.sum()),
         times,
         durations,
@@ -115,21 +118,33 @@ def analyse(store: Store, seed: int = 0) -> Analysis:
     )
 
 
-def _planner(runs: Runs, k: int, label: str, firsts: Sequence[float], seed: int) -> PlannerNumbers:
+def _success(runs: Runs, part: Flags, seed: int) -> list[Interval]:
+    """Share of verified runs of every planner on part of the runs (n,), by problems."""
+    shape = (len(runs.problems), len(runs.planners))
+    verified, tries = np.zeros(shape), np.zeros(shape)
+    np.add.at(tries, (runs.problem[part], runs.planner[part]), 1.0)
+    np.add.at(verified, (runs.problem[part], runs.planner[part]), runs.verified[part])
+    there = tries.any(axis=1)
+    return share_intervals(verified[there], tries[there], seed)
+
+
+def _planner(runs: Runs, k: int, firsts: Sequence[float], success: Interval, seed: int) -> PlannerNumbers:
     mine = runs.planner == k
     verified = mine & runs.verified
     tried = mine & np.isfinite(runs.executed)
     planned, timed, good = (int((mine & flags).sum()) for flags in (runs.planned, runs.timed, runs.verified))
-    plan_time, ratio = (_spread(x[verified], runs.problem[verified], seed) for x in (runs.plan_time, runs.ratio))
+    costs = (runs.plan_time, runs.plan_cpu, runs.ratio)
+    plan_time, plan_cpu, ratio = (_spread(x[verified], runs.problem[verified], seed) for x in costs)
     return PlannerNumbers(
-        label=label,
+        label=runs.planners[k],
         runs=int(mine.sum()),
         planned=planned,
         timed=timed,
         verified=good,
         executed=int(runs.executed[tried].sum()) if tried.any() else None,
-        success=wilson(good, int(mine.sum())),
+        success=success,
         plan_time=plan_time,
+        plan_cpu=plan_cpu,
         ratio=ratio,
         quickest=firsts[0],
         shortest=firsts[1],
@@ -146,21 +161,20 @@ def _spread(values: Array, problems: Indices, seed: int) -> Spread:
     return Spread(len(values), median_interval(values, seed, problems[known]), tuple(map(float, percentiles)))
 
 
-def _parts(runs: Runs, names: Sequence[str]) -> tuple[Part, ...]:
+def _parts(runs: Runs, names: Sequence[str], seed: int) -> tuple[Part, ...]:
     """Numbers by name of a problem's part: those of `USUAL` in its order, the others as they come."""
     order = sorted(dict.fromkeys(names), key=lambda name: USUAL.index(name) if name in USUAL else len(USUAL))
     part = np.array([order.index(name) for name in names], dtype=np.int64)
     of_run = part[runs.problem]
     found = []
     for number, name in enumerate(order):
-        success, times, ratios = [], [], []
+        times, ratios = [], []
         for k in range(len(runs.planners)):
-            mine = (of_run == number) & (runs.planner == k)
-            good = mine & runs.verified
-            success.append(wilson(int(good.sum()), int(mine.sum())))
+            good = (of_run == number) & (runs.planner == k) & runs.verified
             times.append(_median(runs.plan_time[good]))
             ratios.append(_median(runs.ratio[good]))
-        found.append(Part(name, int((part == number).sum()), tuple(success), tuple(times), tuple(ratios)))
+        success = tuple(_success(runs, of_run == number, seed))
+        found.append(Part(name, int((part == number).sum()), success, tuple(times), tuple(ratios)))
     return tuple(found)
 
 

@@ -183,7 +183,7 @@ def _ratios(analysis: Analysis, ax: Any) -> None:
     _boxes(analysis, ax, lambda runs: runs.ratio)
     _plain_log(ax)
     ax.axvline(1.0, color=INK, lw=0.8)
-    ax.set_xlabel("duration / lower bound")
+    ax.set_xlabel("duration / bound of the problem")
 
 
 def _times(analysis: Analysis, ax: Any) -> None:
@@ -247,7 +247,9 @@ FIGURES = (
         _over_time,
     ),
     Figure("planning-time", "Planning time", _BOX, _times),
-    Figure("duration-ratio", "Duration / lower bound", f"No motion can be below 1. {_BOX}", _ratios),
+    Figure(
+        "duration-ratio", "Duration / bound", f"No verified motion is below 1: one bound a problem. {_BOX}", _ratios
+    ),
     Figure("profile-time", "Performance profile of planning time", _RULE, _profile_time),
     Figure("profile-duration", "Performance profile of duration", _RULE, _profile_duration),
 )

@@ -25,12 +25,13 @@ def cards(analysis: Analysis) -> list[Card]:
     top = first[0]
     every = f"{top.verified} of {top.runs} runs" if len({one.runs for one in first}) == 1 else "of their runs"
     low, high = percent(top.success.low), percent(top.success.high)
-    found = [("Most reliable", _names(first), f"verified {percent(best)}: {every}, 95 % confidence {low} to {high}")]
+    sure = "" if math.isnan(top.success.low) else f", 95 % confidence {low} to {high}"
+    found = [("Most reliable", _names(first), f"verified {percent(best)}: {every}{sure}")]
     if best > 0.0 and len(planners) > 1 and analysis.common:
         quick = _leaders([(one.quickest, one) for one in planners])
         short = _leaders([(one.shortest, one) for one in planners])
         seconds = [f"{one.label} {number(one.plan_time.median.value)} s" for one in quick[:3]]
-        bounds = [f"{one.label} {number(one.ratio.median.value)} × lower bound" for one in short[:3]]
+        bounds = [f"{one.label} {number(one.ratio.median.value)} × bound" for one in short[:3]]
         found += [
             ("Quickest to plan", _names(quick), _rests("first", quick[0].quickest, seconds)),
             ("Shortest motions", _names(short), _rests("shortest", short[0].shortest, bounds)),

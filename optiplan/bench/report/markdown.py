@@ -8,11 +8,13 @@ from optiplan.bench.statistics import Interval
 
 HEADS = (
     *("planner", "runs", "planned", "timed", "verified", "95 % confidence"),
-    *("planning time, s", "95 % of them", "duration / bound", "quickest", "shortest"),
+    *("planning time, s", "95 % of them", "processor, s", "duration / bound", "quickest", "shortest"),
 )
 NOTE = """
-Verified: proved free of collisions and within all limits, of all runs. Planning time and duration / lower bound: median
-of verified runs with its 95 % bootstrap interval. Quickest, shortest: share of tasks on which no planner was better.
+Verified: proved free of collisions and within all limits, of all runs; its 95 % interval is of resampled problems.
+Planning time (clock), processor time of planning and duration / bound: median of verified runs with its 95 % bootstrap
+interval. The bound is one for each problem, the least over the end configurations that were reached or that it lists.
+Quickest, shortest: share of tasks on which no planner was better.
 """
 
 
@@ -28,8 +30,10 @@ def markdown(analysis: Analysis) -> str:
 
 def _row(one: PlannerNumbers) -> list[str]:
     shares = [percent(count / one.runs) if one.runs else NOTHING for count in (one.planned, one.timed, one.verified)]
-    confidence = f"{percent(one.success.low)} to {percent(one.success.high)}"
-    costs = [_within(one.plan_time.median), number(one.plan_time.percentiles[2]), _within(one.ratio.median)]
+    low, high = one.success.low, one.success.high
+    confidence = NOTHING if math.isnan(low) else f"{percent(low)} to {percent(high)}"
+    costs = [_within(one.plan_time.median), number(one.plan_time.percentiles[2])]
+    costs += [_within(one.plan_cpu.median), _within(one.ratio.median)]
     label = one.label.replace("|", "\\|")
     return [label, str(one.runs), *shares, confidence, *costs, percent(one.quickest), percent(one.shortest)]
 

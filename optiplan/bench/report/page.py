@@ -74,7 +74,7 @@ def _figures(analysis: Analysis) -> str:
 
 
 def _parts(analysis: Analysis) -> str:
-    note = "<p class=note>Share of verified runs; below it median planning time and median duration / lower bound.</p>"
+    note = "<p class=note>Share of verified runs; below it median planning time and median duration / bound.</p>"
     found = [("set", analysis.sets), ("difficulty", analysis.difficulties)]
     return note + "".join(f"<h3>By {what}</h3>{tables.parts(analysis, part)}" for what, part in found if part)
 

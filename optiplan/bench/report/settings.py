@@ -16,9 +16,12 @@ Percentages are of all runs, failures included; times and durations are of verif
 warm-up and verification. Runs that shared the machine slowed each other down, see workers and load. The median of one
 planner is over the problems that <em>it</em> solves, often the easier ones: compare two planners by the pairwise
 tables, on what both solve, or by the performance profiles.</p>
-<p><b>Duration / lower bound</b>: no motion can be shorter than the bound of the problem's velocity, acceleration and
-jerk limits; obstacles may make 1 impossible. Intervals of medians are bootstrap percentiles (1000 resamples of whole
-problems, seed 0), those of shares Wilson's, both of 95 %. Pairwise tests take a problem's runs together.</p>
+<p><b>Processor time</b> is that of planning alone, with processes that the planner waited for.</p>
+<p><b>Duration / bound</b>: no motion to an end configuration can be shorter than its bound by the limits of velocity,
+acceleration and jerk. All runs of a problem share one bound, the least over the end configurations that verified runs
+reached and those that the problem lists; obstacles may make 1 impossible. Intervals are bootstrap percentiles of whole
+problems, 95 %, seed 0: of medians by 1000 resamples, of shares by 10,000. Pairwise tests take a problem's runs
+together.</p>
 """
 
 

@@ -11,6 +11,7 @@ from optiplan.bench.report.pairs import TIE, Pair, Paired
 from optiplan.bench.statistics import Interval, holm
 
 NOTHING = "–"
+BOUND = "one bound a problem: the least over the end configurations that were reached or that it lists"
 FEW = " <small class=interval>few</small>"
 
 
@@ -101,8 +102,10 @@ def success(value: Interval) -> Cell:
     if math.isnan(value.value):
         return Cell(NOTHING, kind="none")
     bar = f'<span class=bar><i style="width:{100.0 * value.value:.1f}%"></i></span>'
-    more = f"<small>[{100.0 * value.low:.0f}, {100.0 * value.high:.0f}]</small>"
-    return Cell(f"{bar}<b>{percent(value.value)}</b> {more}", value.value, "success", "95 % confidence, Wilson")
+    known = not math.isnan(value.low)
+    more = f"<small>[{100.0 * value.low:.0f}, {100.0 * value.high:.0f}]</small>" if known else FEW
+    tip = "95 % confidence, by problems" if known else "of fewer than 5 problems: no interval"
+    return Cell(f"{bar}<b>{percent(value.value)}</b> {more}", value.value, "success", tip)
 
 
 def ladder(analysis: Analysis) -> str:
@@ -112,8 +115,9 @@ def ladder(analysis: Analysis) -> str:
     heads += [
         Head("verified", "the verifier found nothing wrong at any time"),
         Head("executed", "a controller followed it"),
-        Head("planning time, s", "median of verified runs, with times along the path"),
-        Head("duration / bound", "median of verified runs; the lower bound cannot be beaten"),
+        Head("planning time, s", "median of verified runs, by the clock, with times along the path"),
+        Head("processor, s", "median of verified runs: processor time of planning, without proof and metrics"),
+        Head("duration / bound", f"median of verified runs; {BOUND}"),
         Head("quickest", "share of tasks on which nobody planned more quickly (1 %)"),
         Head("shortest", "share of tasks on which nobody's motion was shorter (1 %)"),
     ]
@@ -121,7 +125,7 @@ def ladder(analysis: Analysis) -> str:
     for k, one in enumerate(analysis.planners):
         tried = Cell("not tried", kind="none") if one.executed is None else Cell(str(one.executed), one.executed)
         counts = [Cell(str(value), value) for value in (one.runs, one.planned, one.timed, one.verified)]
-        medians = [within(one.plan_time.median), within(one.ratio.median)]
+        medians = [within(spread.median) for spread in (one.plan_time, one.plan_cpu, one.ratio)]
         shares = [Cell(percent(value), value) for value in (one.quickest, one.shortest)]
         rows.append([planner(k, one.label), success(one.success), *counts, tried, *medians, *shares])
     return table(heads, rows)
@@ -158,7 +162,9 @@ def _part(part: Part, k: int) -> Cell:
     if math.isnan(share.value):
         return Cell(NOTHING, kind="none")
     more = "" if math.isnan(seconds) else f"<br><small>{number(seconds)} s · {number(ratio)}</small>"
-    tip = f"verified {percent(share.low)} to {percent(share.high)} with 95 % confidence"
+    known = not math.isnan(share.low)
+    ends = f"verified {percent(share.low)} to {percent(share.high)} with 95 % confidence"
+    tip = ends if known else "of fewer than 5 problems: no interval"
     return _shaded(f"{percent(share.value)}{more}", share.value, tip)
 
 
@@ -179,23 +185,32 @@ def pair_table(analysis: Analysis) -> str:
         heads += [
             Head(f"{what} ratio", "median of first / second, below 1: the first one costs less"),
             Head("wins : losses", "problems on which the first costs less : more, beyond 1 %"),
-            Head("p sign", "how likely by chance: sign test, not corrected for the number of pairs"),
-            Head("p rank", "how likely by chance: Wilcoxon's signed ranks, not corrected for the number of pairs"),
+            Head("p sign", "how likely by chance: sign test, raw"),
+            Head("Holm", "the same, corrected by Holm for all pairs"),
+            Head("p rank", "how likely by chance: Wilcoxon's signed ranks, raw"),
+            Head("Holm", "the same, corrected by Holm for all pairs"),
         ]
     numbers = {label: k for k, label in enumerate(analysis.runs.planners)}
-    return table(heads, [_pair(numbers, pair) for pair in analysis.pairs])
+    fields = [(what, test) for what in ("plan_time", "duration") for test in ("sign", "rank")]
+    corrected = [holm([getattr(getattr(pair, what), test) for pair in analysis.pairs]) for what, test in fields]
+    rows = zip(analysis.pairs, zip(*corrected, strict=True), strict=True)
+    return table(heads, [_pair(numbers, pair, chances) for pair, chances in rows])
 
 
-def _pair(numbers: dict[str, int], pair: Pair) -> list[Cell]:
+def _pair(numbers: dict[str, int], pair: Pair, corrected: tuple[float, ...]) -> list[Cell]:
+    """A row; `corrected`: of planning time by sign and rank, of duration likewise."""
     names = [planner(numbers[label], label) for label in (pair.first, pair.second)]
     counts = [Cell(str(value), value) for value in (pair.problems, pair.only_first, pair.only_second)]
-    return [*names, *counts, *(cell for one in (pair.plan_time, pair.duration) for cell in _paired(one))]
+    return [*names, *counts, *_paired(pair.plan_time, corrected[:2]), *_paired(pair.duration, corrected[2:])]
 
 
-def _paired(one: Paired) -> list[Cell]:
+def _paired(one: Paired, corrected: tuple[float, ...]) -> list[Cell]:
     score = Cell(f"{one.wins} : {one.losses}", one.wins - one.losses)
-    kinds = ["sure" if p < 0.05 else "" for p in (one.sign, one.rank)]
-    chances = [Cell(probability(p), p, kind) for p, kind in zip((one.sign, one.rank), kinds, strict=True)]
+    chances = [
+        Cell(probability(p), p, kind)
+        for raw, sure in zip((one.sign, one.rank), corrected, strict=True)
+        for p, kind in ((raw, ""), (sure, "sure" if sure < 0.05 else ""))
+    ]
     return [within(one.ratio), score, *chances]
 
 
