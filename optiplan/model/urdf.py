@@ -16,7 +16,9 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import InputError, Issue
+from optiplan.files import is_file, read_bytes
 from optiplan.model.urdf_faults import faults
+from optiplan.model.urdf_meshes import build_geometry_of
 
 log = logging.getLogger(__name__)
 
@@ -53,7 +55,7 @@ class UrdfSource:
 
 def element_error(path: Path, name: str, found: str, expected: str) -> InputError:
     """An `InputError` about the element called `name` of an XML file, with the line where that name first stands."""
-    text = path.read_text(encoding="utf-8", errors="replace")
+    text = read_bytes(path).decode("utf-8", errors="replace")
     match = re.search(rf"name\s*=\s*[\"']{re.escape(name)}[\"']", text)
     line = None if match is None else text.count("\n", 0, match.start()) + 1
     return InputError([Issue(str(path), line, name, found, expected)])
@@ -111,7 +113,7 @@ def build_collisions(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
         InputError: with the reason of the mesh reader.
     """
     try:
-        geometry = pin.buildGeomFromUrdfString(model, source.xml, pin.GeometryType.COLLISION)
+        geometry = build_geometry_of(model, source.xml, pin.GeometryType.COLLISION)
     except (ValueError, RuntimeError) as error:
         raise _unreadable(source, error, "collision meshes that can be read") from error
     given = len(ET.fromstring(source.xml).findall("link/collision"))
@@ -124,7 +126,7 @@ def build_collisions(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
 def build_visuals(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
     """Visual geometry of the whole robot; the collision geometry where that cannot be read."""
     try:
-        return pin.buildGeomFromUrdfString(model, source.xml, pin.GeometryType.VISUAL)
+        return build_geometry_of(model, source.xml, pin.GeometryType.VISUAL)
     except (ValueError, RuntimeError) as error:
         log.warning("%s: visual meshes cannot be read, collision shapes are shown: %s", source.path, error)
         return build_collisions(source, model)
@@ -136,7 +138,7 @@ def _unreadable(source: UrdfSource, error: Exception, expected: str) -> InputErr
 
 def _parse(path: Path, text: str | None) -> ET.Element:
     try:
-        root = ET.fromstring(path.read_bytes() if text is None else text.encode())
+        root = ET.fromstring(read_bytes(path) if text is None else text.encode())
     except OSError as error:
         found = error.strerror or str(error)
         raise InputError([Issue(str(path), None, "urdf", found, "a readable URDF file")]) from error
@@ -167,7 +169,7 @@ class _MeshFinder:
         return [root / tail for root in self.roots for tail in (rest, inside) if tail]
 
     def find(self, name: str) -> Path | None:
-        return next((path for path in self.candidates(name) if path.is_file()), None)
+        return next((path for path in self.candidates(name) if is_file(path)), None)
 
 
 def _settle_visuals(link: ET.Element, finder: _MeshFinder, notes: list[str]) -> None:
