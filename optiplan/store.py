@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.errors import InputError, Issue
+from optiplan.files import read_bytes
 from optiplan.pipeline import Run
 from optiplan.trajectory.sample_file import Samples, read_samples, samples_from_dict
 from optiplan.trajectory.trajectory import Trajectory
@@ -167,7 +168,7 @@ def _aside(folder: Path, name: str) -> Path:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        data = json.loads(path.read_text(encoding="utf-8-sig"))
+        data = json.loads(read_bytes(path).decode("utf-8-sig"))
     except OSError as error:
         raise _unusable(path, error, "a run folder or file") from error
     except json.JSONDecodeError as error:

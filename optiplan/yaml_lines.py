@@ -16,6 +16,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from optiplan.errors import InputError, Issue
+from optiplan.files import read_bytes
 from optiplan.yaml_words import describe, field_name, mistaken, words_for
 
 Place = tuple[str | int, ...]
@@ -27,11 +28,29 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
 """A whole number: no text, no true or false."""
 
+WHOLE_TAG = "tag:yaml.org,2002:int"
+
 TEXT_TAGS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
 """What a key can be: text, or `<<`."""
 
+MOST = 16 * 2**20
+"""Largest file, bytes."""
+
 LARGEST = 1_000_000
 """Values allowed in one document, aliases expanded: stops a file that grows without end through its aliases."""
+
+
+LONGEST = 4096
+"""Characters of one text or number: as many as a path can have."""
+
+DIGITS = 40
+"""Characters of one whole number."""
+
+DEEPEST = 100
+"""Values within values."""
+
+HUGE = float(2**64)
+"""Largest number: of what has a unit nothing is as large, and seeds have at most 64 bits."""
 
 
 class Strict(BaseModel):
@@ -105,19 +124,22 @@ def validate(model_class: type[Model], document: Document) -> Model:
     """The document as a `model_class`.
 
     Raises:
-        InputError: with one `Issue` for every value that does not fit, in file order; NaN and infinity never fit.
+        InputError: with one `Issue` for every value that does not fit, in file order; NaN, infinity and numbers beyond
+            `HUGE` never fit.
     """
-    issues = [document.issue(place, describe(value), "a finite number") for place, value in _not_finite(document.data)]
+    unfit = [(document.issue(place, describe(value), _fitting(value)), value) for place, value in _unfit(document.data)]
     try:
-        model = model_class.model_validate(document.data)
+        model, cause = model_class.model_validate(document.data), None
     except ValidationError as error:
         if (words := mistaken(model_class, document.data)) is not None:
             raise InputError([document.issue((), *words)]) from error
-        seen = {issue.field for issue in issues}
-        issues += [issue for issue in pydantic_issues(model_class, document, error) if issue.field not in seen]
-        raise InputError(_in_file_order(issues)) from error
-    if issues:
-        raise InputError(_in_file_order(issues))
+        model, cause = None, error
+    known = {} if cause is None else {item.field: item for item in pydantic_issues(model_class, document, cause)}
+    for issue, value in unfit:  # a field that has a range says so itself
+        if issue.field not in known or not _finite(value):
+            known[issue.field] = issue
+    if model is None or known:
+        raise InputError(_in_file_order(list(known.values()))) from cause
     return model
 
 
@@ -143,7 +165,7 @@ def _in_file_order(issues: list[Issue]) -> list[Issue]:
 
 def _read_text(path: Path) -> str:
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_bytes(path, MOST).decode("utf-8")
     except UnicodeDecodeError as error:
         raise InputError(
             [Issue(str(path), None, "file", "bytes that are not UTF-8 text", "a YAML document")]
@@ -163,11 +185,22 @@ def _lines(root: Node | None, path: Path) -> dict[Place, int]:
     while stack:
         place, node, line = stack.pop()
         lines[place] = line + 1
-        if len(lines) > LARGEST or len(place) > 200:
+        if len(lines) > LARGEST or len(place) > DEEPEST:
             raise InputError([Issue(str(path), line + 1, "file", "a document that is too large", "fewer values")])
+        if isinstance(node, ScalarNode):
+            most = DIGITS if node.tag == WHOLE_TAG else LONGEST
+            if len(node.value) > most:
+                found, expected = f"a value of {len(node.value)} characters", f"at most {most}"
+                raise InputError([Issue(str(path), line + 1, field_name(place), found, expected)])
         if isinstance(node, MappingNode):
+            seen: dict[str, int] = {}
             for key, value in node.value:
-                stack.append(((*place, _key(key, path)), value, key.start_mark.line))
+                name, at = _key(key, path), key.start_mark.line + 1
+                if name in seen:
+                    found = f"a duplicate key: '{name[:60]}' is on line {seen[name]} too"
+                    raise InputError([Issue(str(path), at, field_name((*place, name)), found, "each key once")])
+                seen[name] = at
+                stack.append(((*place, name), value, at - 1))
         elif isinstance(node, SequenceNode):
             stack.extend(((*place, i), value, value.start_mark.line) for i, value in enumerate(node.value))
     return lines
@@ -189,16 +222,24 @@ def _syntax_issue(path: Path, error: MarkedYAMLError) -> Issue:
     mark = error.problem_mark or error.context_mark
     line = None if mark is None else mark.line + 1
     problem = " ".join(str(error.problem or error.context or "a syntax error").split())
-    expected = "each key once" if "duplicate key" in problem else "valid YAML"
-    return Issue(str(path), line, "file", problem, expected)
+    return Issue(str(path), line, "file", problem, "valid YAML")
 
 
-def _not_finite(data: Any, place: Place = ()) -> list[tuple[Place, float]]:
-    if isinstance(data, float) and not math.isfinite(data):
+def _fitting(value: float) -> str:
+    return f"a number in [-{HUGE:.3g}, {HUGE:.3g}]" if _finite(value) else "a finite number"
+
+
+def _finite(value: float) -> bool:
+    return isinstance(value, int) or math.isfinite(value)
+
+
+def _unfit(data: Any, place: Place = ()) -> list[tuple[Place, float]]:
+    """Numbers that no field takes, with their places."""
+    if isinstance(data, float | int) and not abs(data) <= HUGE:  # written so that NaN is found too
         return [(place, data)]
     children: Iterable[tuple[Any, Any]] = ()
     if isinstance(data, dict):
         children = data.items()
     elif isinstance(data, list):
         children = enumerate(data)
-    return [hit for key, value in children for hit in _not_finite(value, (*place, key))]
+    return [hit for key, value in children for hit in _unfit(value, (*place, key))]

@@ -33,6 +33,7 @@ EXPECTED = {
     "too_short": "at least {min_length} values",
     "too_long": "at most {max_length} values",
     "string_too_short": "text that is not empty",
+    "string_too_long": "text of at most {max_length} characters",
     "literal_error": "{expected}",
     "union_tag_invalid": "one of: {expected_tags}",
 }

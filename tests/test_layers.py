@@ -22,7 +22,7 @@ ROOMS = (
     {"cli"},
 )
 LEVELS = {name: level for level, names in enumerate(ROOMS, 1) for name in names}
-GROUND = {"arrays", "data", "errors", "geometry", "yaml_lines", "yaml_words"}
+GROUND = {"arrays", "data", "errors", "files", "geometry", "yaml_lines", "yaml_words"}
 MAX_FILE, MAX_FUNCTION = 300, 40
 
 

@@ -70,6 +70,13 @@ def test_all_issues_at_once_in_file_order(tmp_path):
         ("", None, "an empty file"),
         ("# only a comment\n", None, "an empty file"),
         ("a: 1\nb: 2\na: 3\n", 3, "duplicate key"),
+        ("b:\n  a: 1\n\n  c: 2\n  a: 3\n", 5, "a duplicate key: 'a' is on line 2 too"),
+        ("a: " + "9" * 3000, 1, "a value of 3000 characters"),
+        ("a: " + "9" * 30_000, 1, "a value of 30000 characters"),
+        ("b: 1\na: " + "x" * 5000, 2, "a value of 5000 characters"),
+        ("a: " + "[" * 5000 + "]" * 5000, None, "nested too deeply"),
+        ("\n".join(" " * i + "a:" for i in range(3000)), None, "nested too deeply"),
+        ("a0: &a0 [1]\n" + "".join(f"a{i + 1}: &a{i + 1} [{f'*a{i}, ' * 10}]\n" for i in range(7)), None, "too large"),
         ("a: [1\nb: 2\n", 2, "','"),
         ("a: 1\n---\nb: 2\n", 2, "document"),
         ("a: &x [*x]\n", 1, "too large"),
@@ -99,3 +106,17 @@ def test_a_list_instead_of_keys(tmp_path):
 def test_yaml_1_2_numbers(tmp_path):
     data = read_yaml(write(tmp_path, "a: 1e3\nb: 012\nc: on\n")).data
     assert data == {"a": 1000.0, "b": 12, "c": "on"}
+
+
+def test_a_file_that_is_too_long_is_not_parsed(tmp_path):
+    with pytest.raises(InputError, match="more than 16 MiB"):
+        read_yaml(write(tmp_path, "a: 1\n" + "#" * (16 * 2**20)))
+
+
+@pytest.mark.parametrize("value", ["1.0e+300", "-1.0e+20", "[0, 1.0e+200]", "99999999999999999999999"])
+def test_numbers_that_nothing_has_are_refused(tmp_path, value):
+    class Any_(Strict):
+        a: object
+
+    with pytest.raises(InputError, match=r"a.*expected a number in \[-1.84e\+19, 1.84e\+19\]"):
+        validate(Any_, read_yaml(write(tmp_path, f"a: {value}\n")))

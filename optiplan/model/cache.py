@@ -1,10 +1,17 @@
-"""Files kept between runs: what takes long to make from a robot and can always be made again."""
+"""Files kept between runs: what takes long to make from a robot and can always be made again.
+
+A file is its content and, after it, a mark with the SHA-256 of the content. Without the mark, or with one that does not
+fit, the file is none: it is made again, so that a damaged cache costs time and nothing else.
+"""
 
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+
+MARK = b"\noptiplan-cache "
+"""Stands between content and checksum; a shared library may be followed by it and still be loaded."""
 
 
 def cache_dir() -> Path:
@@ -21,22 +28,46 @@ def digest(parts: Iterable[bytes]) -> str:
     return total.hexdigest()
 
 
+def kept(name: str, make: Callable[[], bytes]) -> bytes:
+    """What was stored under `name`, or what `make` gives now, which is stored.
+
+    Whoever changes what `make` gives for the same input changes `name`: it holds a digest of all that the content
+    depends on, the version of the code that makes it included.
+    """
+    content = load(name)
+    if content is None:
+        content = make()
+        store(name, content)
+    return content
+
+
 def load(name: str) -> bytes | None:
-    """Content of a cached file; None if it is not there."""
+    """Content of a cached file; None if it is not there or not whole."""
     try:
-        return (cache_dir() / name).read_bytes()
+        path = cache_dir() / name
+        whole = path.read_bytes() if path.is_file() else b""
     except OSError:
         return None
+    content, seal = whole[: -len(_seal(b""))], whole[-len(_seal(b"")) :]
+    return content if seal == _seal(content) else None
 
 
 def store(name: str, content: bytes) -> None:
     """Write a cached file whole or not at all; a cache that cannot be written is no error."""
-    path = cache_dir() / name
+    path, temporary = cache_dir() / name, None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent)
         with os.fdopen(handle, "wb") as file:
             file.write(content)
+            file.write(_seal(content))
+            file.flush()
+            os.fsync(file.fileno())  # else a crash of the machine can leave the name with nothing behind it
         os.replace(temporary, path)
     except OSError:
-        return
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+
+
+def _seal(content: bytes) -> bytes:
+    return MARK + hashlib.sha256(content).hexdigest().encode()

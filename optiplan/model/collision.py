@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import dataclass
+from functools import cached_property
 
 import coal
 import numpy as np
@@ -10,6 +11,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.model import gjk as _primed  # noqa: F401  # before the first query of the process
 from optiplan.model.bounds import Index, PairBounds
+from optiplan.model.containment import Containment
 from optiplan.model.robot import Robot
 from optiplan.model.scene import Scene
 from optiplan.model.shapes import build_geometry
@@ -92,6 +94,20 @@ class CollisionModel:
     def collides(self, q: Array) -> bool:
         """Whether any pair touches at q (n,)."""
         return bool(pin.computeCollisions(self.robot.model, self._data, self._broad_phase, q, True))
+
+    def contained(self, q: Array) -> tuple[str, str] | None:
+        """Names of a body and of the mesh that it is inside of, at q (n,), where nothing touches; None without one.
+
+        No distance tells that; and what is free of it at one end of a motion without contact is so all along.
+        """
+        self.place(q)
+        found = self._containment.find(np.array([X.homogeneous for X in self._geometry_data.oMg]).reshape(-1, 4, 4))
+        return None if found is None else (self.names[found.inner], self.names[found.mesh])
+
+    @cached_property
+    def _containment(self) -> Containment:
+        shapes = [body.geometry for body in self.geometry.geometryObjects]
+        return Containment(shapes, [(pair.a, pair.b) for pair in self.pairs])
 
     def place(self, q: Array) -> None:
         """Move all bodies to q (n,), for `pair_distance`."""

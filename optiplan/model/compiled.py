@@ -61,7 +61,7 @@ def _open(name: str, file: str) -> Any | None:
 
     path = cache.cache_dir() / file
     try:
-        return casadi.external(name, str(path)) if path.is_file() else None
+        return None if cache.load(file) is None else casadi.external(name, str(path))
     except RuntimeError:
         return None
 

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import InputError, Issue, plain_reason
+from optiplan.files import read_bytes
 from optiplan.model.convex import hull_of, pieces_of, vertices_of
 from optiplan.model.robot_spec import CollisionSpec, Treatment
 from optiplan.model.shapes import FARTHEST
@@ -56,7 +57,7 @@ def _parts(item: pin.GeometryObject, kind: str, notes: list[str]) -> Iterator[pi
     if kind == "hull":
         yield _copy(item, item.name, hull_of(vertices_of(item.geometry)))
     elif kind == "convex_pieces":
-        identity = Path(item.meshPath).read_bytes() + np.asarray(item.meshScale).tobytes()
+        identity = read_bytes(Path(item.meshPath)) + np.asarray(item.meshScale).tobytes()
         pieces = pieces_of(item.geometry, identity)
         count, growth = len(pieces.vertices), f"{pieces.growth * 1e3:.2g} mm"
         made = (

@@ -13,7 +13,8 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.data import robots_dir
-from optiplan.errors import UnknownChoiceError
+from optiplan.errors import OptiPlanError, UnknownChoiceError
+from optiplan.files import bound, read_bytes, reading
 from optiplan.model import cache
 from optiplan.model.dh import DhTable
 from optiplan.model.joints import Group, Reduced, planned_joints, reduce_to
@@ -26,7 +27,7 @@ from optiplan.model.settings import configurations, tool_frame
 from optiplan.model.sources import read_sources
 from optiplan.model.srdf import LinkPair, Srdf, srdf_text
 from optiplan.model.urdf import UrdfSource
-from optiplan.yaml_lines import read_yaml, validate
+from optiplan.yaml_lines import Document, read_yaml, validate
 
 __all__ = ["Limits", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
 
@@ -43,7 +44,8 @@ class Robot:
     `files` all that the robot was read from. `dh` is the Denavit–Hartenberg table, if it was given as one, `group` the
     name of the group of `groups` that is planned, `urdf` the whole robot as pinocchio reads it. `followers` are the
     joints of `model` that move with a planned one. `load_robot` with `source`, `locked` and `group` builds the same
-    robot again, in another process too: so it is pickled.
+    robot again, in another process too: so it is pickled. `fingerprint` is the SHA-256 of the contents of `files`, and
+    a robot that comes out of a pickle with another one is refused.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Robot:
     locked: Mapping[str, float] = field(default_factory=dict)
     allowed: Mapping[LinkPair, str] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
+    fingerprint: str = ""
     dh: DhTable | None = None
     group: str | None = None
     groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
@@ -110,11 +113,6 @@ class Robot:
         """What the robot looks like; read at the first use, since nothing but a viewer needs it."""
         return self.build_visual()
 
-    @cached_property
-    def fingerprint(self) -> str:
-        """SHA-256, in hex, of the contents of `files`, whatever their names."""
-        return cache.digest(path.read_bytes() for path in self.files)
-
     def link_of(self, index: int) -> str:
         """Name of the link that geometry object `index` of `geometry` belongs to."""
         return str(self.model.frames[self.geometry.geometryObjects[index].parentFrame].name)
@@ -140,11 +138,16 @@ class Robot:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickled as the call that loads it: models of pinocchio and coal do not travel whole."""
-        return _reload, (str(self.source), dict(self.locked), self.group, self.limits, self.tool_frame)
+        parts = dict(self.locked), self.group, self.fingerprint
+        return _reload, (str(self.source), parts, self.limits, self.tool_frame)
 
 
-def _reload(source: str, locked: dict[str, float], group: str | None, limits: Limits, tool_frame: str) -> Robot:
-    return replace(load_robot(source, locked=locked, group=group), limits=limits, tool_frame=tool_frame)
+def _reload(source: str, parts: tuple[dict[str, float], str | None, str], limits: Limits, tool_frame: str) -> Robot:
+    locked, group, fingerprint = parts
+    robot = load_robot(source, locked=locked, group=group)
+    if robot.fingerprint != fingerprint:
+        raise OptiPlanError(f"robot {source} is not what it was when it was loaded: its files have changed")
+    return replace(robot, limits=limits, tool_frame=tool_frame)
 
 
 def robot_names() -> list[str]:
@@ -168,6 +171,7 @@ def robot_file(ref: str, base: Path | None = None) -> Path:
     return path
 
 
+@reading()
 def load_robot(
     ref: str, base: Path | None = None, locked: Mapping[str, float] | None = None, group: str | None = None
 ) -> Robot:
@@ -183,8 +187,7 @@ def load_robot(
         InputError: anything in the robot.yaml or its URDF, SRDF and meshes that cannot be used.
         UnknownChoiceError: `ref` is neither a robot's name nor a path, or there is no such group.
     """
-    document = read_yaml(robot_file(ref, base).resolve())
-    spec = validate(RobotSpec, document)
+    document, spec = _described(robot_file(ref, base))
     urdf, srdf, srdf_path = read_sources(spec, document)
     planned = planned_joints(spec, document, urdf, group)
     reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
@@ -209,17 +212,23 @@ def load_robot(
         tool_frame=tool,
         configurations=named,
         link_geometry=link_geometry,
-        build_visual=reduced.build_visual,
+        build_visual=bound(reduced.build_visual),
         notes=(*choices, *urdf.notes, *reduced.notes, *limit_notes, *geometry_notes, *_pair_notes(allowed, srdf)),
         locked=reduced.locked,
         allowed=allowed,
         files=files,
+        fingerprint=cache.digest(read_bytes(path) for path in files),
         dh=None if spec.dh is None else spec.dh.table(),
         group=planned.name,
         groups=spec.groups,
         urdf=urdf.xml,
         followers=reduced.followers,
     )
+
+
+def _described(path: Path) -> tuple[Document, RobotSpec]:
+    document = read_yaml(path.resolve())
+    return document, validate(RobotSpec, document)
 
 
 def _wanted(spec: RobotSpec, planned: Group, locked: Mapping[str, float]) -> dict[str, float]:
@@ -247,7 +256,7 @@ def _generated(
     """Pairs that need no check, by sampling; kept on disk, since it takes seconds."""
     group, locked = chosen
     state = json.dumps([PAIRS_VERSION, group.joints, dict(locked)], sort_keys=True).encode()
-    name = f"pairs/{cache.digest([state, *(path.read_bytes() for path in files)])}.json"
+    name = f"pairs/{cache.digest([state, *(read_bytes(path) for path in files)])}.json"
     content = cache.load(name)
     if content is not None:
         return {(a, b): reason for a, b, reason in json.loads(content)}

@@ -1,6 +1,6 @@
 """What stands around the robot and what it holds: shapes, obstacles, attached objects, allowed contacts."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pinocchio as pin
@@ -46,11 +46,16 @@ class HalfSpace:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles of a file (STL, OBJ, DAE) times `scale`; `convex` takes their convex hull."""
+    """Triangles of a file (STL, OBJ, DAE, PLY, GLB) times `scale`; `convex` takes their convex hull.
+
+    Where the file says which axis is up, it is turned so that z is. `key` is the digest of what the file held when the
+    shape was made, by `mesh_reading.open_mesh`; without one the shape is what the file holds when it is built.
+    """
 
     file: Path
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     convex: bool = False
+    key: str = field(default="", compare=False)
 
 
 Shape = Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh

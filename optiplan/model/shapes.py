@@ -1,12 +1,13 @@
 """From the shapes of a scene to coal geometry."""
 
 from functools import lru_cache
-from pathlib import Path
 
 import coal
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.model.mesh_reading import known, open_mesh, read_mesh
+from optiplan.model.mesh_soup import Soup, Triangles
 from optiplan.model.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
 FARTHEST = 1e6
@@ -38,27 +39,53 @@ def build_geometry(shape: Shape) -> coal.CollisionGeometry:
     return geometry
 
 
-@lru_cache(maxsize=256)
 def _load_mesh(shape: Mesh) -> coal.CollisionGeometry:
-    """Read once per file, scale and kind; coal geometry is never changed after loading, so it is shared."""
+    soup = known(shape.key) if shape.key else None
+    if soup is None:
+        file = open_mesh(shape.file)
+        if shape.key not in ("", file.key):
+            raise ValueError(f"mesh {shape.file} is not what it was when it was loaded")
+        soup = read_mesh(file)
     try:
-        mesh = coal.MeshLoader(coal.BV_OBBRSS).load(str(shape.file), np.asarray(shape.scale, float))
-    except Exception as error:  # assimp raises whatever it likes
-        raise ValueError(f"cannot read mesh {shape.file}: {_reason(str(error), shape.file)}") from error
-    vertices = np.asarray(mesh.vertices())
-    if not (len(vertices) and (np.abs(vertices) <= FARTHEST).all()):  # written so that NaN is refused too
-        raise ValueError(f"mesh {shape.file} has no vertices, or one that is no number or beyond {FARTHEST:g} m")
-    geometry = convex_hull(vertices) if shape.convex else mesh
-    geometry.computeLocalAABB()
-    return geometry
+        return _built(soup, shape.scale, shape.convex)
+    except ValueError as error:
+        raise ValueError(f"mesh {shape.file}: {error}") from error
 
 
-def _reason(message: str, file: Path) -> str:
-    """What is wrong with the file in one line, without the lines of coal about its own sources."""
-    ours = ("From file:", "in function:", "at line:", "Hint:", "message: Could not load resource")
-    lines = [line.strip() for line in message.splitlines()]
-    told = " ".join(line.removeprefix("message: ") for line in lines if line and not line.startswith(ours))
-    return told.replace(str(file), file.name) or "no reason given"
+@lru_cache(maxsize=256)
+def _built(soup: Soup, scale: tuple[float, float, float], convex: bool) -> coal.CollisionGeometry:
+    """Made once per content, scale and kind; coal geometry is never changed after it is made, so it is shared."""
+    vertices = (soup.vertices @ soup.turn.T) * np.asarray(scale, float)
+    if convex:
+        check_reach(vertices)
+        return convex_hull(vertices)
+    return triangle_mesh(vertices, soup.triangles)
+
+
+def check_reach(vertices: Array) -> None:
+    """Refuse vertices (k, 3), m, that are too far away, or no numbers.
+
+    Raises:
+        ValueError: says so.
+    """
+    if not (np.abs(vertices) <= FARTHEST).all():  # written so that NaN is refused too
+        raise ValueError(f"a vertex that is no number or beyond {FARTHEST:g} m")
+
+
+def triangle_mesh(vertices: Array, triangles: Triangles) -> coal.BVHModelBase:
+    """Bounding-volume hierarchy of triangles (m, 3), indices of vertices (k, 3) in m.
+
+    Raises:
+        ValueError: a vertex that is too far away.
+    """
+    check_reach(vertices)
+    mesh = coal.BVHModelOBBRSS()
+    mesh.beginModel(len(triangles), len(vertices))
+    mesh.addVertices(vertices)
+    mesh.addTriangles(triangles)
+    mesh.endModel()
+    mesh.computeLocalAABB()
+    return mesh
 
 
 def convex_hull(vertices: Array) -> coal.ConvexBase:

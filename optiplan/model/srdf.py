@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from optiplan.errors import InputError, Issue
+from optiplan.files import read_bytes
 
 LinkPair = tuple[str, str]
 """Two link names in alphabetical order."""
@@ -31,7 +32,7 @@ def read_srdf(path: Path, renamed: Mapping[str, str]) -> Srdf:
         InputError: a missing file or broken XML.
     """
     try:
-        root = ET.fromstring(path.read_bytes())
+        root = ET.fromstring(read_bytes(path))
     except OSError as error:
         found = error.strerror or str(error)
         raise InputError([Issue(str(path), None, "srdf", found, "a readable SRDF file")]) from error

@@ -16,8 +16,10 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import InputError, Issue, plain_reason
+from optiplan.files import is_file, read_bytes
 from optiplan.model.mimic import Mimic, MimicError, leaders_first, resolve
 from optiplan.model.urdf_faults import MOVING, faults
+from optiplan.model.urdf_meshes import build_geometry_of
 
 log = logging.getLogger(__name__)
 
@@ -62,7 +64,7 @@ def element_error(path: Path, name: str, found: str, expected: str) -> InputErro
 
     That is a link or a joint of that name, else the first element that has it.
     """
-    text = path.read_text(encoding="utf-8", errors="replace")
+    text = read_bytes(path).decode("utf-8", errors="replace")
     called = rf"\bname\s*=\s*[\"']{re.escape(name)}[\"']"
     match = re.search(rf"<(?:link|joint)\b[^>]*?{called}", text) or re.search(called, text)
     line = None if match is None else text.count("\n", 0, match.start()) + 1
@@ -124,7 +126,7 @@ def build_collisions(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
         InputError: with the reason of the mesh reader.
     """
     try:
-        geometry = pin.buildGeomFromUrdfString(model, source.xml, pin.GeometryType.COLLISION)
+        geometry = build_geometry_of(model, source.xml, pin.GeometryType.COLLISION)
     except (ValueError, RuntimeError) as error:
         raise _unreadable(source, error, "collision meshes that can be read") from error
     given = len(ET.fromstring(source.xml).findall("link/collision"))
@@ -137,7 +139,7 @@ def build_collisions(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
 def build_visuals(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
     """Visual geometry of the whole robot; the collision geometry where that cannot be read."""
     try:
-        return pin.buildGeomFromUrdfString(model, source.xml, pin.GeometryType.VISUAL)
+        return build_geometry_of(model, source.xml, pin.GeometryType.VISUAL)
     except (ValueError, RuntimeError) as error:
         log.warning("%s: visual meshes cannot be read, collision shapes are shown: %s", source.path, error)
         return build_collisions(source, model)
@@ -149,7 +151,7 @@ def _unreadable(source: UrdfSource, error: Exception, expected: str) -> InputErr
 
 def _parse(path: Path, text: str | None) -> ET.Element:
     try:
-        root = ET.fromstring(path.read_bytes() if text is None else text.encode())
+        root = ET.fromstring(read_bytes(path) if text is None else text.encode())
     except OSError as error:
         found = error.strerror or str(error)
         raise InputError([Issue(str(path), None, "urdf", found, "a readable URDF file")]) from error
@@ -189,7 +191,7 @@ class _MeshFinder:
         return [root / tail for root in self.roots for tail in (rest, inside) if tail]
 
     def find(self, name: str) -> Path | None:
-        return next((path for path in self.candidates(name) if path.is_file()), None)
+        return next((path for path in self.candidates(name) if is_file(path)), None)
 
 
 def _settle_visuals(link: ET.Element, finder: _MeshFinder, notes: list[str]) -> None:

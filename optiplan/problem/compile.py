@@ -8,7 +8,9 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.files import is_file
 from optiplan.geometry import pose_from_data, unit
+from optiplan.model.mesh_reading import FORMATS, open_mesh
 from optiplan.model.robot import Robot, load_robot, robot_file
 from optiplan.model.scene import (
     Attachment,
@@ -62,7 +64,7 @@ class Compiler:
             return None
         try:
             file = robot_file(self.draft.robot, self.base)
-            if not file.is_file():
+            if not is_file(file):
                 found = f"'{self.draft.robot}', but there is no file {file}"
                 self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
                 return None
@@ -196,19 +198,17 @@ class Compiler:
     def _mesh(self, place: Place, spec: MeshSpec) -> Mesh | None:
         try:
             file = (self.base / spec.file).resolve()
-            there = file.is_file()
         except (OSError, ValueError) as error:  # a name that no file can have
             reason = getattr(error, "strerror", None) or str(error)
-            self.report(place, f"{describe(spec.file)} ({reason.lower()})", "a mesh file (STL, OBJ, DAE)")
+            self.report(place, f"{describe(spec.file)} ({reason.lower()})", f"a mesh file ({FORMATS})")
             return None
-        if not there:
-            self.report(place, f"'{spec.file}', but there is no file {file}", "a mesh file (STL, OBJ, DAE)")
-            return None
-        mesh = Mesh(file, (spec.scale[0], spec.scale[1], spec.scale[2]), spec.convex)
         try:
+            mesh = Mesh(file, (spec.scale[0], spec.scale[1], spec.scale[2]), spec.convex, open_mesh(file).key)
             build_geometry(mesh)
         except ValueError as error:
-            self.report(place, str(error), "a mesh file (STL, OBJ, DAE)")
+            missing = isinstance(error.__cause__, FileNotFoundError)
+            found = f"'{spec.file}', but there is no file {file}" if missing else str(error)
+            self.report(place, found, f"a mesh file ({FORMATS})")
             return None
         return mesh
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from optiplan.files import read_bytes
 from optiplan.model.robot import Robot
 
 
@@ -38,4 +39,4 @@ def meshes_of(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    return hashlib.sha256(read_bytes(file)).hexdigest()

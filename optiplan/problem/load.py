@@ -1,6 +1,6 @@
 """The way in: a problem file becomes a `Problem`, or every reason why it cannot."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.data import robots_dir
 from optiplan.errors import InputError, Issue
+from optiplan.files import reading
 from optiplan.model.collision import CollisionModel, Contact
 from optiplan.model.robot import Robot, load_robot, robot_names
 from optiplan.model.scene import Scene
@@ -44,23 +46,31 @@ class _Places:
     vias: Sequence[Part[Via]]
 
 
-def load_problem(path: Path | str, **overrides: Any) -> Problem:
+def load_problem(path: Path | str, folders: Iterable[Path | str] | None = None, **overrides: Any) -> Problem:
     """Read a problem file.
 
     Args:
         path: the YAML file; meshes and robot files are looked for beside it.
+        folders: the only ones from which any file is read, that of the problem, robots and meshes included, besides
+            the robots that come with OptiPlan; None allows all. Links are followed before it is looked where they lead.
         overrides: values that stand in for the file's at the top level, such as `seed=3` or `planner="quintic"`.
 
     Raises:
         InputError: the file cannot be used; holds every issue found, in file order.
     """
-    document = read_yaml(path)
-    if overrides and isinstance(document.data, dict):
-        document = replace(document, data=document.data | overrides)
-    return _problem(_read(document, Path(path).resolve().parent))
+    with reading(_with_robots(folders)):
+        document = read_yaml(path)
+        if overrides and isinstance(document.data, dict):
+            document = replace(document, data=document.data | overrides)
+        return _problem(_read(document, Path(path).resolve().parent))
 
 
-def problem_from_dict(data: Mapping[str, Any], base: Path | str = ".", robots: RobotLoader = load_robot) -> Problem:
+def problem_from_dict(
+    data: Mapping[str, Any],
+    base: Path | str = ".",
+    robots: RobotLoader = load_robot,
+    folders: Iterable[Path | str] | None = None,
+) -> Problem:
     """A problem from the content of a problem file; numpy arrays and paths may stand for lists and text.
 
     Also the inverse of `Problem.source`.
@@ -69,20 +79,27 @@ def problem_from_dict(data: Mapping[str, Any], base: Path | str = ".", robots: R
         data: as in a file.
         base: folder that meshes and robot files are relative to.
         robots: loads a robot; for whoever keeps those that were loaded before.
+        folders: as of `load_problem`.
 
     Raises:
         InputError: as `load_problem`, without lines.
     """
-    return _problem(_read(Document(Path("<problem>"), _plain(data), {}), Path(base).resolve(), robots))
+    with reading(_with_robots(folders)):
+        return _problem(_read(Document(Path("<problem>"), _plain(data), {}), Path(base).resolve(), robots))
 
 
-def check_file(path: Path | str) -> list[Issue]:
+def check_file(path: Path | str, folders: Iterable[Path | str] | None = None) -> list[Issue]:
     """Everything that is wrong with a problem file, in file order; a part that does not fit hides no other."""
-    try:
-        document = read_yaml(path)
-    except InputError as error:
-        return list(error.issues)
-    return list(_read(document, Path(path).resolve().parent).issues)
+    with reading(_with_robots(folders)):
+        try:
+            document = read_yaml(path)
+        except InputError as error:
+            return list(error.issues)
+        return list(_read(document, Path(path).resolve().parent).issues)
+
+
+def _with_robots(folders: Iterable[Path | str] | None) -> list[Path | str] | None:
+    return None if folders is None else [*folders, robots_dir()]
 
 
 def _problem(reading: _Reading) -> Problem:
@@ -213,6 +230,9 @@ def _touching(model: CollisionModel, q: Array) -> str:
     contacts += [] if nearest is None else [nearest]  # touching by one query of coal, a rounding apart by the other
     words = [_depth(contact) for contact in contacts[:3]]
     rest = len(contacts) - len(words)
+    within = None if contacts else model.contained(q)
+    if within is not None:
+        return f"'{within[0]}' is inside '{within[1]}'"
     return "; ".join(words) + (f"; and {rest} more pairs" if rest else "")
 
 

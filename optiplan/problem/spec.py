@@ -14,6 +14,7 @@ from optiplan.problem.values import (
     Coordinate,
     Direction,
     ExactlyOne,
+    FileName,
     Fraction,
     Length,
     Name,
@@ -72,9 +73,9 @@ class HalfSpaceSpec(Strict):
 
 
 class MeshSpec(Strict):
-    """`file` (STL, OBJ, DAE) beside the problem file, times `scale` (one number or [x, y, z]); `convex`: its hull."""
+    """`file` (STL, OBJ, DAE, PLY or GLB) beside this file, times `scale` (a number or [x, y, z]); `convex`: hull."""
 
-    file: Name
+    file: FileName
     scale: Scale = (1.0, 1.0, 1.0)
     convex: Annotated[bool, Field(strict=True)] = False
 
@@ -238,7 +239,7 @@ class ProblemSpec(Strict):
 
     version: Literal[1]
     name: Name | None = None
-    robot: Name
+    robot: FileName
     group: Name | None = None
     locked: dict[Name, Number] = Field(default_factory=dict)
     start: StartSpec

@@ -27,7 +27,9 @@ def _printable(text: str) -> str:
     return text
 
 
-Name = Annotated[str, Field(strict=True, min_length=1), AfterValidator(_printable)]
+Name = Annotated[str, Field(strict=True, min_length=1, max_length=200), AfterValidator(_printable)]
+FileName = Annotated[str, Field(strict=True, min_length=1), AfterValidator(_printable)]
+"""The path of a file, or a name that stands for one."""
 
 
 def _sized(count: int, words: str) -> AfterValidator:

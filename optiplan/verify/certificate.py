@@ -6,9 +6,9 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.model.collision import CollisionModel
+from optiplan.model.containment import Containment
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.bodies import Bodies, Flags, Index
-from optiplan.verify.inside import swallowed
 from optiplan.verify.intervals import Intervals, blocks, boxes, middles, step_sizes
 from optiplan.verify.motion import Approach, Asked, Boxes, Motion
 from optiplan.verify.report import VerifyPolicy
@@ -146,10 +146,11 @@ class _Search:
             self.proof = replace(self.proof, reason=f"'{name}' has a shape of which no motion can be bounded")
             return
         q = self.trajectory.start
-        found = swallowed(self.bodies, self.bodies.kinematics.poses(q[None])[0])
+        poses = self.bodies.kinematics.poses(q[None])[0][self.bodies.joints] @ self.bodies.placements
+        found = Containment(self.bodies.shapes, [(p.a, p.b) for p in self.model.pairs]).find(poses)
         if found is not None:
-            pair = self.model.pairs[found[0]]
-            where = Moment(0.0, 0.0, (pair.name_a, pair.name_b), np.array([found[1], found[1]]), q)
+            pair = self.model.pairs[found.pair]
+            where = Moment(0.0, 0.0, (pair.name_a, pair.name_b), np.array([found.point, found.point]), q)
             self.proof = replace(self.proof, reason="one body lies inside the other", nearest=where, contact=True)
 
     def absurd(self) -> str:

@@ -35,6 +35,7 @@ HELD = "attached: [{name: h, shape: {half_space: {normal: [0, 0, 1]}}, link: for
         ("planner: quintic", "limits: {velocity: 1.0e-320}", 7, "≥ 1e-06"),
         ("robot: planar2r", "robot: no/robot.yaml", 3, "there is no file"),
         ("robot: planar2r", "robot: " + "a" * 4000, 3, "too long"),
+        ("name: far", "name: " + "b" * 300, 6, "at most 200 characters"),
     ],
 )
 def test_it_is_told_with_its_line_by_check_and_plan(optiplan, free, old, new, line, words):
@@ -79,7 +80,7 @@ def test_a_broken_mesh_is_told_in_one_line(optiplan, free):
     free.write_text(free.read_text().replace("{sphere: 0.1}", "{mesh: {file: m.stl}}"))
     code, _, err = optiplan("check", free)
     assert (code, err.count("\n")) == (2, 1)
-    assert "File is empty" in err
+    assert "an empty file" in err
 
 
 def test_a_motion_of_days_is_planned_and_written_in_seconds(optiplan, free, tmp_path):

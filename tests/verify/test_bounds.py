@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from optiplan.model.collision import CollisionModel
+from optiplan.model.enclosure import winding_number
 from optiplan.model.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
 from optiplan.verify.bodies import Bodies, support, vertices_of
-from optiplan.verify.inside import winding_number
 from optiplan.verify.intervals import Intervals, boxes, step_sizes
 from optiplan.verify.motion import Asked, Motion
 from optiplan.verify.separation import PairDistances

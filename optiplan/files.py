@@ -1,0 +1,122 @@
+"""Files that a user names are opened here and nowhere else: regular files, of bounded size, in the folders allowed.
+
+While `reading` is open, every file is read once and keeps what was read: two looks at one file within one load see the
+same bytes, whatever happens to the file in between, so that a hash is of what was used.
+"""
+
+import os
+import stat
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+MOST = 256 * 2**20
+"""Largest file that is read, bytes."""
+
+NEVER = (Path("/proc"), Path("/sys"))
+"""Folders whose files look regular and are none."""
+
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """Real paths of the folders allowed (None: all), and what was read so far."""
+
+    folders: tuple[Path, ...] | None = None
+    contents: dict[Path, bytes] = field(default_factory=dict)
+
+
+_current: ContextVar[_Reading | None] = ContextVar("reading", default=None)
+
+
+@contextmanager
+def reading(folders: Iterable[Path | str] | None = None) -> Iterator[None]:
+    """Within it only files of `folders` (and below them) can be read, each once.
+
+    Args:
+        folders: None allows all. Inside an outer `reading` the outer one's folders and contents hold, and further ones
+            narrow them.
+    """
+    outer = _current.get() or _Reading()
+    allowed = outer.folders if folders is None else tuple(Path(os.path.realpath(folder)) for folder in folders)
+    if folders is not None and outer.folders is not None:
+        allowed = tuple(folder for folder in allowed or () if _inside(folder, outer.folders))
+    token = _current.set(_Reading(allowed, outer.contents))
+    try:
+        yield
+    finally:
+        _current.reset(token)
+
+
+def bound(make: Callable[[], Result]) -> Callable[[], Result]:
+    """`make`, to be called later, with the folders that are allowed now."""
+    folders = allowed_folders()
+
+    def later() -> Result:
+        with reading(folders):
+            return make()
+
+    return later
+
+
+def allowed_folders() -> tuple[Path, ...] | None:
+    """The folders that hold now; None where all are allowed."""
+    current = _current.get()
+    return None if current is None else current.folders
+
+
+def is_file(path: Path) -> bool:
+    """Whether `read_bytes` would open it: a regular file in an allowed folder."""
+    try:
+        _check(path)
+    except OSError:
+        return False
+    return True
+
+
+def read_bytes(path: Path, most: int = MOST) -> bytes:
+    """Content of a regular file.
+
+    Raises:
+        OSError: there is none, it cannot be read, is no regular file, larger than `most` bytes, or in no allowed
+            folder; `strerror` says which.
+    """
+    current = _current.get() or _Reading()
+    where = _check(path)
+    if where not in current.contents:
+        handle = os.open(where, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0))
+        with os.fdopen(handle, "rb") as file:
+            if not stat.S_ISREG(os.fstat(handle).st_mode):  # exchanged since it was looked at
+                raise OSError(0, "not a regular file", str(path))
+            content = file.read(MOST + 1)
+        current.contents[where] = content
+    content = current.contents[where]
+    if len(content) > most:
+        raise OSError(0, f"more than {most / 2**20:g} MiB", str(path))
+    return content
+
+
+def _check(path: Path) -> Path:
+    """The real path of a file that may be opened."""
+    try:
+        where = Path(os.path.realpath(path))
+    except ValueError as error:  # a name that no file can have
+        raise OSError(0, str(error), str(path)) from error
+    folders = allowed_folders()
+    if folders is not None and not _inside(where, folders):  # said before anything is told about the file
+        raise OSError(0, "outside the folders that may be read", str(path))
+    mode = where.stat().st_mode
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(0, "a folder", str(path))
+    if not stat.S_ISREG(mode) or _inside(where, NEVER):
+        raise OSError(0, "not a regular file", str(path))
+    return where
+
+
+def _inside(path: Path, folders: Iterable[Path]) -> bool:
+    return any(path.is_relative_to(folder) for folder in folders)

@@ -1,0 +1,116 @@
+"""What a mesh file holds, the error that says why it cannot be used, and polygons cut into triangles."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Triangles = npt.NDArray[np.int64]
+Number = TypeVar("Number", int, float)
+
+MOST_TRIANGLES = 2_000_000
+"""Triangles of one file, instances counted."""
+
+
+class MeshError(ValueError):
+    """A mesh file that cannot be used; the message says what was found in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Soup:
+    """What a file holds.
+
+    Attributes:
+        vertices: (k, 3), m, in the axes of the file.
+        triangles: (m, 3) indices of vertices.
+        turn: (3, 3) rotation from the axes of the file to those whose z points up; the identity where it names none.
+    """
+
+    vertices: Array
+    triangles: Triangles
+    turn: Array
+
+
+def plain(vertices: Array, triangles: Triangles) -> Soup:
+    """Triangles of a file that names neither unit nor axes: m, and z is up."""
+    return Soup(vertices, triangles, np.eye(3))
+
+
+def floats(words: Iterable[bytes] | Iterable[str]) -> Array:
+    """Finite numbers.
+
+    Raises:
+        MeshError: a word that is none.
+    """
+    values = np.array([_read(float, word) for word in words], dtype=np.float64)
+    if not np.isfinite(values).all():
+        raise MeshError("a coordinate that is not a finite number")
+    return values
+
+
+def whole(words: Iterable[bytes] | Iterable[str]) -> Triangles:
+    """Whole numbers below 2^31.
+
+    Raises:
+        MeshError: a word that is none.
+    """
+    values = [_read(int, word) for word in words]
+    if any(abs(value) >= 2**31 for value in values):
+        raise MeshError("a number with more digits than an index has")
+    return np.array(values, dtype=np.int64)
+
+
+def _read(kind: Callable[[str], Number], word: bytes | str) -> Number:
+    shown = word if isinstance(word, str) else word.decode("ascii", "replace")
+    try:
+        return kind(shown.replace("_", "no digit"))  # Python takes 1_000 for a number
+    except ValueError as error:
+        raise MeshError(f"'{shown[:40]}' where a {'whole ' * (kind is int)}number is meant") from error
+
+
+def triangulate(vertices: Array, polygons: Sequence[Sequence[int]]) -> Triangles:
+    """Triangles (m, 3) of polygons given by vertex indices: convex ones as fans, others by cutting off ears."""
+    total = sum(max(len(polygon) - 2, 0) for polygon in polygons)
+    if total > MOST_TRIANGLES:
+        raise MeshError(f"{total} triangles; at most {MOST_TRIANGLES} are read")
+    if polygons and (max(map(max, polygons), default=0) >= len(vertices) or min(map(min, polygons), default=0) < 0):
+        raise MeshError(f"a polygon of a vertex that is not among the {len(vertices)} there are")
+    cut: list[Sequence[int]] = []
+    for polygon in polygons:
+        cut += [polygon] if len(polygon) == 3 else _cut(vertices[list(polygon)], list(polygon))
+    return np.array(cut, dtype=np.int64).reshape(-1, 3)
+
+
+def _cut(corners: Array, names: list[int]) -> list[Sequence[int]]:
+    """Triangles of one polygon with corners (k, 3), by the names of its corners."""
+    following = np.roll(corners, -1, axis=0)
+    normal = 0.5 * np.cross(corners, following).sum(axis=0)  # Newell: its length is the polygon's area
+    axis = int(np.abs(normal).argmax())
+    flat = np.delete(corners, axis, axis=1)
+    sign = (1.0 if axis != 1 else -1.0) * np.sign(normal[axis])
+    ring, triangles = list(range(len(names))), []
+    if len(ring) > 2000:
+        raise MeshError(f"a polygon of {len(ring)} corners")
+    while len(ring) > 3:
+        ear = next((i for i in range(len(ring)) if _is_ear(flat, ring, i, sign)), 1)
+        triangles.append([names[ring[ear - 1]], names[ring[ear]], names[ring[(ear + 1) % len(ring)]]])
+        del ring[ear]
+    return [*triangles, [names[i] for i in ring]]
+
+
+def _is_ear(flat: Array, ring: list[int], i: int, sign: float) -> bool:
+    """Whether the triangle about corner i of a polygon in a plane lies inside the polygon."""
+    a, b, c = (flat[ring[k % len(ring)]] for k in (i - 1, i, i + 1))
+    if sign * _turn(a, b, c) <= 0.0:
+        return False
+    others = [flat[k] for k in ring if k not in (ring[i - 1], ring[i], ring[(i + 1) % len(ring)])]
+    return not any(
+        sign * _turn(a, b, p) >= 0.0 and sign * _turn(b, c, p) >= 0.0 and sign * _turn(c, a, p) >= 0.0 for p in others
+    )
+
+
+def _turn(a: Array, b: Array, c: Array) -> float:
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
