@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from optiplan.planners.base import Budget, PlanResult, Progress
-from optiplan.planners.sampled import SampledOptions, Task, plan_sampled
+from optiplan.planners.sampled import How, SampledOptions, Task, plan_sampled
 from optiplan.planners.search import SearchOptions, search
 from optiplan.problem.problem import Problem
 
@@ -14,14 +14,14 @@ class BitStarOptions(SampledOptions):
     """Options of every sampling planner, and those of the batches.
 
     Attributes:
-        batches: of a hundred samples, after which the path is taken; where there is none yet, the first one found.
+        batches: of a hundred samples in a round; rounds follow each other as those of `rrtstar` do.
     """
 
     batches: int = 10
 
 
 class BitStar:
-    """Shortens joint-space path time (`shortcut.path_time`); proves few edges, the promising ones."""
+    """Shortens the path of RRT-Connect in time (`shortcut.path_time`); proves few edges, the promising ones."""
 
     def __init__(self, options: BitStarOptions | None = None) -> None:
         self.options = options or BitStarOptions()
@@ -29,4 +29,4 @@ class BitStar:
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         searcher = partial(search, options=SearchOptions("bitstar", effort=self.options.batches))
-        return plan_sampled(Task(problem, budget, progress), self.options, searcher)
+        return plan_sampled(Task(problem, budget, progress), self.options, How(improve=searcher))

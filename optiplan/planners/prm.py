@@ -8,7 +8,7 @@ from optiplan.model.collision import CollisionModel
 from optiplan.planners.base import Budget, PlanResult, Progress
 from optiplan.planners.motion import MotionCheck
 from optiplan.planners.roadmap import Roadmap
-from optiplan.planners.sampled import SampledOptions, Task, plan_sampled
+from optiplan.planners.sampled import How, SampledOptions, Task, plan_sampled
 from optiplan.planners.search import Search
 from optiplan.planners.space import Ends, search_bounds
 from optiplan.problem.problem import Problem
@@ -45,7 +45,7 @@ class Prm:
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        return plan_sampled(Task(problem, budget, progress), self.options, self.search)
+        return plan_sampled(Task(problem, budget, progress), self.options, How(self.search, detour=inf))
 
     def search(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
         """Ask the roadmap of this scene, and let it grow until it knows a way; a `search.Searcher`.

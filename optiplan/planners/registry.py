@@ -137,7 +137,7 @@ PLANNERS: dict[str, PlannerEntry] = {
         ),
         PlannerEntry(
             "prm",
-            "lazy roadmap of the scene, reused by later queries of the same planner object",
+            "lazy roadmap of the scene; from Python, one object reuses it for later queries",
             "optiplan.planners.prm:Prm",
             "optiplan.planners.prm:PrmOptions",
             "sampling",

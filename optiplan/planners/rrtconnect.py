@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from optiplan.planners.base import Budget, PlanResult, Progress
-from optiplan.planners.sampled import SampledOptions, Task, plan_sampled
+from optiplan.planners.sampled import How, SampledOptions, Task, plan_sampled
 from optiplan.planners.search import SearchOptions, search
 from optiplan.problem.problem import Problem
 
@@ -29,4 +29,4 @@ class RrtConnect:
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         searcher = partial(search, options=SearchOptions("rrtconnect", self.options.reach))
-        return plan_sampled(Task(problem, budget, progress), self.options, searcher, detour=2.0)
+        return plan_sampled(Task(problem, budget, progress), self.options, How(searcher))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from optiplan.planners.base import Budget, PlanResult, Progress
-from optiplan.planners.sampled import SampledOptions, Task, plan_sampled
+from optiplan.planners.sampled import How, SampledOptions, Task, plan_sampled
 from optiplan.planners.search import Kind, SearchOptions, search
 from optiplan.problem.problem import Problem
 
@@ -15,7 +15,8 @@ class RrtStarOptions(SampledOptions):
 
     Attributes:
         reach: longest tree edge, s at full joint speed.
-        iterations: after which the path is taken; where there is none yet, the first one found later.
+        iterations: of a round. Rounds follow each other, each where only paths shorter than the best can pass, until
+            three in a row gain less than 1 % or most of the budget is gone.
     """
 
     reach: float = 0.8
@@ -23,7 +24,7 @@ class RrtStarOptions(SampledOptions):
 
 
 class RrtStar:
-    """Shortens joint-space path time (`shortcut.path_time`) as the tree grows."""
+    """Shortens the path of RRT-Connect, by joint-space path time (`shortcut.path_time`)."""
 
     kind: Kind = "rrtstar"
 
@@ -32,8 +33,9 @@ class RrtStar:
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        how = SearchOptions(self.kind, self.options.reach, self.options.iterations)
-        return plan_sampled(Task(problem, budget, progress), self.options, partial(search, options=how))
+        options = SearchOptions(self.kind, self.options.reach, self.options.iterations)
+        how = How(improve=partial(search, options=options))
+        return plan_sampled(Task(problem, budget, progress), self.options, how)
 
 
 class InformedRrtStar(RrtStar):

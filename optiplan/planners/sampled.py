@@ -10,7 +10,7 @@ from optiplan.planners.base import Budget, Failure, PlanResult, Progress
 from optiplan.planners.failures import too_heavy
 from optiplan.planners.goals import goal_sampler
 from optiplan.planners.sampling import SampledPath, SamplingOptions, sample_path
-from optiplan.planners.search import Searcher
+from optiplan.planners.search import Searcher, rrt_connect
 from optiplan.planners.smoothing import smooth_path
 from optiplan.planners.stopwatch import Stopwatch
 from optiplan.planners.timed import timed_path
@@ -56,11 +56,17 @@ class Task:
     progress: Progress
 
 
-def plan_sampled(task: Task, options: SampledOptions, searcher: Searcher, detour: float = np.inf) -> PlanResult:
-    """A search between the start and all goal configurations; its path is shortened, smoothed and timed.
+@dataclass(frozen=True)
+class How:
+    """Who searches; see `SamplingOptions`."""
 
-    For `detour` see `SamplingOptions`.
-    """
+    searcher: Searcher = rrt_connect
+    detour: float = 2.0
+    improve: Searcher | None = None
+
+
+def plan_sampled(task: Task, options: SampledOptions, how: How) -> PlanResult:
+    """A search between the start and all goal configurations; its path is shortened, smoothed and timed."""
     problem, budget, watch = task.problem, task.budget, Stopwatch()
     with watch.stage("set-up"):
         model = CollisionModel(problem.robot, problem.scene)
@@ -71,7 +77,9 @@ def plan_sampled(task: Task, options: SampledOptions, searcher: Searcher, detour
         return PlanResult(None, sampler, watch.seconds)
     task.progress("sampling", 0.1)
     goals = sampler.configurations[: options.goals]
-    sampling = SamplingOptions(budget, problem.seed, options.attempts, searcher, detour, sampler.more)
+    sampling = SamplingOptions(
+        budget, problem.seed, options.attempts, how.searcher, how.detour, how.improve, sampler.more
+    )
     with watch.stage("sampling"):
         path = sample_path(model, problem.start, goals, problem.limits, sampling)
     if isinstance(path, Failure):

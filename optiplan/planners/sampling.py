@@ -13,7 +13,7 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.failures import contact_witness, end_collides, out_of_time
 from optiplan.planners.motion import MotionCheck, PartialCheck
 from optiplan.planners.search import Search, Searcher, rrt_connect
-from optiplan.planners.shortcut import path_time, shorten
+from optiplan.planners.shortcut import path_time, path_times, shorten
 from optiplan.planners.space import Ends
 from optiplan.planners.torque import Gravity
 
@@ -22,6 +22,8 @@ _BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line
 _PATIENCE, _GROWTH = 500, 3.0  # iterations of the first round, and factor from one round to the next
 _FRESH = 4  # goals asked for between two rounds
 _SHORT = 0.5  # s: ends nearer than this to each other are searched as if they were so far apart
+_STALE, _GAIN = 3, 0.01  # rounds that gain less than this share end the search for shorter paths
+_IMPROVING = 0.7  # share of the budget for it; the rest is for timing
 _SAME = 1e-9  # rad or m
 
 
@@ -36,6 +38,7 @@ class SamplingOptions:
         searcher: finds a first path.
         detour: the first round looks only where a path through some place can take at most so many times as long as
             the straight line; infinite: everywhere at once.
+        improve: searches on for shorter paths, each time where only such can pass, until that gains nothing more.
         more_goals: asked for so many new goals between rounds, with something to poll.
     """
 
@@ -44,6 +47,7 @@ class SamplingOptions:
     attempts: int = 120
     searcher: Searcher = rrt_connect
     detour: float = 2.0
+    improve: Searcher | None = None
     more_goals: Callable[[int, Callable[[], bool]], list[Array]] = field(default=lambda count, stop: [])
 
 
@@ -87,11 +91,15 @@ def sample_path(
     else:
         budget = options.budget if straight is None else options.budget.share(_BEHIND)
         rng = np.random.default_rng(options.seed)
-        found = _rounds(check, (start, free_goals), replace(options, budget=budget), rng)
+        found = _rounds(check, (start, free_goals), replace(options, budget=budget, improve=None), rng)
         if found.path is None and straight is None:
             return _no_path(model, found, limits, options.budget)
         path = _shorter(check, [straight, found.path], rng.uniform(size=(options.attempts, 3)), options.budget)
         info = {"states": sum(found.sizes), "cut_short": found.cut_short or (budget.over and found.path is None)}
+        if options.improve is not None:
+            improving = replace(options, searcher=options.improve)
+            path, more = _improved(check, path, (start, free_goals), improving, rng)
+            info = {"states": info["states"] + more["states"], "cut_short": info["cut_short"] or more["cut_short"]}
     distances = [np.abs(q - path[-1]).max() for q in goals]
     index = int(np.argmin(distances)) if min(distances) < _SAME else -1
     return SampledPath(path, index, float(path_time(path, limits.velocity).sum()), info)
@@ -117,7 +125,8 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
     while True:
         seed = int(rng.integers(1, 2**31))
         if near:
-            found = _near_the_ends(check, (start, goals), options, seed)
+            straight = np.maximum((np.abs(goals - start) / check.limits.velocity).max(axis=1), _SHORT)
+            found = _near_the_ends(check, (start, goals), options.detour * straight, options, seed)
         else:
             found = options.searcher(measures[0], (start, goals), options.budget, seed, patience=patience)
             patience, measures = patience * _GROWTH, measures[::-1]
@@ -128,20 +137,44 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
         near = False
 
 
-def _near_the_ends(check: MotionCheck, ends: Ends, options: SamplingOptions, seed: int) -> Search:
-    """Search with the joints that differ between the ends, where a path takes at most `detour` times the straight one.
+def _improved(
+    check: MotionCheck, path: Array, ends: Ends, options: SamplingOptions, rng: np.random.Generator
+) -> tuple[Array, dict[str, Any]]:
+    """The shortest path that rounds of the search find where only shorter ones than the best so far can pass.
 
-    Through q it takes at least max_j (|q_j - start_j| + |goal_j - q_j|) / v_j: what is left is a box for each goal. A
-    slow joint can go only a little beyond its ends there, and one that need not move stands still.
+    They end when `_STALE` of them in a row have gained less than 1 %, or most of the budget is gone.
+    """
+    velocity, (start, goals) = check.limits.velocity, ends
+    late, stale, states = options.budget.share(_IMPROVING), 0, 0
+    cost = float(path_time(path, velocity).sum())
+    while stale < _STALE and not late.over:
+        within = goals[path_times(np.broadcast_to(start, goals.shape), goals, velocity) <= cost]
+        seed, draws = int(rng.integers(1, 2**31)), rng.uniform(size=(options.attempts, 3))
+        if not len(within):
+            break
+        each = np.full(len(within), cost)
+        found = _near_the_ends(check, (start, within), each, replace(options, budget=late), seed)
+        states += sum(found.sizes)
+        shorter = _shorter(check, [path, found.path], draws, options.budget)
+        gained = cost - float(path_time(shorter, velocity).sum())
+        stale = stale + 1 if gained < _GAIN * cost else 0
+        path, cost = shorter, cost - gained
+    return path, {"states": states, "cut_short": late.over}
+
+
+def _near_the_ends(check: MotionCheck, ends: Ends, longest: Array, options: SamplingOptions, seed: int) -> Search:
+    """Search where paths to goal k can pass in at most longest[k], s; a first path, with the joints that must move.
+
+    Through q a path takes at least max_j (|q_j - start_j| + |goal_j - q_j|) / v_j: what is left is a box for each goal.
+    A slow joint can go only a little beyond its ends there, and one that need not move stands still.
     """
     start, goals = ends
     velocity, limits = check.limits.velocity, check.limits
     apart = np.abs(goals - start)
-    longest = options.detour * np.maximum((apart / velocity).max(axis=1), _SHORT)
-    slack = 0.5 * (longest[:, None] * velocity - apart)
+    slack = np.maximum(0.5 * (longest[:, None] * velocity - apart), 0.0)
     low = np.maximum((np.minimum(start, goals) - slack).min(axis=0), limits.lower)
     high = np.minimum((np.maximum(start, goals) + slack).max(axis=0), limits.upper)
-    joints = apart.max(axis=0) > _SAME
+    joints = (apart.max(axis=0) > _SAME) | (options.improve is not None)
     part = PartialCheck(check, start, joints, (low, high))
     within = (start[joints], goals[:, joints])
     found = options.searcher(part, within, options.budget, seed, patience=_PATIENCE)

@@ -99,7 +99,7 @@ def search(  # noqa: PLR0913
         spent = [False]
 
         def over() -> bool:
-            spent[0] = next(looks) > patience and not problem.hasExactSolution()
+            spent[0] = next(looks) > patience and not _connected(planner, problem)
             return budget.over or spent[0] or enough(early)
 
         planner.solve(base.PlannerTerminationCondition(over))
@@ -175,6 +175,11 @@ def _batches(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
 
 def _improved(planner: Any, spent: bool) -> bool:
     return spent and isfinite(planner.bestCost().value())
+
+
+def _connected(planner: Any, problem: Any) -> bool:
+    """Whether there is a path; those that improve it tell the problem only when they end."""
+    return bool(problem.hasExactSolution()) or (hasattr(planner, "bestCost") and isfinite(planner.bestCost().value()))
 
 
 def _pieces(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:

@@ -23,6 +23,7 @@ from optiplan.planners.shortcut import path_time, path_times
 from optiplan.planners.smoothing import smooth_path, spline_along
 from optiplan.planners.space import SearchSpace, search_bounds
 from optiplan.planners.sweep import first_contact
+from optiplan.problem.load import load_problem
 from optiplan.trajectory.trajectory import Trajectory
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
@@ -116,6 +117,24 @@ def test_more_effort_gives_a_shorter_path(kind):
         for how in (SearchOptions(kind, 0.8, few), SearchOptions(kind, 0.8, many))
     ]
     assert costs[1].sum() < costs[0].sum()
+
+
+@pytest.mark.parametrize("kind", ["rrtstar", "informed_rrtstar", "bitstar"])
+def test_anytime_planners_improve_on_the_first_path(kind, problems):
+    """Among them `rrtstar` on the SRRA, whose wide joints leave a uniform sample little chance to help."""
+    problem = load_problem(problems / "15_srra.yaml")
+    model, _ = checked(problem)
+    improving = partial(search, options=SEARCHES[kind])
+    goals = [problem.goal[0].q]
+    first, last = (
+        sample_path(
+            model, problem.start, goals, problem.limits, SamplingOptions(Budget(60.0), attempts=30, improve=how)
+        )
+        for how in (None, improving)
+    )
+    assert last.cost < 0.97 * first.cost
+    assert last.info["states"] > first.info["states"]
+    assert not last.info["cut_short"]
 
 
 def test_most_of_the_budget_goes_to_improving_and_the_answer_says_so():
