@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from optiplan.model.pairs import reasons_in_words
 from optiplan.pipeline import Run
 from optiplan.planners.base import Failure
 from optiplan.verify.report import Check, Report
@@ -48,6 +49,10 @@ def show_report(console: Console, report: Report) -> None:
     counts = Counter(report.link_geometry.values())
     links = ", ".join(f"{count} as {kind.replace('_', ' ')}" for kind, count in sorted(counts.items()))
     console.print(f"links checked: {links}", markup=False, style="dim")
+    if report.links_without_geometry:
+        bare = ", ".join(report.links_without_geometry)
+        console.print(f"links without geometry: {bare}", markup=False, style="dim")
+    console.print(reasons_in_words(report.unchecked_pairs), markup=False, style="dim")
     console.print("[bold green]verified[/]" if report.verified else "[bold red]not verified[/]")
 
 

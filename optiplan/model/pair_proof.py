@@ -20,8 +20,8 @@ BEYOND = 1e-4
 BOXES = 4000
 """Boxes of configurations looked at for a pair of links, at most, before it is left unproved."""
 
-TOTAL = 200_000
-"""Boxes for all pairs of a robot together, so that a robot of a thousand pairs takes seconds too."""
+WORK = 2_000_000
+"""Boxes for all pairs of a robot together, times its joints, so that a robot of a thousand pairs takes seconds too."""
 
 CHUNK = 1024
 """Boxes handled at once, to bound memory."""
@@ -107,6 +107,7 @@ class PairProof:
         self._shapes = [item.geometry for item in geometry.geometryObjects]
         surface = np.array([isinstance(shape, coal.BVHModelBase) for shape in self._shapes], dtype=bool)
         self._surface: Flags = np.asarray(surface[self.bounds.pairs].any(axis=1))
+        self._most = WORK / max(len(self.middle), 1)
         self._request = coal.DistanceRequest()
         self._request.gjk_tolerance, self._request.gjk_max_iterations = 1e-9, 500
 
@@ -130,25 +131,25 @@ class PairProof:
             of = group[boxes.pair]
             failed[of[~(room > 0.0)]] = True
             wanted = np.bincount(of, weights=_parts(steps, room), minlength=len(groups))
-            failed |= (wanted > HOPELESS * BOXES) | (spent > BOXES)
-            if spent.sum() > TOTAL:
-                failed[of] = True
+            given_up: Flags = (wanted > HOPELESS * BOXES) | (spent > BOXES) | (spent.sum() > self._most)
+            failed[of[given_up[of]]] = True
             left = ~failed[of]
             boxes = boxes.take(left).halved(steps[left].argmax(axis=1))
         failed[group[np.flatnonzero(~outside & (group >= 0))]] = True
         return [not fault for fault in failed.tolist()]
 
-    def measure(self, Q: Array, pairs: Index) -> Array:
-        """Distance, m, of K pairs of bodies, each at a configuration of its own, Q (K, n); negative inside."""
-        parts = [slice(k, k + CHUNK) for k in range(0, len(pairs), CHUNK)]
-        found = [self._measure(self.bounds.place(Q[part], pairs[part])[1], pairs[part]) for part in parts]
-        return np.concatenate(found) if found else np.empty(0)
+    def measure(self, Q: Array, rows: Index, pairs: Index) -> Array:
+        """Distance, m, of K pairs of bodies, pairs[k] at Q[rows[k]], Q (N, n); negative inside; result (K,)."""
+        poses, bodies = self.bounds.kinematics.poses(Q), self.bounds.pairs[pairs]
+        placed = poses[rows[:, None], self.bounds.joint[bodies]] @ self.bounds.placement[bodies]
+        return self._measure(placed, pairs)
 
     def _hopeless(self, group: Index, pairs: Index, count: int) -> Flags:
         """Groups whose joints move too much for the boxes allowed even if they stood as far apart as they can."""
         failed = np.zeros(count, dtype=bool)
         steps = self._stroke(np.where(self.moves[pairs], self.half, 0.0)) * self._arms[pairs]
-        failed[group[pairs[_parts(steps, self.bounds.reach_of(self.middle, pairs)) > HOPELESS * BOXES]]] = True
+        fair = min(BOXES, self._most / max(count, 1))
+        failed[group[pairs[_parts(steps, self.bounds.reach_of(self.middle, pairs)) > HOPELESS * fair]]] = True
         return failed
 
     def _open(self, boxes: _Boxes, outside: Flags) -> tuple[_Boxes, Array, Array]:

@@ -119,7 +119,7 @@ class _Survey:
         step = max(1, 100_000 // len(group))
         for k in range(0, len(Q), step):
             rows, pairs = np.nonzero(self.proof.bounds.distances(Q[k : k + step]) <= 0.0)
-            touch = self.proof.measure(Q[k + rows], pairs) <= 0.0
+            touch = self.proof.measure(Q[k : k + step], rows, pairs) <= 0.0
             result[k + rows[touch], group[pairs[touch]]] = True
         return result
 
@@ -134,12 +134,14 @@ class _Survey:
         places = (2.0 * np.arange(ANGLES) + 1.0) / ANGLES - 1.0
         Q = self.proof.middle + np.where(finite, self.proof.half, 0.0) * places[:, None]
         result = np.full(len(self.groups), np.nan)
-        for k in single:
-            touch = np.zeros(ANGLES, dtype=bool)
-            for pair in self.groups[k] if finite[moves[k]].all() else ():
-                left = np.flatnonzero(~touch)
-                touch[left] = self.proof.measure(Q[left], np.full(len(left), pair)) <= GAP
-            result[k] = touch.mean()
+        single = single[finite[moves[single].argmax(axis=1)]]
+        owner = np.repeat(single, [len(self.groups[k]) for k in single])
+        pairs = np.concatenate([np.empty(0, dtype=np.intp), *(self.groups[k] for k in single)])
+        touching = np.zeros((ANGLES, len(self.groups)), dtype=bool)
+        rows, columns = np.divmod(np.arange(ANGLES * len(pairs)), max(len(pairs), 1))
+        touch = self.proof.measure(Q, rows, pairs[columns]) <= GAP
+        touching[rows[touch], owner[columns[touch]]] = True
+        result[single] = touching[:, single].mean(axis=0)
         return result
 
 

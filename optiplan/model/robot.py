@@ -16,7 +16,16 @@ from optiplan.model.joints import Group, Reduced, check_locked, planned_joints, 
 from optiplan.model.limits import Limits, build_limits
 from optiplan.model.link_geometry import treat
 from optiplan.model.pair_survey import PairSurvey, survey_pairs
-from optiplan.model.pairs import FILE, computed_pairs, fixed_pairs, set_pairs, srdf_pairs, srdf_words, touching_note
+from optiplan.model.pairs import (
+    FILE,
+    PROVED,
+    computed_pairs,
+    fixed_pairs,
+    set_pairs,
+    srdf_pairs,
+    srdf_words,
+    touching_note,
+)
 from optiplan.model.robot_spec import RobotSpec
 from optiplan.model.settings import configurations, tool_frame
 from optiplan.model.sources import read_sources
@@ -106,6 +115,13 @@ class Robot:
         """
         self.frame_id(frame)
         return replace(self, tool_frame=frame)
+
+    def with_proved_checked(self) -> "Robot":
+        """The same robot with the pairs checked that are proved apart, for who asks for more distance than that."""
+        allowed = {pair: reason for pair, reason in self.allowed.items() if reason != PROVED}
+        geometry = self.geometry.copy()
+        set_pairs(self.model, geometry, allowed)
+        return replace(self, geometry=geometry, allowed=allowed)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickled as the call that loads it: models of pinocchio and coal do not travel whole."""

@@ -73,12 +73,16 @@ class Report:
         checks: every check, in the order they were made.
         link_geometry: what stands for each link: mesh, hull or convex pieces.
         notes: what was not checked.
+        unchecked_pairs: how many pairs of links went unchecked, by reason (see `model.pairs`).
+        links_without_geometry: links that have no body, of which no contact was checked.
     """
 
     policy: VerifyPolicy
     checks: tuple[Check, ...]
     link_geometry: Mapping[str, str]
     notes: tuple[str, ...] = ()
+    unchecked_pairs: Mapping[str, int] = field(default_factory=dict)
+    links_without_geometry: tuple[str, ...] = ()
 
     @property
     def verified(self) -> bool:
@@ -98,6 +102,8 @@ class Report:
             "checks": [jsonable(asdict(check)) for check in self.checks],
             "link_geometry": dict(self.link_geometry),
             "notes": list(self.notes),
+            "unchecked_pairs": dict(self.unchecked_pairs),
+            "links_without_geometry": list(self.links_without_geometry),
         }
 
 

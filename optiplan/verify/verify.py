@@ -4,6 +4,9 @@ from dataclasses import replace
 from typing import Any
 
 from optiplan.model.collision import CollisionModel
+from optiplan.model.pair_proof import GAP
+from optiplan.model.pairs import FILE, count_reasons
+from optiplan.model.robot import Robot
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import checks
@@ -35,14 +38,31 @@ def verify(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEF
         found.append(collision(problem, trajectory, policy))
     else:
         notes.append("nothing else was checked: the trajectory cannot be read as a motion of this robot")
-    return Report(policy, tuple(found), dict(problem.robot.link_geometry), tuple(notes))
+    robot = _robot(problem, policy)
+    return Report(
+        policy,
+        tuple(found),
+        dict(robot.link_geometry),
+        tuple(notes),
+        unchecked_pairs=count_reasons(robot.allowed),
+        links_without_geometry=robot.bare_links,
+    )
+
+
+def _robot(problem: Problem, policy: VerifyPolicy) -> Robot:
+    """The robot with the pairs that the policy wants checked: proved ones may be nearer than its clearance."""
+    return problem.robot if policy.clearance < GAP else problem.robot.with_proved_checked()
 
 
 def _allowed(problem: Problem) -> list[str]:
-    """Which contacts the problem waves through, if any: allowed pairs, and what attached objects may touch."""
+    """Which contacts problem and robot file wave through: allowed pairs, and what attached objects may touch."""
+    declared = [f"{a} – {b}" for (a, b), reason in problem.robot.allowed.items() if reason == FILE]
+    notes = [f"contacts allowed by the robot file, not checked: {', '.join(declared)}"] if declared else []
     pairs = {" – ".join(sorted(pair)) for pair in problem.scene.allowed}
     pairs |= {" – ".join(sorted((held.name, link))) for held in problem.scene.attached for link in held.touch}
-    return [f"contacts allowed by the problem, not checked: {', '.join(sorted(pairs))}"] if pairs else []
+    if pairs:
+        notes.append(f"contacts allowed by the problem, not checked: {', '.join(sorted(pairs))}")
+    return notes
 
 
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
@@ -60,7 +80,7 @@ def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> l
 
 def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
     """Every pair of bodies stays apart at all times, by the certificate."""
-    model = CollisionModel(problem.robot, problem.scene)
+    model = CollisionModel(_robot(problem, policy), problem.scene)
     proof = certify(model, trajectory, policy)
     witness: dict[str, Any] = {
         "pairs": len(model.pairs),
