@@ -1,6 +1,6 @@
 """Seconds to load a problem with many obstacles, and a robot with many joints.
 
-    python benchmarks/scale.py [--obstacles 5000] [--joints 300]
+python benchmarks/scale.py [--obstacles 5000] [--joints 300]
 """
 
 import argparse

@@ -150,6 +150,23 @@ class PairBounds:
                 own = own + moved
         return total
 
+    def meeting(self, Q: Array, gap: float) -> tuple[Index, Index, Array]:
+        """Pairs whose bounding volumes come nearer than `gap` (m) at Q (N, n): balls against balls first, then boxes.
+
+        Returns:
+            Row of Q and pair of each of the K found, and poses of both bodies in the world, (K, 2, 4, 4).
+        """
+        poses = self.kinematics.poses(Q)[:, self.joint] @ self.placement
+        centre = np.einsum("ngij,gj->ngi", poses[..., :3, :3], self._centre) + poses[..., :3, 3]
+        a, b = self.pairs.T
+        apart = centre[:, b] - centre[:, a]
+        rows, pairs = np.nonzero(
+            np.einsum("npi,npi->np", apart, apart) <= (self._radius[a] + self._radius[b] + gap) ** 2
+        )
+        placed = poses[rows[:, None], self.pairs[pairs]]
+        meet = self.distances_of(placed, pairs) <= gap
+        return rows[meet], pairs[meet], placed[meet]
+
     def reach_of(self, q: Array, pairs: Index) -> Array:
         """Upper bound, m, of the distance of K pairs at one configuration q (n,): that of the farthest points."""
         poses = self.kinematics.poses(q[None])[0, self.joint] @ self.placement

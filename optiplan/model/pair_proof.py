@@ -142,7 +142,16 @@ class PairProof:
         """Distance, m, of K pairs of bodies, pairs[k] at Q[rows[k]], Q (N, n); negative inside; result (K,)."""
         poses, bodies = self.bounds.kinematics.poses(Q), self.bounds.pairs[pairs]
         placed = poses[rows[:, None], self.bounds.joint[bodies]] @ self.bounds.placement[bodies]
-        return self._measure(placed, pairs)
+        return self.distances(placed, pairs)
+
+    def distances(self, placed: Array, pairs: Index) -> Array:
+        """Distance, m, of K pairs of bodies placed at (K, 2, 4, 4), world; negative inside."""
+        result, found = coal.DistanceResult(), np.empty(len(pairs))
+        for k, (a, b) in enumerate(self.bounds.pairs[pairs].tolist()):
+            X_a, X_b = (coal.Transform3s(X[:3, :3], X[:3, 3]) for X in placed[k])
+            result.clear()
+            found[k] = coal.distance(self._shapes[a], X_a, self._shapes[b], X_b, self._request, result)
+        return found
 
     def _hopeless(self, group: Index, pairs: Index, count: int) -> Flags:
         """Groups whose joints move too much for the boxes allowed even if they stood as far apart as they can."""
@@ -161,22 +170,13 @@ class PairProof:
         travel, apart = steps.sum(axis=1), self.bounds.distances_of(placed, boxes.pair)
         outside[boxes.pair[apart > 0.0]] = True
         left = np.flatnonzero(~(apart - travel > GAP))
-        room = self._measure(placed[left], boxes.pair[left]) - GAP
+        room = self.distances(placed[left], boxes.pair[left]) - GAP
         still = ~(room > travel[left])
         return boxes.take(left[still]), steps[left[still]], room[still]
 
     def _stroke(self, half: Array) -> Array:
         """How far each joint moves a point 1 m from its axis at most, half (K, n): the chord, or the way it slides."""
         return np.where(self._turns, 2.0 * np.sin(0.5 * np.minimum(half, np.pi)), half)
-
-    def _measure(self, placed: Array, pairs: Index) -> Array:
-        """Distance, m, of K pairs of bodies placed (K, 2, 4, 4)."""
-        result, found = coal.DistanceResult(), np.empty(len(pairs))
-        for k, (a, b) in enumerate(self.bounds.pairs[pairs].tolist()):
-            X_a, X_b = (coal.Transform3s(X[:3, :3], X[:3, 3]) for X in placed[k])
-            result.clear()
-            found[k] = coal.distance(self._shapes[a], X_a, self._shapes[b], X_b, self._request, result)
-        return found
 
 
 def _parts(steps: Array, room: Array) -> Array:

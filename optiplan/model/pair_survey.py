@@ -39,7 +39,7 @@ class PairSurvey:
     """What is known of the pairs of links that joints move.
 
     Attributes:
-        rates: share of `samples` random configurations in which each pair touches.
+        rates: share of `samples` random configurations in which each pair touches, that is, is nearer than `GAP`.
         adjacent: pairs moved by one joint that touch over at least `ALWAYS` of its range.
         proved: pairs proved to stay farther apart than `GAP` over the joint box.
     """
@@ -113,13 +113,13 @@ class _Survey:
         )
 
     def touching(self, Q: Array) -> Flags:
-        """Whether each pair of links touches at configurations Q (N, n): (N, links)."""
+        """Whether each pair of links is nearer than `GAP` at configurations Q (N, n): (N, links)."""
         result = np.zeros((len(Q), len(self.groups)), dtype=bool)
         group = np.repeat(np.arange(len(self.groups)), [len(members) for members in self.groups])
         step = max(1, 100_000 // len(group))
         for k in range(0, len(Q), step):
-            rows, pairs = np.nonzero(self.proof.bounds.distances(Q[k : k + step]) <= 0.0)
-            touch = self.proof.measure(Q[k : k + step], rows, pairs) <= 0.0
+            rows, pairs, placed = self.proof.bounds.meeting(Q[k : k + step], GAP)
+            touch = self.proof.distances(placed, pairs) <= GAP
             result[k + rows[touch], group[pairs[touch]]] = True
         return result
 
