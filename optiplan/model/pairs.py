@@ -13,8 +13,13 @@ from collections.abc import Collection, Mapping
 import numpy as np
 import pinocchio as pin
 
-from optiplan.model.pair_survey import ALWAYS, PairSurvey, link_pairs
-from optiplan.model.srdf import LinkPair, Srdf
+from optiplan.arrays import Array
+from optiplan.errors import InputError
+from optiplan.model.pair_survey import ALWAYS, PairSurvey, link_pairs, survey_pairs
+from optiplan.model.robot_spec import RobotSpec
+from optiplan.model.srdf import LinkPair, Srdf, link_pair
+from optiplan.yaml_lines import Document
+from optiplan.yaml_words import choices
 
 FIXED, ADJACENT, PROVED, FILE, SRDF = "fixed", "adjacent", "proved", "robot file", "SRDF"
 """Reasons why a pair goes unchecked; that of an SRDF is followed by the SRDF's own word."""
@@ -47,30 +52,56 @@ def set_pairs(model: pin.Model, geometry: pin.GeometryModel, allowed: Collection
     geometry.setCollisionPairs(wanted, True)  # one at a time, each makes room for all of them again
 
 
-def computed_pairs(survey: PairSurvey) -> dict[LinkPair, str]:
-    """Pairs that joints move and that need no check all the same."""
+def declared_pairs(
+    spec: RobotSpec, document: Document, model: pin.Model, srdf: Srdf | None = None
+) -> dict[LinkPair, str]:
+    """Pairs that the SRDF disables, with its word for each, and those of the robot.yaml's `allowed_collisions`.
+
+    Raises:
+        InputError: a name in `allowed_collisions` that is no link.
+    """
+    links = [str(frame.name) for frame in model.frames if frame.type == pin.FrameType.BODY]
+    issues = [
+        document.issue(("allowed_collisions", k, i), f"unknown link '{name}'", choices(name, links))
+        for k, pair in enumerate(spec.allowed_collisions)
+        for i, name in enumerate(pair)
+        if name not in links
+    ]
+    if issues:
+        raise InputError(issues)
+    disabled = {} if srdf is None else {pair: f"{SRDF}: {word}" for pair, word in srdf.disabled.items()}
+    return {**disabled, **{link_pair(a, b): FILE for a, b in spec.allowed_collisions}}
+
+
+def unchecked_pairs(
+    model: pin.Model,
+    geometry: pin.GeometryModel,
+    limits: tuple[Array, Array],
+    declared: Mapping[LinkPair, str],
+    compute: bool,
+) -> tuple[dict[LinkPair, str], list[str]]:
+    """Pairs that need no check and why, and a note on checked ones that touch nearly always.
+
+    Args:
+        model: reduced to the planned joints.
+        geometry: its bodies.
+        limits: lower and upper limits of position, (n,).
+        declared: pairs that the user allows.
+        compute: whether pairs are also looked for; with an SRDF exactly its pairs go unchecked.
+    """
+    allowed = {**declared, **fixed_pairs(model, geometry)}
+    if not compute:
+        return allowed, []
+    survey = survey_pairs(model, geometry, limits)
     found = {**dict.fromkeys(survey.adjacent, ADJACENT), **dict.fromkeys(survey.proved, PROVED)}
-    return dict(sorted(found.items()))
-
-
-def srdf_pairs(srdf: Srdf) -> dict[LinkPair, str]:
-    """Pairs that an SRDF disables, with its word for each."""
-    return {pair: f"{SRDF}: {word}" for pair, word in srdf.disabled.items()}
+    allowed |= dict(sorted(found.items()))
+    return allowed, _touching_note(survey, allowed)
 
 
 def srdf_words(allowed: Mapping[LinkPair, str]) -> dict[LinkPair, str]:
     """The reasons in the words of an SRDF."""
     words = {FIXED: "Adjacent", ADJACENT: "Adjacent", PROVED: "Never", FILE: "User"}
     return {pair: words.get(reason) or reason.partition(": ")[2] for pair, reason in allowed.items()}
-
-
-def touching_note(survey: PairSurvey, allowed: Collection[LinkPair]) -> list[str]:
-    """Say which checked pairs touch in nearly every configuration, so that the robot can hardly move."""
-    found = [f"{a}-{b}" for (a, b), rate in survey.rates.items() if rate >= ALWAYS and (a, b) not in allowed]
-    if not found:
-        return []
-    cure = "`allowed_collisions` in the robot file excuses pairs that are built so"
-    return [f"checked, though they touch in nearly every configuration: {', '.join(found)}; {cure}"]
 
 
 def count_reasons(allowed: Mapping[LinkPair, str]) -> dict[str, int]:
@@ -84,3 +115,12 @@ def reasons_in_words(counts: Mapping[str, int]) -> str:
     total = sum(counts.values())
     listed = ", ".join(f"{count} {WORDS[reason]}" for reason, count in counts.items())
     return f"{total} {'pair' if total == 1 else 'pairs'} of links not checked" + (f": {listed}" if counts else "")
+
+
+def _touching_note(survey: PairSurvey, allowed: Collection[LinkPair]) -> list[str]:
+    """Say which checked pairs touch in nearly every configuration, so that the robot can hardly move."""
+    touching = [f"{a}-{b}" for (a, b), rate in survey.rates.items() if rate >= ALWAYS and (a, b) not in allowed]
+    if not touching:
+        return []
+    cure = "`allowed_collisions` in the robot file excuses pairs that are built so"
+    return [f"checked, though they touch in nearly every configuration: {', '.join(touching)}; {cure}"]

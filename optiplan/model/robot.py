@@ -16,22 +16,12 @@ from optiplan.model.joints import Group, Reduced, check_locked, planned_joints, 
 from optiplan.model.limits import Limits, build_limits
 from optiplan.model.link_geometry import treat
 from optiplan.model.pair_survey import PairSurvey, survey_pairs
-from optiplan.model.pairs import (
-    FILE,
-    PROVED,
-    computed_pairs,
-    fixed_pairs,
-    set_pairs,
-    srdf_pairs,
-    srdf_words,
-    touching_note,
-)
+from optiplan.model.pairs import PROVED, declared_pairs, set_pairs, srdf_words, unchecked_pairs
 from optiplan.model.robot_spec import RobotSpec
 from optiplan.model.settings import configurations, tool_frame
 from optiplan.model.sources import read_sources
-from optiplan.model.srdf import LinkPair, link_pair, srdf_text
+from optiplan.model.srdf import LinkPair, srdf_text
 from optiplan.yaml_lines import Document, read_yaml, validate
-from optiplan.yaml_words import choices
 
 __all__ = ["Limits", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
 
@@ -179,13 +169,8 @@ def load_robot(
     geometry, link_geometry, geometry_notes = _bodies(reduced, spec, document)
     named = configurations(spec, document, srdf, planned)
     files = tuple(dict.fromkeys((document.path, urdf.path, *((srdf_path,) if srdf_path else ()), *urdf.meshes)))
-    allowed = {**_declared(spec, document, reduced.model), **fixed_pairs(reduced.model, geometry)}
-    if srdf is None:
-        survey = survey_pairs(reduced.model, geometry, (limits.lower, limits.upper))
-        allowed |= computed_pairs(survey)
-        geometry_notes += touching_note(survey, allowed)
-    else:
-        allowed = {**srdf_pairs(srdf), **allowed}
+    declared = declared_pairs(spec, document, reduced.model, srdf)
+    allowed, pair_notes = unchecked_pairs(reduced.model, geometry, (limits.lower, limits.upper), declared, srdf is None)
     set_pairs(reduced.model, geometry, allowed)
     return Robot(
         name=spec.name,
@@ -198,7 +183,7 @@ def load_robot(
         configurations=named,
         link_geometry=link_geometry,
         build_visual=reduced.build_visual,
-        notes=(*urdf.notes, *reduced.notes, *limit_notes, *geometry_notes),
+        notes=(*urdf.notes, *reduced.notes, *limit_notes, *geometry_notes, *pair_notes),
         locked=reduced.locked,
         allowed=allowed,
         files=files,
@@ -231,17 +216,3 @@ def _bodies(
         expected = "bodies for at least one link, or `collision: none` to have limits checked and no contact"
         raise InputError([document.issue(("urdf",) if spec.dh is None else ("dh",), found, expected)])
     return treat(reduced.model, reduced.geometry, spec.collision, document)
-
-
-def _declared(spec: RobotSpec, document: Document, model: pin.Model) -> dict[LinkPair, str]:
-    """The pairs of the robot.yaml's `allowed_collisions`."""
-    links = [str(frame.name) for frame in model.frames if frame.type == pin.FrameType.BODY]
-    issues = [
-        document.issue(("allowed_collisions", k, i), f"unknown link '{name}'", choices(name, links))
-        for k, pair in enumerate(spec.allowed_collisions)
-        for i, name in enumerate(pair)
-        if name not in links
-    ]
-    if issues:
-        raise InputError(issues)
-    return {link_pair(a, b): FILE for a, b in spec.allowed_collisions}
