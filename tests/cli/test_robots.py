@@ -29,7 +29,7 @@ def test_show_tells_joints_limits_frames_and_pairs(optiplan, optiplan_json):
     assert data["joints"][0]["velocity"] == 2.0
     assert data["links"]["forearm"] == "primitive"
     assert {"links": ["base", "upper_arm"], "reason": "proved", "collision_rate": 0.0} in data["allowed_pairs"]
-    assert data["links_without_geometry"] == []
+    assert data["links_without_geometry"] == ["tool"]
     assert data["checked_pairs"] == []
 
 
