@@ -50,8 +50,13 @@ def verify(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEF
 
 
 def _robot(problem: Problem, policy: VerifyPolicy) -> Robot:
-    """The robot with the pairs that the policy wants checked: proved ones may be nearer than its clearance."""
-    return problem.robot if policy.clearance < GAP else problem.robot.with_proved_checked()
+    """The robot with all pairs checked that are not proved for this problem.
+
+    A proof is about the robot's own limits of position, and proved pairs may be nearer than a clearance asked for.
+    """
+    own, wanted = problem.robot.limits, problem.limits
+    covered = (wanted.lower >= own.lower).all() and (wanted.upper <= own.upper).all()
+    return problem.robot if covered and policy.clearance < GAP else problem.robot.with_proved_checked()
 
 
 def _allowed(problem: Problem) -> list[str]:

@@ -98,3 +98,11 @@ def test_no_geometry_is_told_beside_the_verdict(tmp_path):
     report = verify(replace(problem, robot=none), motion)
     assert "collision: none: the robot has no bodies, and no contact of it is checked" in report.notes
     assert report.links_without_geometry == ("a", "x", "b")
+
+
+def test_a_proof_does_not_outlive_the_limits_it_is_about(panda):
+    """A problem with wider limits of position than the robot's has the proved pairs checked."""
+    problem = problem_of(panda, small_motion(panda), Scene())
+    wide = replace(problem, limits=replace(problem.limits, upper=problem.limits.upper + 1.0))
+    assert "proved" in verify(problem, small_motion(panda)).unchecked_pairs
+    assert "proved" not in verify(wide, small_motion(panda)).unchecked_pairs
