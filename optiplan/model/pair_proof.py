@@ -20,6 +20,9 @@ BEYOND = 1e-4
 BOXES = 4000
 """Boxes of configurations looked at for a pair of links, at most, before it is left unproved."""
 
+ALONG = 20_000
+"""Boxes for a pair that one joint moves: neighbours often pass each other at a fraction of a millimetre."""
+
 WORK = 2_000_000
 """Boxes for all pairs of a robot together, times its joints, so that a robot of a thousand pairs takes seconds too."""
 
@@ -119,6 +122,7 @@ class PairProof:
         pairs = np.flatnonzero(group >= 0)
         failed = self._hopeless(group, pairs, len(groups))
         spent = np.zeros(len(groups), dtype=np.intp)
+        most = np.array([ALONG if self.moves[members].any(axis=0).sum() == 1 else BOXES for members in groups])
         outside = ~self._surface
         pairs = pairs[~failed[group[pairs]]]
         half = np.where(self.moves[pairs], self.half, 0.0)
@@ -131,7 +135,7 @@ class PairProof:
             of = group[boxes.pair]
             failed[of[~(room > 0.0)]] = True
             wanted = np.bincount(of, weights=_parts(steps, room), minlength=len(groups))
-            given_up: Flags = (wanted > HOPELESS * BOXES) | (spent > BOXES) | (spent.sum() > self._most)
+            given_up: Flags = (wanted > HOPELESS * most) | (spent > most) | (spent.sum() > self._most)
             failed[of[given_up[of]]] = True
             left = ~failed[of]
             boxes = boxes.take(left).halved(steps[left].argmax(axis=1))

@@ -30,7 +30,7 @@ ANGLES = 720
 SAMPLES, WORK = 2000, 1_000_000
 """Configurations sampled for rates of collision, and pairs of bodies at configurations that this may come to."""
 
-VERSION = 3
+VERSION = 4
 """Counted up when surveys are made in another way, so that cached ones are made again."""
 
 
