@@ -1,7 +1,6 @@
 """A robot as `optiplan robots show` tells it."""
 
 import math
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -9,6 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from optiplan.model.pairs import count_reasons, reasons_in_words
 from optiplan.model.robot import Robot
 from optiplan.verify.report import jsonable
 
@@ -22,7 +22,8 @@ def describe(robot: Robot) -> dict[str, Any]:
         {"name": joint} | {key: column[i] for key, column in limits.items()}
         for i, joint in enumerate(robot.joint_names)
     ]
-    pairs = {tuple(sorted((robot.link_of(p.first), robot.link_of(p.second)))) for p in robot.geometry.collisionPairs}
+    rates, allowed = robot.survey.rates, robot.allowed
+    checked = sorted(pair for pair in rates if pair not in allowed)
     data = {
         "name": robot.name,
         "source": str(robot.source),
@@ -37,8 +38,14 @@ def describe(robot: Robot) -> dict[str, Any]:
         "configurations": robot.configurations,
         "frames": [frame.name for frame in robot.model.frames[1:]],
         "links": robot.link_geometry,
-        "checked_pairs": sorted(pairs),
-        "allowed_pairs": [{"links": links, "reason": reason} for links, reason in sorted(robot.allowed.items())],
+        "links_without_geometry": robot.bare_links,
+        "checked_pairs": checked,
+        "allowed_pairs": [
+            {"links": links, "reason": reason, "collision_rate": rates.get(links)}
+            for links, reason in sorted(allowed.items())
+        ],
+        "collision_rates": [{"links": links, "collision_rate": rates[links]} for links in checked],
+        "collision_samples": robot.survey.samples,
         "notes": robot.notes,
     }
     ready: dict[str, Any] = jsonable(data)
@@ -68,11 +75,29 @@ def show_robot(console: Console, data: Mapping[str, Any]) -> None:
     links = ", ".join(f"{link} ({kind})" for link, kind in data["links"].items())
     console.print(f"links and their collision geometry: {links}", markup=False)
     console.print(f"frames: {', '.join(data['frames'])}", markup=False)
-    reasons = Counter(pair["reason"] for pair in data["allowed_pairs"])
-    allowed = ", ".join(f"{count} {reason}" for reason, count in reasons.items()) or "none"
-    console.print(f"pairs of links: {len(data['checked_pairs'])} checked, allowed to touch: {allowed}", markup=False)
+    if data["links_without_geometry"]:
+        console.print(f"links without geometry: {', '.join(data['links_without_geometry'])}", markup=False)
+    _show_pairs(console, data)
     for note in data["notes"]:
         console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
+
+
+def _show_pairs(console: Console, data: Mapping[str, Any]) -> None:
+    """Every pair of links that joints move: why it goes unchecked, if so, and how often it touches."""
+    reasons = {tuple(pair["links"]): pair["reason"] for pair in data["allowed_pairs"]}
+    counted = reasons_in_words(count_reasons(reasons))
+    console.print(f"pairs of links: {len(data['checked_pairs'])} checked; {counted}", markup=False, soft_wrap=True)
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for heading, side in (("pair", "left"), ("", "left"), (f"touches in {data['collision_samples']} samples", "right")):
+        table.add_column(heading, justify="right" if side == "right" else "left")
+    for pair in sorted(
+        [*data["collision_rates"], *data["allowed_pairs"]],
+        key=lambda pair: (-(pair["collision_rate"] or 0.0), pair["links"]),
+    ):
+        if pair["collision_rate"] is not None:
+            word = reasons.get(tuple(pair["links"]), "checked")
+            table.add_row(" – ".join(pair["links"]), word, f"{pair['collision_rate']:.1%}")
+    console.print(table)
 
 
 def _show_dh(console: Console, table: Mapping[str, Any]) -> None:

@@ -96,13 +96,14 @@ def srdf(
 
       optiplan robots srdf my/robot.yaml my/robot.srdf
     """
+    from optiplan.model.pairs import srdf_words
     from optiplan.model.robot import load_robot
     from optiplan.model.srdf import srdf_text
     from optiplan.problem.write import write_text
 
     with stdout_is_ours():
         robot = load_robot(name)
-    write_text(out, srdf_text(robot.name, robot.allowed))
+    write_text(out, srdf_text(robot.name, srdf_words(robot.allowed)))
     if as_json or context.obj:
         print_json({"written": str(out), "pairs": len(robot.allowed)})
         return 0

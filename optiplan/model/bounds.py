@@ -9,6 +9,7 @@ from optiplan.arrays import Array
 from optiplan.model.kinematics import BatchKinematics, carrying_joints
 
 Index = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
 
 
 class PairBounds:
@@ -17,6 +18,9 @@ class PairBounds:
     A body is enclosed by an axis-aligned box in its own frame and by the ball about that box's centre.
 
     Attributes:
+        joint: (G,) joint that carries each body; `placement` (G, 4, 4): pose of the body in that joint's frame.
+        pairs: (P, 2) bodies of each pair.
+        moves: (P, 2, J) which joints, followers too, move that side of the pair against the other.
         plane_pairs: indices of the pairs with a half-space.
         depends: (P, n), whether a planned joint, or one that follows it, moves a pair's bodies against each other.
     """
@@ -24,8 +28,8 @@ class PairBounds:
     def __init__(self, model: pin.Model, geometry: pin.GeometryModel, pairs: list[tuple[int, int]]) -> None:
         self.kinematics = BatchKinematics(model)
         bodies = list(geometry.geometryObjects)
-        self._joint = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
-        self._placement = np.array([body.placement.homogeneous for body in bodies]).reshape(-1, 4, 4)
+        self.joint = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
+        self.placement = np.array([body.placement.homogeneous for body in bodies]).reshape(-1, 4, 4)
         boxes = [_local_box(body.geometry) for body in bodies]
         self._centre = np.array([box[0] for box in boxes]).reshape(-1, 3)
         self._half = np.array([box[1] for box in boxes]).reshape(-1, 3)
@@ -33,14 +37,13 @@ class PairBounds:
         signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
         edges = np.where(np.isfinite(self._half), self._half, 0.0)
         self._corners = self._centre[:, None] + edges[:, None] * signs  # (G, 8, 3)
-        self._pairs: Index = np.array(pairs, dtype=np.intp).reshape(-1, 2)
-        carries = carrying_joints(model)
-        moves = carries[self._joint[self._pairs]]  # (P, 2, J)
+        self.pairs: Index = np.array(pairs, dtype=np.intp).reshape(-1, 2)
+        moves = carrying_joints(model)[self.joint[self.pairs]]  # (P, 2, J)
         # A joint that carries both bodies of a pair does not change their distance.
-        self._moves = moves & ~moves[:, ::-1]
-        self.depends: npt.NDArray[np.bool_] = self.kinematics.joint_dependence(np.asarray(self._moves.any(axis=1)))
+        self.moves = moves & ~moves[:, ::-1]
+        self.depends: Flags = self.kinematics.joint_dependence(np.asarray(self.moves.any(axis=1)))
         planes = [isinstance(body.geometry, coal.Halfspace) for body in bodies]
-        self.plane_pairs: Index = np.flatnonzero(np.array(planes, dtype=bool)[self._pairs].any(axis=1))
+        self.plane_pairs: Index = np.flatnonzero(np.array(planes, dtype=bool)[self.pairs].any(axis=1))
         self._plane_of = {g: (np.array(bodies[g].geometry.n), bodies[g].geometry.d) for g, p in enumerate(planes) if p}
 
     def distances(self, Q: Array) -> Array:
@@ -48,13 +51,13 @@ class PairBounds:
 
         The larger of the distances from the ball of one body to the box of the other, both ways.
         """
-        poses = self.kinematics.poses(Q)[:, self._joint] @ self._placement  # X_WG of every body, (N, G, 4, 4)
+        poses = self.kinematics.poses(Q)[:, self.joint] @ self.placement  # X_WG of every body, (N, G, 4, 4)
         rotation, origin = poses[..., :3, :3], poses[..., :3, 3]
         centre = origin + np.einsum("ngij,gj->ngi", rotation, self._centre)
-        a, b = self._pairs[:, 0], self._pairs[:, 1]
+        a, b = self.pairs[:, 0], self.pairs[:, 1]
         result = np.maximum(
-            self._ball_to_box(rotation[:, b], centre[:, b], centre[:, a], b, a),
-            self._ball_to_box(rotation[:, a], centre[:, a], centre[:, b], a, b),
+            self._ball_to_box(rotation[:, b], centre[:, a] - centre[:, b], b, a),
+            self._ball_to_box(rotation[:, a], centre[:, b] - centre[:, a], a, b),
         )
         for pair in self.plane_pairs:
             plane, body = a[pair], b[pair]
@@ -66,14 +69,14 @@ class PairBounds:
             result[:, pair] = height - self._radius[body]
         return np.asarray(result)
 
-    def _ball_to_box(self, rotation: Array, box_centre: Array, ball_centre: Array, box: Index, ball: Index) -> Array:
-        local = np.einsum("npji,npj->npi", rotation, ball_centre - box_centre)
+    def _ball_to_box(self, rotation: Array, apart: Array, box: Index, ball: Index) -> Array:
+        local = np.einsum("npji,npj->npi", rotation, apart)
         outside = np.maximum(np.abs(local) - self._half[box], 0.0)
         return np.asarray(np.sqrt(np.einsum("npi,npi->np", outside, outside)) - self._radius[ball])
 
     def travel(self, Q: Array, D: Array) -> Array:
         """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j; Q, D (N, n), result (N, P)."""
-        everything = np.arange(len(self._pairs))
+        everything = np.arange(len(self.pairs))
         rows, pairs = np.repeat(np.arange(len(Q)), len(everything)), np.tile(everything, len(Q))
         return self.travel_of(Q, D, rows, pairs).reshape(len(Q), len(everything))
 
@@ -88,13 +91,88 @@ class PairBounds:
         reach, D = self._axis_distances(Q), self.kinematics.joint_reach(D)  # (N, G, J), (N, J)
         moved = np.zeros(len(rows))
         for side in (0, 1):
-            radius = reach[rows, self._pairs[pairs, side]]  # (K, J)
-            step = D[rows] * self._moves[pairs, side]
+            radius = reach[rows, self.pairs[pairs, side]]  # (K, J)
+            step = D[rows] * self.moves[pairs, side]
             own = np.zeros(len(rows))
             for j in reversed(range(D.shape[1])):
                 own = own + step[:, j] * ((radius[:, j] + own) if self.kinematics.revolute[j] else 1.0)
             moved += own
         return moved
+
+    def place(self, Q: Array, pairs: Index) -> tuple[Array, Array]:
+        """Poses in the world for K pairs, each at a configuration of its own, Q (K, n).
+
+        Returns:
+            Those of all joints, (K, n + 1, 4, 4), and of bodies a and b, (K, 2, 4, 4).
+        """
+        poses = self.kinematics.poses(Q)
+        bodies = self.pairs[pairs]
+        return poses, poses[np.arange(len(Q))[:, None], self.joint[bodies]] @ self.placement[bodies]
+
+    def distances_of(self, placed: Array, pairs: Index) -> Array:
+        """The bound of `distances` for K pairs without half-spaces, placed (K, 2, 4, 4); result (K,), m."""
+        rotation, bodies = placed[..., :3, :3], self.pairs[pairs]
+        centre = placed[..., :3, 3] + np.einsum("ksij,ksj->ksi", rotation, self._centre[bodies])
+        result = np.full(len(pairs), -np.inf)
+        for box, ball in ((0, 1), (1, 0)):
+            apart = centre[:, ball] - centre[:, box]
+            found = self._ball_to_box(rotation[None, :, box], apart[None], bodies[:, box], bodies[:, ball])
+            result = np.maximum(result, found[0])
+        return result
+
+    def steps_of(self, poses: Array, placed: Array, D: Array, pairs: Index) -> Array:
+        """What each planned joint, with its followers, adds to the change of a pair's distance; (K, n), m, at most.
+
+        It holds while |q_j - Q_j| <= D_j.
+
+        As in `travel_of`, for K pairs at poses of their own and with the ball about each body in place of its corners.
+        A revolute joint moves a point by the chord 2 sin(min(D_j, pi) / 2) times its distance from the axis.
+
+        Args:
+            poses: of the joints, (K, n + 1, 4, 4), world.
+            placed: of the bodies, (K, 2, 4, 4), world.
+            D: half widths, (K, n), rad or m.
+            pairs: (K,).
+        """
+        direction, point = self.kinematics.axes(poses)
+        turns, D = self.kinematics.revolute > 0.5, self.kinematics.joint_reach(D)  # (J,), (K, J)
+        stroke = np.where(turns, 2.0 * np.sin(0.5 * np.minimum(D, np.pi)), D)
+        total = np.zeros_like(D)
+        for side in (0, 1):
+            bodies = self.pairs[pairs, side]
+            centre = np.einsum("kij,kj->ki", placed[:, side, :3, :3], self._centre[bodies]) + placed[:, side, :3, 3]
+            arm = np.linalg.norm(np.cross(direction, centre[:, None] - point), axis=2) + self._radius[bodies, None]
+            step = stroke * self.moves[pairs, side]
+            own = np.zeros(len(pairs))
+            for j in reversed(range(D.shape[1])):
+                moved = step[:, j] * ((arm[:, j] + own) if turns[j] else 1.0)
+                total[:, j] += moved
+                own = own + moved
+        return np.asarray(total @ (np.abs(self.kinematics.coupling) > 0.0))  # each joint has one leader
+
+    def meeting(self, Q: Array, gap: float) -> tuple[Index, Index, Array]:
+        """Pairs whose bounding volumes come nearer than `gap` (m) at Q (N, n): balls against balls first, then boxes.
+
+        Returns:
+            Row of Q and pair of each of the K found, and poses of both bodies in the world, (K, 2, 4, 4).
+        """
+        poses = self.kinematics.poses(Q)[:, self.joint] @ self.placement
+        centre = np.einsum("ngij,gj->ngi", poses[..., :3, :3], self._centre) + poses[..., :3, 3]
+        a, b = self.pairs.T
+        apart = centre[:, b] - centre[:, a]
+        rows, pairs = np.nonzero(
+            np.einsum("npi,npi->np", apart, apart) <= (self._radius[a] + self._radius[b] + gap) ** 2
+        )
+        placed = poses[rows[:, None], self.pairs[pairs]]
+        meet = self.distances_of(placed, pairs) <= gap
+        return rows[meet], pairs[meet], placed[meet]
+
+    def reach_of(self, q: Array, pairs: Index) -> Array:
+        """Upper bound, m, of the distance of K pairs at one configuration q (n,): that of the farthest points."""
+        poses = self.kinematics.poses(q[None])[0, self.joint] @ self.placement
+        centre = np.einsum("gij,gj->gi", poses[:, :3, :3], self._centre) + poses[:, :3, 3]
+        a, b = self.pairs[pairs].T
+        return np.asarray(np.linalg.norm(centre[b] - centre[a], axis=1) + self._radius[a] + self._radius[b])
 
     def levers(self, stroke: Array) -> Array:
         """Metres that a pair's bodies travel against each other at most for each rad or m of each joint: (P, n).
@@ -102,16 +180,16 @@ class PairBounds:
         Holds at: every configuration with |q_j| <= stroke_j (n,), so that along a straight motion by d the distance of
         pair p changes by at most sum_j levers[p, j] |d_j|.
         """
-        corners = np.einsum("gij,gkj->gki", self._placement[:, :3, :3], self._corners) + self._placement[:, None, :3, 3]
-        bodies = [self.kinematics.levers(int(j), x, stroke) for j, x in zip(self._joint, corners, strict=True)]
-        both = np.array(bodies).reshape(-1, len(self.kinematics.revolute))[self._pairs] * self._moves  # (P, 2, J)
+        corners = np.einsum("gij,gkj->gki", self.placement[:, :3, :3], self._corners) + self.placement[:, None, :3, 3]
+        bodies = [self.kinematics.levers(int(j), x, stroke) for j, x in zip(self.joint, corners, strict=True)]
+        both = np.array(bodies).reshape(-1, len(self.kinematics.revolute))[self.pairs] * self.moves  # (P, 2, J)
         return self.kinematics.planned_bound(both.sum(axis=1))
 
     def _axis_distances(self, Q: Array) -> Array:
         """Distance, m, of the farthest corner of every body's box from every joint axis at Q (N, n): (N, G, J)."""
         poses = self.kinematics.poses(Q)
         direction, point = self.kinematics.axes(poses)  # (N, J, 3)
-        placed = poses[:, self._joint] @ self._placement
+        placed = poses[:, self.joint] @ self.placement
         corners = np.einsum("ngij,gkj->ngki", placed[..., :3, :3], self._corners) + placed[:, :, None, :3, 3]
         flat = corners.reshape(len(Q), -1, 3)
         along = flat @ direction.transpose(0, 2, 1) - np.einsum("nji,nji->nj", point, direction)[:, None]
@@ -136,7 +214,7 @@ class PairBounds:
         for side, sign in ((0, -1.0), (1, 1.0)):
             arm = points[:, side, None] - origin
             column = np.where(self.kinematics.revolute[None, :, None] > 0.5, np.cross(direction, arm), direction)
-            total += sign * self._moves[pairs, side] * np.einsum("kji,ki->kj", column, normals)
+            total += sign * self.moves[pairs, side] * np.einsum("kji,ki->kj", column, normals)
         return self.kinematics.of_planned(total)
 
 

@@ -10,7 +10,8 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.model import gjk as _primed  # noqa: F401  # before the first query of the process
-from optiplan.model.bounds import Index, PairBounds
+from optiplan.model.body_table import geometry_of
+from optiplan.model.bounds import Flags, Index, PairBounds
 from optiplan.model.containment import Containment
 from optiplan.model.robot import Robot
 from optiplan.model.scene import Scene
@@ -64,12 +65,19 @@ class Contacts:
     normals: Array
 
 
+STANDS = 5e-3
+"""Depth, m, to which a link that nothing moves may be sunk into an obstacle that it stands on.
+
+Makers' meshes reach below the plane that the robot is screwed to, that of the UR5 by 3 mm.
+"""
+
+
 class CollisionModel:
     """A robot in a scene, with its own work space: use one object a thread.
 
-    Bodies are the robot's links, then attachments, then obstacles. Two bodies that no planned joint moves against each
-    other are checked only when one of them is attached, because attaching is the user's statement and the rest is the
-    world as it stands.
+    Bodies are the robot's links, then attachments, then obstacles. Links are checked against each other as the robot
+    says. A link that no planned joint moves may stand on an obstacle, but not in it: such a pair is measured once, and
+    is among `pairs` only where the two overlap by more than `STANDS`, so that no configuration is free.
 
     Attributes:
         geometry: the bodies; `names[i]` is the link, attachment or obstacle of body i.
@@ -78,9 +86,9 @@ class CollisionModel:
 
     def __init__(self, robot: Robot, scene: Scene) -> None:
         self.robot, self.scene = robot, scene
-        self.geometry = pin.GeometryModel()
-        self.names: tuple[str, ...] = ()
-        self._add_bodies()
+        bodies = self._bodies()
+        self.names = tuple(name for name, _ in bodies)
+        self.geometry = geometry_of([body for _, body in bodies])
         self.pairs = self._list_pairs()
         for pair in self.pairs:
             self.geometry.addCollisionPair(pin.CollisionPair(pair.a, pair.b))
@@ -187,24 +195,19 @@ class CollisionModel:
         normal = _normals(np.array([distance]), np.array([[a, b, result.normal]]))[0]
         return Contact(self.pairs[pair], distance, a, b, normal)
 
-    def _add_bodies(self) -> None:
-        robot, names = self.robot, []
-        for index, body in enumerate(robot.geometry.geometryObjects):
-            self.geometry.addGeometryObject(body.copy())
-            names.append(robot.link_of(index))
+    def _bodies(self) -> list[tuple[str, pin.GeometryObject]]:
+        robot = self.robot
+        found = [(robot.link_of(k), body.copy()) for k, body in enumerate(robot.geometry.geometryObjects)]
         for held in self.scene.attached:
             frame = robot.model.frames[robot.model.getFrameId(held.link)]
-            X_JO = frame.placement * held.X_LO
-            self._add(held.name, frame.parentJoint, X_JO, build_geometry(held.shape))
-            names.append(held.name)
+            place = (frame.parentJoint, frame.placement * held.X_LO)
+            found.append((held.name, _body(f"{held.name}#{len(found)}", *place, build_geometry(held.shape))))
         for obstacle in self.scene.obstacles:
-            self._add(obstacle.name, 0, obstacle.X_WO, build_geometry(obstacle.shape))
-            names.append(obstacle.name)
-        self.names = tuple(names)
-
-    def _add(self, name: str, joint: int, placement: pin.SE3, geometry: coal.CollisionGeometry) -> None:
-        unique = f"{name}#{self.geometry.ngeoms}"
-        self.geometry.addGeometryObject(pin.GeometryObject(unique, joint, 0, placement, geometry))
+            place = (0, obstacle.X_WO)
+            found.append(
+                (obstacle.name, _body(f"{obstacle.name}#{len(found)}", *place, build_geometry(obstacle.shape)))
+            )
+        return found
 
     def _list_pairs(self) -> tuple[Pair, ...]:
         links = len(self.robot.geometry.geometryObjects)
@@ -216,14 +219,59 @@ class CollisionModel:
         found += [(a, b) for b in held for a in range(links) if self.names[a] not in touch[b]]
         found += [(a, b) for b in held for a in held if a < b]
         parents = [int(body.parentJoint) for body in self.geometry.geometryObjects]
-        found += [(a, b) for a in moving if parents[a] != 0 or a in held for b in obstacles]
-        allowed = self.scene.allowed
-        return tuple(
-            Pair(index, a, b, self.names[a], self.names[b])
-            for index, (a, b) in enumerate(
-                (a, b) for a, b in found if frozenset((self.names[a], self.names[b])) not in allowed
-            )
-        )
+        still = [a for a in moving if parents[a] == 0 and a not in held]
+        found += [(a, b) for a in moving if a not in still for b in obstacles]
+        excused = {name for pair in self.scene.allowed for name in pair}
+        kept = [(a, b) for a, b in found if not self._allowed(a, b, excused)]
+        standing = [(a, b) for a in still for b in obstacles if not self._allowed(a, b, excused)]
+        kept += _overlapping(self.geometry, np.array(standing, dtype=np.intp).reshape(-1, 2))
+        return tuple(Pair(k, a, b, self.names[a], self.names[b]) for k, (a, b) in enumerate(kept))
+
+    def _allowed(self, a: int, b: int, excused: set[str]) -> bool:
+        """Whether the scene allows these bodies to touch; `excused` are all names in its allowed pairs."""
+        names = self.names[a], self.names[b]
+        return names[0] in excused and names[1] in excused and frozenset(names) in self.scene.allowed
+
+
+def _body(name: str, joint: int, placement: pin.SE3, geometry: coal.CollisionGeometry) -> pin.GeometryObject:
+    return pin.GeometryObject(name, joint, 0, placement, geometry)
+
+
+def _overlapping(geometry: pin.GeometryModel, pairs: Index) -> list[tuple[int, int]]:
+    """Of pairs (K, 2) of bodies that stand still in the world those that overlap by more than `STANDS`.
+
+    The depth in a mesh is not known, and neither is inside from outside: a pair with a mesh is kept where the two
+    touch, and where their boxes overlap, for the verifier to look whether one holds the other.
+    """
+    if not len(pairs):
+        return []
+    bodies = list(geometry.geometryObjects)
+    low, high = np.array([_world_box(body) for body in bodies]).transpose(1, 0, 2)
+    a, b = pairs.T
+    meets: Flags = ((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)
+    request, found = coal.DistanceRequest(), []
+    request.gjk_tolerance, request.gjk_max_iterations = 1e-9, 500
+    for first, second in pairs[meets].tolist():
+        one, other = bodies[first], bodies[second]
+        mesh = any(isinstance(body.geometry, coal.BVHModelBase) for body in (one, other))
+        ends = (one.geometry, _transform(one.placement), other.geometry, _transform(other.placement))
+        if mesh or coal.distance(*ends, request, coal.DistanceResult()) < -STANDS:
+            found.append((first, second))
+    return found
+
+
+def _world_box(body: pin.GeometryObject) -> tuple[Array, Array]:
+    """Corners of the box along the world's axes that holds a body which stands still; infinite for a half-space."""
+    if isinstance(body.geometry, coal.Halfspace):
+        return np.full(3, -np.inf), np.full(3, np.inf)
+    body.geometry.computeLocalAABB()
+    low, high = np.array(body.geometry.aabb_local.min_), np.array(body.geometry.aabb_local.max_)
+    centre, reach = body.placement * (0.5 * (low + high)), np.abs(body.placement.rotation) @ (0.5 * (high - low))
+    return centre - reach, centre + reach
+
+
+def _transform(placement: pin.SE3) -> coal.Transform3s:
+    return coal.Transform3s(placement.rotation, placement.translation)
 
 
 def _normals(distances: Array, vectors: Array) -> Array:

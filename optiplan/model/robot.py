@@ -1,6 +1,5 @@
 """The robot: kinematics, collision geometry and limits of the planned joints, loaded once and never changed."""
 
-import json
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +12,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.data import robots_dir
-from optiplan.errors import OptiPlanError, UnknownChoiceError
+from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError
 from optiplan.files import bound, read_bytes, reading
 from optiplan.model import cache
 from optiplan.model.dh import DhTable
@@ -21,18 +20,15 @@ from optiplan.model.joints import Group, Reduced, planned_joints, reduce_to
 from optiplan.model.limits import Limits, build_limits
 from optiplan.model.link_geometry import treat
 from optiplan.model.mimic import Mimic, screws
-from optiplan.model.pairs import Kinematics, generate_allowed, joined_links, rigid_pairs, set_pairs
+from optiplan.model.pair_survey import PairSurvey, survey_pairs
+from optiplan.model.pairs import PROVED, declared_pairs, set_pairs, srdf_words, unchecked_pairs
 from optiplan.model.robot_spec import RobotSpec
 from optiplan.model.settings import configurations, tool_frame
 from optiplan.model.sources import read_sources
-from optiplan.model.srdf import LinkPair, Srdf, srdf_text
-from optiplan.model.urdf import UrdfSource
+from optiplan.model.srdf import LinkPair, srdf_text
 from optiplan.yaml_lines import Document, read_yaml, validate
 
 __all__ = ["Limits", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
-
-PAIRS_VERSION = 1
-"""Counted up when pairs are generated in another way, so that cached ones are made again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +36,12 @@ class Robot:
     """A robot reduced to its planned joints; a configuration q is of shape (n,), in the order of `joint_names`.
 
     `link_geometry` says what is checked for each link: hull, mesh, convex_pieces or primitive. `locked` holds where the
-    joints stand that are not planned (rad, m), `allowed` the pairs of links that are not checked, with the reason, and
-    `files` all that the robot was read from. `dh` is the Denavit–Hartenberg table, if it was given as one, `group` the
-    name of the group of `groups` that is planned, `urdf` the whole robot as pinocchio reads it. `followers` are the
-    joints of `model` that move with a planned one. `load_robot` with `source`, `locked` and `group` builds the same
-    robot again, in another process too: so it is pickled. `fingerprint` is the SHA-256 of the contents of `files`, and
-    a robot that comes out of a pickle with another one is refused.
+    joints stand that are not planned (rad, m), `allowed` the pairs of links that are not checked, with the reason (see
+    `model.pairs`), and `files` all that the robot was read from. `dh` is the Denavit–Hartenberg table, if it was given
+    as one, `group` the name of the group of `groups` that is planned, `urdf` the whole robot as pinocchio reads it.
+    `followers` are the joints of `model` that move with a planned one. `load_robot` with `source`, `locked` and `group`
+    builds the same robot again, in another process too: so it is pickled. `fingerprint` is the SHA-256 of the contents
+    of `files`, and a robot that comes out of a pickle with another one is refused.
     """
 
     name: str
@@ -113,6 +109,17 @@ class Robot:
         """What the robot looks like; read at the first use, since nothing but a viewer needs it."""
         return self.build_visual()
 
+    @cached_property
+    def survey(self) -> PairSurvey:
+        """How often each pair of links touches, and what is proved of it; made at the first use, or read from disk."""
+        return survey_pairs(self.model, self.geometry, (self.limits.lower, self.limits.upper))
+
+    @property
+    def bare_links(self) -> tuple[str, ...]:
+        """Links without collision geometry, which nothing is checked for."""
+        links = [str(frame.name) for frame in self.model.frames if frame.type == pin.FrameType.BODY]
+        return tuple(link for link in links if link not in self.link_geometry)
+
     def link_of(self, index: int) -> str:
         """Name of the link that geometry object `index` of `geometry` belongs to."""
         return str(self.model.frames[self.geometry.geometryObjects[index].parentFrame].name)
@@ -135,6 +142,13 @@ class Robot:
         """
         self.frame_id(frame)
         return replace(self, tool_frame=frame)
+
+    def with_proved_checked(self) -> "Robot":
+        """The same robot with the pairs checked that are proved apart, for who asks for more distance than that."""
+        allowed = {pair: reason for pair, reason in self.allowed.items() if reason != PROVED}
+        geometry = self.geometry.copy()
+        set_pairs(self.model, geometry, allowed)
+        return replace(self, geometry=geometry, allowed=allowed)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickled as the call that loads it: models of pinocchio and coal do not travel whole."""
@@ -192,15 +206,12 @@ def load_robot(
     planned = planned_joints(spec, document, urdf, group)
     reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
     limits, limit_notes = build_limits(spec.limits, document, reduced, planned)
-    geometry, link_geometry, geometry_notes = treat(reduced.model, reduced.geometry, spec.collision, document)
+    geometry, link_geometry, geometry_notes = _bodies(reduced, spec, document)
     named = configurations(spec, document, srdf, planned)
     tool, choices = tool_frame(spec, document, reduced, urdf, planned)
     files = tuple(dict.fromkeys((document.path, urdf.path, *((srdf_path,) if srdf_path else ()), *urdf.meshes)))
-    if srdf is None:
-        kinematics = Kinematics(reduced.model, geometry, _joined(urdf, reduced), limits.lower, limits.upper)
-        allowed = _generated(kinematics, named, (planned, reduced.locked), files)
-    else:
-        allowed = {**srdf.disabled, **rigid_pairs(reduced.model, geometry)}
+    declared = declared_pairs(spec, document, reduced.model, srdf)
+    allowed, pair_notes = unchecked_pairs(reduced.model, geometry, (limits.lower, limits.upper), declared, srdf is None)
     set_pairs(reduced.model, geometry, allowed)
     return Robot(
         name=spec.name,
@@ -213,7 +224,7 @@ def load_robot(
         configurations=named,
         link_geometry=link_geometry,
         build_visual=bound(reduced.build_visual),
-        notes=(*choices, *urdf.notes, *reduced.notes, *limit_notes, *geometry_notes, *_pair_notes(allowed, srdf)),
+        notes=(*choices, *urdf.notes, *reduced.notes, *limit_notes, *geometry_notes, *pair_notes),
         locked=reduced.locked,
         allowed=allowed,
         files=files,
@@ -239,41 +250,17 @@ def _wanted(spec: RobotSpec, planned: Group, locked: Mapping[str, float]) -> dic
 
 def write_srdf(robot: Robot, path: Path) -> None:
     """Write the pairs of links that are not checked as an SRDF."""
-    path.write_text(srdf_text(robot.name, robot.allowed), encoding="utf-8")
+    path.write_text(srdf_text(robot.name, srdf_words(robot.allowed)), encoding="utf-8")
 
 
-def _joined(urdf: UrdfSource, reduced: Reduced) -> frozenset[LinkPair]:
-    solid = frozenset(reduced.model.frames[item.parentFrame].name for item in reduced.geometry.geometryObjects)
-    return joined_links(urdf.edges, solid)
-
-
-def _generated(
-    kinematics: Kinematics,
-    configurations: Mapping[str, Array],
-    chosen: tuple[Group, Mapping[str, float]],
-    files: tuple[Path, ...],
-) -> dict[LinkPair, str]:
-    """Pairs that need no check, by sampling; kept on disk, since it takes seconds."""
-    group, locked = chosen
-    state = json.dumps([PAIRS_VERSION, group.joints, dict(locked)], sort_keys=True).encode()
-    name = f"pairs/{cache.digest([state, *(read_bytes(path) for path in files)])}.json"
-    content = cache.load(name)
-    if content is not None:
-        return {(a, b): reason for a, b, reason in json.loads(content)}
-    middle = np.clip(np.zeros(len(kinematics.lower)), kinematics.lower, kinematics.upper)
-    default = next(iter(configurations.values()), middle)
-    allowed = generate_allowed(kinematics, default, np.random.default_rng(0))
-    cache.store(name, json.dumps([[*pair, reason] for pair, reason in allowed.items()]).encode())
-    return allowed
-
-
-def _pair_notes(allowed: Mapping[LinkPair, str], srdf: Srdf | None) -> list[str]:
-    """Say which pairs are left out although they can touch."""
-    if srdf is not None:
-        return []
-    notes = ["no SRDF: the pairs of links that need no check are found by sampling"]
-    for reason, words in (("Default", "in the default configuration"), ("Always", "in every sample")):
-        pairs = [f"{a}-{b}" for (a, b), why in allowed.items() if why == reason]
-        if pairs:
-            notes.append(f"not checked since they touch {words}: {', '.join(pairs)}")
-    return notes
+def _bodies(
+    reduced: Reduced, spec: RobotSpec, document: Document
+) -> tuple[pin.GeometryModel, dict[str, str], list[str]]:
+    """Collision geometry as the robot.yaml wants it; a robot without any says so itself."""
+    if spec.collision == "none":
+        return pin.GeometryModel(), {}, ["collision: none: the robot has no bodies, and no contact of it is checked"]
+    if not reduced.geometry.ngeoms:
+        found = "a robot without any collision geometry"
+        expected = "bodies for at least one link, or `collision: none` to have limits checked and no contact"
+        raise InputError([document.issue(("urdf",) if spec.dh is None else ("dh",), found, expected)])
+    return treat(reduced.model, reduced.geometry, spec.collision, document)

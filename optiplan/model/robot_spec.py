@@ -53,7 +53,8 @@ class RobotSpec(Strict):
     tool_frames: dict[Name, Name] = Field(default_factory=dict)
     configurations: dict[Name, list[Number]] = Field(default_factory=dict)
     limits: LimitsSpec = LimitsSpec()
-    collision: Treatment | CollisionSpec = "hull"
+    collision: Treatment | Literal["none"] | CollisionSpec = "hull"
+    allowed_collisions: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = Field(default_factory=list)
 
     @field_validator("version", mode="before")
     @classmethod

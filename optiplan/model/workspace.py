@@ -138,7 +138,7 @@ class _Sampling(ChunkedWork[Samples]):
     def prepare(self) -> Callable[[int], Samples]:
         robot, options = self.robot, self.options
         tool = ToolKinematics(robot)
-        checked = CollisionModel(robot, _scene(options.floor)) if options.collision else None
+        checked = CollisionModel(robot, _scene(robot, options.floor)) if options.collision else None
 
         def sample(chunk: int) -> Samples:
             start = chunk * CHUNK
@@ -154,10 +154,12 @@ class _Sampling(ChunkedWork[Samples]):
         return sample
 
 
-def _scene(floor: float | None) -> Scene:
+def _scene(robot: Robot, floor: float | None) -> Scene:
     if floor is None:
         return Scene()
-    return Scene((Obstacle("floor", HalfSpace((0.0, 0.0, 1.0), floor), pin.SE3.Identity()),))
+    bodies = enumerate(robot.geometry.geometryObjects)
+    standing = frozenset(frozenset({"floor", robot.link_of(k)}) for k, body in bodies if body.parentJoint == 0)
+    return Scene((Obstacle("floor", HalfSpace((0.0, 0.0, 1.0), floor), pin.SE3.Identity()),), allowed=standing)
 
 
 def _join(parts: list[Samples]) -> Samples:

@@ -75,6 +75,8 @@ class Report:
         link_geometry: what stands for each link: mesh, hull or convex pieces.
         notes: remarks on the robot, and what was not checked.
         scope: what the verdict is about: pairs, shapes, torques; short statements, said beside it.
+        unchecked_pairs: how many pairs of links went unchecked, by reason (see `model.pairs`).
+        links_without_geometry: links that have no body, of which no contact was checked.
     """
 
     policy: VerifyPolicy
@@ -82,6 +84,8 @@ class Report:
     link_geometry: Mapping[str, str]
     notes: tuple[str, ...] = ()
     scope: tuple[str, ...] = ()
+    unchecked_pairs: Mapping[str, int] = field(default_factory=dict)
+    links_without_geometry: tuple[str, ...] = ()
 
     @property
     def verified(self) -> bool:
@@ -102,6 +106,8 @@ class Report:
             "link_geometry": dict(self.link_geometry),
             "notes": list(self.notes),
             "scope": list(self.scope),
+            "unchecked_pairs": dict(self.unchecked_pairs),
+            "links_without_geometry": list(self.links_without_geometry),
         }
 
 

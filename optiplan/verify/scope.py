@@ -3,22 +3,29 @@
 from collections import Counter
 from collections.abc import Sequence
 
+from optiplan.model.pairs import FILE, count_reasons, reasons_in_words
+from optiplan.model.robot import Robot
 from optiplan.problem.problem import Problem
 from optiplan.verify.report import Check
 
 
-def scope(problem: Problem, checks: Sequence[Check]) -> tuple[str, ...]:
-    """One statement a subject: pairs, shapes, torque, contacts that the problem allows."""
-    return (*_pairs(checks), *_shapes(problem), *_torque(problem, checks), *_allowed(problem))
+def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str, ...]:
+    """One statement a subject: pairs, shapes, torque, contacts that robot file and problem allow.
+
+    `robot` is the problem's as it was checked: with other pairs where some of its proofs do not hold.
+    """
+    return (*_pairs(robot, checks), *_shapes(robot), *_torque(problem, checks), *_allowed(problem))
 
 
-def _pairs(checks: Sequence[Check]) -> list[str]:
-    return [f"collision: {check.witness['pairs']} pairs of bodies" for check in checks if check.name == "collision"]
+def _pairs(robot: Robot, checks: Sequence[Check]) -> list[str]:
+    found = [f"collision: {check.witness['pairs']} pairs of bodies" for check in checks if check.name == "collision"]
+    bare = [f"links without geometry, not checked: {', '.join(robot.bare_links)}"] if robot.bare_links else []
+    return [*found, reasons_in_words(count_reasons(robot.allowed)), *bare]
 
 
-def _shapes(problem: Problem) -> list[str]:
+def _shapes(robot: Robot) -> list[str]:
     """What stands for the links; the few that are unlike the others by name."""
-    geometry = problem.robot.link_geometry
+    geometry = robot.link_geometry
     parts: list[str] = []
     for kind, count in Counter(geometry.values()).most_common():
         names = [link for link, own in geometry.items() if own == kind]
@@ -41,7 +48,9 @@ def _torque(problem: Problem, checks: Sequence[Check]) -> list[str]:
 
 
 def _allowed(problem: Problem) -> list[str]:
-    """Which contacts the problem waves through: allowed pairs, and what attached objects may touch."""
+    """Which contacts robot file and problem wave through: allowed pairs, and what attached objects may touch."""
+    declared = [f"{a} – {b}" for (a, b), reason in problem.robot.allowed.items() if reason == FILE]
+    own = [f"contacts allowed by the robot file, not checked: {', '.join(declared)}"] if declared else []
     pairs = {" – ".join(sorted(pair)) for pair in problem.scene.allowed}
     pairs |= {" – ".join(sorted((held.name, link))) for held in problem.scene.attached for link in held.touch}
-    return [f"contacts allowed by the problem, not checked: {', '.join(sorted(pairs))}"] if pairs else []
+    return [*own, *([f"contacts allowed by the problem, not checked: {', '.join(sorted(pairs))}"] if pairs else [])]

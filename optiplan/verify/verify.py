@@ -4,6 +4,9 @@ from dataclasses import replace
 from typing import Any
 
 from optiplan.model.collision import CollisionModel
+from optiplan.model.pair_proof import GAP
+from optiplan.model.pairs import count_reasons
+from optiplan.model.robot import Robot
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.trajectory import Trajectory
@@ -36,15 +39,33 @@ def verify(
     found = [checks.form(trajectory)]
     if found[0].passed:
         found.append(checks.joints(problem, trajectory))
-    notes = problem.robot.notes
+    robot = _robot(problem, policy)
+    report = Report(
+        policy,
+        tuple(found),
+        dict(robot.link_geometry),
+        robot.notes,
+        unchecked_pairs=count_reasons(robot.allowed),
+        links_without_geometry=robot.bare_links,
+    )
     if not all(check.passed for check in found):
-        notes = (*notes, "nothing else was checked: the trajectory cannot be read as a motion of this robot")
-        return Report(policy, tuple(found), dict(problem.robot.link_geometry), notes)
+        unread = "nothing else was checked: the trajectory cannot be read as a motion of this robot"
+        return replace(report, notes=(*robot.notes, unread))
     found += _motion(problem, trajectory, policy)
     if given is not None:
         found.append(samples(problem, trajectory, policy, given))
     found.append(collision(problem, trajectory, policy))
-    return Report(policy, tuple(found), dict(problem.robot.link_geometry), notes, scope(problem, found))
+    return replace(report, checks=tuple(found), scope=scope(problem, robot, found))
+
+
+def _robot(problem: Problem, policy: VerifyPolicy) -> Robot:
+    """The robot with all pairs checked that are not proved for this problem.
+
+    A proof is about the robot's own limits of position, and proved pairs may be nearer than a clearance asked for.
+    """
+    own, wanted = problem.robot.limits, problem.limits
+    covered = (wanted.lower >= own.lower).all() and (wanted.upper <= own.upper).all()
+    return problem.robot if covered and policy.clearance < GAP else problem.robot.with_proved_checked()
 
 
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
@@ -65,7 +86,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
 
     `worst` is the clearance proved; where none is proved, the smallest distance met.
     """
-    model = CollisionModel(problem.robot, problem.scene)
+    model = CollisionModel(_robot(problem, policy), problem.scene)
     proof = certify(model, trajectory, policy)
     near = proof.nearest
     witness: dict[str, Any] = {

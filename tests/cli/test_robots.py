@@ -28,7 +28,8 @@ def test_show_tells_joints_limits_frames_and_pairs(optiplan, optiplan_json):
     assert [joint["name"] for joint in data["joints"]] == ["shoulder", "elbow"]
     assert data["joints"][0]["velocity"] == 2.0
     assert data["links"]["forearm"] == "primitive"
-    assert {"links": ["base", "upper_arm"], "reason": "Adjacent"} in data["allowed_pairs"]
+    assert {"links": ["base", "upper_arm"], "reason": "proved", "collision_rate": 0.0} in data["allowed_pairs"]
+    assert data["links_without_geometry"] == ["tool"]
     assert data["checked_pairs"] == []
 
 
@@ -37,7 +38,7 @@ def test_show_takes_the_path_of_a_robot_file(optiplan, tmp_path):
         '<robot name="arm"><link name="a"/><link name="b"/><joint name="j" type="continuous"><parent link="a"/>'
         '<child link="b"/><axis xyz="0 0 1"/><limit velocity="1" effort="1"/></joint></robot>'
     )
-    (tmp_path / "robot.yaml").write_text("version: 1\nname: arm\nurdf: arm.urdf\n")
+    (tmp_path / "robot.yaml").write_text("version: 1\nname: arm\nurdf: arm.urdf\ncollision: none\n")
     code, out, _ = optiplan("robots", "show", tmp_path / "robot.yaml")
     assert code == 0
     assert "endless" in out
@@ -55,7 +56,7 @@ def test_srdf_can_be_read_again(optiplan, tmp_path):
     assert code == 0
     assert "pairs that need no check" in out
     pairs = ElementTree.parse(tmp_path / "panda.srdf").getroot().findall("disable_collisions")
-    assert {"link1": "panda_link0", "link2": "panda_link1", "reason": "Adjacent"} in [pair.attrib for pair in pairs]
+    assert {"link1": "panda_link1", "link2": "panda_link2", "reason": "Adjacent"} in [pair.attrib for pair in pairs]
 
 
 def test_show_prints_the_denavit_hartenberg_table(optiplan, optiplan_json):

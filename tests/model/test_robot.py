@@ -126,7 +126,7 @@ def test_joints_outside_the_group_stand_still(tmp_path):
     robot = load_robot(str(path))
     assert robot.locked == {"j1": 9}
     assert [note for note in robot.notes if "beyond its own limits" in note]
-    assert robot.allowed[("a", "b")] == "Rigid"
+    assert robot.allowed[("a", "b")] == "fixed"
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, np.zeros(1))
     turned = data.oMf[robot.model.getFrameId("c")].translation

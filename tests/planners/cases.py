@@ -35,9 +35,10 @@ def tool_pose(name, q):
     return data.oMf[model.getFrameId(robot(name).tool_frame)].copy()
 
 
-def problem(name, start, goal, *obstacles, seed=0):
+def problem(name, start, goal, *obstacles, seed=0, allowed=()):
     arm = robot(name)
-    return Problem("case", arm, Scene(obstacles), np.array(start, dtype=float), tuple(goal), arm.limits, seed=seed)
+    scene = Scene(obstacles, allowed=frozenset(frozenset(pair) for pair in allowed))
+    return Problem("case", arm, scene, np.array(start, dtype=float), tuple(goal), arm.limits, seed=seed)
 
 
 def free():
@@ -92,9 +93,10 @@ def closed_box():
 
 
 def barred():
-    """A planar arm whose shoulder would have to pass a bar above or a bar below; both ends are free."""
+    """A planar arm whose shoulder would have to pass a bar above or a bar below, in its base; both ends are free."""
     bars = [box("bar above", (0.1, 0.6, 2.0), (0.0, 0.15, 1.7)), box("bar below", (0.1, 0.6, 2.0), (0.0, 0.15, -0.7))]
-    return problem("planar2r", [0.0, 0.3], [JointGoal(np.array([3.0, 0.2]))], *bars)
+    allowed = [("bar above", "base"), ("bar below", "base")]
+    return problem("planar2r", [0.0, 0.3], [JointGoal(np.array([3.0, 0.2]))], *bars, allowed=allowed)
 
 
 HANGING, RAISED = np.array([0.9, 0.4]), np.array([-0.6, 0.9])  # of planar2r

@@ -22,5 +22,7 @@ def report_arm(folder: Path, lower: list[float], upper: list[float]) -> Robot:
         parts += [f'<joint name="{name}" type="revolute">{ends}{place}{limit}</joint>', f'<link name="{name}_link"/>']
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "arm.urdf").write_text(f'<robot name="arm">{"".join(parts)}</robot>')
-    (folder / "robot.yaml").write_text("version: 1\nname: report_arm\nurdf: arm.urdf\ntool_frame: W2_link\n")
+    (folder / "robot.yaml").write_text(
+        "version: 1\nname: report_arm\nurdf: arm.urdf\ntool_frame: W2_link\ncollision: none\n"
+    )
     return load_robot(str(folder / "robot.yaml"))
