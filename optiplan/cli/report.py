@@ -47,7 +47,9 @@ def show_report(console: Console, report: Report) -> None:
         console.print(f"note: {note}", markup=False, style="dim")
     counts = Counter(report.link_geometry.values())
     links = ", ".join(f"{count} as {kind.replace('_', ' ')}" for kind, count in sorted(counts.items()))
-    console.print(f"links checked: {links}", markup=False, style="dim")
+    beyond = max(report.over_cover.values(), default=0.0)
+    cover = f"; they reach at most {beyond * 1e3:.2g} mm beyond their meshes" if beyond > 0.0 else ""
+    console.print(f"links checked: {links}{cover}", markup=False, style="dim")
     console.print("[bold green]verified[/]" if report.verified else "[bold red]not verified[/]")
 
 

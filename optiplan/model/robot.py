@@ -35,7 +35,8 @@ PAIRS_VERSION = 1
 class Robot:
     """A robot reduced to its planned joints; a configuration q is of shape (n,), in the order of `joint_names`.
 
-    `link_geometry` says what is checked for each link: hull, mesh, convex_pieces or primitive. `locked` holds where the
+    `link_geometry` says what is checked for each link: hull, mesh, convex_pieces or primitive, and `over_cover` how far
+    (m) that reaches beyond the link's meshes at most, measured. `locked` holds where the
     joints stand that are not planned (rad, m), `allowed` the pairs of links that are not checked, with the reason, and
     `files` all that the robot was read from. `dh` is the Denavit–Hartenberg table, if it was given as one, `group` the
     name of the group of `groups` that is planned, `urdf` the whole robot as pinocchio reads it. `load_robot` with
@@ -60,6 +61,7 @@ class Robot:
     group: str | None = None
     groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
     urdf: str = ""
+    over_cover: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -152,7 +154,8 @@ def load_robot(
     check_locked(wanted, planned.joints, urdf, document)
     reduced = reduce_to(planned.joints, wanted, urdf)
     limits, limit_notes = build_limits(spec.limits, document, reduced.model, planned)
-    geometry, link_geometry, geometry_notes = treat(reduced.model, reduced.geometry, spec.collision, document)
+    treated = treat(reduced.model, reduced.geometry, spec.collision, document)
+    geometry = treated.geometry
     named = configurations(spec, document, srdf, planned)
     files = tuple(dict.fromkeys((document.path, urdf.path, *((srdf_path,) if srdf_path else ()), *urdf.meshes)))
     if srdf is None:
@@ -170,9 +173,10 @@ def load_robot(
         joint_names=planned.joints,
         tool_frame=tool_frame(spec, document, reduced.model, planned),
         configurations=named,
-        link_geometry=link_geometry,
+        link_geometry=treated.kinds,
+        over_cover=treated.over_cover,
         build_visual=reduced.build_visual,
-        notes=(*urdf.notes, *reduced.notes, *limit_notes, *geometry_notes, *_pair_notes(allowed, srdf)),
+        notes=(*urdf.notes, *reduced.notes, *limit_notes, *treated.notes, *_pair_notes(allowed, srdf)),
         locked=reduced.locked,
         allowed=allowed,
         files=files,

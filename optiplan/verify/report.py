@@ -73,12 +73,14 @@ class Report:
         checks: every check, in the order they were made.
         link_geometry: what stands for each link: mesh, hull or convex pieces.
         notes: what was not checked.
+        over_cover: how far (m) that reaches beyond a link's meshes at most, measured.
     """
 
     policy: VerifyPolicy
     checks: tuple[Check, ...]
     link_geometry: Mapping[str, str]
     notes: tuple[str, ...] = ()
+    over_cover: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def verified(self) -> bool:
@@ -97,6 +99,7 @@ class Report:
             "policy": asdict(self.policy),
             "checks": [jsonable(asdict(check)) for check in self.checks],
             "link_geometry": dict(self.link_geometry),
+            "over_cover": dict(self.over_cover),
             "notes": list(self.notes),
         }
 

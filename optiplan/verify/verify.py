@@ -35,7 +35,8 @@ def verify(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEF
         found.append(collision(problem, trajectory, policy))
     else:
         notes.append("nothing else was checked: the trajectory cannot be read as a motion of this robot")
-    return Report(policy, tuple(found), dict(problem.robot.link_geometry), tuple(notes))
+    robot = problem.robot
+    return Report(policy, tuple(found), dict(robot.link_geometry), tuple(notes), dict(robot.over_cover))
 
 
 def _allowed(problem: Problem) -> list[str]:
