@@ -18,7 +18,7 @@ from optiplan.model.over_cover import MeshSolid
 Triangles = npt.NDArray[np.int64]
 """Vertex indices of triangles, shape (k, 3)."""
 
-COVER_VERSION = 1
+COVER_VERSION = 2
 """Counted up when meshes are measured or cut in another way, so that what is kept is made again."""
 
 WITHIN = 1e-3
@@ -113,16 +113,18 @@ def cover_of(mesh: coal.BVHModelBase) -> Cover:
 
 
 def over_cover_of(mesh: coal.BVHModelBase, bodies: Sequence[Array]) -> float:
-    """How far (m) the hulls of points, (k, 3) each, reach beyond a mesh, to 0.1 mm from above; cached on disk."""
+    """How far (m) the hulls of points, (k, 3) each, reach beyond a mesh at most; cached on disk."""
     vertices, triangles = vertices_of(mesh), triangles_of(mesh)
-    key = cache.digest([vertices.tobytes(), triangles.tobytes(), *(body.tobytes() for body in bodies), b"measured"])
+    key = cache.digest(
+        [vertices.tobytes(), triangles.tobytes(), *(body.tobytes() for body in bodies), repr(COVER_VERSION).encode()]
+    )
     content = cache.load(f"covers/{key}.json")
     if content is None:
         from optiplan.model.pieces import measured
 
-        content = json.dumps([COVER_VERSION, measured(MeshSolid(vertices[triangles]), bodies)]).encode()
+        content = json.dumps(measured(MeshSolid(vertices[triangles]), bodies)).encode()
         cache.store(f"covers/{key}.json", content)
-    return float(json.loads(content)[1])
+    return float(json.loads(content))
 
 
 def _cover(vertices: Array, triangles: Triangles) -> Cover:

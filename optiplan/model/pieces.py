@@ -1,7 +1,7 @@
 """Convex pieces that cover a mesh and reach beyond it by at most a given distance, measured."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -12,6 +12,12 @@ from optiplan.model.over_cover import MeshSolid, over_cover
 
 _STEP = 1e-4
 """m; how far parts of a flat step of the surface may lie apart."""
+
+_SAME = 1e-7
+"""m; corners this near to a plane lie in it."""
+
+_SAMPLE = 1000
+"""Triangles that a cut is chosen by, evenly taken where there are more; the cut itself is of all."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +32,7 @@ class PieceOptions:
     """
 
     over_cover: float = 1e-3
-    tolerance: float = 1e-4
+    tolerance: float = 2e-4
     places: int = 8
     most: int = 16
 
@@ -95,15 +101,18 @@ def _close(solid: MeshSolid, points: Array, options: PieceOptions) -> bool:
 
 def _best_cut(solid: MeshSolid, cell: _Cell, places: int) -> tuple[_Cell, _Cell] | None:
     """The two parts of a cell whose hulls have the least volume in sum."""
-    best: tuple[_Cell, _Cell] | None = None
-    least = np.inf
+    rough = replace(cell, triangles=cell.triangles[:: len(cell.triangles) // _SAMPLE + 1])
+    options: list[tuple[float, int, float]] = []
     for axis in range(3):
-        for place in _places(cell, axis, places):
-            parts = tuple(_parts(solid, cell, axis, place))
-            total = sum(part.volume for part in parts)
-            if len(parts) == 2 and total < least:
-                best, least = (parts[0], parts[1]), total
-    return best
+        for place in _places(rough, axis, places):
+            parts = list(_parts(solid, rough, axis, place))
+            if len(parts) == 2:
+                options.append((sum(part.volume for part in parts), axis, place))
+    for _, axis, place in sorted(options):
+        parts = list(_parts(solid, cell, axis, place))
+        if len(parts) == 2:
+            return parts[0], parts[1]
+    return None
 
 
 def _places(cell: _Cell, axis: int, count: int) -> list[float]:
@@ -113,9 +122,10 @@ def _places(cell: _Cell, axis: int, count: int) -> list[float]:
     corners = cell.triangles
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     flat = np.ptp(corners[:, :, axis], axis=1) < _STEP
-    steps, which = np.unique(np.round(corners[flat, 0, axis] / _STEP), return_inverse=True)
-    largest = np.argsort(-np.bincount(which, weights=area[flat], minlength=len(steps)))[:count]
-    chosen = np.concatenate([even, steps[largest] * _STEP])
+    at = corners[flat, 0, axis]
+    _, first, which = np.unique(np.round(at / _STEP), return_index=True, return_inverse=True)
+    largest = np.argsort(-np.bincount(which, weights=area[flat], minlength=len(first)))[:count]
+    chosen = np.concatenate([even, at[first[largest]]])
     inner = chosen[(chosen > low + 2.0 * _STEP) & (chosen < high - 2.0 * _STEP)]
     return [float(place) for place in inner]
 
@@ -133,7 +143,7 @@ def _parts(solid: MeshSolid, cell: _Cell, axis: int, place: float) -> Iterator[_
 def _cell(solid: MeshSolid, triangles: Array, box: Array) -> _Cell | None:
     """The cell of a box; None where the mesh has nothing in it."""
     corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    points = np.unique(np.vstack([triangles.reshape(-1, 3), corners[solid.inside(corners)]]), axis=0)
+    points = np.vstack([triangles.reshape(-1, 3), corners[solid.inside(corners)]])
     if len(points) < 3:
         return None
     hull = _hull(points)
@@ -141,11 +151,16 @@ def _cell(solid: MeshSolid, triangles: Array, box: Array) -> _Cell | None:
 
 
 def _clipped(triangles: Array, axis: int, place: float, sign: float) -> Array:
-    """The parts of triangles (k, 3, 3) with sign * x <= sign * place along an axis, as triangles."""
+    """The parts of triangles (k, 3, 3) with sign * x <= sign * place along an axis, as triangles.
+
+    Those within the plane belong to the side that they are seen from the other side of.
+    """
     height = sign * (triangles[:, :, axis] - place)
-    above = height > 0.0
+    above = height > _SAME
     count = above.sum(axis=1)
-    kept = [triangles[count == 0]]
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, axis]
+    other_side = (np.abs(height) <= _SAME).all(axis=1) & (sign * normal < 0.0)
+    kept = [triangles[(count == 0) & ~other_side]]
     for many in (1, 2):  # corners above the plane: the odd one out comes first
         rows = np.flatnonzero(count == many)
         odd = np.argmax(above[rows] if many == 1 else ~above[rows], axis=1)
