@@ -18,7 +18,7 @@ from optiplan.model.over_cover import MeshSolid
 Triangles = npt.NDArray[np.int64]
 """Vertex indices of triangles, shape (k, 3)."""
 
-COVER_VERSION = 2
+COVER_VERSION = 1
 """Counted up when meshes are measured or cut in another way, so that what is kept is made again."""
 
 WITHIN = 1e-3

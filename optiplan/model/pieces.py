@@ -16,7 +16,7 @@ _STEP = 1e-4
 _SAME = 1e-7
 """m; corners this near to a plane lie in it."""
 
-_SAMPLE = 1000
+_SAMPLE = 400
 """Triangles that a cut is chosen by, evenly taken where there are more; the cut itself is of all."""
 
 
@@ -33,7 +33,7 @@ class PieceOptions:
 
     over_cover: float = 1e-3
     tolerance: float = 2e-4
-    places: int = 8
+    places: int = 6
     most: int = 16
 
 
@@ -156,11 +156,13 @@ def _clipped(triangles: Array, axis: int, place: float, sign: float) -> Array:
     Those within the plane belong to the side that they are seen from the other side of.
     """
     height = sign * (triangles[:, :, axis] - place)
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, axis]
+    within = (np.abs(height) <= _SAME).all(axis=1) & (sign * normal >= 0.0)
+    own = (height < -_SAME).any(axis=1) | within
+    triangles, height = triangles[own], height[own]
     above = height > _SAME
     count = above.sum(axis=1)
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, axis]
-    other_side = (np.abs(height) <= _SAME).all(axis=1) & (sign * normal < 0.0)
-    kept = [triangles[(count == 0) & ~other_side]]
+    kept = [triangles[count == 0]]
     for many in (1, 2):  # corners above the plane: the odd one out comes first
         rows = np.flatnonzero(count == many)
         odd = np.argmax(above[rows] if many == 1 else ~above[rows], axis=1)
