@@ -128,6 +128,8 @@ def over_cover_of(mesh: coal.BVHModelBase, bodies: Sequence[Array]) -> float:
 
 
 def _cover(vertices: Array, triangles: Triangles) -> Cover:
+    from scipy.spatial import QhullError
+
     from optiplan.model.pieces import PieceOptions, cut, measured
 
     solid = MeshSolid(vertices[triangles])
@@ -136,7 +138,10 @@ def _cover(vertices: Array, triangles: Triangles) -> Cover:
     if beyond <= WITHIN:
         return Cover("hull", (vertices,), beyond, beyond)
     log.info("cutting a mesh of %d triangles into convex pieces, once", len(triangles))
-    pieces = cut(solid, PieceOptions(over_cover=WITHIN))
+    try:
+        pieces = cut(solid, PieceOptions(over_cover=WITHIN))
+    except QhullError:  # triangles too small for its rounding
+        pieces = None
     if pieces is None or pieces.over_cover > WITHIN:
         return Cover("mesh", (), 0.0, beyond)
     return Cover("convex_pieces", pieces.vertices, pieces.over_cover, beyond)

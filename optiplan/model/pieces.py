@@ -146,8 +146,11 @@ def _cell(solid: MeshSolid, triangles: Array, box: Array) -> _Cell | None:
     points = np.vstack([triangles.reshape(-1, 3), corners[solid.inside(corners)]])
     if len(points) < 3:
         return None
+    if len(points) == 3:  # qhull wants a fourth
+        points = np.vstack([points, points.mean(axis=0)])
     hull = _hull(points)
-    return _Cell(triangles, box, points[hull.vertices], float(hull.volume))
+    flat = len(hull.vertices) < 4 or hull.volume <= 0.0
+    return _Cell(triangles, box, points if flat else points[hull.vertices], float(hull.volume))
 
 
 def _clipped(triangles: Array, axis: int, place: float, sign: float) -> Array:
@@ -211,7 +214,7 @@ def _touch(a: Array, b: Array) -> bool:
 
 
 def _hull(points: Array) -> ConvexHull:
-    """Convex hull of points (k, 3), those in one plane being moved a little."""
+    """Convex hull of points (k, 3); points in one plane are moved by a rounding."""
     try:
         return ConvexHull(points)
     except QhullError:

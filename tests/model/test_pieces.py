@@ -245,3 +245,13 @@ def test_a_link_of_the_ur5_is_not_its_hull(shared):
     assert cover.kind in ("convex_pieces", "mesh")
     assert cover.over_cover <= 1e-3
     assert cover.hull == pytest.approx(0.0067, abs=3e-4)
+
+
+def test_a_lone_triangle_beside_a_body_is_covered():
+    """Triangles without volume are pieces of their own, or parts of others."""
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    alone = np.array([[[0.3, 0, 0], [0.35, 0.02, 0.013], [0.3, 0.05, 0.02]]])
+    solid = MeshSolid(np.concatenate([box.triangles, alone]))
+    pieces = cut(solid)
+    bodies = [np.asarray(hull_of(piece).points()) for piece in pieces.vertices]
+    assert outside(bodies, dense(solid, 2000, np.random.default_rng(8))).max() <= 1e-9
