@@ -88,8 +88,8 @@ def _treated(
                 notes.append(f"{item.name}: the mesh itself, since its hull reaches {_mm(cover.hull)} beyond it")
                 return "mesh", 0.0, iter([item.copy()])
             if cover.kind == "convex_pieces":
-                count, beyond = len(cover.pieces), _mm(cover.over_cover)
-                notes.append(f"{item.name}: {count} convex pieces, which reach at most {beyond} beyond it")
+                count, reach = len(cover.pieces), _mm(cover.over_cover)
+                notes.append(f"{item.name}: {count} convex pieces, which reach at most {reach} beyond it")
             return cover.kind, cover.over_cover, _bodies(item, cover.pieces)
         case "hull":
             hull = body_of(vertices)
