@@ -1,16 +1,13 @@
 """Convex hulls that coal can build: flat ones are thickened, those of too many neighbours get fewer faces, outwards."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import coal
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.model.over_cover import Index, MeshSolid
-
-if TYPE_CHECKING:
-    from scipy.spatial import ConvexHull
 
 FLAT = 1e-5
 """Thickness (m) given to meshes that have none, on either side."""
@@ -90,7 +87,7 @@ def thickened_hull(points: Array) -> Hull:
     return Hull(hull.vertices, hull.triangles, hull.over_cover + by)
 
 
-def _within_limits(hull: "ConvexHull") -> Hull:
+def _within_limits(hull: Any) -> Hull:
     """The hull, or a body of fewer faces around it where a corner has more neighbours than coal counts."""
     from scipy.spatial import ConvexHull
 
@@ -124,7 +121,7 @@ def _supporting(vertices: Array, faces: Array) -> Array:
     return np.asarray(HalfspaceIntersection(halves, np.zeros(3)).intersections + centre, dtype=np.float64)
 
 
-def _outward(hull: "ConvexHull") -> Hull:
+def _outward(hull: Any) -> Hull:
     """Corners and triangles of a hull, the triangles turned to be seen counter-clockwise from outside."""
     used, where = np.unique(hull.simplices, return_inverse=True)
     vertices, corners = hull.points[used], np.asarray(where, dtype=np.intp).reshape(-1, 3)
