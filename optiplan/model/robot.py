@@ -155,20 +155,19 @@ def load_robot(
     reduced = reduce_to(planned.joints, wanted, urdf)
     limits, limit_notes = build_limits(spec.limits, document, reduced.model, planned)
     treated = treat(reduced.model, reduced.geometry, spec.collision, document)
-    geometry = treated.geometry
     named = configurations(spec, document, srdf, planned)
     files = tuple(dict.fromkeys((document.path, urdf.path, *((srdf_path,) if srdf_path else ()), *urdf.meshes)))
     if srdf is None:
-        kinematics = Kinematics(reduced.model, geometry, _joined(urdf, reduced), limits.lower, limits.upper)
+        kinematics = Kinematics(reduced.model, treated.geometry, _joined(urdf, reduced), limits.lower, limits.upper)
         allowed = _generated(kinematics, named, (planned, reduced.locked), files)
     else:
-        allowed = {**srdf.disabled, **rigid_pairs(reduced.model, geometry)}
-    set_pairs(reduced.model, geometry, allowed)
+        allowed = {**srdf.disabled, **rigid_pairs(reduced.model, treated.geometry)}
+    set_pairs(reduced.model, treated.geometry, allowed)
     return Robot(
         name=spec.name,
         source=document.path,
         model=reduced.model,
-        geometry=geometry,
+        geometry=treated.geometry,
         limits=limits,
         joint_names=planned.joints,
         tool_frame=tool_frame(spec, document, reduced.model, planned),
