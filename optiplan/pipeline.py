@@ -109,6 +109,7 @@ class Run:
             "report": self.report and self.report.to_dict(),
             "timings": {**self.timings, "plan_cpu": self.plan_cpu, "stages": dict(self.stages)},
             "geometry": dict(self.problem.robot.link_geometry),
+            "over_cover": dict(self.problem.robot.over_cover),
             "notes": list(self.problem.robot.notes),
             "info": dict(self.info),
             "improvements": [list(improvement) for improvement in self.improvements],

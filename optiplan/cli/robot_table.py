@@ -38,6 +38,7 @@ def describe(robot: Robot) -> dict[str, Any]:
         "configurations": robot.configurations,
         "frames": [frame.name for frame in robot.model.frames[1:]],
         "links": robot.link_geometry,
+        "over_cover": robot.over_cover,
         "links_without_geometry": robot.bare_links,
         "checked_pairs": checked,
         "allowed_pairs": [
@@ -72,7 +73,9 @@ def show_robot(console: Console, data: Mapping[str, Any]) -> None:
         console.print(f"configuration {name}: [{', '.join(f'{value:.6g}' for value in q)}]", markup=False)
     for name, value in data["locked"].items():
         console.print(f"locked {name}: {value:.6g}", markup=False)
-    links = ", ".join(f"{link} ({kind})" for link, kind in data["links"].items())
+    links = ", ".join(
+        f"{link} ({_geometry(kind, data['over_cover'].get(link))})" for link, kind in data["links"].items()
+    )
     console.print(f"links and their collision geometry: {links}", markup=False)
     console.print(f"frames: {', '.join(data['frames'])}", markup=False)
     if data["links_without_geometry"]:
@@ -98,6 +101,12 @@ def _show_pairs(console: Console, data: Mapping[str, Any]) -> None:
             word = reasons.get(tuple(pair["links"]), "checked")
             table.add_row(" – ".join(pair["links"]), word, f"{pair['collision_rate']:.1%}")
     console.print(table)
+
+
+def _geometry(kind: str, over_cover: float | None) -> str:
+    """What stands for a link, and how far it reaches beyond the link's meshes."""
+    beyond = "" if over_cover is None or kind == "mesh" else f", at most {over_cover * 1e3:.2g} mm beyond its mesh"
+    return f"{kind.replace('_', ' ')}{beyond}"
 
 
 def _show_dh(console: Console, table: Mapping[str, Any]) -> None:

@@ -1,7 +1,9 @@
-"""Convex stand-ins for meshes: the hull, or several pieces that together contain the mesh."""
+"""Convex stand-ins for meshes: the hull, or several pieces that together contain the mesh, as tight as measured."""
 
 import io
+import json
 import logging
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import coal
@@ -10,19 +12,23 @@ import numpy.typing as npt
 
 from optiplan.arrays import Array
 from optiplan.model import cache
-from optiplan.model.shapes import convex_hull
+from optiplan.model.hull import FLAT, Hull, covering_hull, thickened_hull
+from optiplan.model.over_cover import MeshSolid
 
 Triangles = npt.NDArray[np.int64]
 """Vertex indices of triangles, shape (k, 3)."""
 
-FLAT = 1e-5
-"""Thickness (m) given to meshes that have none."""
+COVER_VERSION = 1
+"""Counted up when meshes are measured or cut in another way, so that what is kept is made again."""
+
+WITHIN = 1e-3
+"""How far (m) a convex stand-in that is chosen without being asked for may reach beyond the mesh."""
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class PieceOptions:
+class CoacdOptions:
     """How finely a mesh is cut; the first seven go to CoACD, which scales every mesh to [-1, 1].
 
     `longest_edge` (m): triangles across a cut are divided to this size before each goes to one piece. Pieces that fill
@@ -60,6 +66,11 @@ def triangles_of(mesh: coal.BVHModelBase) -> Triangles:
 
 
 def hull_of(points: Array) -> coal.ConvexBase:
+    """Convex hull of points (k, 3), in m, as geometry of coal: see `body_of`."""
+    return body_of(points).build()
+
+
+def body_of(points: Array) -> Hull:
     """Convex hull of points (k, 3), in m; points in one plane or on one line are first thickened by `FLAT`.
 
     Raises:
@@ -69,12 +80,74 @@ def hull_of(points: Array) -> coal.ConvexBase:
         raise ValueError("a mesh without finite vertices")
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if len(points) < 4 or spread[-1] <= FLAT:
-        corners = FLAT * np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-        points = (points[:, None, :] + corners).reshape(-1, 3)
-    return convex_hull(points)
+        return thickened_hull(points)
+    return covering_hull(points)
 
 
-def pieces_of(mesh: coal.BVHModelBase, identity: bytes, options: PieceOptions = PieceOptions()) -> Pieces:
+@dataclass(frozen=True)
+class Cover:
+    """What stands for a mesh without being asked for: its hull, convex pieces, or itself.
+
+    Attributes:
+        kind: hull, convex_pieces or mesh.
+        pieces: vertices (k, 3) of each convex body, m; none for the mesh itself.
+        over_cover: m, how far they reach beyond the mesh at most.
+        hull: m, how far the hull reaches beyond the mesh at most.
+    """
+
+    kind: str
+    pieces: tuple[Array, ...]
+    over_cover: float
+    hull: float
+
+
+def cover_of(mesh: coal.BVHModelBase) -> Cover:
+    """The hull of a mesh if it is within `WITHIN` of the mesh, else pieces that are, else the mesh; cached on disk."""
+    vertices, triangles = vertices_of(mesh), triangles_of(mesh)
+    key = cache.digest([vertices.tobytes(), triangles.tobytes(), repr((COVER_VERSION, WITHIN)).encode()])
+    content = cache.load(f"covers/{key}.npz")
+    if content is None:
+        content = _pack_cover(_cover(vertices, triangles))
+        cache.store(f"covers/{key}.npz", content)
+    return _unpack_cover(content, vertices)
+
+
+def over_cover_of(mesh: coal.BVHModelBase, bodies: Sequence[Array]) -> float:
+    """How far (m) the hulls of points, (k, 3) each, reach beyond a mesh at most; cached on disk."""
+    vertices, triangles = vertices_of(mesh), triangles_of(mesh)
+    key = cache.digest(
+        [vertices.tobytes(), triangles.tobytes(), *(body.tobytes() for body in bodies), repr(COVER_VERSION).encode()]
+    )
+    content = cache.load(f"covers/{key}.json")
+    if content is None:
+        from optiplan.model.pieces import measured
+
+        content = json.dumps(measured(MeshSolid(vertices[triangles]), bodies)).encode()
+        cache.store(f"covers/{key}.json", content)
+    return float(json.loads(content))
+
+
+def _cover(vertices: Array, triangles: Triangles) -> Cover:
+    from scipy.spatial import QhullError
+
+    from optiplan.model.pieces import PieceOptions, cut, measured
+
+    solid = MeshSolid(vertices[triangles])
+    hull = body_of(vertices)
+    beyond = measured(solid, [hull.vertices]) if len(hull.vertices) else 0.0
+    if beyond <= WITHIN:
+        return Cover("hull", (vertices,), beyond, beyond)
+    log.info("cutting a mesh of %d triangles into convex pieces, once", len(triangles))
+    try:
+        pieces = cut(solid, PieceOptions(over_cover=WITHIN))
+    except QhullError:  # triangles too small for its rounding
+        pieces = None
+    if pieces is None or pieces.over_cover > WITHIN:
+        return Cover("mesh", (), 0.0, beyond)
+    return Cover("convex_pieces", pieces.vertices, pieces.over_cover, beyond)
+
+
+def pieces_of(mesh: coal.BVHModelBase, identity: bytes, options: CoacdOptions = CoacdOptions()) -> Pieces:
     """Convex pieces that together contain every triangle of a mesh; cached on disk.
 
     CoACD's pieces cut corners of the mesh. So each triangle, divided where it spans several pieces, goes to the piece
@@ -112,7 +185,7 @@ def faces_of(points: Array) -> Array:
     return np.asarray(ConvexHull(points).equations)
 
 
-def _cut(vertices: Array, triangles: Triangles, options: PieceOptions) -> Pieces:
+def _cut(vertices: Array, triangles: Triangles, options: CoacdOptions) -> Pieces:
     import coacd
     from trimesh.remesh import subdivide_to_size
 
@@ -161,6 +234,22 @@ def _corners(points: Array) -> Array:
     from scipy.spatial import ConvexHull
 
     return np.asarray(points[ConvexHull(points).vertices], dtype=np.float64)
+
+
+def _pack_cover(cover: Cover) -> bytes:
+    buffer = io.BytesIO()
+    pieces = cover.pieces if cover.kind == "convex_pieces" else ()
+    points = np.concatenate([np.empty((0, 3)), *pieces])
+    sizes = np.array([len(piece) for piece in pieces], dtype=np.int64)
+    np.savez_compressed(buffer, points=points, sizes=sizes, figures=[cover.over_cover, cover.hull], kind=cover.kind)
+    return buffer.getvalue()
+
+
+def _unpack_cover(content: bytes, vertices: Array) -> Cover:
+    with np.load(io.BytesIO(content)) as data:
+        kind, (beyond, hull) = str(data["kind"]), data["figures"].tolist()
+        pieces = {"hull": [vertices], "mesh": []}.get(kind, np.split(data["points"], np.cumsum(data["sizes"])[:-1]))
+        return Cover(kind, tuple(pieces), beyond, hull)
 
 
 def _pack(pieces: Pieces) -> bytes:

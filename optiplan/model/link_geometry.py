@@ -1,79 +1,123 @@
 """What is checked for each link: its mesh, the mesh's hull, or convex pieces."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import coal
 import numpy as np
 import pinocchio as pin
 
+from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import read_bytes
-from optiplan.model.convex import hull_of, pieces_of, vertices_of
+from optiplan.model.convex import body_of, cover_of, hull_of, over_cover_of, pieces_of, vertices_of
 from optiplan.model.robot_spec import CollisionSpec, Treatment
 from optiplan.model.shapes import FARTHEST
 from optiplan.yaml_lines import Document
 from optiplan.yaml_words import choices
 
 PRIMITIVE = "primitive"
-KINDS: tuple[Treatment, ...] = ("hull", "mesh", "convex_pieces")
+KINDS: tuple[Treatment, ...] = ("auto", "hull", "mesh", "convex_pieces")
+
+
+@dataclass(frozen=True, eq=False)
+class LinkGeometry:
+    """Collision geometry in which meshes are replaced by what the robot.yaml asks for.
+
+    Attributes:
+        geometry: the bodies.
+        kinds: what each link became: hull, mesh, convex_pieces or primitive.
+        over_cover: how far (m) each link's bodies reach beyond its meshes at most, measured; links with meshes only.
+        notes: what a user should know of meshes that are not checked as they are.
+    """
+
+    geometry: pin.GeometryModel = field(default_factory=pin.GeometryModel)
+    kinds: dict[str, str] = field(default_factory=dict)
+    over_cover: dict[str, float] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
 
 def treat(
     model: pin.Model, geometry: pin.GeometryModel, collision: Treatment | CollisionSpec, document: Document
-) -> tuple[pin.GeometryModel, dict[str, str], list[str]]:
-    """Collision geometry with the meshes replaced by what the robot.yaml asks for.
-
-    Returns:
-        The geometry; what each link became (hull, mesh, convex_pieces or primitive); notes on the pieces.
+) -> LinkGeometry:
+    """Replace the meshes of a robot by what its robot.yaml asks for.
 
     Raises:
         InputError: a link that is not there, is named twice, or has a mesh that cannot be hulled.
     """
     spec = CollisionSpec(default=collision) if isinstance(collision, str) else collision
     named = _named(spec, [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY], document)
-    result = pin.GeometryModel()
-    done: dict[str, str] = {}
-    notes: list[str] = []
+    result = LinkGeometry()
     for item in geometry.geometryObjects:
         link = model.frames[item.parentFrame].name
-        kind = named.get(link, spec.default) if isinstance(item.geometry, coal.BVHModelBase) else PRIMITIVE
-        if done.get(link, PRIMITIVE) == PRIMITIVE:
-            done[link] = kind
+        wanted = named.get(link, spec.default)
         try:
-            for part in _parts(item, kind, notes):
-                result.addGeometryObject(part)
+            kind, over_cover, parts = _treated(item, wanted, result.notes)
+            for part in parts:
+                result.geometry.addGeometryObject(part)
         except (ValueError, RuntimeError) as error:  # qhull has errors of its own
             found = f"{plain_reason(error)} ({item.meshPath})"
             raise InputError(
                 [document.issue(("collision",), f"link {link}: {found}", "a mesh with vertices")]
             ) from error
-    return result, done, notes
+        if kind != PRIMITIVE:
+            result.over_cover[link] = max(over_cover, result.over_cover.get(link, 0.0))
+        result.kinds[link] = max(kind, result.kinds.get(link, kind), key=_EXACTNESS.index)
+    return result
 
 
-def _parts(item: pin.GeometryObject, kind: str, notes: list[str]) -> Iterator[pin.GeometryObject]:
-    if kind != PRIMITIVE and not (np.abs(vertices_of(item.geometry)) <= FARTHEST).all():  # NaN is refused too
+_EXACTNESS = (PRIMITIVE, "mesh", "convex_pieces", "hull")
+"""A link of several shapes is called after the roughest of them."""
+
+
+def _treated(
+    item: pin.GeometryObject, wanted: Treatment, notes: list[str]
+) -> tuple[str, float, Iterator[pin.GeometryObject]]:
+    """What a shape becomes, how far (m) that reaches beyond it, and its bodies."""
+    mesh = item.geometry
+    if not isinstance(mesh, coal.BVHModelBase):
+        return PRIMITIVE, 0.0, iter([item.copy()])
+    vertices = vertices_of(mesh)
+    if not (len(vertices) and (np.abs(vertices) <= FARTHEST).all()):  # NaN is refused too
         raise ValueError(f"a mesh without finite vertices, or with one beyond {FARTHEST:g} m")
-    if kind == "hull":
-        yield _copy(item, item.name, hull_of(vertices_of(item.geometry)))
-    elif kind == "convex_pieces":
-        identity = read_bytes(Path(item.meshPath)) + np.asarray(item.meshScale).tobytes()
-        pieces = pieces_of(item.geometry, identity)
-        count, growth = len(pieces.vertices), f"{pieces.growth * 1e3:.2g} mm"
-        made = (
-            f"{count} convex pieces, grown by at most {growth}" if count > 1 else "its hull, which pieces nearly fill"
-        )
-        notes.append(f"{item.name}: {made}")
-        for index, vertices in enumerate(pieces.vertices):
-            yield _copy(item, f"{item.name}_piece{index}", hull_of(vertices))
-    else:
-        yield item.copy()
+    match wanted:
+        case "auto":
+            cover = cover_of(mesh)
+            if cover.kind == "mesh":
+                notes.append(f"{item.name}: the mesh itself, since its hull reaches {_mm(cover.hull)} beyond it")
+                return "mesh", 0.0, iter([item.copy()])
+            if cover.kind == "convex_pieces":
+                count, reach = len(cover.pieces), _mm(cover.over_cover)
+                notes.append(f"{item.name}: {count} convex pieces, which reach at most {reach} beyond it")
+            return cover.kind, cover.over_cover, _bodies(item, cover.pieces)
+        case "hull":
+            hull = body_of(vertices)
+            if hull.over_cover > 0.0:
+                notes.append(f"{item.name}: a body around its hull, farther out by at most {_mm(hull.over_cover)}")
+            return "hull", over_cover_of(mesh, [hull.vertices]), _bodies(item, [vertices])
+        case "convex_pieces":
+            pieces = pieces_of(mesh, read_bytes(Path(item.meshPath)) + np.asarray(item.meshScale).tobytes())
+            beyond, count = over_cover_of(mesh, pieces.vertices), len(pieces.vertices)
+            made = f"{count} convex pieces" if count > 1 else "its hull, which pieces nearly fill"
+            made += f", grown by at most {_mm(pieces.growth)}" if count > 1 else ""
+            notes.append(f"{item.name}: {made}; reaches at most {_mm(beyond)} beyond the mesh")
+            return "convex_pieces", beyond, _bodies(item, pieces.vertices)
+    return "mesh", 0.0, iter([item.copy()])
 
 
-def _copy(item: pin.GeometryObject, name: str, shape: coal.CollisionGeometry) -> pin.GeometryObject:
-    part = item.copy()
-    part.name, part.geometry = name, shape
-    return part
+def _mm(distance: float) -> str:
+    return f"{distance * 1e3:.2g} mm"
+
+
+def _bodies(item: pin.GeometryObject, bodies: Iterable[Array]) -> Iterator[pin.GeometryObject]:
+    """Copies of an object, each with the hull of points (k, 3) as its shape; one alone keeps the name."""
+    several = tuple(bodies)
+    for index, vertices in enumerate(several):
+        part = item.copy()
+        part.name = f"{item.name}_piece{index}" if len(several) > 1 else item.name
+        part.geometry = hull_of(vertices)
+        yield part
 
 
 def _named(spec: CollisionSpec, links: list[str], document: Document) -> Mapping[str, Treatment]:

@@ -3,7 +3,8 @@
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.model.collision import CollisionModel, exact_queries
+from optiplan.model.collision import CollisionModel
+from optiplan.model.outline import exact_queries
 
 
 class PairMargins:

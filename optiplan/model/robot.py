@@ -18,7 +18,7 @@ from optiplan.model import cache
 from optiplan.model.dh import DhTable
 from optiplan.model.joints import Group, Reduced, planned_joints, reduce_to
 from optiplan.model.limits import Limits, build_limits
-from optiplan.model.link_geometry import treat
+from optiplan.model.link_geometry import LinkGeometry, treat
 from optiplan.model.mimic import Mimic, screws
 from optiplan.model.pair_survey import PairSurvey, survey_pairs
 from optiplan.model.pairs import PROVED, declared_pairs, set_pairs, srdf_words, unchecked_pairs
@@ -35,7 +35,8 @@ __all__ = ["Limits", "Robot", "load_robot", "robot_file", "robot_names", "write_
 class Robot:
     """A robot reduced to its planned joints; a configuration q is of shape (n,), in the order of `joint_names`.
 
-    `link_geometry` says what is checked for each link: hull, mesh, convex_pieces or primitive. `locked` holds where the
+    `link_geometry` says what is checked for each link: hull, mesh, convex_pieces or primitive, and `over_cover` how far
+    (m) that reaches beyond the link's meshes at most, measured. `locked` holds where the
     joints stand that are not planned (rad, m), `allowed` the pairs of links that are not checked, with the reason (see
     `model.pairs`), and `files` all that the robot was read from. `dh` is the Denavit–Hartenberg table, if it was given
     as one, `group` the name of the group of `groups` that is planned, `urdf` the whole robot as pinocchio reads it.
@@ -64,6 +65,7 @@ class Robot:
     groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
     urdf: str = ""
     followers: Mapping[str, Mimic] = field(default_factory=dict)
+    over_cover: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -206,25 +208,28 @@ def load_robot(
     planned = planned_joints(spec, document, urdf, group)
     reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
     limits, limit_notes = build_limits(spec.limits, document, reduced, planned)
-    geometry, link_geometry, geometry_notes = _bodies(reduced, spec, document)
+    treated = _bodies(reduced, spec, document)
     named = configurations(spec, document, srdf, planned)
     tool, choices = tool_frame(spec, document, reduced, urdf, planned)
     files = tuple(dict.fromkeys((document.path, urdf.path, *((srdf_path,) if srdf_path else ()), *urdf.meshes)))
     declared = declared_pairs(spec, document, reduced.model, srdf)
-    allowed, pair_notes = unchecked_pairs(reduced.model, geometry, (limits.lower, limits.upper), declared, srdf is None)
-    set_pairs(reduced.model, geometry, allowed)
+    allowed, pair_notes = unchecked_pairs(
+        reduced.model, treated.geometry, (limits.lower, limits.upper), declared, srdf is None
+    )
+    set_pairs(reduced.model, treated.geometry, allowed)
     return Robot(
         name=spec.name,
         source=document.path,
         model=reduced.model,
-        geometry=geometry,
+        geometry=treated.geometry,
         limits=limits,
         joint_names=planned.joints,
         tool_frame=tool,
         configurations=named,
-        link_geometry=link_geometry,
+        link_geometry=treated.kinds,
+        over_cover=treated.over_cover,
         build_visual=bound(reduced.build_visual),
-        notes=(*choices, *urdf.notes, *reduced.notes, *limit_notes, *geometry_notes, *pair_notes),
+        notes=(*choices, *urdf.notes, *reduced.notes, *limit_notes, *treated.notes, *pair_notes),
         locked=reduced.locked,
         allowed=allowed,
         files=files,
@@ -253,12 +258,10 @@ def write_srdf(robot: Robot, path: Path) -> None:
     path.write_text(srdf_text(robot.name, srdf_words(robot.allowed)), encoding="utf-8")
 
 
-def _bodies(
-    reduced: Reduced, spec: RobotSpec, document: Document
-) -> tuple[pin.GeometryModel, dict[str, str], list[str]]:
+def _bodies(reduced: Reduced, spec: RobotSpec, document: Document) -> LinkGeometry:
     """Collision geometry as the robot.yaml wants it; a robot without any says so itself."""
     if spec.collision == "none":
-        return pin.GeometryModel(), {}, ["collision: none: the robot has no bodies, and no contact of it is checked"]
+        return LinkGeometry(notes=["collision: none: the robot has no bodies, and no contact of it is checked"])
     if not reduced.geometry.ngeoms:
         found = "a robot without any collision geometry"
         expected = "bodies for at least one link, or `collision: none` to have limits checked and no contact"

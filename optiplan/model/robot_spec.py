@@ -8,7 +8,7 @@ from optiplan.model.dh_spec import DhSpec
 from optiplan.yaml_lines import Number, Strict
 
 Name = Annotated[str, Field(min_length=1)]
-Treatment = Literal["hull", "mesh", "convex_pieces"]
+Treatment = Literal["auto", "hull", "mesh", "convex_pieces"]
 PerJoint = Number | list[Number]
 """One value for each planned joint, or one for all of them."""
 
@@ -32,7 +32,8 @@ class LimitsSpec(Strict):
 class CollisionSpec(Strict):
     """What is checked for the mesh of each link; links that are not named take the default."""
 
-    default: Treatment = "hull"
+    default: Treatment = "auto"
+    auto: list[Name] = Field(default_factory=list)
     hull: list[Name] = Field(default_factory=list)
     mesh: list[Name] = Field(default_factory=list)
     convex_pieces: list[Name] = Field(default_factory=list)
@@ -53,7 +54,7 @@ class RobotSpec(Strict):
     tool_frames: dict[Name, Name] = Field(default_factory=dict)
     configurations: dict[Name, list[Number]] = Field(default_factory=dict)
     limits: LimitsSpec = LimitsSpec()
-    collision: Treatment | Literal["none"] | CollisionSpec = "hull"
+    collision: Treatment | Literal["none"] | CollisionSpec = "auto"
     allowed_collisions: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = Field(default_factory=list)
 
     @field_validator("version", mode="before")

@@ -6,9 +6,12 @@ import coal
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.model.hull import convex_hull
 from optiplan.model.mesh_reading import known, open_mesh, read_mesh
 from optiplan.model.mesh_soup import Soup, Triangles
 from optiplan.model.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
+
+__all__ = ["FARTHEST", "build_geometry", "convex_hull"]
 
 FARTHEST = 1e6
 """Largest coordinate of a mesh, m: beyond it distances lose the micrometres that they are trusted to."""
@@ -86,21 +89,3 @@ def triangle_mesh(vertices: Array, triangles: Triangles) -> coal.BVHModelBase:
     mesh.endModel()
     mesh.computeLocalAABB()
     return mesh
-
-
-def convex_hull(vertices: Array) -> coal.ConvexBase:
-    """Convex hull of points of shape (k, 3), m.
-
-    Raises:
-        ValueError: fewer than four points, or all in one plane.
-    """
-    distinct = np.unique(np.asarray(vertices, float).reshape(-1, 3), axis=0)
-    spread = np.linalg.svd(distinct - distinct.mean(axis=0), compute_uv=False) if len(distinct) > 3 else np.zeros(3)
-    if spread[-1] <= 1e-9 * spread[0] or spread[0] == 0.0:  # qhull ends the process on flat input
-        raise ValueError(f"no convex hull: {len(distinct)} distinct points lie in one plane")
-    points = coal.StdVec_Vec3s()
-    for vertex in distinct:
-        points.append(vertex)
-    hull = coal.Convex.convexHull(points, True, "Qt")
-    hull.computeLocalAABB()
-    return hull

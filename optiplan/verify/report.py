@@ -77,6 +77,7 @@ class Report:
         scope: what the verdict is about: pairs, shapes, torques; short statements, said beside it.
         unchecked_pairs: how many pairs of links went unchecked, by reason (see `model.pairs`).
         links_without_geometry: links that have no body, of which no contact was checked.
+        over_cover: how far (m) `link_geometry` reaches beyond a link's meshes at most, measured.
     """
 
     policy: VerifyPolicy
@@ -86,6 +87,7 @@ class Report:
     scope: tuple[str, ...] = ()
     unchecked_pairs: Mapping[str, int] = field(default_factory=dict)
     links_without_geometry: tuple[str, ...] = ()
+    over_cover: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def verified(self) -> bool:
@@ -104,6 +106,7 @@ class Report:
             "policy": asdict(self.policy),
             "checks": [jsonable(asdict(check)) for check in self.checks],
             "link_geometry": dict(self.link_geometry),
+            "over_cover": dict(self.over_cover),
             "notes": list(self.notes),
             "scope": list(self.scope),
             "unchecked_pairs": dict(self.unchecked_pairs),

@@ -31,7 +31,9 @@ def _shapes(robot: Robot) -> list[str]:
         names = [link for link, own in geometry.items() if own == kind]
         who = f" ({', '.join(names)})" if parts and count <= 3 else ""
         parts.append(f"{count} as {kind.replace('_', ' ')}{who}")
-    return [f"shapes of links: {', '.join(parts)}"] if parts else []
+    beyond = max(robot.over_cover.values(), default=0.0)
+    cover = f"; at most {beyond * 1e3:.2g} mm beyond their meshes" if beyond > 0.0 else ""
+    return [f"shapes of links: {', '.join(parts)}{cover}"] if parts else []
 
 
 def _torque(problem: Problem, checks: Sequence[Check]) -> list[str]:

@@ -47,6 +47,7 @@ def verify(
         robot.notes,
         unchecked_pairs=count_reasons(robot.allowed),
         links_without_geometry=robot.bare_links,
+        over_cover=dict(robot.over_cover),
     )
     if not all(check.passed for check in found):
         unread = "nothing else was checked: the trajectory cannot be read as a motion of this robot"

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from optiplan.model.convex import PieceOptions, faces_of, hull_of, pieces_of, protrusion, vertices_of
+from optiplan.model.convex import CoacdOptions, faces_of, hull_of, pieces_of, protrusion, vertices_of
 from optiplan.model.robot import load_robot
 from tests.model.robots import LINK, joint, write_robot
 
@@ -86,7 +86,7 @@ def test_a_robot_file_may_ask_for_pieces_of_a_convex_mesh(tmp_path):
     mesh = f'<link name="m"><collision><geometry><mesh filename="{tmp_path}/ball.stl"/></geometry></collision></link>'
     parts = [LINK.format("a"), mesh, joint("j1", "a", "m")]
     robot = load_robot(str(write_robot(tmp_path / "r", parts, "collision: convex_pieces\n")))
-    assert "m_0: its hull, which pieces nearly fill" in robot.notes
+    assert "m_0: its hull, which pieces nearly fill; reaches at most 0 mm beyond the mesh" in robot.notes
 
 
 def test_pieces_are_kept_by_mesh_and_options(angle, own_cache, monkeypatch):
@@ -97,7 +97,7 @@ def test_pieces_are_kept_by_mesh_and_options(angle, own_cache, monkeypatch):
     assert again.growth == first.growth
     assert all(np.array_equal(a, b) for a, b in zip(first.vertices, again.vertices, strict=True))
     with pytest.raises(pytest.fail.Exception):
-        pieces_of(load(angle), b"angle", PieceOptions(threshold=0.2))
+        pieces_of(load(angle), b"angle", CoacdOptions(threshold=0.2))
 
 
 @pytest.mark.parametrize(

@@ -163,7 +163,7 @@ def test_named_groups(tmp_path):
         ("configurations: {home: [0, 0, 0]}\n", 4, "configurations.home: a list of 3 values; expected 2"),
         ("locked: {j9: 1}\n", 4, "locked.j9: unknown joint 'j9'; expected none, since"),
         ("locked: {j1: 1}\n", 4, "the planned joint 'j1'"),
-        ("collision: box\n", 4, "collision: 'box'; expected 'hull', 'mesh' or 'convex_pieces'"),
+        ("collision: box\n", 4, "collision: 'box'; expected 'auto', 'hull', 'mesh' or 'convex_pieces'"),
         ("collision: {mesh: [z]}\n", 4, "collision.mesh[0]: unknown link 'z'; expected one of: a, b, c"),
         ("collision: {mesh: [a], hull: [a]}\n", 4, "link 'a', which is under hull too"),
         ("speed: 3\n", 4, "unknown key 'speed'; expected one of: version, name, urdf"),

@@ -1,0 +1,171 @@
+"""How far a convex body reaches beyond the mesh that it stands for, bounded from above."""
+
+from functools import cached_property
+
+import coal
+import numpy as np
+import numpy.typing as npt
+
+from optiplan.arrays import Array
+
+Index = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
+
+_GRID = 64
+"""Columns along each axis that triangles are sorted into."""
+
+_TILT = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+"""A rotation that leaves no edge of a drawn part parallel to the lines that are followed."""
+
+_GIVE_UP = 200_000
+"""Triangles looked at before what is left open counts with its bound."""
+
+
+class MeshSolid:
+    """The solid that triangles enclose, as a set that points have a distance from.
+
+    A point belongs to it if it is on a triangle, or if the triangles wind around it: if along a line through it, on
+    both sides, the surface is crossed outwards and inwards a different number of times.
+    """
+
+    def __init__(self, triangles: Array) -> None:
+        """Take triangles (k, 3, 3), in m."""
+        self.triangles = triangles
+        self._surface = coal.BVHModelOBBRSS()
+        self._surface.beginModel(len(triangles), 3 * len(triangles))
+        self._surface.addVertices(triangles.reshape(-1, 3))
+        self._surface.addTriangles(np.arange(3 * len(triangles)).reshape(-1, 3))
+        self._surface.endModel()
+
+    def nearest(self, points: Array) -> tuple[Array, Index]:
+        """Distance (m), shape (p,), of points (p, 3) from the surface, and the triangle that is nearest."""
+        ball, still, placed = coal.Sphere(0.0), coal.Transform3s(), coal.Transform3s()
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        distance, owner = np.empty(len(points)), np.empty(len(points), dtype=np.intp)
+        for k, point in enumerate(points):
+            result.clear()
+            placed.setTranslation(point)
+            coal.distance(self._surface, still, ball, placed, request, result)
+            owner[k] = result.b1
+        for part in np.array_split(np.arange(len(points)), len(points) // 10_000 + 1):
+            distance[part] = _to_triangles(points[part], self.triangles[owner[part]])
+        return distance, owner
+
+    def inside(self, points: Array) -> Flags:
+        """Whether the triangles enclose points (p, 3): shape (p,)."""
+        return self._columns.enclosed(points @ _TILT)
+
+    @cached_property
+    def _columns(self) -> "_Columns":
+        return _Columns(self.triangles @ _TILT)
+
+
+class _Columns:
+    """Triangles (k, 3, 3) by the columns, along the last axis, of a grid that their boxes reach into."""
+
+    def __init__(self, triangles: Array) -> None:
+        a, b, c = np.moveaxis(triangles, 1, 0)
+        # Side of the edge from one corner to the next, times the height of the third, sums to area times height.
+        self._edges = [(u[:, :2], (v - u)[:, :2], w[:, 2]) for u, v, w in ((a, b, c), (b, c, a), (c, a, b))]
+        self._areas = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+        low, high = triangles[:, :, :2].min(axis=1), triangles[:, :, :2].max(axis=1)
+        self._origin = low.min(axis=0)
+        self._pitch = np.maximum(high.max(axis=0) - self._origin, 1e-12) / _GRID
+        first, last = self._column(low), self._column(high)
+        wide, many = last[:, 0] - first[:, 0] + 1, (last - first + 1).prod(axis=1)
+        triangle = np.repeat(np.arange(len(triangles)), many)
+        place = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+        column = (first[triangle, 0] + place % wide[triangle]) * _GRID + first[triangle, 1] + place // wide[triangle]
+        self._triangles = triangle[np.argsort(column, kind="stable")]
+        self._start = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=_GRID**2))])
+
+    def enclosed(self, points: Array) -> Flags:
+        """Whether the surface is crossed, up less down, on both sides of points (p, 3) along the last axis."""
+        point, triangle = self._candidates(points[:, :2])
+        within = np.ones((2, len(point)), dtype=bool)
+        volume = np.zeros(len(point))
+        for start, edge, height in self._edges:
+            at, along = points[point, :2] - start[triangle], edge[triangle]
+            side = along[:, 0] * at[:, 1] - along[:, 1] * at[:, 0]
+            within[0] &= side > 0.0
+            within[1] &= side < 0.0
+            volume += side * height[triangle]
+        sign = within[0].astype(np.int64) - within[1]
+        above = sign * volume > sign * points[point, 2] * self._areas[triangle]
+        up = np.bincount(point[above], weights=sign[above], minlength=len(points))
+        down = np.bincount(point[~above], weights=sign[~above], minlength=len(points))
+        return np.asarray((up != 0.0) & (down != 0.0))
+
+    def _candidates(self, points: Array) -> tuple[Index, Index]:
+        """Pairs of points (p, 2) and triangles of the point's column, point by point."""
+        column = self._column(points) @ np.array([_GRID, 1])
+        count = self._start[column + 1] - self._start[column]
+        point = np.repeat(np.arange(len(points)), count)
+        place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        return point, self._triangles[self._start[column][point] + place]
+
+    def _column(self, points: Array) -> Index:
+        columns: Index = np.clip(((points - self._origin) / self._pitch).astype(np.intp), 0, _GRID - 1)
+        return columns
+
+
+def over_cover(solid: MeshSolid, faces: Array, tolerance: float, allowed: float | None = None) -> float:
+    """Upper bound, m, of the distance from the mesh that points of a body's surface outside the mesh have.
+
+    The surface is cut into smaller and smaller triangles. On one with corners v_i, centroid c and radius r about it,
+        distance <= min(d(c) + r, max_i d(v_i, t)),
+    where t is the triangle of the mesh nearest to c: the distance from one triangle is convex. A triangle whose
+    centroid is inside the mesh, farther than r from its surface, is covered.
+
+    Holds at: all points of the surface.
+
+    Args:
+        solid: the mesh.
+        faces: (f, 3, 3) triangles of the body's surface, m.
+        tolerance: m; how far the bound may lie above the distance of some point.
+        allowed: m; with it, bounds up to here are not made better, and the search ends at a point that is farther.
+    """
+    best, bound, rest, looked = 0.0, 0.0, 0.0, 0
+    floor, ceiling = (0.0, np.inf) if allowed is None else (allowed, allowed)
+    while len(faces) and best <= ceiling and looked < _GIVE_UP:
+        looked += len(faces)
+        centre = faces.mean(axis=1)
+        radius = np.linalg.norm(faces - centre[:, None], axis=2).max(axis=1)
+        distance, owner = solid.nearest(centre)
+        upper = distance + radius
+        least = max(floor, best + tolerance)
+        loose = np.flatnonzero(upper > least)
+        corners = [_to_triangles(faces[loose, i], solid.triangles[owner[loose]]) for i in range(3)]
+        upper[loose] = np.minimum(upper[loose], np.max(corners, axis=0, initial=0.0))
+        loose = loose[upper[loose] > least]
+        inside = solid.inside(centre[loose])
+        upper[loose[inside & (distance[loose] > radius[loose])]] = 0.0
+        best = max(best, float(distance[loose[~inside]].max(initial=0.0)))
+        still = upper > max(floor, best + tolerance)
+        bound = max(bound, float(upper[~still].max(initial=0.0)))
+        faces, rest = _halved(faces[still]), float(upper[still].max(initial=0.0))
+    return max(best, bound, rest)
+
+
+def _halved(faces: Array) -> Array:
+    """Triangles (k, 3, 3), each cut in two across its longest edge."""
+    edges = np.linalg.norm(faces - np.roll(faces, -1, axis=1), axis=2)  # edge i goes from corner i to corner i + 1
+    order = (np.argmax(edges, axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.moveaxis(np.take_along_axis(faces, order[:, :, None], axis=1), 1, 0)
+    middle = 0.5 * (a + b)
+    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+
+
+def _to_triangles(points: Array, triangles: Array) -> Array:
+    """Distance (m) of point k from triangle k: points (p, 3), triangles (p, 3, 3), result (p,)."""
+    edge = np.roll(triangles, -1, axis=1) - triangles  # (p, 3, 3), from each corner to the next
+    offset = points[:, None] - triangles
+    length = np.einsum("pij,pij->pi", edge, edge)
+    along = np.einsum("pij,pij->pi", offset, edge) / np.where(length > 0.0, length, 1.0)
+    to_edges = np.linalg.norm(offset - np.clip(along, 0.0, 1.0)[..., None] * edge, axis=2).min(axis=1)
+    normal = np.cross(edge[:, 0], edge[:, 1])
+    area = np.linalg.norm(normal, axis=1)
+    side = np.einsum("pij,pij->pi", np.cross(edge, offset), normal[:, None])
+    above = (side >= 0.0).all(axis=1) & (area > 0.0)
+    height = np.abs(np.einsum("pj,pj->p", offset[:, 0], normal)) / np.where(area > 0.0, area, 1.0)
+    return np.asarray(np.where(above, np.minimum(height, to_edges), to_edges))
