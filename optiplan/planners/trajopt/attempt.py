@@ -51,7 +51,13 @@ class Optimiser:
         self.problem, self.model, self.options = problem, model, options
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
 
-    def run(self, control: Array, budget: Budget, margin: float | None = None) -> Attempt | None:
+    @property
+    def bounds(self) -> tuple[Array, Array, Array]:
+        """Limits of velocity, acceleration and jerk, (n,) each."""
+        limits = self.problem.limits
+        return limits.velocity, limits.acceleration, limits.jerk
+
+    def run(self, control: Array, budget: Budget, margin: float | None = None, best: float = np.inf) -> Attempt | None:
         """Optimise from control points (K, n), look between the samples, add some where bodies touch there, and again.
 
         None when the bodies stay far inside each other, the arm is too heavy, or somebody cancelled.
@@ -60,27 +66,33 @@ class Optimiser:
             control: of the first curve; its ends stay as they are.
             budget: polled at every step; once it is over, the curve as it is gets timed and looked at.
             margin: m, instead of the option's.
+            best: cost, s, of the best motion so far: a curve that stays far from it is given up.
         """
         margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
         transcription = Transcription(self.problem, self.model, self.basis, margins)
         subproblem = Subproblem(transcription, self.options.solver)
         u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
         iterations, attempt = 0, None
+
+        def stop() -> bool:
+            """Nobody waits for what cannot be the answer any more."""
+            return budget.over if best < np.inf else budget.cancelled
+
         for _ in range(self.options.refinements + 1):
             transcription.set_samples(u)
             left = self.options.iterations - iterations
-            point, used = optimise(subproblem, control, left, lambda: budget.over)
+            point, used = optimise(subproblem, control, left, lambda: budget.over, best)
             iterations += used
             control = point.control
-            if point.contacts.violation() > HOPELESS or budget.cancelled:
+            if point.contacts.violation() > HOPELESS or stop():
                 return None
             trajectory = self.timed(control, point.duration)
             if trajectory is None:
                 return None
-            touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
+            touches = tuple(contacts_along(self.model, trajectory, stop))
             close = bool((point.contacts.value < ACTIVE).any())
             attempt = Attempt(control, trajectory, touches[0] if touches else None, close, iterations)
-            if budget.cancelled:
+            if stop():
                 return None
             if not touches or budget.over or iterations >= self.options.iterations:
                 break

@@ -35,7 +35,10 @@ _WORTH_CLOSE = 0.01
 _NO_GAIN = 1e-6
 """Share of the cost below which a motion counts as no better."""
 
-Kind = Literal["straight", "sampled", "bump", "close"]
+_SEARCH = 0.5
+"""Share of what is left of the budget that one search for a path may take."""
+
+Kind = Literal["straight", "line", "sampled", "bump", "close"]
 
 
 class TrajOpt:
@@ -106,38 +109,56 @@ class _Run:
         return self._further(sampler)
 
     def _further(self, sampler: GoalSampler) -> Failure | None:
-        """Sampled paths and bumps in turn, while they are worth it."""
+        """Lines with a bump, sampled paths and the best curve with a bump in turn, while they are worth it."""
         failure: Failure | None = None
         rng = np.random.default_rng(self.problem.seed)
         for number in range(self.options.seeds):
+            if self._worth():
+                self._bumped("line", self._line(sampler, number), rng)
             if not self._worth():
                 break
             path = self._sample(sampler, number)
             if isinstance(path, Failure):
                 failure = path
-                break
-            if not self.candidates:
-                failure = self._time_path(path)
-            self._attempt("sampled", self._along(path.waypoints), self.budget)
-            if self.best > self._cost_bound(float(path_time(path.waypoints, self.problem.limits.velocity).sum())):
-                self._time_path(path)
+            else:
+                failure = self._sampled(path) or failure
             if self.curve is not None and self._worth():
-                curve, limits = self.curve, self.problem.limits
-                bumped = with_bump(self.optimiser.basis, curve.control, curve.trajectory.duration, limits, rng)
-                self._attempt("bump", bumped, self.budget)
+                self._bumped("bump", self.curve.control, rng)
         if self.candidates:
             return None
         return failure if failure is not None else self._why_not()
 
-    def _sample(self, sampler: GoalSampler, number: int) -> SampledPath | Failure:
-        """The path of one seed to any of the goals that a shorter motion than the best can end in."""
+    def _line(self, sampler: GoalSampler, number: int) -> Array:
+        """The straight line to one goal after another, those first that can be reached soonest."""
+        goals = self._promising(sampler)
+        return self._along(np.array([self.problem.start, goals[number % len(goals)]]))
+
+    def _bumped(self, kind: Kind, control: Array, rng: np.random.Generator) -> None:
+        """An attempt from a curve with a bump."""
+        limits = self.problem.limits
+        duration = self.optimiser.basis.shortest_duration(control, self.optimiser.bounds)
+        self._attempt(kind, with_bump(self.optimiser.basis, control, duration, limits, rng), self.budget)
+
+    def _sampled(self, path: SampledPath) -> Failure | None:
+        """A sampled path timed as it is, where that may be the best, and optimised."""
+        failure = None if self.candidates else self._time_path(path)
+        self._attempt("sampled", self._along(path.waypoints), self.budget)
+        if self.best > self._cost_bound(float(path_time(path.waypoints, self.problem.limits.velocity).sum())):
+            self._time_path(path)
+        return failure
+
+    def _promising(self, sampler: GoalSampler) -> list[Array]:
+        """The goals that a motion shorter than the best can end in, soonest first."""
         bounds = lower_bounds(self.problem.start, np.array(sampler.configurations), self.problem.limits)
         costs = [self._cost_bound(float(bound)) for bound in bounds]
-        goals = [q for q, cost in zip(sampler.configurations, costs, strict=True) if cost < self.best]
-        seed = self.problem.seed + 1000 * number
+        return [q for q, cost in zip(sampler.configurations, costs, strict=True) if cost < self.best]
+
+    def _sample(self, sampler: GoalSampler, number: int) -> SampledPath | Failure:
+        """The path of one seed to any of the goals that a shorter motion than the best can end in."""
+        budget = self.budget.share(_SEARCH)
         with self.watch.stage("sampling"):
-            options = SamplingOptions(self.budget, seed=seed, more_goals=sampler.more)
-            return sample_path(self.model, self.problem.start, goals, self.problem.limits, options)
+            options = SamplingOptions(budget, seed=self.problem.seed + 1000 * number, more_goals=sampler.more)
+            return sample_path(self.model, self.problem.start, self._promising(sampler), self.problem.limits, options)
 
     def _straight(self, ends: Array) -> None:
         """The straight line between ends (2, n), timed exactly, if it is free."""
@@ -176,7 +197,7 @@ class _Run:
         """What comes of a seed, if it is free."""
         self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
         with self.watch.stage("optimisation"):
-            attempt = self.optimiser.run(control, budget, margin)
+            attempt = self.optimiser.run(control, budget, margin, self.best)
         entry: dict[str, Any] = {"seed": kind, "free": attempt is not None and attempt.touch is None}
         if attempt is not None:
             entry |= {"duration": attempt.trajectory.duration, "iterations": attempt.iterations}

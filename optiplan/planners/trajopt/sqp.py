@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import inf
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.subproblem import Penalty, Step, Subproblem
@@ -25,6 +26,9 @@ HOPELESS = 0.05
 
 STALLED, HALVED = 8, 0.5
 """Steps after which a hopeless curve must have come down to this share of the missing clearance that it had."""
+
+SLOW, WORSE = 30, 1.5
+"""Steps after which a curve's merit must be within this factor of the best motion known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,19 +74,24 @@ def evaluate(transcription: Transcription, control: Array, duration: float, span
     return Point(control, duration, contacts, torques, merit, span)
 
 
-def optimise(subproblem: Subproblem, control: Array, iterations: int, stop: Callable[[], bool]) -> tuple[Point, int]:
+def optimise(
+    subproblem: Subproblem, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf
+) -> tuple[Point, int]:
     """Descend from control points (K, n) until a step gains less than 0.2 % of the duration: the point, steps taken.
 
     A step is accepted when the merit falls by a tenth of what the linear model promised; the trust region doubles
     where it fell by more than 70 %. A step that is refused gets a second one from where it led (the watchdog of
     Chamberlain et al., Mathematical Programming Study 16, 1982): curved constraints make good steps look bad, and the
     second step often repairs it. Where it does not, both are taken back and the trust region shrinks to 35 %. What
-    stays deep inside obstacles for several steps is given up.
+    stays deep inside obstacles for several steps is given up, and so is what after 30 steps costs more than 1.5 times
+    the `best` motion known, s.
     """
     transcription = subproblem.transcription
     point, taken, radius = evaluate(transcription, control, 0.0), 0, FIRST_RADIUS
     missing: list[float] = []
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
+        if taken >= SLOW and point.merit > WORSE * best:
+            break
         missing.append(point.contacts.violation())
         step = subproblem.solve(point.control, point.duration, point.soft, radius, point.span)
         taken += 1
