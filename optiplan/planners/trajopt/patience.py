@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 from optiplan.planners.base import Budget
 
-PRICE = 0.2
-"""Share of the motion's cost that spending the whole budget must be expected to save: 20 %."""
+PRICE = 0.1
+"""Share of the motion's cost that spending the whole budget must be expected to save: 10 %."""
 
 SAME = 1.005
 """Costs within this factor are those of one local optimum."""
