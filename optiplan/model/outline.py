@@ -36,7 +36,7 @@ class Outline:
         self.pairs = frozenset(asked)
         for body in {body for k in asked for body in found[k] if meshes[body]}:
             item = self._geometry.geometryObjects[body]
-            item.geometry = _outline(item.geometry)
+            item.geometry = hull_of_mesh(item.geometry)
         self._data = self._geometry.createData()
         exact_queries(self._data)
 
@@ -51,7 +51,7 @@ class Outline:
         return float(self._data.distanceResults[pair].min_distance) - _TRUST
 
 
-def _outline(mesh: coal.BVHModelBase) -> coal.ConvexBase:
+def hull_of_mesh(mesh: coal.BVHModelBase) -> coal.ConvexBase:
     """Hull of a mesh; made once for each content."""
     vertices = np.array(mesh.vertices(), dtype=np.float64).reshape(-1, 3)
     key = digest([vertices.tobytes()])

@@ -30,7 +30,7 @@ ANGLES = 720
 SAMPLES, WORK = 2000, 1_000_000
 """Configurations sampled for rates of collision, and pairs of bodies at configurations that this may come to."""
 
-VERSION = 4
+VERSION = 5
 """Counted up when surveys are made in another way, so that cached ones are made again."""
 
 
@@ -119,7 +119,7 @@ class _Survey:
         step = max(1, 100_000 // len(group))
         for k in range(0, len(Q), step):
             rows, pairs, placed = self.proof.bounds.meeting(Q[k : k + step], GAP)
-            touch = self.proof.distances(placed, pairs) <= GAP
+            touch = self.proof.distances(placed, pairs, np.full(len(pairs), GAP)) <= GAP
             result[k + rows[touch], group[pairs[touch]]] = True
         return result
 
