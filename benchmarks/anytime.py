@@ -4,8 +4,8 @@
     python benchmarks/anytime.py --part 1/2 > a.json & python benchmarks/anytime.py --part 2/2 > b.json; wait
     python benchmarks/anytime.py --merge a.json b.json --markdown anytime.md
 
-Problems: every fifth of MotionBenchMaker's Panda sets `table_under_pick` and `cage`, the first one included (0001, 0006,
-…, 0046): ten each. The default planner's patience depends on its budget, so every budget is a run of its own: 1, 2, 5
+Problems: every fifth of MotionBenchMaker's Panda sets `table_under_pick` and `cage`, from the first one on (0001, 0006,
+…): ten each. The default planner's patience depends on its budget, so every budget is a run of its own: 1, 2, 5
 and 20 s with seed 0, 60 s with each of the seeds. *Best known* is the shortest verified motion of the problem in any
 of these runs; a problem without one is not counted. A run without a verified answer counts as infinitely long.
 Also writes figures/anytime.svg and .png. Ctrl-C ends early and prints what was done. The last line printed is one JSON
@@ -60,7 +60,8 @@ def main() -> None:
     rows = done["runs"]
     table, summary = lines(rows), summarise(rows)
     print_table(HEADINGS, table)
-    made = f"{done['planner']}, {len({row['problem'] for row in rows})} problems, largest budget with {done['seeds']} seeds."
+    count = len({row["problem"] for row in rows})
+    made = f"{done['planner']}, {count} problems, largest budget with {done['seeds']} seeds."
     if not done["complete"]:
         made += " Interrupted: not all runs were made."
     if done["part"] == "1/1" and rows:

@@ -3,10 +3,10 @@
     python benchmarks/examples.py --markdown examples.md                # about 45 minutes on one core
     python benchmarks/examples.py --problems 02_shelf 12_planar --planners trajopt rrtconnect --budget 5
 
-All planners of the registry with their defaults, budget 20 s a run, the seed of the problem file. A planner that cannot
-do a problem (no vias, no pose goals, …) is left out of its row. *Kept* says that `trajopt` is verified, and no other
-verified motion is shorter by more than 0.5 %; where nobody has a verified motion there is nothing to keep. Problems with
-another objective than time are compared by duration all the same, and marked. Ctrl-C ends early and prints what was
+All planners of the registry with their defaults, budget 20 s a run, the seed of the problem file. What a planner cannot
+do (no vias, no pose goals, …) is not held against it. *Kept* says that `trajopt` is verified, and no other verified
+motion is shorter by more than 0.5 %; where nobody has a verified motion there is nothing to keep. Problems with another
+objective than time are compared by duration all the same, and marked with a star. Ctrl-C ends early and prints what was
 done. The last line printed is one JSON object; exit code 1 if `trajopt` is beaten.
 """
 

@@ -16,7 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from optiplan.problem.mbm import Importer, find_pairs
+import optiplan
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = Path(os.environ.get("OPTIPLAN_SHARED", ROOT.parent / "shared"))
@@ -24,7 +24,7 @@ Rows = Sequence[Sequence[str]]
 
 
 def commit() -> str:
-    """Short hash of the checkout's commit, with `-dirty` where files of the package differ from it."""
+    """Short hash of the commit of the optiplan that is measured, with `-dirty` where its files differ from it."""
     head = _git("rev-parse", "--short", "HEAD")
     return f"{head}-dirty" if _git("status", "--porcelain", "--untracked-files=no", "--", "optiplan") else head
 
@@ -76,6 +76,8 @@ def import_sets(robot: str, folder: Path, every: int = 1, offset: int = 0) -> di
         every: distance of two indices within a set.
         offset: first index.
     """
+    from optiplan.problem.mbm import Importer, find_pairs  # here, for tables of versions that have no such reader
+
     root = SHARED / "mbm" / robot
     importer = Importer(str(SHARED / "robots" / f"mbm_{robot}" / "robot.yaml"))
     pairs, _ = find_pairs(root)
@@ -111,5 +113,6 @@ def _finite(value: Any) -> Any:
 
 
 def _git(*arguments: str) -> str:
-    done = subprocess.run(["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, check=False)
+    checkout = Path(optiplan.__file__).resolve().parents[1]
+    done = subprocess.run(["git", "-C", str(checkout), *arguments], capture_output=True, text=True, check=False)
     return done.stdout.strip() or ("unknown" if done.returncode else "")
