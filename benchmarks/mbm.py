@@ -228,11 +228,16 @@ def lines(rows: list[dict[str, Any]]) -> Any:
         s = summary(group)
         good = s["problems"] - s["bad_input"]
         shares = (f"{s[key]} of {good} ({100 * s[key] / max(good, 1):.1f} %)" for key in ("verified", "confirmed"))
-        plan = " / ".join(f"{s['plan_s'][p]:.2f}" for p in ("50", "95", "100"))
-        first = " / ".join(f"{s['first_s'][p]:.2f}" for p in ("50", "95"))
-        ratio = " / ".join(f"{s['ratio'][p]:.3f}" for p in ("50", "90"))
-        times = (plan, f"{s['cpu_s']['50']:.2f}", first, f"{s['verify_s']['50']:.2f}")
+        plan, first = joined(s["plan_s"], 2, "50", "95", "100"), joined(s["first_s"], 2, "50", "95")
+        times = (plan, joined(s["cpu_s"], 2, "50"), first, joined(s["verify_s"], 2, "50"))
+        ratio = joined(s["ratio"], 3, "50", "90")
         yield (name, str(s["problems"]), str(s["bad_input"]), *shares, *times, ratio, f"{s['duration_sum']:.2f}")
+
+
+def joined(figures: dict[str, float], digits: int, *which: str) -> str:
+    """Some percentiles of a figure, – where there is none."""
+    known = (figures[p] for p in which)
+    return " / ".join(f"{value:.{digits}f}" if np.isfinite(value) else "–" for value in known)
 
 
 if __name__ == "__main__":

@@ -54,7 +54,8 @@ def replaced(text: str, name: str, table: str) -> str:
     if not found or not closed:
         names = re.findall(r"<!-- table: (\S+) -->", text)
         raise ValueError(f"no table '{name}' in the README; valid: {', '.join(names)}")
-    return f"{before}{begin}{table.strip()}\n{end}{after}".replace(f"{begin}    ", f"{begin}\n    ")
+    lines = table.strip("\n")
+    return f"{before}{begin}\n{lines}\n\n{end}{after}"
 
 
 if __name__ == "__main__":
