@@ -1,12 +1,15 @@
 """MotionBenchMaker with one planner: verified share, planning time, duration over lower bound.
 
-    python benchmarks/mbm.py --planner trajopt                 # 350 Panda problems, about 10 minutes on one core
+    python benchmarks/mbm.py --planner trajopt                 # 350 Panda problems, about 20 minutes on one core
+    python benchmarks/mbm.py --robot fetch --every 5 --offset 2 --markdown fetch.md
     python benchmarks/mbm.py --planner rrtconnect --sets box cage --count 10
 
 Problems are read from `$OPTIPLAN_SHARED/mbm/<robot>` (by default `../shared` beside the checkout). Each result is
 judged twice: *verified* is the verifier's word; *confirmed* is a second look that shares nothing with it but the robot
 files: the robot's triangle meshes as they are, not hulls, against the obstacles, by plain collision queries at joint
-steps of at most 0.01 rad. The last line printed is one JSON object.
+steps of at most 0.01 rad. Problems that are bad input, since their start or goal collides, are counted and listed; all
+shares are of the others. *First* is the time after which the first verified answer was there, *cpu* processor time of
+planning. Ctrl-C ends early and still prints what was done. The last line printed is one JSON object.
 """
 
 import os
@@ -14,149 +17,227 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figures are for one core
 
 import argparse
-import json
 import tempfile
-from collections import defaultdict
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
+from published import SHARED, commit, import_sets, percentiles, print_json, print_table, write_markdown
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
 from optiplan.errors import InputError
 from optiplan.model.collision import CollisionModel
 from optiplan.model.robot import Robot, load_robot
-from optiplan.pipeline import run
+from optiplan.pipeline import Run, run
 from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
-from optiplan.problem.mbm import import_mbm
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
-SHARED = Path(os.environ.get("OPTIPLAN_SHARED", Path(__file__).parents[2] / "shared"))
-UNPLANNED: dict[str, Any] = {
-    **dict.fromkeys(("planned", "verified", "confirmed"), False),
-    **dict.fromkeys(("plan_s", "verify_s"), 0.0),
-    **dict.fromkeys(("duration", "ratio"), None),
-    "refused": [],
-}
 STEP = 0.01  # rad, largest joint step of the second look
+HEADINGS = (
+    "set",
+    "n",
+    "bad input",
+    "verified",
+    "confirmed",
+    "plan s 50 / 95 / max",
+    "cpu s 50",
+    "first s 50 / 95",
+    "verify s 50",
+    "ratio 50 / 90",
+    "duration sum s",
+)
 
 
 def parse() -> argparse.Namespace:
-    """The command line."""
+    """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--robot", default="panda", help="panda (default) or ur5")
+    parser.add_argument("--robot", choices=("panda", "ur5", "fetch"), default="panda")
     parser.add_argument("--planner", default="trajopt")
     parser.add_argument("--sets", nargs="*", help="only these sets, such as box cage")
-    parser.add_argument("--count", type=int, help="only the first COUNT problems of each set")
+    parser.add_argument("--every", type=int, default=1, help="only every so many problems of each set")
+    parser.add_argument("--offset", type=int, default=0, help="index of the first of them")
+    parser.add_argument("--count", type=int, help="only the first COUNT of these problems of each set")
     parser.add_argument("--budget", type=float, default=20.0, help="seconds for each problem")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     return parser.parse_args()
 
 
 def main() -> None:
     """Import, plan, print."""
     arguments = parse()
-    source = SHARED / "robots" / f"mbm_{arguments.robot}" / "robot.yaml"
+    rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
-        written = import_mbm(SHARED / "mbm" / arguments.robot, folder, str(source)).written
-        sets: dict[str, list[Path]] = defaultdict(list)
-        for file in sorted(written):
-            sets[file.parent.name].append(file)
-        files = [
-            f for name, group in sets.items() if name in (arguments.sets or sets) for f in group[: arguments.count]
-        ]
-        meshes = mesh_robot(source, Path(folder))
-        solve(files[0], arguments, meshes)  # pays for imports; not counted
-        console = Console(stderr=True)
-        rows = [solve(file, arguments, meshes) for file in track(files, "planning", console=console, transient=True)]
-    print_tables(rows)
-    print(json.dumps({"planner": arguments.planner, "robot": arguments.robot, **summary(rows), "runs": rows}))
+        sets = import_sets(arguments.robot, Path(folder), arguments.every, arguments.offset)
+        wanted = arguments.sets or list(sets)
+        files = [file for name in wanted for file in sets[name][: arguments.count]]
+        look = SecondLook(SHARED / "robots" / f"mbm_{arguments.robot}" / "robot.yaml", Path(folder))
+        try:
+            warm_up(files, arguments)
+            for file in track(files, "planning", console=Console(stderr=True), transient=True):
+                rows.append(solve(file, arguments, look))
+        except KeyboardInterrupt:
+            pass
+    remarks = [] if len(rows) == len(files) else [f"Interrupted after {len(rows)} of {len(files)} problems."]
+    remarks += [line for row in rows if (line := in_words(row))]
+    table = list(lines(rows))
+    print_table(HEADINGS, table)
+    for remark in remarks:
+        Console(stderr=True, width=160).print(f"- {remark}", markup=False)
+    listed = ["\n".join(f"- {remark}" for remark in remarks)] if remarks else []
+    write_markdown(arguments.markdown, HEADINGS, table, listed)
+    told = {"planner": arguments.planner, "robot": arguments.robot, "budget": arguments.budget, "commit": commit()}
+    print_json({**told, "complete": len(rows) == len(files), **summary(rows), "runs": rows})
 
 
-def solve(file: Path, arguments: argparse.Namespace, meshes: Robot) -> dict[str, Any]:
+def warm_up(files: list[Path], arguments: argparse.Namespace) -> None:
+    """Pay for imports with the first problem that can be planned; not counted."""
+    for file in files:
+        try:
+            run(load_problem(file), arguments.planner, {}, Budget(min(5.0, arguments.budget)), silent)
+            return
+        except InputError:
+            continue
+
+
+def silent(stage: str, fraction: float) -> None:
+    """Report no progress."""
+
+
+def solve(file: Path, arguments: argparse.Namespace, look: "SecondLook") -> dict[str, Any]:
     """One problem planned, verified and looked at a second time."""
-    row: dict[str, Any] = {"set": file.parent.name, "problem": file.stem}
+    row: dict[str, Any] = {"set": file.parent.name, "problem": file.stem, "bad_input": None}
+    began = time.perf_counter()
     try:
         problem = load_problem(file, seed=arguments.seed)
     except InputError as error:  # a start or a goal that touches something under this robot's geometry
-        return {**row, **UNPLANNED, "failure": f"bad input: {error.issues[0].found}"}
-    done = run(problem, arguments.planner, {}, Budget(arguments.budget), lambda stage, fraction: None)
+        return {**row, "bad_input": "; ".join(f"{issue.field}: {issue.found}" for issue in error.issues)}
+    row["load_s"] = round(time.perf_counter() - began, 4)
+    done = run(problem, arguments.planner, {}, Budget(arguments.budget), silent)
+    began = time.perf_counter()
+    confirmed = done.trajectory is not None and look.confirms(problem, done.trajectory)
+    return {**row, "confirmed": confirmed, "look_s": round(time.perf_counter() - began, 4), **measured(done)}
+
+
+def measured(done: Run) -> dict[str, Any]:
+    """Verdict, times in s and duration of a run."""
     return {
-        **row,
         "planned": done.trajectory is not None,
         "verified": done.verified,
-        "confirmed": done.trajectory is not None and confirmed(problem, done.trajectory, meshes),
         "plan_s": round(done.timings["plan"], 4),
+        "cpu_s": None if done.plan_cpu is None else round(done.plan_cpu, 4),
+        "first_s": round(done.improvements[0][0], 4) if done.improvements else None,
         "verify_s": round(done.timings.get("verify", 0.0), 4),
         "duration": done.duration,
         "ratio": done.ratio,
+        "improvements": done.improvements,
         "failure": None if done.failure is None else f"{done.failure.kind}: {done.failure.detail}",
         "refused": [check.name for check in done.report.checks if not check.passed] if done.report else [],
     }
 
 
-def mesh_robot(source: Path, folder: Path) -> Robot:
-    """The same robot with its triangle meshes as they are."""
-    text = source.read_text().replace("collision:", "collision: mesh #")
-    for key in ("urdf", "srdf"):
-        text = text.replace(f"{key}: ", f"{key}: {source.parent}/")
-    (folder / "mesh_robot.yaml").write_text(text)
-    return load_robot(str(folder / "mesh_robot.yaml"))
+class SecondLook:
+    """Judges trajectories with the robot's triangle meshes as they are; pairs are those of its SRDF."""
+
+    def __init__(self, source: Path, folder: Path) -> None:
+        data = yaml.safe_load(source.read_text())
+        data["collision"] = "mesh"
+        data |= {key: str(source.parent / data[key]) for key in ("urdf", "srdf")}
+        self.file = folder / "mesh_robot.yaml"
+        self.file.write_text(yaml.safe_dump(data))
+        self._robots: dict[tuple[tuple[str, float], ...], Robot] = {}
+
+    def robot(self, problem: Problem) -> Robot:
+        """The mesh robot with its locked joints where the problem puts them."""
+        key = tuple(sorted(problem.robot.locked.items()))
+        if key not in self._robots:
+            self._robots[key] = load_robot(str(self.file), locked=problem.robot.locked)
+        return self._robots[key]
+
+    def confirms(self, problem: Problem, trajectory: Trajectory) -> bool:
+        """Free of mesh collision at small steps, inside all limits there, from the start to the goal."""
+        t = steps(trajectory)
+        Q, limits, slack = trajectory(t), problem.limits, 1.0 + 1e-6
+        bounds = (limits.velocity, limits.acceleration, limits.jerk)
+        if not (
+            (Q >= limits.lower - 1e-9).all()
+            and (Q <= limits.upper + 1e-9).all()
+            and all((np.abs(trajectory(t, k + 1)) <= bound * slack).all() for k, bound in enumerate(bounds))
+            and np.abs(Q[0] - problem.start).max() < 1e-6
+            and any(np.abs(Q[-1] - goal.q).max() < 1e-6 for goal in problem.goal if hasattr(goal, "q"))
+        ):
+            return False
+        model = CollisionModel(self.robot(problem), problem.scene)
+        return not any(model.collides(q) for q in Q)
 
 
-def confirmed(problem: Problem, trajectory: Trajectory, meshes: Robot) -> bool:
-    """Free of mesh collision at small steps, inside all limits there, from the start to the goal."""
+def steps(trajectory: Trajectory) -> np.ndarray:
+    """Times (k,), s, between which no joint moves by more than `STEP` rad or m."""
     peak = np.abs(np.array(trajectory.extrema(1))).max()
-    t = np.linspace(0.0, trajectory.duration, int(np.ceil(trajectory.duration * peak / STEP)) + 1)
-    Q, limits, slack = trajectory(t), problem.limits, 1.0 + 1e-6
-    model = CollisionModel(meshes, problem.scene)
-    bounds = (limits.velocity, limits.acceleration, limits.jerk)
-    return (
-        not any(model.collides(q) for q in Q)
-        and bool((Q >= limits.lower - 1e-9).all() and (Q <= limits.upper + 1e-9).all())
-        and all((np.abs(trajectory(t, k + 1)) <= bound * slack).all() for k, bound in enumerate(bounds))
-        and float(np.abs(Q[0] - problem.start).max()) < 1e-6
-        and any(float(np.abs(Q[-1] - goal.q).max()) < 1e-6 for goal in problem.goal if hasattr(goal, "q"))
-    )
+    dense = np.linspace(0.0, trajectory.duration, int(np.ceil(trajectory.duration * peak / STEP)) + 1)
+    moved = np.abs(np.diff(trajectory(dense), axis=0)).max(axis=1)
+    kept, since = [0], 0.0
+    for k, step in enumerate(moved):
+        if since + step > STEP:
+            kept.append(k)
+            since = 0.0
+        since += step
+    return dense[[*dict.fromkeys([*kept, len(dense) - 1])]]
+
+
+def in_words(row: dict[str, Any]) -> str | None:
+    """Why a problem is not verified; None if it is."""
+    name = f"{row['set']}/{row['problem']}"
+    if row["bad_input"] is not None:
+        return f"{name}: bad input: {row['bad_input']}"
+    if not row["verified"]:
+        return f"{name}: {row['failure'] or 'refused: ' + ', '.join(row['refused'])}"
+    return None if row["confirmed"] else f"{name}: verified, not confirmed"
 
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Shares of all problems; times of all; ratios of the verified ones."""
-    times = np.array([row["plan_s"] for row in rows if row["plan_s"]] or [np.nan])
-    proofs = np.array([row["verify_s"] for row in rows if row["verify_s"]] or [np.nan])
-    ratios = np.array([row["ratio"] for row in rows if row["verified"] and row["ratio"] is not None] or [np.nan])
+    """Shares and times of all problems that are no bad input; ratios and durations of the verified ones."""
+    good = [row for row in rows if row["bad_input"] is None]
+    verified = [row for row in good if row["verified"]]
+
+    def figures(key: str, of: list[dict[str, Any]], *which: int, digits: int = 3) -> dict[str, float]:
+        return dict(
+            zip(map(str, which), (round(v, digits) for v in percentiles((r[key] for r in of), *which)), strict=True)
+        )
+
     return {
         "problems": len(rows),
-        **{key: round(float(np.mean([row[key] for row in rows])), 4) for key in ("planned", "verified", "confirmed")},
-        "plan_s": {str(p): round(float(np.percentile(times, p)), 3) for p in (50, 90, 95, 100)},
-        "verify_s": {str(p): round(float(np.percentile(proofs, p)), 3) for p in (50, 95, 100)},
-        "ratio": {str(p): round(float(np.percentile(ratios, p)), 4) for p in (50, 90, 95, 100)},
+        "bad_input": len(rows) - len(good),
+        **{key: sum(row[key] for row in good) for key in ("planned", "verified", "confirmed")},
+        **{f"{key}_s": figures(f"{key}_s", good, 50, 90, 95, 100) for key in ("plan", "cpu", "verify", "load", "look")},
+        "first_s": figures("first_s", verified, 50, 95, 100),
+        "ratio": figures("ratio", verified, 50, 90, 95, 100, digits=4),
+        "duration_sum": round(sum(row["duration"] for row in verified), 4),
     }
 
 
-def print_tables(rows: list[dict[str, Any]]) -> None:
-    """One line a set and one for all, and every problem that is not verified."""
-    table = Table("set", "n", "planned", "verified", "confirmed", "plan s 50/95/max", "verify s 50", "ratio 50/90")
+def lines(rows: list[dict[str, Any]]) -> Any:
+    """One line a set and one for all, in the order of `HEADINGS`."""
     groups = {name: [row for row in rows if row["set"] == name] for name in dict.fromkeys(row["set"] for row in rows)}
     for name, group in {**groups, "all": rows}.items():
         s = summary(group)
-        table.add_row(
-            name,
-            str(s["problems"]),
-            *(f"{100 * s[key]:.1f} %" for key in ("planned", "verified", "confirmed")),
-            " / ".join(f"{s['plan_s'][p]:.2f}" for p in ("50", "95", "100")),
-            f"{s['verify_s']['50']:.2f}",
-            " / ".join(f"{s['ratio'][p]:.3f}" for p in ("50", "90")),
-        )
-    console = Console(width=120)
-    console.print(table)
-    for row in rows:
-        if not row["verified"]:
-            console.print(f"{row['set']}/{row['problem']}: {row['failure'] or 'refused: ' + ', '.join(row['refused'])}")
+        good = s["problems"] - s["bad_input"]
+        shares = (f"{s[key]} of {good} ({100 * s[key] / max(good, 1):.1f} %)" for key in ("verified", "confirmed"))
+        plan, first = joined(s["plan_s"], 2, "50", "95", "100"), joined(s["first_s"], 2, "50", "95")
+        times = (plan, joined(s["cpu_s"], 2, "50"), first, joined(s["verify_s"], 2, "50"))
+        ratio = joined(s["ratio"], 3, "50", "90")
+        yield (name, str(s["problems"]), str(s["bad_input"]), *shares, *times, ratio, f"{s['duration_sum']:.2f}")
+
+
+def joined(figures: dict[str, float], digits: int, *which: str) -> str:
+    """Some percentiles of a figure, – where there is none."""
+    known = (figures[p] for p in which)
+    return " / ".join(f"{value:.{digits}f}" if np.isfinite(value) else "–" for value in known)
 
 
 if __name__ == "__main__":

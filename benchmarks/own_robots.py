@@ -7,7 +7,7 @@ Robots are those of example-robot-data (extra `robots`). All goes through the co
 and `optiplan plan`, with --json), so the same script measures other versions. Start and goal are drawn uniformly within
 the joint limits, joints without an end within a turn; the draws are the same for every version that plans the same
 joints. A draw that the program under test refuses as in collision, or as held by too weak a motor, is replaced by the
-next. The last line printed is one JSON object.
+next. Ctrl-C ends early and prints what was done. The last line printed is one JSON object.
 """
 
 import argparse
@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from published import commit, print_json, print_table, write_markdown
 from rich.console import Console
-from rich.table import Table
 
 FINGERS = [*(f"panda_joint{k}" for k in range(1, 8)), "panda_finger_joint1"]
 ROBOTS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -114,25 +114,25 @@ def measure(name: str, folder: Path, options: argparse.Namespace) -> dict[str, A
     return row
 
 
-def show(rows: list[dict[str, Any]], console: Console) -> None:
-    """The table, a row a robot."""
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    headings = ("robot", "joints", "from … to", "tool", "pairs checked/not", "load s", "verified", "ratio", "plan s")
-    for heading in headings:
-        table.add_column(heading, overflow="fold")
-    for row in rows:
-        if "error" in row:
-            table.add_row(row["robot"], "", row["error"][:200])
-            continue
-        runs = row["runs"]
-        verified = [run for run in runs if run["verified"]]
-        cells = [f"{sum(run['verified'] for run in runs)} of {len(runs)} ({row['refused']} draws refused)"]
-        cells += [_spread([run["ratio"] for run in verified]), _spread([run["plan"] for run in runs])]
-        chain = f"{row['joints'][0]} … {row['joints'][-1]}"
-        load = _spread([run["load"] for run in runs])
-        pairs = f"{row['checked']}/{row['unchecked']}"
-        table.add_row(row["robot"], str(len(row["joints"])), chain, row["tool_frame"], pairs, load, *cells)
-    console.print(table)
+HEADINGS = ("robot", "joints", "from … to", "tool", "pairs checked/not", "load s", "verified", "ratio", "plan s")
+
+
+def lines(rows: list[dict[str, Any]]) -> list[list[str]]:
+    """A line a robot, in the order of `HEADINGS`; median and largest where there are two figures."""
+    return [_line(row) for row in rows]
+
+
+def _line(row: dict[str, Any]) -> list[str]:
+    if "error" in row:
+        return [row["robot"], "", row["error"][:200], *[""] * (len(HEADINGS) - 3)]
+    runs = row["runs"]
+    verified = [run for run in runs if run["verified"]]
+    cells = [f"{len(verified)} of {len(runs)} ({row['refused']} draws refused)"]
+    cells += [_spread([run["ratio"] for run in verified]), _spread([run["plan"] for run in runs])]
+    chain = f"{row['joints'][0]} … {row['joints'][-1]}"
+    load = _spread([run["load"] for run in runs])
+    pairs = f"{row['checked']}/{row['unchecked']}"
+    return [row["robot"], str(len(row["joints"])), chain, row["tool_frame"], pairs, load, *cells]
 
 
 def _spread(values: list[float | None]) -> str:
@@ -149,16 +149,22 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the draws")
     parser.add_argument("--planner", default="trajopt")
     parser.add_argument("--budget", type=float, default=20.0)
+    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     options = parser.parse_args()
-    console = Console(width=180)
-    rows = []
+    rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
-        for name in options.robots:
-            rows.append(measure(name, Path(folder), options))
-            show(rows[-1:], console)
-    console.rule()
-    show(rows, console)
-    print(json.dumps({"planner": options.planner, "budget": options.budget, "seed": options.seed, "rows": rows}))
+        try:
+            for name in options.robots:
+                Console(stderr=True).print(f"{name} …")
+                rows.append(measure(name, Path(folder), options))
+        except KeyboardInterrupt:
+            pass
+    table = lines(rows)
+    print_table(HEADINGS, table)
+    remarks = [f"Interrupted after {len(rows)} of {len(options.robots)} robots."] * (len(rows) < len(options.robots))
+    write_markdown(options.markdown, HEADINGS, table, remarks)
+    told = {"planner": options.planner, "budget": options.budget, "seed": options.seed, "commit": commit()}
+    print_json({**told, "rows": rows})
 
 
 if __name__ == "__main__":
