@@ -13,6 +13,10 @@ def joint(name: str, parent: str, child: str, kind: str = "revolute", inside: st
     return f'<joint name="{name}" type="{kind}">{ends}{inside}</joint>'
 
 
+BODILESS = "collision: none\n"
+"""What a robot file says of a robot without bodies."""
+
+
 def write_robot(folder: Path, parts: list[str], yaml: str = "") -> Path:
     """A robot folder; `yaml` is added to the three keys that must be there."""
     folder.mkdir(parents=True, exist_ok=True)

@@ -7,7 +7,7 @@ from optiplan.model.joints import MOVABLE
 from optiplan.model.robot import load_robot
 from optiplan.model.sources import package_robots
 from optiplan.model.urdf import build_model, read_urdf
-from tests.model.robots import BARE, joint, write_robot
+from tests.model.robots import BARE, BODILESS, joint, write_robot
 
 G1_LEFT = ["shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw"]
 G1 = ["waist_yaw_joint", "waist_roll_joint", "waist_pitch_joint", *(f"left_{name}_joint" for name in G1_LEFT)]
@@ -41,7 +41,7 @@ def test_the_arm_of_a_known_robot_is_found(name):
 
 
 def load(tmp_path, links, *joints):
-    return load_robot(str(write_robot(tmp_path, [*(BARE.format(link) for link in links), *joints])))
+    return load_robot(str(write_robot(tmp_path, [*(BARE.format(link) for link in links), *joints], BODILESS)))
 
 
 def test_unnamed_fingers_of_a_fork_are_left_out(tmp_path):

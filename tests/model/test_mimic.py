@@ -25,7 +25,7 @@ from optiplan.problem.problem import JointGoal, Problem
 from optiplan.verify.certificate import certify
 from optiplan.verify.report import VerifyPolicy
 from optiplan.viewer.scene import build_scene
-from tests.model.robots import BARE, joint, write_robot
+from tests.model.robots import BARE, BODILESS, joint, write_robot
 from tests.verify.motions import quintic
 
 LIMIT = '<limit lower="-2" upper="2" velocity="3" effort="40"/>'
@@ -224,12 +224,12 @@ def test_the_certificate_never_proves_more_than_is_there(robot):
 def test_followers_narrow_what_their_leader_may_do(tmp_path):
     tight = follower("lead", -2, 0.5, '<limit lower="-1" upper="1.5" velocity="1" effort="1"/>')
     parts = [*(BARE.format(name) for name in "abc"), joint("lead", "a", "b"), joint("tail", "b", "c", inside=tight)]
-    robot = load_robot(str(write_robot(tmp_path, parts)))
+    robot = load_robot(str(write_robot(tmp_path, parts, BODILESS)))
     assert (robot.limits.lower, robot.limits.upper) == (-0.5, 0.75)  # -1 <= 0.5 - 2 q <= 1.5
     assert robot.limits.velocity == 0.5
     assert robot.limits.torque == 4  # of the leader's drive
     assert any("lead stays within [-0.5, 0.75], for tail that follows it" in note for note in robot.notes)
-    own = load_robot(str(write_robot(tmp_path, parts, "limits: {velocity: 0.9}\n")))
+    own = load_robot(str(write_robot(tmp_path, parts, BODILESS + "limits: {velocity: 0.9}\n")))
     assert own.limits.velocity == 0.9  # the robot file's word
 
 
@@ -250,7 +250,7 @@ def test_a_follower_that_the_file_locks_stands_still(tmp_path):
 
 def test_a_multiplier_of_zero_is_a_joint_that_stands_still(tmp_path):
     parts = [*(BARE.format(n) for n in "abc"), joint("j", "a", "b"), joint("k", "b", "c", inside=follower("j", 0, 0.3))]
-    robot = load_robot(str(write_robot(tmp_path, parts)))
+    robot = load_robot(str(write_robot(tmp_path, parts, BODILESS)))
     assert (robot.followers, robot.locked) == ({}, {"k": 0.3})
 
 
@@ -269,7 +269,7 @@ def test_what_cannot_be_followed_is_refused(tmp_path, leaders, words):
     parts = [*(BARE.format(name) for name in "abcde"), joint("still", "d", "e", "fixed", "")]
     parts += [joint(name, *ends, inside=inside[name]) for name, ends in zip(inside, ("ab", "bc", "cd"), strict=True)]
     with pytest.raises(InputError) as caught:
-        load_robot(str(write_robot(tmp_path, parts)))
+        load_robot(str(write_robot(tmp_path, parts, BODILESS)))
     (issue,) = caught.value.issues
     assert issue.file.endswith("robot.urdf")
     assert issue.line == 1
@@ -284,7 +284,7 @@ def test_turns_of_a_joint_that_another_follows_by_halves(tmp_path):
     for multiplier, count in ((1, 3), (0.5, 1)):
         parts = [*(BARE.format(n) for n in "abc"), joint("j", "a", "b", inside=wide)]
         parts.append(joint("k", "b", "c", inside=follower("j", multiplier, 0, wide)))
-        robot = load_robot(str(write_robot(tmp_path, parts)))
+        robot = load_robot(str(write_robot(tmp_path, parts, BODILESS)))
         (found,) = images(robot, np.array([0.0]), np.array([0.0]))
         assert len(found) == count
 

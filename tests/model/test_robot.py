@@ -214,7 +214,7 @@ def test_the_foreign_panda_keeps_its_fingers(shared):
 
 def test_a_messy_arm_of_three_lines(shared, tmp_path):
     urdf = shared / "robots/srra_report/urdf/robot_2.urdf"
-    (tmp_path / "robot.yaml").write_text(f"version: 1\nname: messy\nurdf: {urdf}\n")
+    (tmp_path / "robot.yaml").write_text(f"version: 1\nname: messy\nurdf: {urdf}\ncollision: hull\n")
     robot = load_robot(str(tmp_path))
     assert robot.n == 6
     assert robot.geometry.ngeoms == 7
@@ -226,7 +226,7 @@ def test_a_messy_vehicle(shared, tmp_path, name):
     urdf = shared / f"robots/delbot_report/urdf/{name}.urdf"
     srdf = tmp_path / "none.srdf"  # spares the sampling, which test_pairs tests
     srdf.write_text("<robot name='messy'/>")
-    (tmp_path / "robot.yaml").write_text(f"version: 1\nname: messy\nurdf: {urdf}\nsrdf: none.srdf\n")
+    (tmp_path / "robot.yaml").write_text(f"version: 1\nname: messy\nurdf: {urdf}\nsrdf: none.srdf\ncollision: hull\n")
     robot = load_robot(str(tmp_path))
     assert robot.joint_names == ("ur3_joint_1", "ur3_joint_2", "ur3_joint_5", "ur3_joint_8", "ur3_joint_9", "ee_joint")
     assert any("planned is the longest chain of joints, ur3_joint_1" in note for note in robot.notes)

@@ -150,7 +150,7 @@ def test_many_joints_of_which_few_need_move(two_arms):
     """A free straight line is the answer; round a post the second arm stands still."""
     free = many_joints(two_arms, np.where(np.arange(40) < 20, 0.05, 0.0))
     straight = run(free, "rrtconnect", {}, Budget(20.0), lambda *a: None)
-    assert straight.verified
+    assert straight.verified, straight.failure
     assert straight.info["waypoints"] == 2
     bent = np.where(np.arange(40) < 20, 0.06, 0.0)
     data = two_arms.model.createData()

@@ -53,7 +53,7 @@ def test_a_ball_inside_the_base_link_is_told_where_it_is_allowed(panda):
     allowed = frozenset({frozenset({"panda_link0", "ball"})})
     report = verify(with_ball(panda, 0.05, allowed=allowed), small_motion(panda))
     assert report.verified
-    assert "contacts allowed by the problem, not checked: ball – panda_link0" in report.notes
+    assert "contacts allowed by the problem, not checked: ball – panda_link0" in report.scope
 
 
 def test_a_robot_may_stand_on_the_floor(panda):

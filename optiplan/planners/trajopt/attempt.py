@@ -45,11 +45,16 @@ class Attempt:
 
 
 class Optimiser:
-    """Optimises curves of one problem from any seed; what depends only on the problem is built once."""
+    """Optimises curves of one problem from any seed; what depends only on the problem is built once.
+
+    Attributes:
+        steps: taken so far, in all attempts.
+    """
 
     def __init__(self, problem: Problem, model: CollisionModel, options: TrajOptOptions) -> None:
         self.problem, self.model, self.options = problem, model, options
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
+        self.steps = 0
 
     @property
     def bounds(self) -> tuple[Array, Array, Array]:
@@ -73,26 +78,22 @@ class Optimiser:
         subproblem = Subproblem(transcription, self.options.solver)
         u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
         iterations, attempt = 0, None
-
-        def stop() -> bool:
-            """Nobody waits for what cannot be the answer any more."""
-            return budget.over if best < np.inf else budget.cancelled
-
         for _ in range(self.options.refinements + 1):
             transcription.set_samples(u)
             left = self.options.iterations - iterations
             point, used = optimise(subproblem, control, left, lambda: budget.over, best)
             iterations += used
+            self.steps += used
             control = point.control
-            if point.contacts.violation() > HOPELESS or stop():
+            if point.contacts.violation() > HOPELESS or budget.cancelled or (budget.over and point.duration >= best):
                 return None
             trajectory = self.timed(control, point.duration)
             if trajectory is None:
                 return None
-            touches = tuple(contacts_along(self.model, trajectory, stop))
+            touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
             close = bool((point.contacts.value < ACTIVE).any())
             attempt = Attempt(control, trajectory, touches[0] if touches else None, close, iterations)
-            if stop():
+            if budget.cancelled:
                 return None
             if not touches or budget.over or iterations >= self.options.iterations:
                 break

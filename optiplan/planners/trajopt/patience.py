@@ -7,6 +7,9 @@ from optiplan.planners.base import Budget
 PRICE = 0.1
 """Share of the motion's cost that spending the whole budget must be expected to save: 10 %."""
 
+STEP, STATE = 0.02, 5e-4
+"""What a step of the optimiser and a state of a search take on an ordinary machine, s."""
+
 SAME = 1.005
 """Costs within this factor are those of one local optimum."""
 
@@ -20,8 +23,9 @@ class Patience:
     jackknife estimate for exchangeable draws). While few have been made this says little, so what is left to the bound
     counts too: g² / n (1 + r), with g = 1 - bound / c_1 once for the chance that a better motion exists and once for
     its gain, and r attempts that have found no more than c_1 again, within 0.5 %.
-    Another attempt is worth making while the larger of the two, as a share of c_1 and for each second that attempts
-    have taken so far on average, exceeds `PRICE` / budget: the larger the budget, the longer the search.
+    Another attempt is worth making while the larger of the two, as a share of c_1 and for each second of work that
+    attempts have taken so far on average, exceeds `PRICE` / budget: the larger the budget, the longer the search. Work
+    is counted in steps and states, not read from a clock, so that the same problem always gets the same attempts.
     """
 
     budget: Budget
@@ -30,10 +34,13 @@ class Patience:
     attempts: int = 0
     seconds: float = 0.0
 
-    def record(self, cost: float | None, seconds: float) -> None:
-        """One more attempt: the cost of its free motion (None: it has none), and the time it took."""
+    def work(self, steps: int = 0, states: int = 0) -> None:
+        """Work done on the attempt: steps of the optimiser, states of a search."""
+        self.seconds += STEP * steps + STATE * states
+
+    def record(self, cost: float | None) -> None:
+        """One more attempt is over: the cost of its free motion (None: it has none)."""
         self.attempts += 1
-        self.seconds += seconds
         if cost is not None:
             self.costs.append(cost)
 

@@ -104,7 +104,7 @@ class _Run:
                 break
             self._straight(np.array([start, goal]))
             if self._worth():
-                self._attempt("straight", self._along(np.array([start, goal])), self.budget if self.curve else early)
+                self._attempt("straight", self._along(np.array([start, goal])), self.budget if self.candidates else early)
         self.info["cut_short"] = early.over and not self.candidates
         return self._further(sampler)
 
@@ -120,7 +120,9 @@ class _Run:
             path = self._sample(sampler, number)
             if isinstance(path, Failure):
                 failure = path
+                self.info["cut_short"] = True
             else:
+                self.patience.work(states=path.info["states"])
                 failure = self._sampled(path) or failure
             if self.curve is not None and self._worth():
                 self._bumped("bump", self.curve.control, rng)
@@ -183,7 +185,6 @@ class _Run:
 
     def _attempt(self, kind: Kind, control: Array, budget: Budget) -> None:
         """Optimise from a seed; where what comes of it is the best so far, once more with less margin."""
-        began = time.perf_counter()
         attempt = self._optimised(kind, control, budget, None)
         better = attempt is not None and self._offer(attempt.trajectory, attempt)
         if attempt is not None and better and attempt.close and self.bound < (1.0 - _WORTH_CLOSE) * self.best:
@@ -191,13 +192,15 @@ class _Run:
             if closer is not None:
                 self._offer(closer.trajectory, closer)
         cost = None if attempt is None else self._cost(attempt.trajectory)
-        self.patience.record(cost, time.perf_counter() - began)
+        self.patience.record(cost)
 
     def _optimised(self, kind: Kind, control: Array, budget: Budget, margin: float | None) -> Attempt | None:
         """What comes of a seed, if it is free."""
         self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
+        before = self.optimiser.steps
         with self.watch.stage("optimisation"):
             attempt = self.optimiser.run(control, budget, margin, self.best)
+        self.patience.work(steps=self.optimiser.steps - before)
         entry: dict[str, Any] = {"seed": kind, "free": attempt is not None and attempt.touch is None}
         if attempt is not None:
             entry |= {"duration": attempt.trajectory.duration, "iterations": attempt.iterations}
