@@ -1,6 +1,7 @@
 """Of several answers the best one that the real verifier accepts, a little slower where only that helps."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -155,7 +156,7 @@ def test_improvements_come_later_and_later(problem: Problem, fastest: Trajectory
     candidates = [Candidate(one, 0.1 + 1e-9 * place) for place, one in enumerate(scaled)]
     chosen = best_verified(problem, candidates, Budget(60.0))
     seconds = [when for when, _ in chosen.improvements]
-    assert all(a < b for a, b in zip(seconds, seconds[1:], strict=False)), seconds
+    assert all(a < b for a, b in pairwise(seconds)), seconds
     assert chosen.improvements[-1][1] == candidates[-1].trajectory.duration
 
 
