@@ -59,8 +59,10 @@ def test_local_optima_found_again_end_the_search() -> None:
 
 def test_a_larger_budget_searches_longer() -> None:
     costs, bound = [1.0, 1.02, 1.0], 0.9
-    assert not after(costs, 0.5, budget=1.0).worth_another(1.0, bound)
-    assert after(costs, 0.5, budget=60.0).worth_another(1.0, bound)
+    enough = longest(costs, bound, budget=1.0)
+    assert longest(costs, bound, budget=60.0) == pytest.approx(60.0 * enough)
+    assert not after(costs, 2.0 * enough, budget=1.0).worth_another(1.0, bound)
+    assert after(costs, 2.0 * enough, budget=60.0).worth_another(1.0, bound)
 
 
 def test_nothing_is_sought_below_what_is_good_enough() -> None:
