@@ -111,7 +111,8 @@ def test_no_way_through_fails_within_the_budget_and_says_where() -> None:
     planar = load_robot("planar2r")
     posts = (box("over", (0.05, 1.0, 0.05), 0.0, 0.0, 0.3), box("under", (0.05, 1.0, 0.05), 0.0, 0.0, -0.3))
     goal = JointGoal(np.array([2.9, 0.0]))  # the first link points the other way, and cannot pass either post
-    problem = Problem("t", planar, Scene(posts), np.zeros(2), (goal,), planar.limits)
+    allowed = frozenset(frozenset((post.name, "base")) for post in posts)  # they stand in the base
+    problem = Problem("t", planar, Scene(posts, allowed=allowed), np.zeros(2), (goal,), planar.limits)
     result = plan(problem, budget=1.5)
     assert result.trajectory is None
     assert result.failure is not None

@@ -67,7 +67,7 @@ def test_a_start_near_a_body_does_not_cost_time(gap: float) -> None:
 
 def test_both_arms_of_baxter_from_near_contact(problems: Path) -> None:
     """1.51 s with the margin as a command, 0.93 s as a wish."""
-    result = solve(load_problem(problems / "18_baxter_dual.yaml"))
+    result = solve(load_problem(problems / "18_baxter_dual.yaml"), budget=20.0)
     assert result.verified
     assert result.duration <= 0.95
 
