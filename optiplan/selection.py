@@ -20,7 +20,8 @@ class Selection:
     Attributes:
         trajectory: the shortest motion that is verified; where none is, the planner's own choice.
         slowed: factor on the duration that the planner gave it; above 1 where only that made it hold its limits.
-        improvements: (seconds of planning and proving, duration in s) of every verified answer on the way, in order.
+        improvements: (seconds of planning and proving, duration in s) of every verified answer on the way, in order of
+            both; one whose proof would have ended after that of a better one is left out.
     """
 
     trajectory: Trajectory
@@ -61,7 +62,7 @@ def best_verified(problem: Problem, candidates: list[Candidate], budget: Budget)
     place, answer, seconds = chosen
     before = _verified(problem, candidates[:place], budget)
     now = (seconds, answer.trajectory.duration)
-    return Selection(answer.trajectory, answer.report, answer.slowed, (*before, now))
+    return Selection(answer.trajectory, answer.report, answer.slowed, _in_turn([*before, now]))
 
 
 def _verified(problem: Problem, earlier: list[Candidate], budget: Budget) -> list[tuple[float, float]]:
@@ -74,3 +75,12 @@ def _verified(problem: Problem, earlier: list[Candidate], budget: Budget) -> lis
         if verify(problem, candidate.trajectory).verified:
             found.append((candidate.seconds + time.perf_counter() - began, candidate.trajectory.duration))
     return found
+
+
+def _in_turn(answers: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """The same (seconds, duration), each better than the last, without those that were proved after a better one."""
+    kept: list[tuple[float, float]] = []
+    for answer in reversed(answers):
+        if not kept or answer[0] < kept[-1][0]:
+            kept.append(answer)
+    return tuple(reversed(kept))

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from optiplan import pipeline
-from optiplan.planners.base import Budget
+from optiplan.planners.base import Budget, Failure, PlanResult
 from tests.planners import cases
 
 
@@ -18,6 +18,33 @@ def test_a_share_ends_sooner_and_is_cancelled_together():
     cancel.set()
     assert part.over
     assert whole.share(0.5).over
+
+
+def test_a_budget_that_leaves_time_ends_that_much_sooner():
+    cancel = threading.Event()
+    whole = Budget(30.0, cancel)
+    less = whole.leaving(1.5)
+    assert whole.remaining - less.remaining == pytest.approx(1.5, abs=0.01)
+    assert less.seconds == whole.seconds, "shares of it are told of the whole"
+    assert less.leaving(40.0).over
+    assert not less.over
+    cancel.set()
+    assert less.over
+
+
+def test_the_planner_leaves_time_for_the_proof(monkeypatch):
+    """5 % of the budget, a quarter of a second at most; the clock starts with the planner, not before."""
+    left = []
+
+    class Asks:
+        def plan(self, problem, budget, progress):
+            left.append(budget.remaining)
+            return PlanResult(None, Failure("no-path", "none"), {})
+
+    monkeypatch.setattr(pipeline, "make_planner", lambda name, options: Asks())
+    for seconds in (1.0, 20.0):
+        pipeline.run(cases.planar(), "asks", {}, Budget(seconds), lambda stage, fraction: None)
+    assert left == [pytest.approx(0.95, abs=0.02), pytest.approx(19.75, abs=0.02)]
 
 
 def test_loading_a_planner_is_not_counted(monkeypatch):

@@ -126,7 +126,7 @@ def two_arms(tmp_path_factory):
     parents = ["base" if name[1:] == "0" else f"l{name[0]}{int(name[1:]) - 1}" for name in names]
     links = [LINK.format("base"), *((LINK if name[1:] == "19" else BARE).format(f"l{name}") for name in names)]
     joints = [joint(name, parent, f"l{name}", x=0.1) for name, parent in zip(names, parents, strict=True)]
-    extra = f"group: [{', '.join(names)}]\ntool_frame: la19\n"
+    extra = f"group: [{', '.join(names)}]\ntool_frame: la19\nallowed_collisions: [[la19, lb19]]\n"
     return load_robot(str(write_robot(tmp_path_factory.mktemp("arms"), [*links, *joints], extra)))
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from optiplan.model.collision import CollisionModel
 from optiplan.model.scene import Obstacle, Scene, Sphere
-from optiplan.planners.sweep import first_contact, trajectory_curve
+from optiplan.planners.sweep import contacts_along, first_contact, trajectory_curve
 from optiplan.trajectory.timing import stop_at_corners
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
@@ -18,17 +18,23 @@ def swing(n=1):
 
 def ball_beside_the_tip(gap):
     """A ball of 2 mm in the plane of the tip, `gap` away from the circle that the tip's ball sweeps, half-way."""
+    arm, trajectory = swing()
+    return CollisionModel(arm, Scene((ball_at("ball", -0.75, gap),))), trajectory
+
+
+def ball_at(name, angle, gap, radius=0.002):
+    """A ball that lies `gap` beyond the tip's ball where the shoulder is at an angle."""
     import pinocchio as pin
 
-    arm, trajectory = swing()
+    arm = cases.robot("planar2r")
     model, data = arm.model, arm.model.createData()
-    q = np.array([-0.75, 0.0])
+    q = np.array([angle, 0.0])
     pin.framesForwardKinematics(model, data, q)
     tip, tool = (data.oMf[model.getFrameId(name)] for name in ("tip", "tool"))
     outward = tool.rotation[:, 0]
-    centre = tip.translation + (0.06 + 0.04 + 0.002 + gap) * outward
+    centre = tip.translation + (0.06 + 0.04 + radius + gap) * outward
     pose = pin.SE3(np.eye(3), centre)
-    return CollisionModel(arm, Scene((Obstacle("ball", Sphere(0.002), pose),))), trajectory
+    return Obstacle(name, Sphere(radius), pose)
 
 
 def test_a_graze_shorter_than_any_sampling_step_is_found():
@@ -46,6 +52,31 @@ def test_a_gap_of_the_same_size_is_proved_free():
     model, trajectory = ball_beside_the_tip(50e-6)
     assert first_contact(model, trajectory) is None
     assert polyline_contact(model, np.stack([trajectory.start, trajectory.end])) is None
+
+
+def test_every_stretch_of_touching_gives_one_touch():
+    """Three balls on the way, each met for longer than a sample; the first touch is `first_contact`."""
+    arm, trajectory = swing()
+    balls = tuple(ball_at(f"ball{k}", angle, -0.03, radius=0.05) for k, angle in enumerate([-0.35, -0.75, -1.15]))
+    model = CollisionModel(arm, Scene(balls))
+    touches = list(contacts_along(model, trajectory))
+    names = [{touch.contact.pair.name_a, touch.contact.pair.name_b} for touch in touches]
+    assert [name & {"ball0", "ball1", "ball2"} for name in names] == [{"ball0"}, {"ball1"}, {"ball2"}]
+    assert [touch.t for touch in touches] == sorted(touch.t for touch in touches)
+    touching = [model.collides(q) for q in trajectory(np.linspace(0.0, trajectory.duration, 2000))]
+    assert sum(np.diff(np.array(touching, dtype=int)) == 1) == len(touches)
+    first = first_contact(model, trajectory)
+    assert (first.t, first.contact.pair) == (touches[0].t, touches[0].contact.pair)
+    for touch in touches:
+        assert model.collides(touch.q)
+        assert touch.q == pytest.approx(trajectory(np.array([touch.t]))[0])
+
+
+def test_a_graze_between_the_samples_is_one_touch_and_free_curves_give_none():
+    model, trajectory = ball_beside_the_tip(-50e-6)
+    assert len(list(contacts_along(model, trajectory))) == 1
+    model, trajectory = ball_beside_the_tip(50e-6)
+    assert list(contacts_along(model, trajectory)) == []
 
 
 @pytest.mark.parametrize("allowed", [0, 1, 20])

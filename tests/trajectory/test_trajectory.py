@@ -1,6 +1,7 @@
 """The trajectory: evaluation, exact extrema, jumps, B-splines, JSON, and what it refuses."""
 
 import json
+from itertools import pairwise
 from math import comb
 
 import numpy as np
@@ -194,6 +195,20 @@ def test_scaling_divides_each_derivative_by_a_power():
         np.testing.assert_allclose(slow(2.5 * t, order), traj(t, order) / 2.5**order, rtol=1e-9, atol=1e-9)
     with pytest.raises(ValueError, match="duration"):
         traj.scaled(0.0)
+
+
+@pytest.mark.parametrize("degree", range(7))
+def test_squared_jerk_is_the_integral_by_quadrature(degree):
+    """Gauss-Legendre with eight nodes a piece is exact to degree 15; below degree 3 there is no jerk."""
+    traj = random_trajectory(degree, degree=degree)
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    total = 0.0
+    for begin, end in pairwise(traj.breakpoints):
+        t = 0.5 * (begin + end) + 0.5 * (end - begin) * nodes
+        total += 0.5 * (end - begin) * float(weights @ (traj(t, 3) ** 2).sum(axis=1))
+    assert traj.squared_jerk() == pytest.approx(total, rel=1e-12, abs=1e-12)
+    assert (traj.squared_jerk() > 0.0) == (degree >= 3)
+    assert traj.scaled(2.0 * traj.duration).squared_jerk() == pytest.approx(total / 2.0**5, rel=1e-9)
 
 
 def test_json_is_lossless():

@@ -85,7 +85,11 @@ class Optimiser:
             iterations += used
             self.steps += used
             control = point.control
-            if point.contacts.violation() > HOPELESS or budget.cancelled or (budget.over and point.duration >= best):
+            if (
+                point.contacts.violation() > HOPELESS
+                or budget.cancelled
+                or (budget.over and self.problem.objective.time * point.duration >= best)
+            ):
                 return None
             trajectory = self.timed(control, point.duration)
             if trajectory is None:

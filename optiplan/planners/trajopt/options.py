@@ -27,10 +27,11 @@ class TrajOptOptions:
         refinements: times that samples are added where bodies touch between them.
         iterations: steps of an attempt, at most.
         margin: clearance aimed at, m: a wish. Pairs that are closer at the start or the goal may stay as close, and
-            what the margin costs in time is won back by a last optimisation with a fifth of it.
-        straight_goals: goal configurations tried along a straight line, at most.
-        seeds: sampled paths tried, at most.
-        good_enough: cost / bound at which no further seed is tried, whatever the budget.
+            where it holds up the best motion so far, that is optimised once more with a fifth of it.
+        straight_goals: goal configurations tried along a straight line first, at most.
+        seeds: rounds of further attempts (lines and curves with a bump, sampled paths), at most; patience mostly ends
+            them before that.
+        good_enough: cost / bound at which no further attempt is made, whatever the budget.
         solver: of the quadratic programs, any that qpsolvers knows and finds installed.
 
     Raises:

@@ -104,7 +104,9 @@ class _Run:
                 break
             self._straight(np.array([start, goal]))
             if self._worth():
-                self._attempt("straight", self._along(np.array([start, goal])), self.budget if self.candidates else early)
+                self._attempt(
+                    "straight", self._along(np.array([start, goal])), self.budget if self.candidates else early
+                )
         self.info["cut_short"] = early.over and not self.candidates
         return self._further(sampler)
 

@@ -111,8 +111,7 @@ def test_no_way_through_fails_within_the_budget_and_says_where() -> None:
     planar = load_robot("planar2r")
     posts = (box("over", (0.05, 1.0, 0.05), 0.0, 0.0, 0.3), box("under", (0.05, 1.0, 0.05), 0.0, 0.0, -0.3))
     goal = JointGoal(np.array([2.9, 0.0]))  # the first link points the other way, and cannot pass either post
-    # The base stands in the way of nothing here.
-    allowed = frozenset(frozenset({"base", post.name}) for post in posts)
+    allowed = frozenset(frozenset((post.name, "base")) for post in posts)  # they stand in the base
     problem = Problem("t", planar, Scene(posts, allowed=allowed), np.zeros(2), (goal,), planar.limits)
     result = plan(problem, budget=1.5)
     assert result.trajectory is None

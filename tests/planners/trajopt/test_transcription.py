@@ -13,7 +13,7 @@ from optiplan.planners.trajopt.seeds import along_path
 from optiplan.planners.trajopt.spline import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.sqp import evaluate, optimise
 from optiplan.planners.trajopt.subproblem import Subproblem
-from optiplan.planners.trajopt.transcription import Margins, SoftRows, Transcription, _pushed_one_way
+from optiplan.planners.trajopt.transcription import CUTOFF, Margins, SoftRows, Transcription, _pushed_one_way
 from optiplan.problem.problem import JointGoal, Objective, Problem
 
 GOAL = np.array([1.2, 0.3, 0.4, -1.6, 0.3, 1.9, -0.4])
@@ -112,6 +112,21 @@ def test_margins_are_those_that_the_ends_of_each_pair_allow() -> None:
     margins = Margins(0.005, np.array([0.04, 0.0, 0.002]), np.array([0.04, 0.04, 0.002]))
     u, pairs = np.array([0.0, 0.0, 0.1, 0.3, 0.5]), np.array([0, 1, 1, 1, 2])
     np.testing.assert_allclose(margins.at(u, pairs), [0.005, 0.0, 0.0024, 0.005, 0.0012])
+
+
+def test_margins_between_ends_know_the_clearance_of_each_pair(problem: Problem) -> None:
+    """As far as the cutoff; at both ends no pair is asked for more than a part of what it has there."""
+    model = CollisionModel(problem.robot, problem.scene)
+    ends = np.array([problem.start, GOAL])
+    margins = Margins.between(model, ends, 0.03)
+    for q, known in zip(ends, (margins.start, margins.end), strict=True):
+        distance = np.array([model.distance(q, k).distance for k in range(len(model.pairs))])
+        np.testing.assert_allclose(known, np.clip(distance, 0.0, CUTOFF), atol=2e-6)
+    pairs = np.arange(len(model.pairs))
+    for u, known in ((0.0, margins.start), (1.0, margins.end)):
+        wanted = margins.at(np.full(len(pairs), u), pairs)
+        assert (wanted <= known).all()
+        assert (wanted <= margins.middle).all()
 
 
 def test_a_small_step_keeps_its_promise(transcription: Transcription, control: np.ndarray) -> None:

@@ -1,0 +1,77 @@
+"""When is another attempt worth its time: the formula of `Patience` by hand, and what it means for a budget."""
+
+import pytest
+
+from optiplan.planners.base import Budget
+from optiplan.planners.trajopt.patience import PRICE, SAME, Patience
+
+
+def after(costs: list[float | None], seconds: float, budget: float = 10.0, good_enough: float = 1.0) -> Patience:
+    """Patience after attempts that cost so much (None: not free) and took `seconds` each."""
+    patience = Patience(Budget(budget), good_enough)
+    for cost in costs:
+        patience.record(cost, seconds)
+    return patience
+
+
+def longest(costs: list[float | None], bound: float, budget: float = 10.0) -> float:
+    """Seconds an attempt may take on average so that one more is worth making, found by halving."""
+    low, high = 0.0, 1e6
+    best = min(cost for cost in costs if cost is not None)
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if after(costs, middle, budget).worth_another(best, bound) else (low, middle)
+    return low
+
+
+@pytest.mark.parametrize(
+    ("costs", "bound", "gain"),
+    [
+        # The spread: (c_2 - c_1) / n as a share of c_1. The bound is as good as reached, so that it counts for nothing.
+        ([1.0, 1.2], 1.0 - 1e-9, 0.2 / 2),
+        ([1.5, 1.0, 1.3, 1.9], 1.0 - 1e-9, 0.3 / 4),
+        ([2.0, None, 3.0], 2.0 - 1e-9, 0.5 / 3),
+        # The bound: g² / n / (1 + r).
+        ([1.0], 0.8, 0.2**2),
+        ([1.0, 1.0], 0.8, 0.2**2 / 2 / 2),
+        ([1.0, 1.004, 1.0], 0.7, 0.3**2 / 3 / 3),
+        ([1.0, None], 0.5, 0.5**2 / 2),
+        # The larger of the two: here the spread, although the bound is far.
+        ([1.0, 1.5], 0.9, 0.5 / 2),
+        ([1.0, 1.001], 0.5, 0.5**2 / 2 / 2),
+    ],
+)
+@pytest.mark.parametrize("budget", [2.0, 20.0])
+def test_the_rule_of_the_docstring_by_hand(costs: list[float | None], bound: float, gain: float, budget: float) -> None:
+    """One more is worth making while gain / (seconds an attempt) > PRICE / budget."""
+    assert longest(costs, bound, budget) == pytest.approx(gain * budget / PRICE, rel=1e-9)
+
+
+def test_local_optima_found_again_end_the_search() -> None:
+    """The same optimum again and again says that there is no other: each time less is expected."""
+    allowed = [longest([1.0] * count, bound=0.8) for count in (1, 2, 4, 8)]
+    assert allowed == sorted(allowed, reverse=True)
+    assert allowed[3] < allowed[0] / 50.0  # 1 / n and 1 / (1 + r): 1 / 64
+    apart = longest([1.0, 1.0 * SAME * 1.001], bound=0.8)
+    again = longest([1.0, 1.0 * SAME * 0.999], bound=0.8)
+    assert apart == pytest.approx(2.0 * again, rel=1e-6)
+
+
+def test_a_larger_budget_searches_longer() -> None:
+    costs, bound = [1.0, 1.02, 1.0], 0.9
+    enough = longest(costs, bound, budget=1.0)
+    assert longest(costs, bound, budget=60.0) == pytest.approx(60.0 * enough)
+    assert not after(costs, 2.0 * enough, budget=1.0).worth_another(1.0, bound)
+    assert after(costs, 2.0 * enough, budget=60.0).worth_another(1.0, bound)
+
+
+def test_nothing_is_sought_below_what_is_good_enough() -> None:
+    assert after([], 0.0).worth_another(1.01, 1.0), "without an attempt there is nothing to judge by"
+    assert not after([], 0.0, good_enough=1.01).worth_another(1.01, 1.0)
+    assert not after([1.0, 2.0], 1e-6, good_enough=1.0).worth_another(1.0, 1.0)
+    assert after([1.0, 2.0], 1e-6, good_enough=1.0).worth_another(1.0, 0.999)
+
+
+def test_a_bound_above_the_best_is_no_reason_to_go_on() -> None:
+    """A motion to a nearer end may be below the bound of another end."""
+    assert not after([1.0, 1.0], 0.1).worth_another(1.0, 1.5)
