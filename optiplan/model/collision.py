@@ -12,14 +12,10 @@ from optiplan.model import gjk as _primed  # noqa: F401  # before the first quer
 from optiplan.model.body_table import geometry_of
 from optiplan.model.bounds import Flags, Index, PairBounds
 from optiplan.model.containment import Containment
-from optiplan.model.outline import Outline, exact_queries
+from optiplan.model.outline import SETTLED, Outline, exact_queries
 from optiplan.model.robot import Robot
 from optiplan.model.scene import Scene
 from optiplan.model.shapes import build_geometry
-
-_FAR = 0.05
-"""m; where the hulls of a pair are farther apart, their distance does."""
-
 
 @dataclass(frozen=True, slots=True)
 class Pair:
@@ -85,6 +81,7 @@ class CollisionModel:
     Attributes:
         geometry: the bodies; `names[i]` is the link, attachment or obstacle of body i.
         pairs: the pairs that must stay apart.
+        outline: the same bodies with hulls in the place of meshes.
     """
 
     def __init__(self, robot: Robot, scene: Scene) -> None:
@@ -98,13 +95,15 @@ class CollisionModel:
         self.bounds = PairBounds(robot.model, self.geometry, [(p.a, p.b) for p in self.pairs])
         self._data, self._geometry_data = robot.model.createData(), self.geometry.createData()
         exact_queries(self._geometry_data)
-        self._outline = Outline(robot.model, self.geometry)
+        self.outline = Outline(robot.model, self.geometry)
         self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
             robot.model, self.geometry, self._geometry_data
         )
 
     def collides(self, q: Array) -> bool:
-        """Whether any pair touches at q (n,)."""
+        """Whether any pair touches at q (n,); meshes are asked where their hulls touch."""
+        if self.outline.pairs and not self.outline.collides(self._data, q):
+            return False
         return bool(pin.computeCollisions(self.robot.model, self._data, self._broad_phase, q, True))
 
     def contained(self, q: Array) -> tuple[str, str] | None:
@@ -124,7 +123,7 @@ class CollisionModel:
     def place(self, q: Array) -> None:
         """Move all bodies to q (n,), for `pair_distance`."""
         pin.updateGeometryPlacements(self.robot.model, self._data, self.geometry, self._geometry_data, q)
-        self._outline.place(self._data)
+        self.outline.place(self._data)
 
     def pair_distance(self, pair: int) -> Contact:
         """Nearest points of one pair where `place` put the bodies."""
@@ -132,13 +131,13 @@ class CollisionModel:
         return self._read(pair)
 
     def pair_gap(self, pair: int) -> float:
-        """A lower bound, m, of the distance of one pair where `place` put the bodies; the distance itself below 5 cm.
+        """A lower bound, m, of the distance of one pair where `place` put the bodies.
 
-        Several times faster than the nearest points; where a body is a mesh, the hulls are asked first.
+        It is the distance itself, unless a body is a mesh and the hulls are farther apart than `SETTLED`.
         """
-        if pair in self._outline.pairs:
-            gap = self._outline.distance(pair)
-            if gap > _FAR:
+        if pair in self.outline.pairs:
+            gap = self.outline.distance(pair)
+            if gap > SETTLED:
                 return gap
         pin.computeDistance(self.geometry, self._geometry_data, pair)
         return float(self._geometry_data.distanceResults[pair].min_distance)
@@ -152,30 +151,54 @@ class CollisionModel:
         """The nearest pair of all at q (n,); None when there is no pair."""
         if not self.pairs:
             return None
+        if self.outline.pairs:
+            return self._nearest(q)
         nearest = pin.computeDistances(self.robot.model, self._data, self.geometry, self._geometry_data, q)
         return self._read(int(nearest))
 
+    def _nearest(self, q: Array) -> Contact:
+        """The nearest pair at q (n,), by rising lower bound, as long as that is below the least distance found."""
+        self.place(q)
+        bounds = self.lower_bounds(q[None])[0]
+        for pair in self.outline.pairs:
+            bounds[pair] = max(bounds[pair], self.outline.distance(pair))
+        best: Contact | None = None
+        for pair in np.argsort(bounds, kind="stable").tolist():
+            if best is not None and bounds[pair] >= best.distance:
+                break
+            found = self.pair_distance(pair)
+            best = found if best is None or found.distance < best.distance else best
+        assert best is not None
+        return best
+
     def contacts(self, q: Array, cutoff: float) -> list[Contact]:
         """Every pair nearer than `cutoff` (m) at q (n,)."""
-        near = np.flatnonzero(self.lower_bounds(q[None])[0] < cutoff)
+        near: Index = np.flatnonzero(self.lower_bounds(q[None])[0] < cutoff)
         self.place(q)
-        found = [self.pair_distance(int(pair)) for pair in near]
+        meshes = self.outline.pairs
+        near = [pair for pair in near.tolist() if pair not in meshes or self.outline.distance(pair) < cutoff]
+        found = [self.pair_distance(pair) for pair in near]
         return [contact for contact in found if contact.distance < cutoff]
 
     def near(self, Q: Array, cutoff: float) -> Contacts:
-        """Every pair nearer than `cutoff` (m) at each of many configurations Q (N, n), as arrays."""
+        """Every pair nearer than `cutoff` (m) at each of many configurations Q (N, n), as arrays.
+
+        Where a body is a mesh, distance and points are the hulls' if these are farther apart than `SETTLED`, and if the
+        bodies touch: triangles do not tell how deep, or which way is out.
+        """
         candidates = self.lower_bounds(Q) < cutoff
         geometry, data, results = self.geometry, self._geometry_data, self._geometry_data.distanceResults
-        outline, meshes = self._outline, self._outline.pairs
+        outline, meshes = self.outline, self.outline.pairs
         found: list[tuple[int, int, float]] = []
         vectors: list[Array] = []
         for row in np.flatnonzero(candidates.any(axis=1)).tolist():
             self.place(Q[row])
             for pair in np.flatnonzero(candidates[row]).tolist():
-                if pair in meshes and outline.distance(pair) >= cutoff:
-                    continue
-                pin.computeDistance(geometry, data, pair)
-                result = results[pair]
+                result = outline.query(pair) if pair in meshes else None
+                if result is None or result.min_distance <= SETTLED:
+                    pin.computeDistance(geometry, data, pair)
+                    if result is None or results[pair].min_distance > 0.0:
+                        result = results[pair]
                 distance = result.min_distance
                 if distance < cutoff:
                     found.append((row, pair, distance))
