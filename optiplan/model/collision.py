@@ -10,12 +10,14 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.model import gjk as _primed  # noqa: F401  # before the first query of the process
 from optiplan.model.body_table import geometry_of
-from optiplan.model.bounds import Flags, Index, PairBounds
+from optiplan.model.bounds import Index, PairBounds
 from optiplan.model.containment import Containment
 from optiplan.model.outline import SETTLED, Outline, exact_queries
 from optiplan.model.robot import Robot
 from optiplan.model.scene import Scene
 from optiplan.model.shapes import build_geometry
+from optiplan.model.standing import overlapping
+
 
 @dataclass(frozen=True, slots=True)
 class Pair:
@@ -64,19 +66,12 @@ class Contacts:
     normals: Array
 
 
-STANDS = 5e-3
-"""Depth, m, to which a link that nothing moves may be sunk into an obstacle that it stands on.
-
-Makers' meshes reach below the plane that the robot is screwed to, that of the UR5 by 3 mm.
-"""
-
-
 class CollisionModel:
     """A robot in a scene, with its own work space: use one object a thread.
 
     Bodies are the robot's links, then attachments, then obstacles. Links are checked against each other as the robot
     says. A link that no planned joint moves may stand on an obstacle, but not in it: such a pair is measured once, and
-    is among `pairs` only where the two overlap by more than `STANDS`, so that no configuration is free.
+    is among `pairs` only where the two overlap by more than `standing.STANDS`, so that no configuration is free.
 
     Attributes:
         geometry: the bodies; `names[i]` is the link, attachment or obstacle of body i.
@@ -173,10 +168,10 @@ class CollisionModel:
 
     def contacts(self, q: Array, cutoff: float) -> list[Contact]:
         """Every pair nearer than `cutoff` (m) at q (n,)."""
-        near: Index = np.flatnonzero(self.lower_bounds(q[None])[0] < cutoff)
+        possible = np.flatnonzero(self.lower_bounds(q[None])[0] < cutoff)
         self.place(q)
         meshes = self.outline.pairs
-        near = [pair for pair in near.tolist() if pair not in meshes or self.outline.distance(pair) < cutoff]
+        near = [pair for pair in possible.tolist() if pair not in meshes or self.outline.distance(pair) < cutoff]
         found = [self.pair_distance(pair) for pair in near]
         return [contact for contact in found if contact.distance < cutoff]
 
@@ -262,7 +257,7 @@ class CollisionModel:
         excused = {name for pair in self.scene.allowed for name in pair}
         kept = [(a, b) for a, b in found if not self._allowed(a, b, excused)]
         standing = [(a, b) for a in still for b in obstacles if not self._allowed(a, b, excused)]
-        kept += _overlapping(self.geometry, np.array(standing, dtype=np.intp).reshape(-1, 2))
+        kept += overlapping(self.geometry, np.array(standing, dtype=np.intp).reshape(-1, 2))
         return tuple(Pair(k, a, b, self.names[a], self.names[b]) for k, (a, b) in enumerate(kept))
 
     def _allowed(self, a: int, b: int, excused: set[str]) -> bool:
@@ -273,43 +268,6 @@ class CollisionModel:
 
 def _body(name: str, joint: int, placement: pin.SE3, geometry: coal.CollisionGeometry) -> pin.GeometryObject:
     return pin.GeometryObject(name, joint, 0, placement, geometry)
-
-
-def _overlapping(geometry: pin.GeometryModel, pairs: Index) -> list[tuple[int, int]]:
-    """Of pairs (K, 2) of bodies that stand still in the world those that overlap by more than `STANDS`.
-
-    The depth in a mesh is not known, and neither is inside from outside: a pair with a mesh is kept where the two
-    touch, and where their boxes overlap, for the verifier to look whether one holds the other.
-    """
-    if not len(pairs):
-        return []
-    bodies = list(geometry.geometryObjects)
-    low, high = np.array([_world_box(body) for body in bodies]).transpose(1, 0, 2)
-    a, b = pairs.T
-    meets: Flags = ((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)
-    request, found = coal.DistanceRequest(), []
-    request.gjk_tolerance, request.gjk_max_iterations = 1e-9, 500
-    for first, second in pairs[meets].tolist():
-        one, other = bodies[first], bodies[second]
-        mesh = any(isinstance(body.geometry, coal.BVHModelBase) for body in (one, other))
-        ends = (one.geometry, _transform(one.placement), other.geometry, _transform(other.placement))
-        if mesh or coal.distance(*ends, request, coal.DistanceResult()) < -STANDS:
-            found.append((first, second))
-    return found
-
-
-def _world_box(body: pin.GeometryObject) -> tuple[Array, Array]:
-    """Corners of the box along the world's axes that holds a body which stands still; infinite for a half-space."""
-    if isinstance(body.geometry, coal.Halfspace):
-        return np.full(3, -np.inf), np.full(3, np.inf)
-    body.geometry.computeLocalAABB()
-    low, high = np.array(body.geometry.aabb_local.min_), np.array(body.geometry.aabb_local.max_)
-    centre, reach = body.placement * (0.5 * (low + high)), np.abs(body.placement.rotation) @ (0.5 * (high - low))
-    return centre - reach, centre + reach
-
-
-def _transform(placement: pin.SE3) -> coal.Transform3s:
-    return coal.Transform3s(placement.rotation, placement.translation)
 
 
 def _normals(distances: Array, vectors: Array) -> Array:

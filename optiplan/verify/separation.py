@@ -42,7 +42,8 @@ class PairDistances:
     whatever n is; with the right normal both sides are equal for convex bodies. Between cylinders coal's normal is at
     times a tenth of a millimetre off: then it is asked again, by another criterion of convergence. The support
     functions of boxes, balls, cylinders and capsules are closed formulas, those of polyhedra and meshes maxima over
-    vertices. So a plane that separates the hulls of two meshes separates the meshes, and is found in a tenth of the time.
+    vertices. So a plane between the hulls of two meshes is one between the meshes, and found in a tenth of
+    the time.
     """
 
     def __init__(self, model: CollisionModel, bodies: Bodies) -> None:
