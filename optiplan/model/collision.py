@@ -10,15 +10,13 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.model import gjk as _primed  # noqa: F401  # before the first query of the process
 from optiplan.model.body_table import geometry_of
-from optiplan.model.bounds import Flags, Index, PairBounds
+from optiplan.model.bounds import Index, PairBounds
 from optiplan.model.containment import Containment
-from optiplan.model.outline import Outline, exact_queries
+from optiplan.model.outline import SETTLED, Outline, exact_queries
 from optiplan.model.robot import Robot
 from optiplan.model.scene import Scene
 from optiplan.model.shapes import build_geometry
-
-_FAR = 0.05
-"""m; where the hulls of a pair are farther apart, their distance does."""
+from optiplan.model.standing import overlapping
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,23 +66,17 @@ class Contacts:
     normals: Array
 
 
-STANDS = 5e-3
-"""Depth, m, to which a link that nothing moves may be sunk into an obstacle that it stands on.
-
-Makers' meshes reach below the plane that the robot is screwed to, that of the UR5 by 3 mm.
-"""
-
-
 class CollisionModel:
     """A robot in a scene, with its own work space: use one object a thread.
 
     Bodies are the robot's links, then attachments, then obstacles. Links are checked against each other as the robot
     says. A link that no planned joint moves may stand on an obstacle, but not in it: such a pair is measured once, and
-    is among `pairs` only where the two overlap by more than `STANDS`, so that no configuration is free.
+    is among `pairs` only where the two overlap by more than `standing.STANDS`, so that no configuration is free.
 
     Attributes:
         geometry: the bodies; `names[i]` is the link, attachment or obstacle of body i.
         pairs: the pairs that must stay apart.
+        outline: the same bodies with hulls in the place of meshes.
     """
 
     def __init__(self, robot: Robot, scene: Scene) -> None:
@@ -98,13 +90,15 @@ class CollisionModel:
         self.bounds = PairBounds(robot.model, self.geometry, [(p.a, p.b) for p in self.pairs])
         self._data, self._geometry_data = robot.model.createData(), self.geometry.createData()
         exact_queries(self._geometry_data)
-        self._outline = Outline(robot.model, self.geometry)
+        self.outline = Outline(robot.model, self.geometry)
         self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
             robot.model, self.geometry, self._geometry_data
         )
 
     def collides(self, q: Array) -> bool:
-        """Whether any pair touches at q (n,)."""
+        """Whether any pair touches at q (n,); meshes are asked where their hulls touch."""
+        if self.outline.pairs and not self.outline.collides(self._data, q):
+            return False
         return bool(pin.computeCollisions(self.robot.model, self._data, self._broad_phase, q, True))
 
     def contained(self, q: Array) -> tuple[str, str] | None:
@@ -124,7 +118,7 @@ class CollisionModel:
     def place(self, q: Array) -> None:
         """Move all bodies to q (n,), for `pair_distance`."""
         pin.updateGeometryPlacements(self.robot.model, self._data, self.geometry, self._geometry_data, q)
-        self._outline.place(self._data)
+        self.outline.place(self._data)
 
     def pair_distance(self, pair: int) -> Contact:
         """Nearest points of one pair where `place` put the bodies."""
@@ -132,13 +126,13 @@ class CollisionModel:
         return self._read(pair)
 
     def pair_gap(self, pair: int) -> float:
-        """A lower bound, m, of the distance of one pair where `place` put the bodies; the distance itself below 5 cm.
+        """A lower bound, m, of the distance of one pair where `place` put the bodies.
 
-        Several times faster than the nearest points; where a body is a mesh, the hulls are asked first.
+        It is the distance itself, unless a body is a mesh and the hulls are farther apart than `SETTLED`.
         """
-        if pair in self._outline.pairs:
-            gap = self._outline.distance(pair)
-            if gap > _FAR:
+        if pair in self.outline.pairs:
+            gap = self.outline.distance(pair)
+            if gap > SETTLED:
                 return gap
         pin.computeDistance(self.geometry, self._geometry_data, pair)
         return float(self._geometry_data.distanceResults[pair].min_distance)
@@ -152,30 +146,54 @@ class CollisionModel:
         """The nearest pair of all at q (n,); None when there is no pair."""
         if not self.pairs:
             return None
+        if self.outline.pairs:
+            return self._nearest(q)
         nearest = pin.computeDistances(self.robot.model, self._data, self.geometry, self._geometry_data, q)
         return self._read(int(nearest))
 
+    def _nearest(self, q: Array) -> Contact:
+        """The nearest pair at q (n,), by rising lower bound, as long as that is below the least distance found."""
+        self.place(q)
+        bounds = self.lower_bounds(q[None])[0]
+        for pair in self.outline.pairs:
+            bounds[pair] = max(bounds[pair], self.outline.distance(pair))
+        best: Contact | None = None
+        for pair in np.argsort(bounds, kind="stable").tolist():
+            if best is not None and bounds[pair] >= best.distance:
+                break
+            found = self.pair_distance(pair)
+            best = found if best is None or found.distance < best.distance else best
+        assert best is not None
+        return best
+
     def contacts(self, q: Array, cutoff: float) -> list[Contact]:
         """Every pair nearer than `cutoff` (m) at q (n,)."""
-        near = np.flatnonzero(self.lower_bounds(q[None])[0] < cutoff)
+        possible = np.flatnonzero(self.lower_bounds(q[None])[0] < cutoff)
         self.place(q)
-        found = [self.pair_distance(int(pair)) for pair in near]
+        meshes = self.outline.pairs
+        near = [pair for pair in possible.tolist() if pair not in meshes or self.outline.distance(pair) < cutoff]
+        found = [self.pair_distance(pair) for pair in near]
         return [contact for contact in found if contact.distance < cutoff]
 
     def near(self, Q: Array, cutoff: float) -> Contacts:
-        """Every pair nearer than `cutoff` (m) at each of many configurations Q (N, n), as arrays."""
+        """Every pair nearer than `cutoff` (m) at each of many configurations Q (N, n), as arrays.
+
+        Where a body is a mesh, distance and points are the hulls' if these are farther apart than `SETTLED`, and if the
+        bodies touch: triangles do not tell how deep, or which way is out.
+        """
         candidates = self.lower_bounds(Q) < cutoff
         geometry, data, results = self.geometry, self._geometry_data, self._geometry_data.distanceResults
-        outline, meshes = self._outline, self._outline.pairs
+        outline, meshes = self.outline, self.outline.pairs
         found: list[tuple[int, int, float]] = []
         vectors: list[Array] = []
         for row in np.flatnonzero(candidates.any(axis=1)).tolist():
             self.place(Q[row])
             for pair in np.flatnonzero(candidates[row]).tolist():
-                if pair in meshes and outline.distance(pair) >= cutoff:
-                    continue
-                pin.computeDistance(geometry, data, pair)
-                result = results[pair]
+                result = outline.query(pair) if pair in meshes else None
+                if result is None or result.min_distance <= SETTLED:
+                    pin.computeDistance(geometry, data, pair)
+                    if result is None or results[pair].min_distance > 0.0:
+                        result = results[pair]
                 distance = result.min_distance
                 if distance < cutoff:
                     found.append((row, pair, distance))
@@ -239,7 +257,7 @@ class CollisionModel:
         excused = {name for pair in self.scene.allowed for name in pair}
         kept = [(a, b) for a, b in found if not self._allowed(a, b, excused)]
         standing = [(a, b) for a in still for b in obstacles if not self._allowed(a, b, excused)]
-        kept += _overlapping(self.geometry, np.array(standing, dtype=np.intp).reshape(-1, 2))
+        kept += overlapping(self.geometry, np.array(standing, dtype=np.intp).reshape(-1, 2))
         return tuple(Pair(k, a, b, self.names[a], self.names[b]) for k, (a, b) in enumerate(kept))
 
     def _allowed(self, a: int, b: int, excused: set[str]) -> bool:
@@ -250,43 +268,6 @@ class CollisionModel:
 
 def _body(name: str, joint: int, placement: pin.SE3, geometry: coal.CollisionGeometry) -> pin.GeometryObject:
     return pin.GeometryObject(name, joint, 0, placement, geometry)
-
-
-def _overlapping(geometry: pin.GeometryModel, pairs: Index) -> list[tuple[int, int]]:
-    """Of pairs (K, 2) of bodies that stand still in the world those that overlap by more than `STANDS`.
-
-    The depth in a mesh is not known, and neither is inside from outside: a pair with a mesh is kept where the two
-    touch, and where their boxes overlap, for the verifier to look whether one holds the other.
-    """
-    if not len(pairs):
-        return []
-    bodies = list(geometry.geometryObjects)
-    low, high = np.array([_world_box(body) for body in bodies]).transpose(1, 0, 2)
-    a, b = pairs.T
-    meets: Flags = ((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)
-    request, found = coal.DistanceRequest(), []
-    request.gjk_tolerance, request.gjk_max_iterations = 1e-9, 500
-    for first, second in pairs[meets].tolist():
-        one, other = bodies[first], bodies[second]
-        mesh = any(isinstance(body.geometry, coal.BVHModelBase) for body in (one, other))
-        ends = (one.geometry, _transform(one.placement), other.geometry, _transform(other.placement))
-        if mesh or coal.distance(*ends, request, coal.DistanceResult()) < -STANDS:
-            found.append((first, second))
-    return found
-
-
-def _world_box(body: pin.GeometryObject) -> tuple[Array, Array]:
-    """Corners of the box along the world's axes that holds a body which stands still; infinite for a half-space."""
-    if isinstance(body.geometry, coal.Halfspace):
-        return np.full(3, -np.inf), np.full(3, np.inf)
-    body.geometry.computeLocalAABB()
-    low, high = np.array(body.geometry.aabb_local.min_), np.array(body.geometry.aabb_local.max_)
-    centre, reach = body.placement * (0.5 * (low + high)), np.abs(body.placement.rotation) @ (0.5 * (high - low))
-    return centre - reach, centre + reach
-
-
-def _transform(placement: pin.SE3) -> coal.Transform3s:
-    return coal.Transform3s(placement.rotation, placement.translation)
 
 
 def _normals(distances: Array, vectors: Array) -> Array:

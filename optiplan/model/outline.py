@@ -7,6 +7,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from optiplan.arrays import Array
 from optiplan.model.cache import digest
 from optiplan.model.hull import convex_hull, thickened_hull
 
@@ -16,6 +17,12 @@ _KEPT = 256
 _TRUST = 2e-6
 """m; twice what coal's distances are trusted to."""
 
+SETTLED = 0.01
+"""m; bodies whose hulls are farther apart are asked no nearer: the hulls' distance, a lower bound, stands for theirs.
+
+Twice the clearance that planners aim at, so that what they keep away from is the mesh.
+"""
+
 _hulls: "OrderedDict[str, coal.ConvexBase]" = OrderedDict()
 
 
@@ -23,32 +30,42 @@ class Outline:
     """The same bodies with hulls in the place of meshes: their distances are lower bounds of the true ones.
 
     Attributes:
+        geometry: the bodies, in the order of those they stand for.
         pairs: indices of the pairs with a mesh that is not bounded by a half-space.
     """
 
     def __init__(self, model: pin.Model, geometry: pin.GeometryModel) -> None:
         """Take the bodies and pairs of `geometry`."""
-        self._model, self._geometry = model, geometry.copy()
+        self._model, self.geometry = model, geometry.copy()
         meshes = [isinstance(body.geometry, coal.BVHModelBase) for body in geometry.geometryObjects]
         planes = [isinstance(body.geometry, coal.Halfspace) for body in geometry.geometryObjects]
         found = [(p.first, p.second) for p in geometry.collisionPairs]
         asked = [k for k, (a, b) in enumerate(found) if (meshes[a] or meshes[b]) and not (planes[a] or planes[b])]
         self.pairs = frozenset(asked)
         for body in {body for k in asked for body in found[k] if meshes[body]}:
-            item = self._geometry.geometryObjects[body]
+            item = self.geometry.geometryObjects[body]
             item.geometry = hull_of_mesh(item.geometry)
-        self._data = self._geometry.createData()
+        self._data = self.geometry.createData()
         exact_queries(self._data)
+        self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(model, self.geometry, self._data)
 
     def place(self, data: pin.Data) -> None:
         """Move the bodies to where the joints are in `data`."""
         if self.pairs:
-            pin.updateGeometryPlacements(self._model, data, self._geometry, self._data)
+            pin.updateGeometryPlacements(self._model, data, self.geometry, self._data)
+
+    def collides(self, data: pin.Data, q: Array) -> bool:
+        """Whether any pair of hulls, or of bodies that are no meshes, touches at q (n,); moves the joints in `data`."""
+        return bool(pin.computeCollisions(self._model, data, self._broad_phase, q, True))
 
     def distance(self, pair: int) -> float:
         """Lower bound, m, of the distance of a pair where `place` put the bodies; negative where hulls meet."""
-        pin.computeDistance(self._geometry, self._data, pair)
-        return float(self._data.distanceResults[pair].min_distance) - _TRUST
+        return float(self.query(pair).min_distance) - _TRUST
+
+    def query(self, pair: int) -> coal.DistanceResult:
+        """Nearest points of a pair of hulls where `place` put the bodies; the pair's next query overwrites them."""
+        pin.computeDistance(self.geometry, self._data, pair)
+        return self._data.distanceResults[pair]
 
 
 def hull_of_mesh(mesh: coal.BVHModelBase) -> coal.ConvexBase:

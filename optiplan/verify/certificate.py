@@ -18,6 +18,8 @@ ROUNDING = 1e-9  # m, subtracted from every proved clearance
 _EASY = 5e-3  # m, margin by which bounding volumes must clear a pair at first
 _TOLD = 0.8  # of the smallest distance measured: this much is to be proved, so that the clearance is a true figure
 _FAR = 0.1  # m: a larger clearance need not be told any better
+_HULLS = 5e-3  # m: where hulls are proved farther apart, meshes need not be asked
+_ROOM = 1.25  # times what must be proved: less than that between hulls, and meshes are asked
 _MOST_AGAIN = 4_000  # questions answered to tell the clearance better, after the proof
 _FIRST_TRAVEL = 0.1  # rad or m, summed over joints: how coarse the first intervals may be
 _LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up ROUNDING
@@ -210,12 +212,14 @@ class _Search:
         b = self.boxes(unique)
         poses = self.bodies.kinematics.poses(b.q)
         placed = self.bodies.place(poses, rows, items.pair)
-        found = self.distances.query(b.q, rows, items.pair, placed)
+        found = self.distances.query(b.q, rows, items.pair, placed, max(_HULLS, _ROOM * self.target()))
         asked = Asked(rows, items.pair, placed, *self.bodies.kinematics.axes(poses))
         near = self.motion.approach(b, asked, found.normals)
         margin = np.maximum(found.bound - near.travel, near.linear - near.bend) - ROUNDING
         best = np.maximum(found.bound, found.measured)
-        self.see(best, middles(self.trajectory, unique)[rows], b.q[rows], items.pair)
+        times = middles(self.trajectory, unique)[rows]
+        for kind in (~found.hulls, found.hulls):  # what hulls answered is no distance measured
+            self.see(best[kind], times[kind], b.q[rows[kind]], items.pair[kind], bool(found.hulls[kind].any()))
         self.count(unique, found)
         if (best <= self.policy.clearance + ROUNDING).any():
             reason = "bodies touch" if self.policy.clearance <= 0 else "bodies come too near"
@@ -259,13 +263,17 @@ class _Search:
         if len(margins):
             self.proof = replace(self.proof, clearance=min(self.proof.clearance, float(margins.min())))
 
-    def see(self, distance: Array, times: Array, Q: Array, pairs: Index) -> None:
-        """Remember the smallest distance measured, with its witness."""
+    def see(self, distance: Array, times: Array, Q: Array, pairs: Index, measure: bool) -> None:
+        """Remember the smallest distance, with its witness; with `measure` those given are lower bounds."""
+        known = np.inf if self.proof.nearest is None else self.proof.nearest.distance
+        if distance.min(initial=np.inf) >= known:
+            return
         k = int(np.argmin(distance))
-        if self.proof.nearest is None or distance[k] < self.proof.nearest.distance:
-            points = self.distances.witness(Q[k], int(pairs[k]))
+        measured, points = self.distances.witness(Q[k], int(pairs[k]))
+        least = measured if measure else float(distance[k])
+        if least < known:
             pair = self.model.pairs[int(pairs[k])]
-            nearest = Moment(float(distance[k]), float(times[k]), (pair.name_a, pair.name_b), points, Q[k].copy())
+            nearest = Moment(least, float(times[k]), (pair.name_a, pair.name_b), points, Q[k].copy())
             self.proof = replace(self.proof, nearest=nearest)
 
 

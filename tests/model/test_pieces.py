@@ -5,11 +5,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-from optiplan.verify.inside import winding_number
 
 from optiplan.model.collision import CollisionModel
 from optiplan.model.convex import cover_of, faces_of, hull_of, protrusion, vertices_of
+from optiplan.model.enclosure import winding_number
 from optiplan.model.hull import covering_hull
+from optiplan.model.margins import PairMargins
+from optiplan.model.outline import SETTLED
 from optiplan.model.over_cover import MeshSolid
 from optiplan.model.pieces import PieceOptions, cut, measured
 from optiplan.model.robot import load_robot
@@ -218,24 +220,58 @@ def bent_scene(tmp_path, angle):
     return CollisionModel(robot, Scene((obstacle,)))
 
 
-def test_hulls_asked_first_change_no_contact(bent_scene):
-    """Contacts nearer than the cutoff are those that the meshes give; hulls only spare questions."""
-    model = bent_scene
-    Q = np.random.default_rng(7).uniform(model.robot.limits.lower, model.robot.limits.upper, (200, model.robot.n))
+def configurations(model, count):
+    rng = np.random.default_rng(7)
+    return rng.uniform(model.robot.limits.lower, model.robot.limits.upper, (count, model.robot.n))
+
+
+def test_hulls_stand_for_meshes_where_they_are_far_apart(bent_scene):
+    """Distances are the meshes' where hulls are within `SETTLED`, else lower bounds; touching, hulls show the way."""
+    model, kinds = bent_scene, set()
+    Q = configurations(model, 2000)
     found = model.near(Q, 0.1)
-    assert len(found.rows)
-    meshes, spared = [k for k, pair in enumerate(model.pairs) if "angle" in (pair.name_a, pair.name_b)], 0
+    meshes = [k for k, pair in enumerate(model.pairs) if "angle" in (pair.name_a, pair.name_b)]
     for row, q in enumerate(Q):
         model.place(q)
         for pair in meshes:
-            exact = model.pair_distance(pair).distance
-            gap = model.pair_gap(pair)
-            assert gap <= exact
-            assert gap == exact or gap > 0.05
-            spared += gap != exact
+            exact, hull = model.pair_distance(pair).distance, model.outline.query(pair).min_distance
             near = found.distance[(found.rows == row) & (found.pairs == pair)]
-            assert near.tolist() == ([exact] if exact < 0.1 else [])
-    assert spared > 50
+            told = hull if hull > SETTLED or exact <= 0.0 else exact
+            assert near.tolist() == ([told] if told < 0.1 else [])
+            assert told <= exact + 1e-6
+            gap = model.pair_gap(pair)
+            assert gap <= exact + 1e-6
+            assert gap == exact or gap > SETTLED - 1e-5
+            kinds.add("hull" if hull > SETTLED else "touch" if exact <= 0.0 else "mesh")
+    assert kinds == {"hull", "touch", "mesh"}
+
+
+def test_meshes_decide_whether_bodies_touch_and_which_are_nearest(bent_scene):
+    model, seen = bent_scene, set()
+    for q in configurations(model, 200):
+        gaps = [model.distance(q, pair).distance for pair in range(len(model.pairs))]
+        assert model.collides(q) == (min(gaps) <= 0.0)
+        assert model.clearance(q).distance == min(gaps)
+        near = model.contacts(q, 0.1)
+        assert [contact.distance for contact in near] == [gap for gap in gaps if gap < 0.1]
+        seen.add(model.collides(q))
+    assert seen == {True, False}
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.004, 0.02, 0.1])
+def test_margins_are_held_against_hulls_only_where_they_are_wide(bent_scene, margin):
+    """What is said to be apart is; what is said to be near is, except that wide margins look at hulls."""
+    model, margins, seen = bent_scene, PairMargins(bent_scene), set()
+    margins.set(np.full(len(model.pairs), margin))
+    for q in configurations(model, 200):
+        gaps = [model.distance(q, pair).distance for pair in range(len(model.pairs))]
+        if abs(min(gaps) - margin) < 1e-5:
+            continue
+        near = margins.near(q)
+        hulls = min(model.outline.query(pair).min_distance for pair in range(len(model.pairs)))
+        assert near == (min(gaps) < margin if margin < 0.03 else hulls < margin)
+        seen.add(near)
+    assert seen == {True, False}
 
 
 def test_a_link_of_the_ur5_is_not_its_hull(shared):

@@ -272,3 +272,31 @@ def test_many_questions_are_answered_in_portions(panda, monkeypatch):
     assert whole.proved
     assert portions.proved
     assert portions.nearest.pair == whole.nearest.pair
+
+
+def test_hulls_asked_first_change_no_verdict(planar, tmp_path, monkeypatch):
+    """With a plane between hulls the proof asks meshes less, finds the same, and claims no more than they allow."""
+    sides = [trimesh.creation.box((0.4, 0.05, 0.1)), trimesh.creation.box((0.05, 0.4, 0.1))]
+    sides[0].apply_translation((0.2, 0.0, 0.0))
+    sides[1].apply_translation((0.0, 0.2, 0.0))
+    trimesh.util.concatenate(sides).export(tmp_path / "angle.stl")
+    angle = Obstacle("angle", Mesh(tmp_path / "angle.stl"), pin.SE3(np.eye(3), np.array([0.45, 0.1, 0.0])))
+    model, verdicts, spared = CollisionModel(planar, Scene((angle,))), [], 0
+    for seed in range(12):
+        trajectory, proofs = random_motion(np.random.default_rng(seed), planar, 0.25), []
+        for hulls in (5e-3, np.inf):
+            monkeypatch.setattr("optiplan.verify.certificate._HULLS", hulls)
+            proofs.append(certify(model, trajectory, VerifyPolicy()))
+        first, exact = proofs
+        assert (first.proved, first.contact) == (exact.proved, exact.contact)
+        assert first.believed <= exact.believed
+        if first.proved and first.nearest is not None:
+            assert first.clearance <= sampled_clearance(model, trajectory, 200)
+            assert first.nearest.distance >= first.clearance
+            model.place(first.nearest.q)
+            gaps = [model.pair_distance(pair).distance for pair in range(len(model.pairs))]
+            assert first.nearest.distance >= min(gaps) - 1e-5
+        spared += exact.believed - first.believed
+        verdicts.append(first.proved)
+    assert set(verdicts) == {True, False}
+    assert spared > 0
