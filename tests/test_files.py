@@ -90,7 +90,8 @@ def test_a_problem_in_an_allowed_folder_is_read_with_all_that_it_names(inside):
     problem = load_problem(inside / "bin.yaml", folders=[inside])
     assert problem.hash == load_problem(SWALLOWED / "bin.yaml").hash
     ends = {"start": {"configuration": "ready"}, "goal": {"configuration": "extended"}}
-    source = problem.source | ends | {"robot": "panda"}  # which comes with the program
+    scene = {"scene": problem.source["scene"] | {"allowed_collisions": [["panda_link0", "block"]]}}
+    source = problem.source | ends | scene | {"robot": "panda"}  # which comes with the program
     assert problem_from_dict(source, inside, folders=[inside]).robot.name == "panda"
     assert problem.robot.visual.ngeoms == 0
 
