@@ -32,7 +32,7 @@ def test_no_unchecked_pair_collides_in_random_configurations(name, tmp_path):
     for _ in range(0, COUNT, ROWS):
         Q = proof.middle + half * rng.uniform(-1.0, 1.0, (ROWS, robot.n))
         _, pairs, placed = proof.bounds.meeting(Q, 0.0)
-        assert (proof.distances(placed, pairs) > 0.0).all()
+        assert (proof.distances(placed, pairs, np.full(len(pairs), np.inf)) > 0.0).all()
     always = [robot.survey.rates[pair] for pair, reason in robot.allowed.items() if reason == ADJACENT]
     assert min(always, default=1.0) > 0.9
 
@@ -57,9 +57,11 @@ def test_steps_bound_what_joints_do_to_a_distance(panda):
         D = rng.uniform(0.0, size, Q.shape)
         poses, placed = proof.bounds.place(Q, index)
         travel = proof.bounds.steps_of(poses, placed, D, index).sum(axis=1)
-        before = proof.distances(placed, index)
+        before = proof.distances(placed, index, np.full(len(index), np.inf))
         for _ in range(20):
-            after = proof.distances(proof.bounds.place(Q + rng.uniform(-D, D), index)[1], index)
+            after = proof.distances(
+                proof.bounds.place(Q + rng.uniform(-D, D), index)[1], index, np.full(len(index), np.inf)
+            )
             apart = (before > 0.0) & (after > 0.0)
             assert (np.abs(after - before)[apart] <= travel[apart] + 1e-6).all()
 

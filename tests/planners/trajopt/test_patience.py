@@ -3,14 +3,15 @@
 import pytest
 
 from optiplan.planners.base import Budget
-from optiplan.planners.trajopt.patience import PRICE, SAME, Patience
+from optiplan.planners.trajopt.patience import PRICE, SAME, STATE, STEP, Patience
 
 
 def after(costs: list[float | None], seconds: float, budget: float = 10.0, good_enough: float = 1.0) -> Patience:
     """Patience after attempts that cost so much (None: not free) and took `seconds` each."""
     patience = Patience(Budget(budget), good_enough)
     for cost in costs:
-        patience.record(cost, seconds)
+        patience.seconds += seconds
+        patience.record(cost)
     return patience
 
 
@@ -75,3 +76,10 @@ def test_nothing_is_sought_below_what_is_good_enough() -> None:
 def test_a_bound_above_the_best_is_no_reason_to_go_on() -> None:
     """A motion to a nearer end may be below the bound of another end."""
     assert not after([1.0, 1.0], 0.1).worth_another(1.0, 1.5)
+
+
+def test_work_is_counted_in_steps_and_states_not_by_a_clock() -> None:
+    patience = Patience(Budget(10.0))
+    patience.work(steps=30)
+    patience.work(states=200)
+    assert patience.seconds == pytest.approx(30 * STEP + 200 * STATE)
