@@ -18,7 +18,8 @@ def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str,
 
 
 def _pairs(robot: Robot, checks: Sequence[Check]) -> list[str]:
-    found = [f"collision: {check.witness['pairs']} pairs of bodies" for check in checks if check.name == "collision"]
+    counts = [check.witness["pairs"] for check in checks if check.name == "collision"]
+    found = [f"collision: {count} {'pair' if count == 1 else 'pairs'} of bodies" for count in counts]
     bare = [f"links without geometry, not checked: {', '.join(robot.bare_links)}"] if robot.bare_links else []
     return [*found, reasons_in_words(count_reasons(robot.allowed)), *bare]
 

@@ -115,7 +115,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
 def _words(proof: Proof) -> str:
     """The proof in one sentence."""
     work = f"{proof.intervals} intervals, {proof.queries} distance queries"
-    trust = f", {proof.believed} of them of non-convex meshes, believed to 1e-6 m" if proof.believed else ""
+    trust = f", {proof.believed} of them of non-convex meshes, as measured less 1e-6 m" if proof.believed else ""
     if proof.proved:
         met = "" if proof.nearest is None else f" (smallest met: {1e3 * proof.nearest.distance:.3g} mm)"
         return f"proved clear by more than {1e3 * proof.clearance:.3g} mm at all times{met}: {work}{trust}"

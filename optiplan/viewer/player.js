@@ -111,6 +111,12 @@
     const facts = make("dl");
     for (const [name, value] of run.facts) facts.append(make("dt", "", name), make("dd", "", value));
     const told = [facts, ...run.problems.map((text) => make("p", "problem", text))];
+    if (run.scope.length) {
+      const about = make("details", "more"), list = make("ul");
+      list.append(...run.scope.map((text) => make("li", "", text)));
+      about.append(make("summary", "", "what the verdict is about"), list);
+      told.push(about);
+    }
     card.append(label);
     if (several) {
       const choice = make("label", "robot");

@@ -70,6 +70,7 @@ class Poses:
 def show_run(problem: Problem, poses: Poses, run: ViewedRun) -> dict[str, Any]:
     """JSON-ready form of a run for the page."""
     shown: dict[str, Any] = {"label": run.label, "facts": [], "problems": [], "duration": 0.0}
+    shown["scope"] = [str(statement) for statement in (run.report or {}).get("scope", ())]
     shown["badge"] = _badge(run)
     if run.trajectory is not None:
         shown |= _motion(poses, run.trajectory)

@@ -285,6 +285,23 @@ def test_a_robot_without_bodies_is_drawn_and_told_in_words(visit, bare, motion, 
     assert np.abs(pixels(page) - first).max() > 50.0
 
 
+@pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
+def test_what_the_verdict_is_about_is_folded_below_it(visit, shelf, motion, tmp_path, size):
+    path = tmp_path / "scope.html"
+    scope = ["4 pairs of links not checked: 4 adjacent", "torque: at all times, without friction"]
+    export_page(shelf, [ViewedRun("quintic", motion(shelf), {"verified": True, "checks": [], "scope": scope})], path)
+    page = visit(path.as_uri() + "#t=0&paused&ghosts=0")
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    listed = page.locator("#runs .more li")
+    assert listed.all_text_contents() == scope
+    assert not listed.first.is_visible()
+    page.get_by_text("what the verdict is about").click()
+    assert listed.first.is_visible()
+    card, line = page.locator("#card").bounding_box(), listed.first.bounding_box()
+    assert card["x"] <= line["x"]
+    assert line["x"] + line["width"] <= card["x"] + card["width"] <= size[0]
+
+
 def test_the_note_stays_away_where_there_is_nothing_to_say(visit, exported):
     assert not visit(exported + "#t=0").locator("#note").is_visible()
 

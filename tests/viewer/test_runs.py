@@ -66,6 +66,13 @@ def test_facts_of_a_verified_run(shelf, motion):
     assert shown["problems"] == shown["witnesses"] == []
 
 
+def test_what_the_verdict_is_about_is_shown(shelf, motion):
+    scope = ("4 pairs of links not checked: 4 adjacent", "torque: at all times, without friction")
+    run = ViewedRun("quintic", motion(shelf), REPORT | {"scope": list(scope)})
+    assert show_run(shelf, Poses(shelf), run)["scope"] == list(scope)
+    assert show_run(shelf, Poses(shelf), run._replace(report=None))["scope"] == []
+
+
 @pytest.mark.parametrize("offset", [0.0, 1e-15, 1e-12])
 def test_a_motion_that_ends_where_it_starts_has_no_bound(shelf, motion, offset):
     """Start and end of a circle differ by rounding: no bound to compare with, where 3276800.000 was shown."""
