@@ -151,10 +151,14 @@ def _ask_names(what: str, default: str, valid: list[str]) -> tuple[str, ...]:
 
 
 def write(urdf: Path, folder: Path, robot: Robot, choices: Choices) -> None:
-    """Write the SRDF and then the robot.yaml, with the joints and the tool frame that were chosen."""
+    """Write the SRDF and then the robot.yaml, with the joints and the tool frame that were chosen.
+
+    The robot.yaml does not name the SRDF: its pairs hold for these joints, limits and locked values only, and where a
+    problem chooses others they are found anew.
+    """
     relative = os.path.relpath(urdf.resolve(), folder.resolve())
     chosen = replace(choices, group=robot.joint_names, tool=robot.tool_frame)
-    data = _data(relative, robot.name, chosen) | {"srdf": SRDF_NAME}
+    data = _data(relative, robot.name, chosen)
     write_text(folder / SRDF_NAME, srdf_text(robot.name, robot.allowed))
     write_text(folder / YAML_NAME, problem_text(data, f"Made by `optiplan robots init {urdf.name}`."))
 

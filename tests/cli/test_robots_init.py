@@ -34,7 +34,7 @@ def test_without_flags_the_choices_are_made_and_said(optiplan, urdf):
     folder = urdf.parent
     assert (folder / "robot.yaml").read_text() == (
         '# Made by `optiplan robots init arm.urdf`.\nversion: 1\nname: "my arm"\nurdf: arm.urdf\n'
-        "group: [j1, j2, j3]\ntool_frame: tool0\nsrdf: robot.srdf\n"
+        "group: [j1, j2, j3]\ntool_frame: tool0\n"
     )
     for words in (
         "planned is the longest chain of joints, j1, j2, j3",
@@ -46,6 +46,7 @@ def test_without_flags_the_choices_are_made_and_said(optiplan, urdf):
     assert (robot.joint_names, robot.tool_frame) == (("j1", "j2", "j3"), "tool0")
     pairs = ElementTree.parse(folder / "robot.srdf").getroot().findall("disable_collisions")
     assert {(pair.get("link1"), pair.get("link2")) for pair in pairs} <= set(robot.allowed)
+    assert not [reason for reason in robot.allowed.values() if reason.startswith("SRDF")]
 
 
 def test_it_plans_what_it_made(optiplan, urdf, tmp_path):
