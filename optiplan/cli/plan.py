@@ -33,7 +33,7 @@ def plan(
     planner: Annotated[str | None, typer.Option(metavar="NAME", help=PLANNER, autocompletion=planner_names)] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="instead of the file's")] = None,
     budget: Annotated[
-        float, typer.Option(callback=_positive, metavar="S", help="seconds of wall time for the planner")
+        float, typer.Option(callback=_positive, metavar="S", help="seconds of wall time for planning and proof")
     ] = BUDGET,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="write run.json and trajectory.json there")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
