@@ -12,7 +12,7 @@ from optiplan.model import gjk as _primed  # noqa: F401  # before the first quer
 from optiplan.model.body_table import geometry_of
 from optiplan.model.bounds import Index, PairBounds
 from optiplan.model.containment import Containment
-from optiplan.model.outline import SETTLED, Outline, exact_queries
+from optiplan.model.outline import SETTLED, Outline, exact_queries, is_flat
 from optiplan.model.robot import Robot
 from optiplan.model.scene import Scene
 from optiplan.model.shapes import build_geometry
@@ -91,12 +91,21 @@ class CollisionModel:
         self._data, self._geometry_data = robot.model.createData(), self.geometry.createData()
         exact_queries(self._geometry_data)
         self.outline = Outline(robot.model, self.geometry)
+        bodies_in_pairs = {body for pair in self.pairs for body in (pair.a, pair.b)}
+        self._flat = any(is_flat(self.geometry.geometryObjects[body].geometry) for body in bodies_in_pairs)
         self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
             robot.model, self.geometry, self._geometry_data
         )
 
     def collides(self, q: Array) -> bool:
-        """Whether any pair touches at q (n,); meshes are asked where their hulls touch."""
+        """Whether any pair touches at q (n,); meshes are asked where their hulls touch.
+
+        The broad phase overlooks meshes that lie in a plane: with one among the bodies every pair is asked.
+        """
+        if self._flat:
+            return bool(
+                pin.computeCollisions(self.robot.model, self._data, self.geometry, self._geometry_data, q, True)
+            )
         if self.outline.pairs and not self.outline.collides(self._data, q):
             return False
         return bool(pin.computeCollisions(self.robot.model, self._data, self._broad_phase, q, True))

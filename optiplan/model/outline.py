@@ -82,6 +82,15 @@ def hull_of_mesh(mesh: coal.BVHModelBase) -> coal.ConvexBase:
     return _hulls[key]
 
 
+def is_flat(shape: coal.CollisionGeometry) -> bool:
+    """Whether this is a mesh that lies in a plane, or within a millionth of its extent of one."""
+    if not isinstance(shape, coal.BVHModelBase):
+        return False
+    vertices = np.array(shape.vertices(), dtype=np.float64).reshape(-1, 3)
+    spread = np.linalg.eigvalsh(np.cov(vertices.T))
+    return bool(spread[0] <= 1e-12 * spread[-1])
+
+
 def exact_queries(data: pin.GeometryData) -> None:
     """Make queries start afresh and converge.
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from optiplan.model.collision import CollisionModel
-from optiplan.model.pair_proof import GAP
+from optiplan.model.pair_proof import BEYOND, GAP
 from optiplan.model.pairs import count_reasons
 from optiplan.model.robot import Robot
 from optiplan.problem.problem import Problem
@@ -62,11 +62,13 @@ def verify(
 def _robot(problem: Problem, policy: VerifyPolicy) -> Robot:
     """The robot with all pairs checked that are not proved for this problem.
 
-    A proof is about the robot's own limits of position, and proved pairs may be nearer than a clearance asked for.
+    A proof is about the robot's own limits of position and a little beyond, and proved pairs may be nearer than a
+    clearance asked for.
     """
     own, wanted = problem.robot.limits, problem.limits
     covered = (wanted.lower >= own.lower).all() and (wanted.upper <= own.upper).all()
-    return problem.robot if covered and policy.clearance < GAP else problem.robot.with_proved_checked()
+    within = policy.clearance < GAP and policy.position_tolerance < BEYOND
+    return problem.robot if covered and within else problem.robot.with_proved_checked()
 
 
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:

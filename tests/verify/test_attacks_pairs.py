@@ -106,3 +106,9 @@ def test_a_proof_does_not_outlive_the_limits_it_is_about(panda):
     wide = replace(problem, limits=replace(problem.limits, upper=problem.limits.upper + 1.0))
     assert "proved" in verify(problem, small_motion(panda)).unchecked_pairs
     assert "proved" not in verify(wide, small_motion(panda)).unchecked_pairs
+
+
+def test_a_proof_does_not_outlive_a_generous_policy(panda):
+    """A policy that lets a motion pass its limits by more than the box proved has the proved pairs checked."""
+    problem, motion = problem_of(panda, small_motion(panda), Scene()), small_motion(panda)
+    assert "proved" not in verify(problem, motion, VerifyPolicy(position_tolerance=0.01)).unchecked_pairs

@@ -201,6 +201,8 @@ def test_wrong_joint_order(planar, swing):
         {"coefficients": np.full((1, 6, 2), np.inf)},
         {"coefficients": np.zeros((2, 6, 2))},
         {"coefficients": None},
+        {"coefficients": np.zeros((1, 6, 2), dtype=int)},
+        {"coefficients": np.zeros((1, 6, 2), dtype=complex)},
         {"breakpoints": np.array([0.0, np.nan])},
         {"breakpoints": np.array([0.0, 0.0])},
         {"joint_names": None},
