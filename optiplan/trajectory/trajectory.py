@@ -234,9 +234,6 @@ def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array
     if coefficients.ndim != 3 or coefficients.shape[::2] != (m, n) or coefficients.shape[1] < 1:
         expected = f"({m}, degree + 1, {n}) for {m} pieces and {n} joints"
         return "coefficients", f"shape {coefficients.shape}", expected
-    for field, array in (("breakpoints", breakpoints), ("coefficients", coefficients)):
-        if array.dtype != np.float64:
-            return field, f"numbers of type {array.dtype}", "float64"
     if coefficients.shape[1] > _MOST_DEGREE + 1:
         return "coefficients", f"degree {coefficients.shape[1] - 1}", f"at most {_MOST_DEGREE}"
     if not np.isfinite(breakpoints).all():

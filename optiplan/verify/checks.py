@@ -38,6 +38,9 @@ def form(trajectory: Trajectory) -> Check:
         problem = defect(tuple(trajectory.joint_names), trajectory.breakpoints, trajectory.coefficients)
     except (AttributeError, TypeError, ValueError, IndexError) as error:
         return Check("finite", "exact", False, detail=f"not a trajectory: {error}")
+    kinds = {str(array.dtype) for array in (trajectory.breakpoints, trajectory.coefficients)}
+    if problem is None and kinds != {"float64"}:
+        problem = "coefficients", f"numbers of type {', '.join(sorted(kinds))}", "float64"
     if problem is None:
         return Check("finite", "exact", True, detail="shapes fit, numbers are finite, time increases")
     return Check("finite", "exact", False, place=problem[0], detail=f"found {problem[1]}; expected {problem[2]}")

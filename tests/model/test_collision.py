@@ -184,12 +184,12 @@ def test_a_mesh_that_lies_in_a_plane_is_touched(panda: Robot, tmp_path: Path, ti
     """A sheet through the hand; the broad phase alone overlooks it."""
     file = tmp_path / "sheet.obj"
     file.write_text("v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3\nf 1 3 4\n")
-    turned = pin.SE3(pin.utils.rotate("x", tilt), np.array([1.5, 0.0, 0.5]))
+    turned = pin.SE3(pin.utils.rotate("x", tilt), np.zeros(3))
     attached = Attachment("held", Box((0.1, 0.1, 0.1)), "panda_hand", pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.2])))
     q, data = np.array(panda.configurations["ready"]), panda.model.createData()
     pin.framesForwardKinematics(panda.model, data, q)
     hand = data.oMf[panda.model.getFrameId("panda_hand")] * attached.X_LO
     through = pin.SE3(turned.rotation, hand.translation)
-    for place, touches in ((through, True), (pin.SE3(turned.rotation, turned.translation + [9.0, 0.0, 0.0]), False)):
+    for place, touches in ((through, True), (pin.SE3(turned.rotation, np.array([9.0, 0.0, 0.5])), False)):
         model = CollisionModel(panda, Scene((Obstacle("sheet", Mesh(file), place),), (attached,)))
         assert model.collides(q) == touches
