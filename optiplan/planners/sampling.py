@@ -115,13 +115,13 @@ def _shorter(check: MotionCheck, paths: list[Array | None], draws: Array, budget
 def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.random.Generator) -> Search:
     """Search in rounds of growing patience, the first one near the ends alone, each later one with fresh goals.
 
-    Rounds that look for a first path measure distances by time and by space in turn. A search that has not met a path
-    is begun anew, because the time that random trees take is heavy-tailed: a few
+    Rounds that look for a first path measure distances by time and by space, with long and then with short steps, in
+    turn. A search that has not met a path is begun anew, because the time that random trees take is heavy-tailed: a few
     take very long (Gomes, Selman and Kautz, "Boosting combinatorial search through randomization", AAAI 1998).
     """
     start, goals = ends
-    patience, near = float(_PATIENCE), bool(np.isfinite(options.detour))
-    measures = [check, check.by_levers()] if near else [check, check]
+    patience, near, levers = float(_PATIENCE), bool(np.isfinite(options.detour)), check.by_levers()
+    measures = [check, levers, check.finer(), levers.finer()] if near else [check]
     while True:
         seed = int(rng.integers(1, 2**31))
         if near:
@@ -129,7 +129,7 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
             found = _near_the_ends(check, (start, goals), options.detour * straight, options, seed)
         else:
             found = options.searcher(measures[0], (start, goals), options.budget, seed, patience=patience)
-            patience, measures = patience * _GROWTH, measures[::-1]
+            patience, measures = patience * _GROWTH, [*measures[1:], measures[0]]
         if not found.impatient or options.budget.over:
             return found
         if not near:

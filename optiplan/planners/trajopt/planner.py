@@ -35,8 +35,8 @@ _WORTH_CLOSE = 0.01
 _NO_GAIN = 1e-6
 """Share of the cost below which a motion counts as no better."""
 
-_SEARCH = 0.5
-"""Share of what is left of the budget that one search for a path may take."""
+_SEARCH, _FIRST_SEARCH = 0.5, 0.8
+"""Share of what is left of the budget that one search for a path may take; while there is no motion at all."""
 
 Kind = Literal["straight", "line", "sampled", "bump", "close"]
 
@@ -159,7 +159,8 @@ class _Run:
 
     def _sample(self, sampler: GoalSampler, number: int) -> SampledPath | Failure:
         """The path of one seed to any of the goals that a shorter motion than the best can end in."""
-        budget = self.budget.share(_SEARCH)
+        share = _SEARCH if self.candidates else _FIRST_SEARCH
+        budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
         with self.watch.stage("sampling"):
             options = SamplingOptions(budget, seed=self.problem.seed + 1000 * number, more_goals=sampler.more)
             return sample_path(self.model, self.problem.start, self._promising(sampler), self.problem.limits, options)
