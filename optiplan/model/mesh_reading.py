@@ -142,7 +142,9 @@ def _read_apart(meshes: Sequence[MeshFile]) -> Iterator[Soup | str]:
 def _run_worker(meshes: Sequence[MeshFile]) -> tuple[list[Soup | str], str]:
     """Answers as far as they came, and why no more did; empty if all did."""
     jobs = b"".join(f"{mesh.suffix} {len(mesh.content)}\n".encode() + mesh.content for mesh in meshes)
-    places = [os.getcwd() if place == "" else place for place in sys.path]
+    # An editable install is found by a hook that a process without `site` does not have, so the package is named too.
+    package = str(Path(__file__).parents[2])
+    places = [package, *(os.getcwd() if place == "" else place for place in sys.path)]
     code = f"import sys; sys.path[:] = {places!r}; from optiplan.model.mesh_worker import main; main{SECONDS, MEMORY}"
     command = [sys.executable, "-I", "-S", "-c", code]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}

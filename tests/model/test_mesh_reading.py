@@ -2,7 +2,9 @@
 
 import json
 import struct
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -308,3 +310,12 @@ def test_the_suffix_is_one_of_a_list(tmp_path):
         (tmp_path / name).write_bytes(VALID[".stl"])
         with pytest.raises(MeshError, match="none of STL, OBJ, DAE, PLY or GLB"):
             open_mesh(tmp_path / name)
+
+
+def test_the_process_finds_the_package_where_no_path_leads_to_it(monkeypatch):
+    """As in an editable install, which Python finds by a hook and not by `sys.path`."""
+    root = Path(mesh_reading.__file__).parents[2]
+    monkeypatch.setattr(sys, "path", [place for place in sys.path if place and Path(place).resolve() != root])
+    content = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    ((found,), why) = mesh_reading._run_worker([MeshFile(Path("a.obj"), "key", content)])
+    assert (len(found.triangles), why) == (1, "")
