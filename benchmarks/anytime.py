@@ -28,9 +28,9 @@ from published import commit, import_sets, percentiles, print_json, print_table,
 from rich.console import Console
 from rich.progress import track
 
-from optiplan.pipeline import run
 from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
+from optiplan.runs.pipeline import run
 
 SETS = ("table_under_pick", "cage")
 EVERY = 5

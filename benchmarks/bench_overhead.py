@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.bench.pool import LocalPool
-from optiplan.bench.runner import open_results, run_suite
-from optiplan.bench.suite import load_suite
+from optiplan.bench.execution.pool import LocalPool
+from optiplan.bench.execution.runner import open_results, run_suite
+from optiplan.bench.suite.suite import load_suite
 from optiplan.planners.base import Budget, PlanResult, Progress
 from optiplan.problem.problem import JointGoal, Problem
-from optiplan.trajectory.timing import stop_at_corners
+from optiplan.trajectory.timing.lower_bound import stop_at_corners
 
 ROOT = Path(__file__).parents[1]
 

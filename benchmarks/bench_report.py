@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from optiplan.bench.machine import machine
-from optiplan.bench.records import BenchPlanner, BenchProblem, Outcome, Row
+from optiplan.bench.execution.machine import machine
 from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.figures import write_figures
 from optiplan.bench.report.markdown import markdown
 from optiplan.bench.report.page import write_page
-from optiplan.bench.store import Store
-from optiplan.pipeline import versions
+from optiplan.bench.results.database import Store
+from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row
+from optiplan.runs.pipeline import versions
 
 PLANNERS, SEEDS = 20, 5
 PROBLEM = {

@@ -37,12 +37,12 @@ from typing import Any
 from published import ROOT, commit, import_sets, print_json, print_table, write_markdown
 from rich.console import Console
 
-from optiplan.bench.pool import LocalPool
-from optiplan.bench.runner import open_results, run_suite
-from optiplan.bench.suite import load_suite
-from optiplan.pipeline import run
+from optiplan.bench.execution.pool import LocalPool
+from optiplan.bench.execution.runner import open_results, run_suite
+from optiplan.bench.suite.suite import load_suite
 from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
+from optiplan.runs.pipeline import run
 from optiplan.trajectory.trajectory import Trajectory
 
 SETS = ("bookshelf_small", "bookshelf_tall", "bookshelf_thin", "box", "cage", "table_pick")

@@ -23,10 +23,10 @@ from published import ROOT, commit, print_json, print_table, write_markdown
 from rich.console import Console
 from rich.progress import track
 
-from optiplan.pipeline import Run, attempt
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import PLANNERS
 from optiplan.problem.load import load_problem
+from optiplan.runs.pipeline import Run, attempt
 
 OURS, ROUNDING = "trajopt", 1.005
 HEADINGS = ("problem", "trajopt s", "planning s", "shortest other", "its s", "trajopt / it", "others verified", "kept")

@@ -24,8 +24,8 @@ from rich.console import Console
 from rich.table import Table
 
 from optiplan.arrays import Array
-from optiplan.model.closed_form import ClosedForm, Solutions, closed_form
-from optiplan.model.robot import Robot, load_robot
+from optiplan.kinematics.ik.closed_form import ClosedForm, Solutions, closed_form
+from optiplan.robot.robot import Robot, load_robot
 
 GROUPS = {"srra": None, "puma560": None, "ur5": None, "ur3": None, "delbot": "arm"}
 DISTANCE = 1e-6

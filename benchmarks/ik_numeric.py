@@ -26,10 +26,10 @@ import pinocchio as pin
 from rich.console import Console
 from rich.table import Table
 
-from optiplan.model.ik import IkOptions, SeedPool, pose_error, random_seeds, solve_ik, solve_ik_batch
-from optiplan.model.ik_descent import Descent
-from optiplan.model.redundancy import AIMS, Preference
-from optiplan.model.robot import Robot, load_robot
+from optiplan.kinematics.ik.levenberg_marquardt import Descent
+from optiplan.kinematics.ik.null_space import AIMS, Preference
+from optiplan.kinematics.ik.numeric import IkOptions, SeedPool, pose_error, random_seeds, solve_ik, solve_ik_batch
+from optiplan.robot.robot import Robot, load_robot
 
 ROBOTS = ("panda", "baxter_left")
 TOLERANCE = 1e-6

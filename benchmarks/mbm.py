@@ -28,13 +28,13 @@ from published import SHARED, commit, import_sets, percentiles, print_json, prin
 from rich.console import Console
 from rich.progress import track
 
+from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
-from optiplan.model.collision import CollisionModel
-from optiplan.model.robot import Robot, load_robot
-from optiplan.pipeline import Run, run
 from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
+from optiplan.robot.robot import Robot, load_robot
+from optiplan.runs.pipeline import Run, run
 from optiplan.trajectory.trajectory import Trajectory
 
 STEP = 0.01  # rad, largest joint step of the second look

@@ -76,7 +76,10 @@ def import_sets(robot: str, folder: Path, every: int = 1, offset: int = 0) -> di
         every: distance of two indices within a set.
         offset: first index.
     """
-    from optiplan.problem.mbm import Importer, find_pairs  # here, for tables of versions that have no such reader
+    from optiplan.problem.importers.motion_bench_maker import (  # here, for tables of versions that have no such reader
+        Importer,
+        find_pairs,
+    )
 
     root = SHARED / "mbm" / robot
     importer = Importer(str(SHARED / "robots" / f"mbm_{robot}" / "robot.yaml"))

@@ -19,12 +19,12 @@ import qpsolvers
 from rich.console import Console
 from rich.table import Table
 
-from optiplan.data import problems_dir
 from optiplan.planners.base import Budget
-from optiplan.planners.trajopt import subproblem
+from optiplan.planners.trajopt import qp
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.problem.load import load_problem
+from optiplan.resources import problems_dir
 
 SOLVERS = ("piqp", "clarabel", "daqp", "proxqp", "osqp")  # only piqp comes with optiplan; pip installs the others
 EXAMPLES = ("01_reach", "02_shelf", "05_cage", "09_ur5")
@@ -41,13 +41,13 @@ def record() -> list[qpsolvers.Problem]:
         met.append(program)
         return solve(program, **options)
 
-    subproblem.qpsolvers.solve_problem = spy
+    qp.qpsolvers.solve_problem = spy
     try:
         for name in EXAMPLES:
             problem = load_problem(problems_dir() / f"{name}.yaml")
             TrajOpt(TrajOptOptions(seeds=1)).plan(problem, Budget(30.0), lambda stage, fraction: None)
     finally:
-        subproblem.qpsolvers.solve_problem = solve
+        qp.qpsolvers.solve_problem = solve
     return met[::EVERY]
 
 

@@ -55,8 +55,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         os.environ["XDG_CACHE_HOME"] = str(folder / "cache")
-        from optiplan.model.robot import load_robot
         from optiplan.problem.load import load_problem
+        from optiplan.robot.robot import load_robot
 
         load_robot("panda")
         for count, what, path in (

@@ -27,17 +27,17 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).parent.parent))  # the reports' numbers lie with the tests
 
 from optiplan.arrays import Array
-from optiplan.model.collision import CollisionModel
-from optiplan.model.kinematics import BatchKinematics
-from optiplan.model.scene import Scene
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.goals import ranked_goals
-from optiplan.planners.sclerp.attempt import Task, attempt
+from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.sclerp.options import SclerpOptions
+from optiplan.planners.sclerp.qp_stepping import Screw
 from optiplan.planners.sclerp.schemes import chase
-from optiplan.planners.sclerp.tool import Tool
-from optiplan.planners.sclerp.walk import Screw
+from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_motion import Task, attempt
 from optiplan.problem.problem import PoseGoal, Problem
+from optiplan.robot.batch_fk import BatchKinematics
 from tests.reference.baxter import report_arm
 from tests.reference.entries import entry
 

@@ -23,9 +23,9 @@ import pinocchio as pin
 from rich.console import Console
 from rich.table import Table
 
-from optiplan.model.compiled import compiler
-from optiplan.model.robot import Robot, load_robot
-from optiplan.model.symbolic import SymbolicRobot
+from optiplan.kinematics.symbolic.compiled import compiler
+from optiplan.kinematics.symbolic.functions import SymbolicRobot
+from optiplan.robot.robot import Robot, load_robot
 
 ROBOTS = ("panda", "ur5", "srra", "delbot")
 ROUNDS, CALLS, STATES = 7, 300, 1000

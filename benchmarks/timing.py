@@ -22,14 +22,14 @@ from pathlib import Path
 
 import numpy as np
 
-from optiplan.model.robot import Limits, Robot
-from optiplan.pipeline import run
 from optiplan.planners.base import Budget
+from optiplan.problem.importers.motion_bench_maker import import_mbm
 from optiplan.problem.load import load_problem
-from optiplan.problem.mbm import import_mbm
-from optiplan.trajectory.blend import blend_path
-from optiplan.trajectory.timelaw import TimingOptions, time_path
-from optiplan.trajectory.timing import scale_to_limits
+from optiplan.robot.robot import Limits, Robot
+from optiplan.runs.pipeline import run
+from optiplan.trajectory.paths.corner_blends import blend_path
+from optiplan.trajectory.timing.lower_bound import scale_to_limits
+from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
 SHARED = Path(os.environ.get("OPTIPLAN_SHARED", Path(__file__).parents[2] / "shared"))

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from optiplan.errors import InputError, plain_reason
-from optiplan.model.robot import load_robot
-from tests.model.robots import BARE, joint, write_robot
+from optiplan.robot.robot import load_robot
+from tests.robot.robots import BARE, joint, write_robot
 
 
 @pytest.mark.parametrize(

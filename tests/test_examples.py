@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from optiplan.pipeline import run
 from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
+from optiplan.runs.pipeline import run
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "problems").glob("*.yaml"))

@@ -9,21 +9,20 @@ ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "optiplan"
 FILES = sorted(PACKAGE.rglob("*.py"))
 ROOMS = (
-    {"model"},
-    {"problem"},
-    {"trajectory"},
+    {"geometry"},
+    {"robot"},
+    {"kinematics", "collision", "trajectory"},
+    {"workspace", "problem"},
     {"planners", "verify"},
-    {"metrics"},
-    {"selection"},
-    {"pipeline"},
-    {"store"},
+    {"runs"},
     {"viewer"},
     {"bench"},
     {"cli"},
 )
 LEVELS = {name: level for level, names in enumerate(ROOMS, 1) for name in names}
-GROUND = {"arrays", "data", "errors", "files", "geometry", "yaml_lines", "yaml_words"}
+GROUND = {"arrays", "cache", "config", "errors", "files", "resources"}
 MAX_FILE, MAX_FUNCTION = 300, 40
+MAX_SIDE_BY_SIDE = 15
 
 
 def module_name(path: Path) -> str:
@@ -94,6 +93,15 @@ def test_file_is_small_and_honest(path):
     assert text.strip(), "an empty file says nothing: give it a docstring"
     assert "TYPE_CHECKING" not in text
     assert len(text.splitlines()) <= MAX_FILE
+
+
+FOLDERS = sorted({path.parent for path in FILES})
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_room_can_be_seen_at_a_glance(folder):
+    files = [path.name for path in folder.glob("*.py") if path.name != "__init__.py"]
+    assert len(files) <= MAX_SIDE_BY_SIDE, f"more than {MAX_SIDE_BY_SIDE} files side by side: {files}"
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))

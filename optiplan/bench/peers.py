@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.model.collision import CollisionModel
+from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, PlanResult, Progress
-from optiplan.planners.goals import ranked_goals
-from optiplan.planners.timed import timed_path
+from optiplan.planners.common.goal_ranking import ranked_goals
+from optiplan.planners.common.path_timing import timed_path
 from optiplan.problem.problem import Problem
 from optiplan.problem.to_data import shape_data
 from optiplan.trajectory.trajectory import Trajectory

@@ -6,7 +6,7 @@ A function gives the names that begin with what is there. It gives none where fi
 from collections.abc import Iterable
 from pathlib import Path
 
-from optiplan.data import problems_dir, robots_dir
+from optiplan.resources import problems_dir, robots_dir
 
 
 def problem_names(incomplete: str) -> list[str]:

@@ -4,8 +4,8 @@ import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
-from optiplan.data import problems_dir
 from optiplan.errors import InputError, Issue
+from optiplan.resources import problems_dir
 
 _ROBOT = "the description of a robot, which a robot file names (`urdf: …`) and a problem through it (`robot: …`)"
 _RUN = "what came of a run (`optiplan view` shows it)"

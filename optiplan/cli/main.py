@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 import optiplan
-from optiplan.cli import bench, check, ik, importing, plan, planners, robots, verify, view, workspace
+from optiplan.cli.commands import bench, check, ik, import_problems, plan, planners, robots, verify, view, workspace
 from optiplan.cli.output import Exit, print_error, print_json, report_error, results
 from optiplan.errors import InputError, Issue, OptiPlanError
 
@@ -71,7 +71,7 @@ app.command("workspace")(workspace.workspace)
 app.add_typer(robots.app, name="robots")
 app.command("ik")(ik.ik)
 app.command("planners")(planners.planners)
-app.add_typer(importing.app, name="import")
+app.add_typer(import_problems.app, name="import")
 app.add_typer(bench.app, name="bench")
 
 

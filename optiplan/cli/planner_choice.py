@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from optiplan.config.document import Document, read_yaml
+from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
-from optiplan.yaml_lines import Document, read_yaml
-from optiplan.yaml_words import choices
 
 _LOOK = 2.0  # s, for goal configurations
 

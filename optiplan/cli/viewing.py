@@ -9,7 +9,7 @@ from optiplan.cli.output import results
 from optiplan.errors import InputError, Issue
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
-from optiplan.store import StoredRun, load_run
+from optiplan.runs.run_folder import StoredRun, load_run
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
 from optiplan.viewer.runs import ViewedRun

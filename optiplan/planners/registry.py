@@ -11,10 +11,10 @@ from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.planners.base import Planner
-from optiplan.planners.option_words import in_words, out_of_range
-from optiplan.yaml_words import describe
+from optiplan.planners.option_schema import in_words, out_of_range
 
 
 @dataclass(frozen=True)
@@ -78,14 +78,14 @@ PLANNERS: dict[str, PlannerEntry] = {
         PlannerEntry(
             "bangbang",
             "least time under acceleration and velocity bounds: full acceleration, then full deceleration",
-            "optiplan.planners.bangbang:BangBangPlanner",
-            "optiplan.planners.bangbang:BangBangOptions",
+            "optiplan.planners.point_to_point.bangbang:BangBangPlanner",
+            "optiplan.planners.point_to_point.bangbang:BangBangOptions",
         ),
         PlannerEntry(
             "bitstar",
             "sampled path that shortens batch by batch (OMPL's BIT*; it does not bind AIT*)",
-            "optiplan.planners.bitstar:BitStar",
-            "optiplan.planners.bitstar:BitStarOptions",
+            "optiplan.planners.sampling.bitstar:BitStar",
+            "optiplan.planners.sampling.bitstar:BitStarOptions",
             "sampling",
         ),
         PlannerEntry(
@@ -98,75 +98,75 @@ PLANNERS: dict[str, PlannerEntry] = {
         PlannerEntry(
             "cubic",
             "one polynomial of degree three a joint",
-            "optiplan.planners.cubic:Cubic",
-            "optiplan.planners.polynomial:EndOptions",
+            "optiplan.planners.point_to_point.cubic:Cubic",
+            "optiplan.planners.point_to_point.polynomials:EndOptions",
         ),
         PlannerEntry(
             "informed_rrtstar",
             "RRT* that samples only where a shorter path can pass (OMPL's Informed RRT*)",
-            "optiplan.planners.rrtstar:InformedRrtStar",
-            "optiplan.planners.rrtstar:RrtStarOptions",
+            "optiplan.planners.sampling.rrtstar:InformedRrtStar",
+            "optiplan.planners.sampling.rrtstar:RrtStarOptions",
             "sampling",
         ),
         PlannerEntry(
             "kpiece",
             "two trees guided by how well they cover the work space (OMPL's LBKPIECE1)",
-            "optiplan.planners.kpiece:Kpiece",
-            "optiplan.planners.kpiece:KpieceOptions",
+            "optiplan.planners.sampling.kpiece:Kpiece",
+            "optiplan.planners.sampling.kpiece:KpieceOptions",
             "sampling",
         ),
         PlannerEntry(
             "line",
             "tool straight to the goal, turning evenly about one axis (moveL)",
             "optiplan.planners.cartesian.line:Line",
-            "optiplan.planners.cartesian.tool_motion:ToolMotionOptions",
+            "optiplan.planners.cartesian.base:ToolMotionOptions",
             "Cartesian",
         ),
         PlannerEntry(
             "lspb",
             "trapezoid in velocity, by velocity, blend time or acceleration, or the fastest",
-            "optiplan.planners.lspb:Lspb",
-            "optiplan.planners.lspb:LspbOptions",
+            "optiplan.planners.point_to_point.lspb:Lspb",
+            "optiplan.planners.point_to_point.lspb:LspbOptions",
         ),
         PlannerEntry(
             "parabolic",
             "constant velocities between vias, changed at constant rates around them (linear with parabolic blends)",
-            "optiplan.planners.parabolic:Parabolic",
-            "optiplan.planners.parabolic:ParabolicOptions",
+            "optiplan.planners.vias.parabolic:Parabolic",
+            "optiplan.planners.vias.parabolic:ParabolicOptions",
             "via points",
         ),
         PlannerEntry(
             "prm",
             "lazy roadmap of the scene; from Python, one object reuses it for later queries",
-            "optiplan.planners.prm:Prm",
-            "optiplan.planners.prm:PrmOptions",
+            "optiplan.planners.sampling.prm:Prm",
+            "optiplan.planners.sampling.prm:PrmOptions",
             "sampling",
         ),
         PlannerEntry(
             "quintic",
             "one polynomial of degree five a joint, straight to the goal; the planner to read first",
-            "optiplan.planners.quintic:Quintic",
-            "optiplan.planners.quintic:QuinticOptions",
+            "optiplan.planners.point_to_point.quintic:Quintic",
+            "optiplan.planners.point_to_point.quintic:QuinticOptions",
         ),
         PlannerEntry(
             "rounded",
             "straight joint-space lines between vias, corners rounded within a stated deviation, timed along the path",
-            "optiplan.planners.rounded:Rounded",
-            "optiplan.planners.rounded:RoundedOptions",
+            "optiplan.planners.vias.rounded:Rounded",
+            "optiplan.planners.vias.rounded:RoundedOptions",
             "via points",
         ),
         PlannerEntry(
             "rrtconnect",
             "sampled path (OMPL's RRT-Connect), shortened, with rounded corners, then timed",
-            "optiplan.planners.rrtconnect:RrtConnect",
-            "optiplan.planners.rrtconnect:RrtConnectOptions",
+            "optiplan.planners.sampling.rrtconnect:RrtConnect",
+            "optiplan.planners.sampling.rrtconnect:RrtConnectOptions",
             "sampling",
         ),
         PlannerEntry(
             "rrtstar",
             "sampled path that shortens as its tree grows (OMPL's RRT*)",
-            "optiplan.planners.rrtstar:RrtStar",
-            "optiplan.planners.rrtstar:RrtStarOptions",
+            "optiplan.planners.sampling.rrtstar:RrtStar",
+            "optiplan.planners.sampling.rrtstar:RrtStarOptions",
             "sampling",
         ),
         PlannerEntry(
@@ -179,8 +179,8 @@ PLANNERS: dict[str, PlannerEntry] = {
         PlannerEntry(
             "scurve",
             "fastest straight line in joint space with limited jerk (Ruckig)",
-            "optiplan.planners.scurve:SCurvePlanner",
-            "optiplan.planners.point_to_point:ProfileOptions",
+            "optiplan.planners.point_to_point.scurve:SCurvePlanner",
+            "optiplan.planners.point_to_point.base:ProfileOptions",
         ),
         PlannerEntry(
             "screw",
@@ -192,14 +192,14 @@ PLANNERS: dict[str, PlannerEntry] = {
         PlannerEntry(
             "septic",
             "one polynomial of degree seven a joint, with any jerk at the ends",
-            "optiplan.planners.septic:Septic",
-            "optiplan.planners.septic:SepticOptions",
+            "optiplan.planners.point_to_point.septic:Septic",
+            "optiplan.planners.point_to_point.septic:SepticOptions",
         ),
         PlannerEntry(
             "spline",
             "cubic or quintic spline through all vias without stopping: given, heuristic or smoothest velocities",
-            "optiplan.planners.spline:Spline",
-            "optiplan.planners.spline:SplineOptions",
+            "optiplan.planners.vias.spline:Spline",
+            "optiplan.planners.vias.spline:SplineOptions",
             "via points",
         ),
         PlannerEntry(

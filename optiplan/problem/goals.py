@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.model.collision import CollisionModel
-from optiplan.model.ik import IkOptions, IkResult, joints_that_move, pose_error, random_seeds
-from optiplan.model.inverse import inverse_kinematics
-from optiplan.model.turns import whole_turns
+from optiplan.collision.model import CollisionModel
+from optiplan.kinematics.ik.joint_wraps import whole_turns
+from optiplan.kinematics.ik.numeric import IkOptions, IkResult, joints_that_move, pose_error, random_seeds
+from optiplan.kinematics.ik.solve import inverse_kinematics
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 
 SHARE = 0.5  # of a tolerance that a solution may use up; the rest is for what planning does to it

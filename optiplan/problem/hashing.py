@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.files import read_bytes
-from optiplan.model.robot import Robot
+from optiplan.robot.robot import Robot
 
 
 def problem_hash(data: Mapping[str, Any], base: Path, robot: Robot) -> str:

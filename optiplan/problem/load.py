@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.data import robots_dir
+from optiplan.collision.model import CollisionModel, Contact
+from optiplan.config.document import Document, Place, read_yaml, validate
 from optiplan.errors import InputError, Issue
 from optiplan.files import reading
-from optiplan.model.collision import CollisionModel, Contact
-from optiplan.model.robot import Robot, load_robot, robot_names
-from optiplan.model.scene import Scene
-from optiplan.problem.compile import Compiler, RobotLoader
-from optiplan.problem.draft import Draft, Part
+from optiplan.geometry.scene import Scene
+from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.hashing import meshes_of, problem_hash
+from optiplan.problem.partial import Draft, Part
 from optiplan.problem.problem import Goal, JointGoal, Objective, PoseGoal, Problem, Via
-from optiplan.problem.spec import ProblemSpec
+from optiplan.problem.schema import ProblemSpec
 from optiplan.problem.to_data import goal_data, scene_data, via_data
-from optiplan.yaml_lines import Document, Place, read_yaml, validate
+from optiplan.resources import robots_dir
+from optiplan.robot.robot import Robot, load_robot, robot_names
 
 TOUCHING = 1e-12
 """Bodies nearer than this, m, are in collision: contact itself is refused, rounding of a zero apart."""

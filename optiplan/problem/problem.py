@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.model.robot import Limits, Robot
-from optiplan.model.scene import Scene
+from optiplan.geometry.scene import Scene
+from optiplan.robot.robot import Limits, Robot
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from optiplan.geometry import pose_to_data
-from optiplan.model.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Scene, Shape, Sphere
+from optiplan.geometry.poses import pose_to_data
+from optiplan.geometry.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Scene, Shape, Sphere
 from optiplan.problem.problem import Goal, JointGoal, PoseGoal, Via
 
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.trajectory.hermite import hermite
+from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.paths.via_splines import smooth_spline, spline_of_velocities
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.trajectory.via_splines import smooth_spline, spline_of_velocities
 
 _POSITIONS = (
     "cubic spline through the positions, acceleration continuous, at rest at both ends "

@@ -136,7 +136,7 @@ class Trajectory:
     def extrema_at(self, order: int) -> Extrema:
         """Extrema of a derivative over all time, from the roots of the next derivative, and their times.
 
-        Exact but for the rounding of the polynomials' values, which `verify.polynomial_bounds` counts.
+        Exact but for the rounding of the polynomials' values, which `verify.continuous.polynomial_bounds` counts.
         """
         c = np.swapaxes(self.derivatives(order), 1, 2)  # (m, n, d + 1)
         m, n, size = c.shape

@@ -75,7 +75,7 @@ class Report:
         link_geometry: what stands for each link: mesh, hull or convex pieces.
         notes: remarks on the robot, and what was not checked.
         scope: what the verdict is about: pairs, shapes, torques; short statements, said beside it.
-        unchecked_pairs: how many pairs of links went unchecked, by reason (see `model.pairs`).
+        unchecked_pairs: how many pairs of links went unchecked, by reason (see `robot.self_collision.pairs`).
         links_without_geometry: links that have no body, of which no contact was checked.
         over_cover: how far (m) `link_geometry` reaches beyond a link's meshes at most, measured.
     """

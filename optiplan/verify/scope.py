@@ -3,9 +3,9 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from optiplan.model.pairs import FILE, count_reasons, reasons_in_words
-from optiplan.model.robot import Robot
 from optiplan.problem.problem import Problem
+from optiplan.robot.robot import Robot
+from optiplan.robot.self_collision.pairs import FILE, count_reasons, reasons_in_words
 from optiplan.verify.report import Check
 
 

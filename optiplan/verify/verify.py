@@ -3,20 +3,20 @@
 from dataclasses import replace
 from typing import Any
 
-from optiplan.model.collision import CollisionModel
-from optiplan.model.pair_proof import BEYOND, GAP
-from optiplan.model.pairs import count_reasons
-from optiplan.model.robot import Robot
+from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
+from optiplan.robot.robot import Robot
+from optiplan.robot.self_collision.pair_proof import BEYOND, GAP
+from optiplan.robot.self_collision.pairs import count_reasons
 from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify import checks
-from optiplan.verify.certificate import Proof, certify
-from optiplan.verify.passing import vias
+from optiplan.verify import limit_checks
+from optiplan.verify.continuous.certificate import Proof, certify
+from optiplan.verify.continuous.torque import torque
 from optiplan.verify.report import Check, Report, VerifyPolicy
-from optiplan.verify.samples import samples
+from optiplan.verify.samples_check import samples
 from optiplan.verify.scope import scope
-from optiplan.verify.torque import torque
+from optiplan.verify.via_check import vias
 
 _DEFAULT = VerifyPolicy()
 
@@ -36,9 +36,9 @@ def verify(
         Every check with its worst value, limit, time and place; those that need a well-formed trajectory of the right
         joints are left out, and said to be, when it is not one.
     """
-    found = [checks.form(trajectory)]
+    found = [limit_checks.form(trajectory)]
     if found[0].passed:
-        found.append(checks.joints(problem, trajectory))
+        found.append(limit_checks.joints(problem, trajectory))
     robot = _robot(problem, policy)
     report = Report(
         policy,
@@ -73,13 +73,13 @@ def _robot(problem: Problem, policy: VerifyPolicy) -> Robot:
 
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
     return [
-        checks.start(problem, trajectory, policy),
-        checks.goal(problem, trajectory),
+        limit_checks.start(problem, trajectory, policy),
+        limit_checks.goal(problem, trajectory),
         *([vias(problem, trajectory)] if problem.vias else []),
-        checks.rest(problem, trajectory, policy),
-        checks.continuity(problem, trajectory, policy),
-        checks.position(problem, trajectory, policy),
-        *(checks.rate(problem, trajectory, policy, order) for order in (1, 2, 3)),
+        limit_checks.rest(problem, trajectory, policy),
+        limit_checks.continuity(problem, trajectory, policy),
+        limit_checks.position(problem, trajectory, policy),
+        *(limit_checks.rate(problem, trajectory, policy, order) for order in (1, 2, 3)),
         torque(problem, trajectory, policy),
     ]
 

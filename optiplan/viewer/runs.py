@@ -7,10 +7,10 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.model.manipulability import ToolKinematics, ellipsoids, scaled
-from optiplan.pipeline import STILL
+from optiplan.kinematics.manipulability import ToolKinematics, ellipsoids, scaled
 from optiplan.problem.problem import Problem
-from optiplan.trajectory.timing import lower_bound
+from optiplan.runs.pipeline import STILL
+from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.surfaces import packed
 

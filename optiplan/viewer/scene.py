@@ -10,12 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import OptiPlanError
-from optiplan.model.robot import Robot
-from optiplan.model.scene import HalfSpace, Shape
-from optiplan.model.shapes import build_geometry
+from optiplan.geometry.scene import HalfSpace, Shape
+from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.robot.robot import Robot
 from optiplan.viewer.runs import Poses, RunLike, ViewedRun, show_run
-from optiplan.viewer.skeleton import skeleton
+from optiplan.viewer.stick_figure import skeleton
 from optiplan.viewer.surfaces import Colour, encode, packed, visual_surfaces
 
 _PLAIN: Colour = (0.93, 0.94, 0.95, 1.0)

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from optiplan.bench.pool import LocalPool
-from optiplan.bench.records import BenchPlanner, BenchProblem, Outcome, Row
-from optiplan.bench.runner import open_results, run_suite
-from optiplan.bench.store import Store
-from optiplan.bench.suite import load_suite
+from optiplan.bench.execution.pool import LocalPool
+from optiplan.bench.execution.runner import open_results, run_suite
+from optiplan.bench.results.database import Store
+from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row
+from optiplan.bench.suite.suite import load_suite
 
 PROBLEM = """\
 version: 1

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import pytest
 
-from optiplan.bench.execute import goal_bound
-from optiplan.bench.records import BenchPlanner, BenchProblem, Outcome, Row
+from optiplan.bench.execution.run_task import goal_bound
 from optiplan.bench.report.analysis import analyse
-from optiplan.bench.runs import load_runs
-from optiplan.bench.store import Store
+from optiplan.bench.results.arrays import load_runs
+from optiplan.bench.results.database import Store
+from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row
 from optiplan.cli.main import run as main
-from optiplan.data import problems_dir
 from optiplan.problem.load import load_problem, problem_from_dict
+from optiplan.resources import problems_dir
 
 TWO_GOALS = {
     "version": 1,

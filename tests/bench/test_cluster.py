@@ -10,10 +10,10 @@ import time
 
 import pytest
 
-from optiplan.bench import station
-from optiplan.bench.cluster import ClusterError, DaskCluster
-from optiplan.bench.runner import open_results, run_suite
-from optiplan.bench.suite import load_suite
+from optiplan.bench.dask import station
+from optiplan.bench.dask.cluster import ClusterError, DaskCluster
+from optiplan.bench.execution.runner import open_results, run_suite
+from optiplan.bench.suite.suite import load_suite
 from optiplan.cli.main import run as main_run
 
 SLOW = {"name": "bench_planners:Straight", "label": "slow", "seconds": 0.1}
@@ -121,7 +121,7 @@ def test_robots_and_meshes_travel(write_suite, tmp_path, dask, robot_of_ours):
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "127.0.0.1", "nonsense://x:1"])
 def test_no_scheduler(address, monkeypatch):
-    monkeypatch.setattr("optiplan.bench.cluster.CONNECT", 0.5)
+    monkeypatch.setattr("optiplan.bench.dask.cluster.CONNECT", 0.5)
     with pytest.raises(ClusterError, match=r"no Dask scheduler at .*expected a running one"):
         DaskCluster(address)
 

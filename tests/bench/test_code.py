@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import optiplan
-from optiplan.bench.code import own_code, own_digest, planner_code
-from optiplan.bench.runner import CodeError
+from optiplan.bench.execution.code_version import own_code, own_digest, planner_code
+from optiplan.bench.execution.runner import CodeError
 from optiplan.cli.main import run as main
 from optiplan.errors import InputError
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optiplan.bench.compare import ALPHA, compare
-from optiplan.bench.store import Store
+from optiplan.bench.results.database import Store
+from optiplan.bench.statistics.compare import ALPHA, compare
 from optiplan.cli.main import run
 
 FAILED = ("budget", "no path")

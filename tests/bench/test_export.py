@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from optiplan.bench.export import TABLES, export, write_problems
-from optiplan.bench.generate import GENERATORS
-from optiplan.bench.records import COLUMNS
-from optiplan.bench.spec import KINDS
-from optiplan.bench.store import Store
+from optiplan.bench.results.database import Store
+from optiplan.bench.results.export import TABLES, export, write_problems
+from optiplan.bench.results.records import COLUMNS
+from optiplan.bench.sources.generate import GENERATORS
+from optiplan.bench.suite.schema import KINDS
 from optiplan.errors import OptiPlanError
 from optiplan.problem.load import load_problem
 

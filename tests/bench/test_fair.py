@@ -5,9 +5,9 @@ from itertools import groupby
 
 import pytest
 
-from optiplan.bench.pool import LocalPool
-from optiplan.bench.runner import open_results, run_suite
-from optiplan.bench.suite import load_suite
+from optiplan.bench.execution.pool import LocalPool
+from optiplan.bench.execution.runner import open_results, run_suite
+from optiplan.bench.suite.suite import load_suite
 from optiplan.cli.main import run as main
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from optiplan.bench.machine import ended
-from optiplan.bench.pool import LocalPool
-from optiplan.bench.runner import open_results, run_suite
-from optiplan.bench.suite import load_suite
+from optiplan.bench.execution.machine import ended
+from optiplan.bench.execution.pool import LocalPool
+from optiplan.bench.execution.runner import open_results, run_suite
+from optiplan.bench.suite.suite import load_suite
 
 FAULTS = {
     "Hangs": "timeout",
@@ -100,7 +100,7 @@ def test_what_a_planner_started_ends_with_its_run(rows):
 
 NEVER_WAITS = """
 import ctypes, os, subprocess, sys, time
-from optiplan.bench.machine import descendants
+from optiplan.bench.execution.machine import descendants
 ctypes.CDLL(None).prctl(36, 1)  # orphans come to us, as to process 1, and nobody waits for them
 code = "from optiplan.cli.main import main; main()"
 assert subprocess.run([sys.executable, "-c", code, *sys.argv[1:]]).returncode == 0

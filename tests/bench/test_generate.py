@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from optiplan.bench import generate
-from optiplan.bench.generate import GENERATORS, LEVELS
-from optiplan.bench.scenes import Arm, pointing
-from optiplan.bench.suite import load_suite
+from optiplan.bench.sources import generate
+from optiplan.bench.sources.generate import GENERATORS, LEVELS
+from optiplan.bench.sources.tabletop_scenes import Arm, pointing
+from optiplan.bench.suite.suite import load_suite
+from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
-from optiplan.model.collision import CollisionModel
 from optiplan.problem.goals import goal_configurations
 from optiplan.problem.load import problem_from_dict
 

@@ -6,9 +6,9 @@ import sqlite3
 import numpy as np
 import pytest
 
-from optiplan.bench.imported import CLAIMED
-from optiplan.bench.ompl_log import PROPERTIES, STATUS
-from optiplan.bench.store import Store
+from optiplan.bench.results.database import Store
+from optiplan.bench.results.imported import CLAIMED
+from optiplan.bench.results.ompl_log import PROPERTIES, STATUS
 from optiplan.cli.main import run as main
 
 PLANNERS = ["bench_planners:Straight", {"name": "bench_planners:Leaves", "label": "leaves", "only": "p1"}]

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from optiplan.bench.peers import Peer, PeerOptions, request
+from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
-from optiplan.model.collision import CollisionModel
-from optiplan.pipeline import run
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
 from optiplan.problem.load import problem_from_dict
+from optiplan.runs.pipeline import run
 
 PROBLEM = {
     "version": 1,

@@ -15,7 +15,7 @@ from optiplan.bench.report.headline import cards, facts, warnings
 from optiplan.bench.report.markdown import markdown
 from optiplan.bench.report.page import write_page
 from optiplan.bench.report.tables import number, percent
-from optiplan.bench.store import Store
+from optiplan.bench.results.database import Store
 
 TIGHT = ("budget", "no path within 5.0 s, 'arm' stuck", {"q": [0.1, 0.2], "points": [[0.1, 0.2, 0.3]]})
 RUNS = {

@@ -9,7 +9,7 @@ import pytest
 from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.page import write_page
 from optiplan.bench.report.server import ReportServer
-from optiplan.bench.store import Store
+from optiplan.bench.results.database import Store
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]

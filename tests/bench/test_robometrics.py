@@ -2,10 +2,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.bench.suite import load_suite
-from optiplan.data import robots_dir
+from optiplan.bench.suite.suite import load_suite
 from optiplan.errors import InputError
 from optiplan.problem.load import problem_from_dict
+from optiplan.resources import robots_dir
 
 READY = [0.0, -0.7, 0.0, -2.3, 0.0, 1.6, 0.8]
 OTHER = [0.6, -0.5, 0.1, -2.0, 0.2, 1.5, 0.4]

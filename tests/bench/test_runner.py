@@ -11,12 +11,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from optiplan.bench.machine import descendants, ended
-from optiplan.bench.pool import LocalPool
-from optiplan.bench.runner import open_results, other_versions, run_suite
-from optiplan.bench.store import StoreError
-from optiplan.bench.suite import load_suite
-from optiplan.cli.bench_progress import progress
+from optiplan.bench.execution.machine import descendants, ended
+from optiplan.bench.execution.pool import LocalPool
+from optiplan.bench.execution.runner import open_results, other_versions, run_suite
+from optiplan.bench.results.database import StoreError
+from optiplan.bench.suite.suite import load_suite
+from optiplan.cli.printing.bench_progress import progress
 from optiplan.errors import InputError
 
 SLOW = {"name": "bench_planners:Straight", "label": "slow", "seconds": 0.05}

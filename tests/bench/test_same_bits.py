@@ -2,9 +2,9 @@
 
 import pytest
 
-from optiplan.bench.pool import LocalPool
-from optiplan.bench.runner import open_results, run_suite
-from optiplan.bench.suite import load_suite
+from optiplan.bench.execution.pool import LocalPool
+from optiplan.bench.execution.runner import open_results, run_suite
+from optiplan.bench.suite.suite import load_suite
 
 BOX = "{{name: {name}, shape: {{box: {size}}}, pose: {{position: {position}, rpy: [0, 0, {turn}]}}}}"
 PROBLEM = """\
@@ -21,7 +21,7 @@ BOXES = [
     [([0.101, 0.143, 0.11], [0.726, 0.281, 0.15], 0.311), ([0.174, 0.073, 0.188], [0.282, -0.753, 0.15], 0)],
 ]
 """Of three problems, size, position and turn about z of boxes in the way: some along the axes, which decides how
-coal rounds boxes where nobody has asked it before (`model/gjk.py`)."""
+coal rounds boxes where nobody has asked it before (`geometry/coal_priming.py`)."""
 PLANNERS = ["quintic", "rrtconnect", "prm"]
 
 

@@ -1,6 +1,6 @@
 import pytest
 
-from optiplan.bench.spec import expand, read_suite
+from optiplan.bench.suite.schema import expand, read_suite
 from optiplan.errors import InputError
 
 HEAD = "version: 1\nname: mine\n"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from optiplan.bench import statistics
-from optiplan.bench.statistics import (
+from optiplan.bench.statistics import intervals_and_tests
+from optiplan.bench.statistics.intervals_and_tests import (
     holm,
     median_interval,
     performance_ratios,
@@ -27,7 +27,7 @@ def wilson(k, n, z=1.959963984540054):
 @pytest.mark.parametrize(("mean", "alike"), [(0.5, 0.2), (0.8, 0.3), (0.9, 2.0)])
 def test_intervals_of_shares_cover_the_truth_where_runs_of_a_problem_are_alike(mean, alike, monkeypatch):
     """Problems of which most are always solved or never: 40 of them, 15 runs each, 400 experiments."""
-    monkeypatch.setattr(statistics, "SHARE_RESAMPLES", 1000)
+    monkeypatch.setattr(intervals_and_tests, "SHARE_RESAMPLES", 1000)
     rng = np.random.default_rng(1)
     ours = independent = 0
     for seed in range(400):
@@ -68,12 +68,12 @@ def test_seeds_of_a_problem_add_nothing_to_what_is_known_of_problems():
 
 @pytest.mark.parametrize("n", [8, 9, 40, 41])
 def test_medians_drawn_at_once_are_distributed_as_those_of_resamples(n, monkeypatch):
-    monkeypatch.setattr(statistics, "RESAMPLES", 20_000)
+    monkeypatch.setattr(intervals_and_tests, "RESAMPLES", 20_000)
     rng = np.random.default_rng(n)
     values = np.sort(rng.lognormal(size=n))
     plain = np.median(rng.choice(values, size=(20_000, n)), axis=1)
-    quick = statistics._medians_of_values(values, rng)
-    grouped = statistics._medians_of_groups(values, np.arange(n), rng)
+    quick = intervals_and_tests._medians_of_values(values, rng)
+    grouped = intervals_and_tests._medians_of_groups(values, np.arange(n), rng)
     for drawn in (quick, grouped):
         assert stats.ks_2samp(drawn, plain).statistic < 0.02
 
@@ -113,7 +113,7 @@ def test_sign_test(wins, losses):
 @pytest.mark.parametrize("n", [3, 12, 50, 51, 400])
 def test_signed_rank_test_against_scipy(n):
     d = np.random.default_rng(n).normal(0.15, 1.0, n)
-    way = "exact" if n <= statistics.EXACT else "approx"
+    way = "exact" if n <= intervals_and_tests.EXACT else "approx"
     assert signed_rank_test(d) == pytest.approx(stats.wilcoxon(d, method=way).pvalue, rel=1e-9)
 
 

@@ -6,9 +6,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from optiplan.bench.execute import packed
-from optiplan.bench.records import BenchPlanner, BenchProblem, Outcome, Row
-from optiplan.bench.store import SCHEMA_VERSION, Store, StoreError
+from optiplan.bench.execution.run_task import packed
+from optiplan.bench.results.database import SCHEMA_VERSION, Store, StoreError
+from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row
 from optiplan.errors import InputError, UnknownChoiceError
 from optiplan.trajectory.trajectory import Trajectory
 

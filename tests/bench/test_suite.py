@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from optiplan.bench.records import Task
-from optiplan.bench.sources import READERS, Found
-from optiplan.bench.spec import read_suite
-from optiplan.bench.suite import differences, load_suite
+from optiplan.bench.results.records import Task
+from optiplan.bench.sources.base import READERS, Found
+from optiplan.bench.suite.schema import read_suite
+from optiplan.bench.suite.suite import differences, load_suite
 from optiplan.errors import InputError
 from optiplan.problem.load import load_problem, problem_from_dict
 

@@ -2,8 +2,8 @@ import shutil
 
 import pytest
 
-from optiplan.bench.suite import load_suite
-from optiplan.bench.travel import Packer, TravelError, keep, lacking, unpack
+from optiplan.bench.dask.file_transfer import Packer, TravelError, keep, lacking, unpack
+from optiplan.bench.suite.suite import load_suite
 from optiplan.problem.load import problem_from_dict
 
 
@@ -43,6 +43,6 @@ def test_shipped_robots_stay_names(write_suite, tmp_path):
 
 
 def test_a_robot_that_is_not_whole_without_its_surroundings_is_refused(problems, monkeypatch):
-    monkeypatch.setattr("optiplan.bench.travel._settled", lambda content, home, folder: b"<nothing/>")
+    monkeypatch.setattr("optiplan.bench.dask.file_transfer._settled", lambda content, home, folder: b"<nothing/>")
     with pytest.raises(TravelError, match=r"robot .*ours.* cannot be taken to other machines"):
         Packer().pack(problems[0])

@@ -13,12 +13,12 @@ import pinocchio as pin
 import pytest
 
 from optiplan.cli import viewing
-from optiplan.cli.comparison import bound_of
-from optiplan.planners.quintic import Quintic
+from optiplan.cli.commands.plan_comparison import bound_of
+from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.registry import PLANNERS
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import JointGoal, PoseGoal
-from optiplan.trajectory.timing import lower_bounds
+from optiplan.trajectory.timing.lower_bound import lower_bounds
 
 LSPB = "planner: {name: lspb, duration: 18, velocity: 0.02}"
 

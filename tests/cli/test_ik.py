@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.robot import load_robot
+from optiplan.robot.robot import load_robot
 
 REACHED = "0.4,0.2,0.3,3.1416,0,0"
 FAR = "2,0,0,0,0,0"

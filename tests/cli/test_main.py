@@ -66,7 +66,7 @@ def test_wrong_usage_in_json_mode(optiplan_json):
 
 
 def test_no_traceback_reaches_a_person(optiplan, optiplan_json, free, monkeypatch):
-    monkeypatch.setattr("optiplan.pipeline.run", lambda *_: 1 / 0)
+    monkeypatch.setattr("optiplan.runs.pipeline.run", lambda *_: 1 / 0)
     code, out, err = optiplan("plan", free)
     assert (code, out) == (1, "")
     assert err.count("\n") == 1
@@ -81,7 +81,7 @@ def test_no_traceback_reaches_a_person(optiplan, optiplan_json, free, monkeypatc
 
 def test_debug_lets_it_through(free, monkeypatch):
     monkeypatch.setenv("OPTIPLAN_DEBUG", "1")
-    monkeypatch.setattr("optiplan.pipeline.run", lambda *_: 1 / 0)
+    monkeypatch.setattr("optiplan.runs.pipeline.run", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         main.run(["plan", str(free)])
 

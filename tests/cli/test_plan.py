@@ -93,7 +93,7 @@ def test_found_but_not_verified_is_exit_code_4(optiplan, free, monkeypatch):
         fast = result.trajectory.scaled(result.trajectory.duration / 2)
         return type(result)(fast, None, result.timings)
 
-    from optiplan.planners.quintic import Quintic
+    from optiplan.planners.point_to_point.quintic import Quintic
 
     plan = Quintic.plan
     monkeypatch.setattr(Quintic, "plan", hasty)
@@ -157,7 +157,7 @@ def test_the_bound_says_what_it_is_about(optiplan, optiplan_json, free):
 
 
 def test_the_report_is_printed_even_when_saving_fails(optiplan, optiplan_json, free, tmp_path, monkeypatch):
-    import optiplan.store as store
+    import optiplan.runs.run_folder as store
     from optiplan.errors import InputError, Issue
 
     def full_disk(run, folder):

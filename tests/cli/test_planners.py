@@ -1,6 +1,6 @@
 import pytest
 
-from optiplan.cli.planners import _yaml
+from optiplan.cli.commands.planners import _yaml
 from optiplan.planners.registry import FAMILIES, PLANNERS
 
 

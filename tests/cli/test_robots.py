@@ -1,6 +1,6 @@
 from xml.etree import ElementTree
 
-from optiplan.model.robot import robot_names
+from optiplan.robot.robot import robot_names
 
 
 def test_list_names_every_robot(optiplan, optiplan_json):

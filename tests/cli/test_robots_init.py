@@ -8,9 +8,9 @@ import pytest
 from click.testing import CliRunner
 from typer.main import get_command
 
-from optiplan.cli.robots import app
-from optiplan.model.robot import load_robot
-from tests.model.robots import chain, joint
+from optiplan.cli.commands.robots import app
+from optiplan.robot.robot import load_robot
+from tests.robot.robots import chain, joint
 
 FINGER = '<limit lower="0" upper="0.1" velocity="1" effort="1"/>'
 PARTS = [

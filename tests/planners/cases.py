@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from optiplan.model.robot import load_robot
-from optiplan.model.scene import Box, Obstacle, Scene
+from optiplan.geometry.scene import Box, Obstacle, Scene
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem, Via
-from tests.model.robots import chain, joint, write_robot
+from optiplan.robot.robot import load_robot
+from tests.robot.robots import chain, joint, write_robot
 
 READY = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 LEFT = np.array([1.2, 0.2, 0.1, -1.9, 0.1, 2.0, 0.6])

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from optiplan.model.collision import CollisionModel
-from optiplan.planners.sweep import Touch, first_contact
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.trajectory.trajectory import Trajectory
 
 

@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from optiplan import pipeline
 from optiplan.planners.base import Budget, Failure, PlanResult
+from optiplan.runs import pipeline
 from tests.planners import cases
 
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.pipeline import Run, run
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.registry import PLANNERS, make_planner
+from optiplan.runs.pipeline import Run, run
 from tests.planners import cases
 
 KINDS = set(re.findall(r"`([a-z-]+)`", (Failure.__doc__ or "").split("detail:")[0]))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from optiplan.problem.mbm import Importer
+from optiplan.problem.importers.motion_bench_maker import Importer
 from optiplan.problem.write import problem_text, write_text
 
 ROOT = Path(__file__).parents[2]
@@ -37,7 +37,7 @@ for file, planner, options in json.loads(sys.argv[1]):
 BOXES = """
 import sys
 import numpy as np, pinocchio as pin
-import optiplan.model.collision
+import optiplan.collision.model
 import coal
 def distance(turned):
     at = coal.Transform3s(pin.rpy.rpyToMatrix(0.3, 0.5, 0.7) if turned else np.eye(3), np.array([-0.9, 0.1, 0.2]))

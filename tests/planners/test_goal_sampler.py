@@ -6,20 +6,20 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.collision import CollisionModel
-from optiplan.model.ik import joints_that_move
-from optiplan.model.robot import load_robot
-from optiplan.model.scene import Scene
-from optiplan.pipeline import run
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.scene import Scene
+from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.goals import GoalSampler, goal_sampler, ranked_goals
-from optiplan.planners.motion import MotionCheck
-from optiplan.planners.sampling import SamplingOptions, sample_path
+from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler, ranked_goals
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
 from optiplan.problem.goals import GoalOptions, goal_residual
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
-from optiplan.trajectory.timing import lower_bounds
-from tests.model.robots import BARE, LINK, joint, write_robot
+from optiplan.robot.robot import load_robot
+from optiplan.runs.pipeline import run
+from optiplan.trajectory.timing.lower_bound import lower_bounds
 from tests.planners import cases
+from tests.robot.robots import BARE, LINK, joint, write_robot
 
 
 def sampler(problem, seed=0, **options):

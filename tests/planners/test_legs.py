@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optiplan.pipeline import run
 from optiplan.planners.base import Budget, Failure, PlanResult
-from optiplan.planners.legs import joined, plan_through
+from optiplan.planners.common.via_legs import joined, plan_through
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import JointGoal, PoseGoal, Via
+from optiplan.runs.pipeline import run
 from optiplan.trajectory.trajectory import Trajectory
 from tests.planners import cases
 

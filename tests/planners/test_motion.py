@@ -4,12 +4,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.collision import CollisionModel
-from optiplan.model.margins import PairMargins
-from optiplan.model.robot import load_robot
-from optiplan.model.scene import Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
-from optiplan.planners.motion import MotionCheck
-from optiplan.planners.torque import Gravity
+from optiplan.collision.clearance_test import PairMargins
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.scene import Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
+from optiplan.planners.common.gravity import Gravity
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.robot.robot import load_robot
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
 

@@ -1,7 +1,7 @@
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.planners.option_words import in_words
+from optiplan.planners.option_schema import in_words
 from optiplan.planners.registry import make_planner
 
 

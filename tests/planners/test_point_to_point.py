@@ -7,13 +7,13 @@ import pytest
 
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget, PlanResult
-from optiplan.planners.excess import excess
-from optiplan.planners.point_to_point import STEPS
+from optiplan.planners.common.gravity import Gravity
+from optiplan.planners.common.limit_violations import excess
+from optiplan.planners.point_to_point.base import STEPS
 from optiplan.planners.registry import make_planner
-from optiplan.planners.torque import Gravity
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import JointGoal, Problem
-from optiplan.trajectory.timing import lower_bound, speed_ratio
+from optiplan.trajectory.timing.lower_bound import lower_bound, speed_ratio
 from optiplan.verify.verify import verify
 from tests.planners import cases
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from optiplan.planners.quintic import Quintic, QuinticOptions
+from optiplan.planners.point_to_point.quintic import Quintic, QuinticOptions
 from tests.planners import cases
 
 

@@ -6,12 +6,12 @@ import time
 import numpy as np
 import pytest
 
-from optiplan.model.collision import CollisionModel
+from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.motion import MotionCheck
-from optiplan.planners.sampling import SamplingOptions, sample_path
-from optiplan.planners.shortcut import path_time, shorten
-from optiplan.planners.timed import timed_path
+from optiplan.planners.common.path_timing import timed_path
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
+from optiplan.planners.sampling.shortcutting import path_time, shorten
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
 
@@ -106,8 +106,8 @@ def test_timed_path_is_free_and_faster_than_stops():
     model = CollisionModel(problem.robot, problem.scene)
     path = sample(problem, seed=1).waypoints
     names = problem.robot.joint_names
-    from optiplan.planners.sweep import first_contact
-    from optiplan.trajectory.timing import stop_at_corners
+    from optiplan.planners.common.continuous_collision import first_contact
+    from optiplan.trajectory.timing.lower_bound import stop_at_corners
 
     stops = stop_at_corners(path, problem.limits, names)
     trajectory = timed_path(model, path, problem.limits, Budget(20.0))

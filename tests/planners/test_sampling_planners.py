@@ -8,22 +8,22 @@ from functools import partial
 import numpy as np
 import pytest
 
+from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
-from optiplan.model.collision import CollisionModel
-from optiplan.model.scene import Scene
-from optiplan.pipeline import run
+from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget
-from optiplan.planners.motion import MotionCheck
-from optiplan.planners.prm import Prm, PrmOptions, world_key
+from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.registry import make_planner
-from optiplan.planners.roadmap import Roadmap
-from optiplan.planners.sampling import SamplingOptions, sample_path
-from optiplan.planners.search import SearchOptions, search
-from optiplan.planners.shortcut import path_time, path_times
-from optiplan.planners.smoothing import smooth_path, spline_along
-from optiplan.planners.space import SearchSpace, search_bounds
-from optiplan.planners.sweep import first_contact
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.ompl_search import SearchOptions, search
+from optiplan.planners.sampling.ompl_space import SearchSpace, search_bounds
+from optiplan.planners.sampling.prm import Prm, PrmOptions, world_key
+from optiplan.planners.sampling.roadmap import Roadmap
+from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
+from optiplan.planners.sampling.shortcutting import path_time, path_times
+from optiplan.planners.sampling.smoothing import smooth_path, spline_along
 from optiplan.problem.load import load_problem
+from optiplan.runs.pipeline import run
 from optiplan.trajectory.trajectory import Trajectory
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact

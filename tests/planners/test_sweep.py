@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from optiplan.model.collision import CollisionModel
-from optiplan.model.scene import Obstacle, Scene, Sphere
-from optiplan.planners.sweep import contacts_along, first_contact, trajectory_curve
-from optiplan.trajectory.timing import stop_at_corners
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.scene import Obstacle, Scene, Sphere
+from optiplan.planners.common.continuous_collision import contacts_along, first_contact, trajectory_curve
+from optiplan.trajectory.timing.lower_bound import stop_at_corners
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
 

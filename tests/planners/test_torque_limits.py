@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 
 from optiplan.planners.base import Budget
+from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.registry import make_planner
-from optiplan.planners.torque import Gravity
 from optiplan.problem.problem import JointGoal
 from tests.planners import cases
 

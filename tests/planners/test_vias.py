@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.pipeline import run
 from optiplan.planners.base import Budget
-from optiplan.planners.excess import excess
+from optiplan.planners.common.limit_violations import excess
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import JointGoal, PoseGoal, Via
-from optiplan.verify.passing import vias
+from optiplan.runs.pipeline import run
+from optiplan.verify.via_check import vias
 from tests.planners import cases
 
 FIRST = 0.5 * (cases.READY + cases.LEFT) + np.array([0.3, -0.1, 0.2, 0.0, 0.2, -0.2, 0.1])

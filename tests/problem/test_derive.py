@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.model.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
+from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
 from optiplan.problem.load import load_problem, problem_from_dict
 from optiplan.problem.problem import JointGoal, PoseGoal, Via
 

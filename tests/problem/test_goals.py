@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optiplan.model.collision import CollisionModel
+from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
-from optiplan.planners.goals import ranked_goals
+from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.problem.goals import GoalOptions, goal_configurations, goal_residual
 from optiplan.problem.problem import JointGoal, PoseGoal
-from optiplan.trajectory.timing import lower_bounds
+from optiplan.trajectory.timing.lower_bound import lower_bounds
 from tests.planners import cases
 
 

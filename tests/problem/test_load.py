@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from optiplan.errors import InputError
-from optiplan.model.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
-from optiplan.model.shapes import build_geometry
+from optiplan.geometry.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
+from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.load import check_file, load_problem, problem_from_dict
 from optiplan.problem.problem import JointGoal, Objective, PoseGoal
 

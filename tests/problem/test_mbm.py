@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from optiplan.errors import InputError
+from optiplan.problem.importers.motion_bench_maker import import_mbm
 from optiplan.problem.load import check_file, load_problem
-from optiplan.problem.mbm import import_mbm
 
 SCENE = """\
 robot_model_name: Arm

@@ -4,10 +4,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.geometry import pose_from_data
-from optiplan.model.robot import load_robot
-from optiplan.problem.moveit import convert
-from optiplan.problem.moveit_objects import CannotConvert
+from optiplan.geometry.poses import pose_from_data
+from optiplan.problem.importers.moveit import convert
+from optiplan.problem.importers.moveit_objects import CannotConvert
+from optiplan.robot.robot import load_robot
 
 BOX = {"type": "box", "dimensions": [0.1, 0.2, 0.3]}
 QUARTER = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]  # a quarter turn about z

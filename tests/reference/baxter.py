@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from optiplan.model.robot import Robot, load_robot
+from optiplan.robot.robot import Robot, load_robot
 from tests.reference.entries import entry
 
 NAMES = ("S0", "S1", "E0", "E1", "W0", "W1", "W2")

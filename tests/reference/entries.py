@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.yaml_lines import read_yaml
+from optiplan.config.document import read_yaml
 
 HERE = Path(__file__).parent
 REPORTS = ("srra", "delbot", "lecture", "sclerp")

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from optiplan.model.robot import Robot
+from optiplan.robot.robot import Robot
 
 
 def rot(axis: str, angle: float) -> np.ndarray:

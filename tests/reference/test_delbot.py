@@ -7,12 +7,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.geometry import pose_from_data
-from optiplan.model.dh import DhTable, forward, frames
-from optiplan.model.jacobians import geometric_jacobian
-from optiplan.model.manipulability import ToolKinematics, measures
-from optiplan.model.robot import Robot, load_robot
-from optiplan.model.workspace import Workspace, WorkspaceOptions, study_workspace
+from optiplan.geometry.poses import pose_from_data
+from optiplan.kinematics.jacobians import geometric_jacobian
+from optiplan.kinematics.manipulability import ToolKinematics, measures
+from optiplan.robot.dh.table import DhTable, forward, frames
+from optiplan.robot.robot import Robot, load_robot
+from optiplan.workspace.sampling import Workspace, WorkspaceOptions, study_workspace
 from tests.reference.entries import Entry, entry, matches
 from tests.reference.poses import tool_pose
 

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.mecanum import WHEELS, Mecanum
-from optiplan.model.robot import Robot, load_robot
+from optiplan.kinematics.mecanum import WHEELS, Mecanum
+from optiplan.robot.robot import Robot, load_robot
 from tests.reference.entries import entry
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from optiplan.geometry import pose_from_data
-from optiplan.model import accuracy
-from optiplan.model.closed_form import closed_form
-from optiplan.model.dh import frames
-from optiplan.model.jacobians import geometric_jacobian
-from optiplan.model.manipulability import ToolKinematics, measure_gradients, measures
-from optiplan.model.robot import Robot, load_robot
+from optiplan.geometry.poses import pose_from_data
+from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.kinematics.jacobians import geometric_jacobian
+from optiplan.kinematics.manipulability import ToolKinematics, measure_gradients, measures
+from optiplan.robot.dh.table import frames
+from optiplan.robot.robot import Robot, load_robot
+from optiplan.workspace import accuracy
 from tests.reference.entries import Entry, entry
 from tests.reference.poses import tool_pose, turn
 

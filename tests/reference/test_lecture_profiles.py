@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.pipeline import run
 from optiplan.planners.base import Budget
 from optiplan.problem.load import problem_from_dict
-from optiplan.trajectory.hermite import hermite
-from optiplan.trajectory.profiles import Bounds, Trapezoid
+from optiplan.runs.pipeline import run
+from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.profiles.laws import Bounds, Trapezoid
 from optiplan.trajectory.trajectory import Trajectory
 from tests.reference.entries import entry
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from optiplan.model.dh import forward, frames
-from optiplan.model.robot import load_robot
-from optiplan.model.workspace import WorkspaceOptions, study_workspace
+from optiplan.robot.dh.table import forward, frames
+from optiplan.robot.robot import load_robot
+from optiplan.workspace.sampling import WorkspaceOptions, study_workspace
 from tests.reference.entries import entry
 from tests.reference.poses import rot
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from optiplan.yaml_lines import read_yaml
+from optiplan.config.document import read_yaml
 from tests.reference.entries import HERE, REPORTS, entries
 
 PAGE = Path(HERE).parent.parent / "docs" / "reports.md"

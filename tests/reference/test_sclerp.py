@@ -4,10 +4,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.ik import IkOptions, IkResult, solve_ik
-from optiplan.model.jacobians import geometric_jacobian
-from optiplan.model.kinematics import BatchKinematics
-from optiplan.model.robot import Robot, load_robot
+from optiplan.kinematics.ik.numeric import IkOptions, IkResult, solve_ik
+from optiplan.kinematics.jacobians import geometric_jacobian
+from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.robot import Robot, load_robot
 from tests.reference.baxter import NAMES, report_arm
 from tests.reference.entries import entry
 from tests.reference.poses import pose, rot, tool_pose

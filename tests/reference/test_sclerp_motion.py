@@ -7,13 +7,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.geometry import DualQuaternion
-from optiplan.model.kinematics import BatchKinematics
-from optiplan.model.scene import Scene
+from optiplan.geometry.dual_quaternion import DualQuaternion
+from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
-from optiplan.planners.sclerp.box import bounded_least_squares
+from optiplan.planners.sclerp.bounded_least_squares import bounded_least_squares
 from optiplan.planners.sclerp.options import SclerpOptions
+from optiplan.planners.sclerp.qp_stepping import Screw
 from optiplan.planners.sclerp.schemes import (
     REFLECTION,
     aim,
@@ -24,9 +24,9 @@ from optiplan.planners.sclerp.schemes import (
     report_screw,
     spatial_J1,
 )
-from optiplan.planners.sclerp.tool import Tool
-from optiplan.planners.sclerp.walk import Screw
+from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.problem import PoseGoal, Problem
+from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.verify.verify import verify
 from tests.reference.baxter import report_arm
 from tests.reference.entries import entry, matches

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optiplan.model.closed_form import closed_form
-from optiplan.model.dh import DhTable, forward, frames
-from optiplan.model.robot import Robot, load_robot
+from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.robot.dh.table import DhTable, forward, frames
+from optiplan.robot.robot import Robot, load_robot
 from tests.reference.entries import entry, matches
 from tests.reference.poses import angle_between, nearest_rotation, pose, tool_pose, turn
 

@@ -8,14 +8,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.closed_form import closed_form
-from optiplan.model.collision import CollisionModel
-from optiplan.model.dh import DhTable, forward
-from optiplan.model.kinematics import BatchKinematics
-from optiplan.model.reach import Reach
-from optiplan.model.robot import Robot, load_robot
-from optiplan.model.scene import Scene
-from optiplan.model.voxels import ring_coverage
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.scene import Scene
+from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.dh.table import DhTable, forward
+from optiplan.robot.robot import Robot, load_robot
+from optiplan.workspace.reach import Reach
+from optiplan.workspace.voxels import ring_coverage
 from tests.reference.entries import entry
 from tests.reference.poses import pose, tool_pose, turn
 

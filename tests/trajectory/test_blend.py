@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from optiplan.model.robot import Limits
-from optiplan.trajectory.blend import blend_path
+from optiplan.robot.robot import Limits
+from optiplan.trajectory.paths.corner_blends import blend_path
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, -0.2], [1.2, 1.5, 0.4], [0.1, 1.0, 1.0]])
 NAMES = ("a", "b", "c")

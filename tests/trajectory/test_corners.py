@@ -5,8 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optiplan.model.robot import Limits
-from optiplan.trajectory.corners import BEZIER, BSPLINE, bezier_corners, bspline_corners, reversals, through_corners
+from optiplan.robot.robot import Limits
+from optiplan.trajectory.paths.corners import (
+    BEZIER,
+    BSPLINE,
+    bezier_corners,
+    bspline_corners,
+    reversals,
+    through_corners,
+)
 
 NAMES = ("a", "b", "c")
 ONES = np.ones(3)

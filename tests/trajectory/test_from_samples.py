@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from optiplan.trajectory.from_samples import from_samples, interpolation
-from optiplan.trajectory.hermite import hermite
+from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.trajectory import Trajectory
 
 NAMES = ("a", "b")

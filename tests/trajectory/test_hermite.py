@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optiplan.model.robot import Limits
-from optiplan.trajectory.hermite import Hermite, hermite
-from optiplan.trajectory.profiles import CUBIC, QUINTIC, SEPTIC
-from optiplan.trajectory.timing import speed_ratio
+from optiplan.robot.robot import Limits
+from optiplan.trajectory.paths.hermite import Hermite, hermite
+from optiplan.trajectory.profiles.laws import CUBIC, QUINTIC, SEPTIC
+from optiplan.trajectory.timing.lower_bound import speed_ratio
 
 NUMBER = st.floats(-3.0, 3.0)
 

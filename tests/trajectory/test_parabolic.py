@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optiplan.trajectory.parabolic import (
+from optiplan.trajectory.paths.parabolic_blends import (
     blends_by_acceleration,
     blends_by_time,
     run_blends,

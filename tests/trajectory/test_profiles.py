@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optiplan.trajectory.profiles import CUBIC, QUINTIC, SEPTIC, BangBang, Bounds, Law, SCurve, Trapezoid
-from optiplan.trajectory.timing import lower_bound
+from optiplan.trajectory.profiles.laws import CUBIC, QUINTIC, SEPTIC, BangBang, Bounds, Law, SCurve, Trapezoid
+from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
 from tests.trajectory.test_timing import limits_of
 

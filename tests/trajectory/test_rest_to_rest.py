@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optiplan.trajectory.profiles import CUBIC, QUINTIC, BangBang, SCurve, Trapezoid
-from optiplan.trajectory.rest_to_rest import SHORTEST, RestToRest
-from optiplan.trajectory.timing import lower_bound
+from optiplan.trajectory.profiles.laws import CUBIC, QUINTIC, BangBang, SCurve, Trapezoid
+from optiplan.trajectory.profiles.synchronisation import SHORTEST, RestToRest
+from optiplan.trajectory.timing.lower_bound import lower_bound
 from tests.trajectory.test_timing import limits_of
 
 LAWS = [CUBIC, QUINTIC, Trapezoid(), BangBang(), SCurve()]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from optiplan.trajectory.stretch import FreeTimes, least_stretch
+from optiplan.trajectory.timing.time_scaling import FreeTimes, least_stretch
 
 
 @pytest.mark.parametrize("edge", [0.01, 0.3, 1.0, 77.0])

@@ -9,14 +9,14 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from optiplan.errors import UnknownChoiceError
-from optiplan.model.robot import load_robot
 from optiplan.problem.problem import JointGoal
-from optiplan.trajectory.blend import blend_path
-from optiplan.trajectory.path_rows import rows_at, tool_motion
-from optiplan.trajectory.reachability import fastest_law, slowness
-from optiplan.trajectory.timelaw import TimingOptions, ToolSpeed, compose, time_path
-from optiplan.trajectory.timing import lower_bound, speed_ratio, stop_at_corners
-from optiplan.trajectory.torque import torque_scale
+from optiplan.robot.robot import load_robot
+from optiplan.trajectory.paths.corner_blends import blend_path
+from optiplan.trajectory.timing.lower_bound import lower_bound, speed_ratio, stop_at_corners
+from optiplan.trajectory.timing.path_constraints import rows_at, tool_motion
+from optiplan.trajectory.timing.time_path import TimingOptions, ToolSpeed, compose, time_path
+from optiplan.trajectory.timing.toppra import fastest_law, slowness
+from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
 from tests.planners import cases

@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 import ruckig
 
-from optiplan.model.robot import Limits
-from optiplan.trajectory.timing import lower_bound, lower_bounds, scale_to_limits, speed_ratio, stop_at_corners
+from optiplan.robot.robot import Limits
+from optiplan.trajectory.timing.lower_bound import (
+    lower_bound,
+    lower_bounds,
+    scale_to_limits,
+    speed_ratio,
+    stop_at_corners,
+)
 
 
 def limits_of(velocity, acceleration, jerk):

@@ -4,9 +4,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.robot import Robot, load_robot
-from optiplan.trajectory.timing import stop_at_corners
-from optiplan.trajectory.torque import torque_scale
+from optiplan.robot.robot import Robot, load_robot
+from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 
 

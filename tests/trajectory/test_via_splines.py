@@ -3,9 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optiplan.model.robot import Limits
-from optiplan.trajectory.timing import scale_to_limits
-from optiplan.trajectory.via_splines import (
+from optiplan.robot.robot import Limits
+from optiplan.trajectory.paths.via_splines import (
     continuous_jerk,
     evened_times,
     heuristic_velocities,
@@ -13,6 +12,7 @@ from optiplan.trajectory.via_splines import (
     smooth_spline,
     spline_of_velocities,
 )
+from optiplan.trajectory.timing.lower_bound import scale_to_limits
 
 NAMES = ("a", "b")
 ONES = np.ones(2)

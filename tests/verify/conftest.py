@@ -2,7 +2,7 @@
 
 import pytest
 
-from optiplan.model.robot import load_robot
+from optiplan.robot.robot import load_robot
 
 
 @pytest.fixture(scope="session")

@@ -8,13 +8,13 @@ import pinocchio as pin
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.model.pairs import PROVED
-from optiplan.model.robot import load_robot
-from optiplan.model.scene import HalfSpace, Obstacle, Scene, Sphere
+from optiplan.geometry.scene import HalfSpace, Obstacle, Scene, Sphere
 from optiplan.problem.load import load_problem
+from optiplan.robot.robot import load_robot
+from optiplan.robot.self_collision.pairs import PROVED
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.verify import verify
-from tests.model.robots import BARE, LINK, joint, write_robot
+from tests.robot.robots import BARE, LINK, joint, write_robot
 from tests.verify.motions import problem_of, quintic, within_limits
 
 ATTACKS = Path(__file__).parents[1] / "attacks"

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from optiplan.model.collision import CollisionModel
-from optiplan.model.enclosure import winding_number
-from optiplan.model.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
-from optiplan.verify.bodies import Bodies, support, vertices_of
-from optiplan.verify.intervals import Intervals, boxes, step_sizes
-from optiplan.verify.motion import Asked, Motion
-from optiplan.verify.separation import PairDistances
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.enclosure import winding_number
+from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
+from optiplan.verify.continuous.bodies import Bodies, support, vertices_of
+from optiplan.verify.continuous.intervals import Intervals, boxes, step_sizes
+from optiplan.verify.continuous.motion_bounds import Asked, Motion
+from optiplan.verify.continuous.separating_planes import PairDistances
 from tests.verify.motions import smooth
 
 seeds = st.integers(0, 2**31)

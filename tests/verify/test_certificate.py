@@ -9,9 +9,9 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optiplan.model.collision import CollisionModel
-from optiplan.model.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
-from optiplan.verify.certificate import certify
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
+from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.verify import collision
 from tests.verify.motions import problem_of, quintic, smooth, within_limits
@@ -267,7 +267,7 @@ def test_many_questions_are_answered_in_portions(panda, monkeypatch):
     trajectory = quintic(panda.joint_names, panda.configurations["ready"], panda.configurations["ready"] + 0.3, 1.0)
     scene = Scene((Obstacle("ball", Sphere(0.05), pin.SE3(np.eye(3), np.array([0.3, 0.5, 0.6]))),))
     whole = certify(CollisionModel(panda, scene), trajectory, VerifyPolicy())
-    monkeypatch.setattr("optiplan.verify.certificate._MOST_ITEMS", 10)
+    monkeypatch.setattr("optiplan.verify.continuous.certificate._MOST_ITEMS", 10)
     portions = certify(CollisionModel(panda, scene), trajectory, VerifyPolicy())
     assert whole.proved
     assert portions.proved
@@ -285,7 +285,7 @@ def test_hulls_asked_first_change_no_verdict(planar, tmp_path, monkeypatch):
     for seed in range(12):
         trajectory, proofs = random_motion(np.random.default_rng(seed), planar, 0.25), []
         for hulls in (5e-3, np.inf):
-            monkeypatch.setattr("optiplan.verify.certificate._HULLS", hulls)
+            monkeypatch.setattr("optiplan.verify.continuous.certificate._HULLS", hulls)
             proofs.append(certify(model, trajectory, VerifyPolicy()))
         first, exact = proofs
         assert (first.proved, first.contact) == (exact.proved, exact.contact)

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optiplan.model.robot import load_robot
-from optiplan.model.scene import Scene
+from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import JointGoal, PoseGoal, Via
+from optiplan.robot.robot import load_robot
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.passing import vias
 from optiplan.verify.verify import verify
+from optiplan.verify.via_check import vias
 from tests.verify.motions import problem_of, quintic, smooth, within_limits
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from optiplan.model.scene import Scene
+from optiplan.geometry.scene import Scene
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.checks import rate
-from optiplan.verify.polynomial_bounds import prove_bounds
+from optiplan.verify.continuous.polynomial_bounds import prove_bounds
+from optiplan.verify.limit_checks import rate
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.verify import verify
 from tests.verify.motions import problem_of, quintic

@@ -9,13 +9,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
-from optiplan.model.collision import CollisionModel
-from optiplan.model.robot import load_robot
-from optiplan.model.scene import Mesh, Obstacle, Scene
-from optiplan.model.shapes import build_geometry
+from optiplan.geometry.scene import Mesh, Obstacle, Scene
+from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.load import check_file, load_problem
-from optiplan.verify.certificate import certify
+from optiplan.robot.robot import load_robot
+from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.verify import verify
 from tests.verify.motions import quintic
@@ -133,7 +133,7 @@ def test_a_mesh_that_changes_after_loading_does_not_change_the_problem(tmp_path)
     (tmp_path / "m.obj").write_text(CUBE.replace(" 1 ", " 3 "))
     assert CollisionModel(problem.robot, problem.scene).clearance(problem.start).distance == before
     code = (
-        "import sys, pickle; from optiplan.model.collision import CollisionModel\n"
+        "import sys, pickle; from optiplan.collision.model import CollisionModel\n"
         "robot, scene = pickle.loads(sys.stdin.buffer.read())\nCollisionModel(robot, scene)"
     )
     done = subprocess.run(

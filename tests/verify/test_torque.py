@@ -6,11 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.robot import load_robot
-from optiplan.model.scene import Scene
+from optiplan.geometry.scene import Scene
+from optiplan.robot.robot import load_robot
+from optiplan.verify.continuous.torque import torque
+from optiplan.verify.continuous.torque_bounds import TorqueBounds
 from optiplan.verify.report import VerifyPolicy
-from optiplan.verify.torque import torque
-from optiplan.verify.torque_bounds import TorqueBounds
 from tests.verify.motions import problem_of, quintic, within_limits
 
 

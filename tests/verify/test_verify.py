@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.model.scene import Attachment, Box, Capsule, HalfSpace, Obstacle, Scene, Sphere
+from optiplan.geometry.scene import Attachment, Box, Capsule, HalfSpace, Obstacle, Scene, Sphere
 from optiplan.problem.problem import JointGoal, PoseGoal
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import VerifyPolicy, jsonable

@@ -5,9 +5,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.robot import Robot, load_robot
-from optiplan.model.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
+from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
 from optiplan.problem.problem import JointGoal, Problem
+from optiplan.robot.robot import Robot, load_robot
 from optiplan.trajectory.trajectory import Trajectory
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.scene import Box, Obstacle, Scene
+from optiplan.geometry.scene import Box, Obstacle, Scene
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.viewer.page import export_page, render_page
 from optiplan.viewer.runs import ViewedRun

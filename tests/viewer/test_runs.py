@@ -5,7 +5,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.scene import Scene
+from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.runs import RATE, Poses, ViewedRun, show_run

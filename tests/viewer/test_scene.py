@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.errors import OptiPlanError
-from optiplan.model.scene import Box, Obstacle, Scene
+from optiplan.geometry.scene import Box, Obstacle, Scene
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem, Via
 from optiplan.viewer.scene import build_scene
 

@@ -60,8 +60,8 @@ def test_serve_ends_on_ctrl_c(shelf, monkeypatch):
 def test_ctrl_c_from_the_outside_ends_the_process_with_nothing_left():
     code = """
 import numpy as np
-from optiplan.model.robot import load_robot
-from optiplan.model.scene import Scene
+from optiplan.robot.robot import load_robot
+from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem
 from optiplan.viewer.server import serve
 robot = load_robot("planar2r")

@@ -11,9 +11,9 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.bench.report.pairs import Pair, pairs
-from optiplan.bench.runs import Flags, Indices, Runs, load_runs
-from optiplan.bench.statistics import Interval, median_interval, performance_ratios, share_intervals
-from optiplan.bench.store import Store
+from optiplan.bench.results.arrays import Flags, Indices, Runs, load_runs
+from optiplan.bench.results.database import Store
+from optiplan.bench.statistics.intervals_and_tests import Interval, median_interval, performance_ratios, share_intervals
 
 PERCENTILES = (50, 75, 95, 99)
 USUAL = ("easy", "medium", "hard")

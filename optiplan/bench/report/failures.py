@@ -4,7 +4,7 @@ import re
 from collections import Counter
 from typing import NamedTuple
 
-from optiplan.bench.store import Store
+from optiplan.bench.results.database import Store
 
 EXAMPLES = 12
 """Runs of a reason that are listed: of as many problems and planners as there are."""

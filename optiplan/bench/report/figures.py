@@ -15,8 +15,8 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.bench.report.analysis import Analysis
-from optiplan.bench.runs import Runs
-from optiplan.bench.statistics import share_within
+from optiplan.bench.results.arrays import Runs
+from optiplan.bench.statistics.intervals_and_tests import share_within
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#868686")
 DASHES = ("", "5 2", "1.2 1.6", "6 2 1.2 2")

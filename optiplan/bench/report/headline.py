@@ -6,7 +6,7 @@ import math
 
 from optiplan.bench.report.analysis import Analysis, PlannerNumbers
 from optiplan.bench.report.tables import number, percent
-from optiplan.bench.store import Store
+from optiplan.bench.results.database import Store
 
 BROKEN = ("timeout", "out-of-memory", "crashed", "bug", "bad-input")
 """How kinds of failures begin that tell of a fault, not of a hard problem."""

@@ -4,7 +4,7 @@ import math
 
 from optiplan.bench.report.analysis import Analysis, PlannerNumbers
 from optiplan.bench.report.tables import NOTHING, number, percent
-from optiplan.bench.statistics import Interval
+from optiplan.bench.statistics.intervals_and_tests import Interval
 
 HEADS = (
     *("planner", "runs", "planned", "timed", "verified", "95 % confidence"),

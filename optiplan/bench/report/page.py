@@ -14,7 +14,7 @@ from optiplan.bench.report.figures import figures, inline_svg
 from optiplan.bench.report.headline import Card, cards, facts, warnings
 from optiplan.bench.report.scenes import write_scenes
 from optiplan.bench.report.settings import settings
-from optiplan.bench.store import Store
+from optiplan.bench.results.database import Store
 from optiplan.problem.write import write_text
 
 FILE = "report.html"

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.bench.runs import Grid, Indices, Runs
-from optiplan.bench.statistics import Interval, median_interval, sign_test, signed_rank_test
+from optiplan.bench.results.arrays import Grid, Indices, Runs
+from optiplan.bench.statistics.intervals_and_tests import Interval, median_interval, sign_test, signed_rank_test
 
 TIE = 0.01
 """Ratios within 1 % of one are ties."""

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from optiplan.bench.report.failures import Failed, Reason
-from optiplan.bench.show import stored_view
-from optiplan.bench.store import Store
+from optiplan.bench.report.show import stored_view
+from optiplan.bench.results.database import Store
 from optiplan.errors import OptiPlanError
 from optiplan.viewer.page import export_page
 

@@ -7,8 +7,8 @@ from urllib.parse import parse_qs, urlencode, urlsplit
 from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.failures import Failed, reasons
 from optiplan.bench.report.page import render
-from optiplan.bench.show import stored_view
-from optiplan.bench.store import Store
+from optiplan.bench.report.show import stored_view
+from optiplan.bench.results.database import Store
 from optiplan.errors import OptiPlanError
 from optiplan.viewer.page import render_page
 from optiplan.viewer.scene import build_scene

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from optiplan.bench.report.tables import NOTHING, Cell, Head, table
-from optiplan.bench.store import Store
+from optiplan.bench.results.database import Store
 
 MEANING = """
 <p>A run is <b>planned</b> when a path was found, <b>timed</b> when it has times, <b>verified</b> when the verifier

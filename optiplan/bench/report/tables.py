@@ -8,7 +8,7 @@ from typing import NamedTuple
 from optiplan.bench.report.analysis import PERCENTILES, Analysis, Part, Spread
 from optiplan.bench.report.figures import COLOURS, line_of
 from optiplan.bench.report.pairs import TIE, Pair, Paired
-from optiplan.bench.statistics import Interval, holm
+from optiplan.bench.statistics.intervals_and_tests import Interval, holm
 
 NOTHING = "–"
 BOUND = "one bound a problem: the least over the end configurations that were reached or that it lists"

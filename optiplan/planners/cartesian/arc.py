@@ -7,8 +7,8 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
-from optiplan.planners.cartesian.path import ToolPath, angle_about, arc, circle_through
-from optiplan.planners.cartesian.tool_motion import ToolMotion, ToolMotionOptions
+from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
+from optiplan.planners.cartesian.tool_path import ToolPath, angle_about, arc, circle_through
 
 _OFF = 1e-3  # m or rad: how far what is given may be from what fits exactly
 _SHORTEST = 1e-6  # m: ends of an arc that are nearer are one point

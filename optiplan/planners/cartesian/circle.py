@@ -8,9 +8,9 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
-from optiplan.model.ik import pose_error
-from optiplan.planners.cartesian.path import ToolPath, circle
-from optiplan.planners.cartesian.tool_motion import ToolMotion, ToolMotionOptions
+from optiplan.kinematics.ik.numeric import pose_error
+from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
+from optiplan.planners.cartesian.tool_path import ToolPath, circle
 
 _PLANES = {"xy": (0, 1), "yz": (1, 2), "xz": (0, 2)}
 """The two axes that span a plane; the second points to the circle's top."""

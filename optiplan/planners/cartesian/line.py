@@ -2,8 +2,8 @@
 
 import pinocchio as pin
 
-from optiplan.planners.cartesian.path import ToolPath, line
-from optiplan.planners.cartesian.tool_motion import ToolMotion, ToolMotionOptions
+from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
+from optiplan.planners.cartesian.tool_path import ToolPath, line
 
 
 class Line(ToolMotion[ToolMotionOptions]):

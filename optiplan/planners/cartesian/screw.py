@@ -6,10 +6,10 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import InputError, Issue
-from optiplan.geometry import pose_to_data
-from optiplan.model.ik import pose_error
-from optiplan.planners.cartesian.path import ToolPath, screw, screw_about
-from optiplan.planners.cartesian.tool_motion import ToolMotion, ToolMotionOptions
+from optiplan.geometry.poses import pose_to_data
+from optiplan.kinematics.ik.numeric import pose_error
+from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
+from optiplan.planners.cartesian.tool_path import ToolPath, screw, screw_about
 
 
 @dataclass(frozen=True)

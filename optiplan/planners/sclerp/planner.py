@@ -6,16 +6,16 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.model.collision import CollisionModel
+from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, PlanResult, Progress
-from optiplan.planners.failures import out_of_time, too_heavy
-from optiplan.planners.goals import ranked_goals
-from optiplan.planners.sclerp.attempt import Task, attempt
+from optiplan.planners.common.failures import out_of_time, too_heavy
+from optiplan.planners.common.goal_ranking import ranked_goals
+from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.tool import Tool
-from optiplan.planners.stopwatch import Stopwatch
+from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_motion import Task, attempt
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
-from optiplan.trajectory.timelaw import TimingOptions, time_path
+from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
 _SAMPLES = 200  # of a path, where gravity is looked for

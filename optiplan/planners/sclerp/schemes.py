@@ -14,10 +14,10 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.geometry import DualQuaternion
-from optiplan.planners.sclerp.box import bounded_least_squares
+from optiplan.geometry.dual_quaternion import DualQuaternion
+from optiplan.planners.sclerp.bounded_least_squares import bounded_least_squares
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.tool import Tool
+from optiplan.planners.sclerp.screw_kinematics import Tool
 
 REFLECTION = 1.1
 _LEAST_MOTION = 1e-10  # weight of |dq|² beside the squared error of the twist, so that one dq is the best

@@ -6,21 +6,21 @@ from typing import Any, Literal
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.model.collision import CollisionModel
+from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Candidate, Failure, PlanResult, Progress
-from optiplan.planners.failures import out_of_time, too_heavy
-from optiplan.planners.goals import GoalSampler, goal_sampler
-from optiplan.planners.sampling import SampledPath, SamplingOptions, sample_path
-from optiplan.planners.shortcut import path_time
-from optiplan.planners.stopwatch import Stopwatch
-from optiplan.planners.sweep import Touch, first_contact
-from optiplan.planners.timed import timed_path, within_torque
-from optiplan.planners.trajopt.attempt import Attempt, Optimiser
+from optiplan.planners.common.continuous_collision import Touch, first_contact
+from optiplan.planners.common.failures import out_of_time, too_heavy
+from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
+from optiplan.planners.common.path_timing import timed_path, within_torque
+from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
+from optiplan.planners.sampling.shortcutting import path_time
+from optiplan.planners.trajopt.initial_guess import along_path, with_bump
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.patience import Patience
-from optiplan.planners.trajopt.seeds import along_path, with_bump
+from optiplan.planners.trajopt.stopping_rule import Patience
 from optiplan.problem.problem import Problem
-from optiplan.trajectory.timing import lower_bounds, stop_at_corners
+from optiplan.trajectory.timing.lower_bound import lower_bounds, stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
 _EARLY = 1.0 / 3.0

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from math import inf
 
 from optiplan.arrays import Array
-from optiplan.planners.trajopt.subproblem import Penalty, Step, Subproblem
+from optiplan.planners.trajopt.qp import Penalty, Step, Subproblem
 from optiplan.planners.trajopt.transcription import SoftRows, Transcription
 
 CONTACT_PENALTY = 0.5

@@ -9,10 +9,10 @@ import pinocchio as pin
 import scipy.sparse as sp
 
 from optiplan.arrays import Array
-from optiplan.model.collision import CollisionModel, Contacts
-from optiplan.model.mimic import unfold
-from optiplan.planners.trajopt.spline import FIXED, SplineBasis
+from optiplan.collision.model import CollisionModel, Contacts
+from optiplan.planners.trajopt.bspline_basis import FIXED, SplineBasis
 from optiplan.problem.problem import Problem
+from optiplan.robot.mimic_joints import unfold
 
 CUTOFF = 0.04
 """Pairs nearer than this, m, get a row in the quadratic program."""

@@ -7,14 +7,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.collision import CollisionModel
-from optiplan.model.jacobians import frame_pose
-from optiplan.model.scene import Box, Obstacle, Scene
-from optiplan.pipeline import run
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.scene import Box, Obstacle, Scene
+from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
-from optiplan.planners.cartesian.follow import follow
-from optiplan.planners.cartesian.path import circle
+from optiplan.planners.cartesian.path_following import follow
+from optiplan.planners.cartesian.tool_path import circle
 from optiplan.problem.load import load_problem
+from optiplan.runs.pipeline import run
 from tests.reference.entries import entry
 
 PROBLEMS = Path(__file__).parents[3] / "problems"

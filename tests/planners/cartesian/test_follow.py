@@ -8,15 +8,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.collision import CollisionModel
-from optiplan.model.jacobians import frame_pose, geometric_jacobian
-from optiplan.model.robot import load_robot
-from optiplan.model.scene import Scene
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.scene import Scene
+from optiplan.kinematics.jacobians import frame_pose, geometric_jacobian
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.cartesian.ending import limit_crossing
-from optiplan.planners.cartesian.follow import follow
-from optiplan.planners.cartesian.path import ToolPath, circle, line, screw
-from optiplan.planners.cartesian.tracking import Aim, Tracker
+from optiplan.planners.cartesian.diagnosis import limit_crossing
+from optiplan.planners.cartesian.differential_ik import Aim, Tracker
+from optiplan.planners.cartesian.path_following import follow
+from optiplan.planners.cartesian.tool_path import ToolPath, circle, line, screw
+from optiplan.robot.robot import load_robot
 from optiplan.trajectory.trajectory import Trajectory
 
 READY = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from optiplan.model.closed_form import closed_form
-from optiplan.model.jacobians import frame_pose
-from optiplan.model.robot import load_robot
-from optiplan.pipeline import run
+from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.problem.load import problem_from_dict
+from optiplan.robot.robot import load_robot
+from optiplan.runs.pipeline import run
 
 ROBOT = """\
 version: 1

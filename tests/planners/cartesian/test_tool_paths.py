@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.planners.cartesian.path import (
+from optiplan.planners.cartesian.tool_path import (
     ToolPath,
     angle_about,
     arc,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from optiplan.planners.sclerp.box import bounded_least_squares
+from optiplan.planners.sclerp.bounded_least_squares import bounded_least_squares
 
 
 @pytest.mark.parametrize("seed", range(60))

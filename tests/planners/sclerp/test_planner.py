@@ -7,15 +7,15 @@ import pinocchio as pin
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.model.scene import Scene
-from optiplan.pipeline import run
+from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
 from optiplan.planners.sclerp.options import SclerpOptions
+from optiplan.planners.sclerp.qp_stepping import Screw
 from optiplan.planners.sclerp.schemes import chase
-from optiplan.planners.sclerp.tool import Tool
-from optiplan.planners.sclerp.walk import Screw
+from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.runs.pipeline import run
 from tests.planners import cases
 from tests.reference.baxter import report_arm
 from tests.reference.entries import entry

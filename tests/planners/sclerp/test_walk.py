@@ -2,11 +2,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.geometry import screw_between
+from optiplan.geometry.dual_quaternion import screw_between
+from optiplan.planners.sclerp.interpolation import on_screw, spline, through
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.smooth import on_screw, spline, through
-from optiplan.planners.sclerp.tool import Tool
-from optiplan.planners.sclerp.walk import Screw, Walker
+from optiplan.planners.sclerp.qp_stepping import Screw, Walker
+from optiplan.planners.sclerp.screw_kinematics import Tool
 from tests.planners import cases
 
 FAR = np.array([0.4, -0.5, 0.3, -2.0, 0.2, 1.8, 1.0])

@@ -3,7 +3,7 @@
 import pytest
 
 from optiplan.planners.base import Budget
-from optiplan.planners.trajopt.patience import PRICE, SAME, STATE, STEP, Patience
+from optiplan.planners.trajopt.stopping_rule import PRICE, SAME, STATE, STEP, Patience
 
 
 def after(costs: list[float | None], seconds: float, budget: float = 10.0, good_enough: float = 1.0) -> Patience:

@@ -6,14 +6,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.robot import Robot, load_robot
-from optiplan.model.scene import Box, Obstacle, Scene
+from optiplan.geometry.scene import Box, Obstacle, Scene
 from optiplan.planners.base import Budget, PlanResult
-from optiplan.planners.trajopt.attempt import Optimiser
+from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.problem.problem import JointGoal, Problem
-from optiplan.trajectory.timing import lower_bound
+from optiplan.robot.robot import Robot, load_robot
+from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
 
 GOAL = np.array([1.2, 0.3, 0.4, -1.6, 0.3, 1.9, 0.4])

@@ -9,18 +9,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from optiplan.model.collision import CollisionModel
-from optiplan.model.robot import load_robot
-from optiplan.pipeline import Run, run
+from optiplan.collision.model import CollisionModel
 from optiplan.planners import base
 from optiplan.planners.base import Budget
-from optiplan.planners.trajopt import patience
+from optiplan.planners.trajopt import stopping_rule
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import JointGoal, Objective, PoseGoal, Problem
-from optiplan.trajectory.timing import stop_at_corners
-from tests.model.robots import BARE, LINK, joint, write_robot
+from optiplan.robot.robot import load_robot
+from optiplan.runs.pipeline import Run, run
+from optiplan.trajectory.timing.lower_bound import stop_at_corners
 from tests.planners import cases
+from tests.robot.robots import BARE, LINK, joint, write_robot
 
 
 @pytest.fixture(autouse=True)
@@ -139,7 +139,7 @@ def test_a_larger_budget_is_not_worse() -> None:
 @pytest.mark.parametrize("make", [cases.wall, cases.one_box, cases.barred])
 def test_planning_and_proof_end_with_the_budget(monkeypatch: pytest.MonkeyPatch, make) -> None:  # type: ignore[no-untyped-def]
     """A search that never has enough: 2 % or 50 ms over at most, and as much again for what is not polled."""
-    monkeypatch.setattr(patience, "PRICE", 0.0)
+    monkeypatch.setattr(stopping_rule, "PRICE", 0.0)
     problem, budget = make(), 0.8
     solve(problem, budget=0.1)  # what is built once for the robot
     began = time.process_time()

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optiplan.model.robot import Limits
-from optiplan.planners.trajopt.seeds import along_path, with_bump
-from optiplan.planners.trajopt.spline import FIXED, SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.bspline_basis import FIXED, SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.initial_guess import along_path, with_bump
+from optiplan.robot.robot import Limits
 from tests.planners import cases
 
 U = np.linspace(0.0, 1.0, 401)

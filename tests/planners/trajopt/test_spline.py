@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from optiplan.planners.trajopt.seeds import along_path
-from optiplan.planners.trajopt.spline import DEGREE, SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.initial_guess import along_path
 
 
 @pytest.fixture

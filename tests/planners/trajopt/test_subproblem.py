@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from optiplan.model.collision import CollisionModel
-from optiplan.planners.trajopt import sqp, subproblem
-from optiplan.planners.trajopt.seeds import along_path
-from optiplan.planners.trajopt.spline import SplineBasis, bunched_breakpoints
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.trajopt import qp, sqp
+from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.initial_guess import along_path
+from optiplan.planners.trajopt.qp import Penalty, Step, Subproblem
 from optiplan.planners.trajopt.sqp import optimise
-from optiplan.planners.trajopt.subproblem import Penalty, Step, Subproblem
 from optiplan.planners.trajopt.transcription import JerkCost, Margins, SoftRows, Transcription
 from tests.planners import cases
 
@@ -66,7 +66,7 @@ def test_rows_left_out_come_back_where_a_solution_exceeds_them(monkeypatch: pyte
     )
     few = solved(made)
     needed = counts.copy()
-    monkeypatch.setattr(subproblem, "NEAR", -np.inf)
+    monkeypatch.setattr(qp, "NEAR", -np.inf)
     counts.clear()
     every = solved(made)
     assert len(counts) == 1
@@ -84,14 +84,14 @@ def test_a_step_holds_all_rows_to_a_hundredth(monkeypatch: pytest.MonkeyPatch) -
     step = solved(made)
     for order, bound in enumerate(made.bounds, start=1):
         share = np.abs(made.basis.derivative[order] @ step.control) / (bound * step.duration**order)
-        assert share.max() <= 1.0 + subproblem.EXCEEDED + 1e-3
-    monkeypatch.setattr(subproblem, "ROUNDS", 1)
+        assert share.max() <= 1.0 + qp.EXCEEDED + 1e-3
+    monkeypatch.setattr(qp, "ROUNDS", 1)
     loose = solved(made)
     shares = [
         np.abs(made.basis.derivative[order] @ loose.control) / (bound * loose.duration**order)
         for order, bound in enumerate(made.bounds, start=1)
     ]
-    assert max(share.max() for share in shares) > 1.0 + 2.0 * subproblem.EXCEEDED, "without them it would not"
+    assert max(share.max() for share in shares) > 1.0 + 2.0 * qp.EXCEEDED, "without them it would not"
 
 
 @pytest.mark.parametrize("unit", [100.0, 1e-3])

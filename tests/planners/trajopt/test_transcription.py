@@ -6,15 +6,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.model.collision import CollisionModel, Contacts
-from optiplan.model.robot import load_robot
-from optiplan.model.scene import Box, Obstacle, Scene, Sphere
-from optiplan.planners.trajopt.seeds import along_path
-from optiplan.planners.trajopt.spline import SplineBasis, bunched_breakpoints
+from optiplan.collision.model import CollisionModel, Contacts
+from optiplan.geometry.scene import Box, Obstacle, Scene, Sphere
+from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.initial_guess import along_path
+from optiplan.planners.trajopt.qp import Subproblem
 from optiplan.planners.trajopt.sqp import evaluate, optimise
-from optiplan.planners.trajopt.subproblem import Subproblem
 from optiplan.planners.trajopt.transcription import CUTOFF, Margins, SoftRows, Transcription, _pushed_one_way
 from optiplan.problem.problem import JointGoal, Objective, Problem
+from optiplan.robot.robot import load_robot
 
 GOAL = np.array([1.2, 0.3, 0.4, -1.6, 0.3, 1.9, -0.4])
 

@@ -1,0 +1,192 @@
+"""A workforce on a Dask cluster: the scheduler spreads tasks over its workers, each of which runs them in slots."""
+
+import queue
+import threading
+import time
+import uuid
+import warnings
+from collections.abc import Generator, Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+from optiplan.bench.dask import station
+from optiplan.bench.dask.file_transfer import Packer
+from optiplan.bench.results.records import BenchProblem, Outcome, Row, Task, empty_row, failure
+from optiplan.errors import OptiPlanError
+
+CONNECT = 10.0
+"""s within which a scheduler has to answer."""
+WAIT = 300.0
+"""s without a single worker after which we give up; a cluster that grows on demand needs some of them."""
+LOOK = 2.0
+"""s between two looks at how many workers there are."""
+AHEAD = 2
+"""Tasks on their way for each thread of a worker: one runs, one waits."""
+HAND_OVER = 5.0
+"""s within which a worker hands over what it has done."""
+LOST = "crashed (machine lost)"
+"""Kind of failure of a run that took worker after worker with it (Dask's `allowed-failures` says how many)."""
+
+
+class ClusterError(OptiPlanError):
+    """A cluster that cannot be used (any more); what came of it before is stored."""
+
+
+class DaskCluster:
+    """The workers of a Dask scheduler; a worker's runs that are lost with it are made elsewhere.
+
+    A run counts when its outcome has arrived here: Dask makes a task again whose worker, or whose result, is gone.
+    """
+
+    def __init__(self, address: str) -> None:
+        """Connect, and compare versions with the workers that are there.
+
+        Raises:
+            ClusterError: `distributed` is not installed, nothing answers, or a worker has other versions.
+        """
+        try:
+            import distributed
+        except ImportError as error:
+            raise ClusterError("--dask needs distributed: pip install 'optiplan[cluster]'") from error
+        self.address = address
+        self._session = uuid.uuid4().hex
+        self._stop = threading.Event()
+        self._packer = Packer()
+        self._packed: tuple[str, BenchProblem] | None = None
+        self._done: queue.Queue[Any] = queue.Queue()
+        self._flying: dict[Any, tuple[Task, station.Bill]] = {}
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # other versions of Dask: below we say so ourselves
+                self._client: Any = distributed.Client(address, timeout=CONNECT, set_as_default=False)
+        except (OSError, ValueError, TypeError, ImportError) as error:
+            expected = "a running one, as of `dask scheduler` (docs/cluster.md)"
+            raise ClusterError(f"no Dask scheduler at {address}: {_said(error)}; expected {expected}") from error
+        try:
+            self._compare()
+        except BaseException:
+            self._client.close()
+            raise
+
+    @property
+    def slots(self) -> int:
+        """Threads of all workers that are there now."""
+        return sum(self._client.nthreads().values())
+
+    def outcomes(self, tasks: Iterable[Task]) -> Generator[Outcome, None, None]:
+        """As `Workforce` says.
+
+        Raises:
+            ClusterError: the scheduler is gone, no worker comes, or one comes with other versions.
+        """
+        waiting, looked, room, alone = iter(tasks), 0.0, 0, time.monotonic()
+        try:
+            while not self._stop.is_set():
+                now = time.monotonic()
+                if now - looked > LOOK:
+                    looked, room = now, self._look()
+                    alone = now if room else alone
+                if now - alone > WAIT:
+                    raise ClusterError(f"no worker at {self.address} for {WAIT:g} s")
+                while len(self._flying) < AHEAD * max(room, 1):
+                    task = next(waiting, None)
+                    if task is None:
+                        break
+                    self._send(task, {})
+                if not self._flying:
+                    return
+                yield from self._arrived()
+        finally:
+            self._leave()
+
+    def close(self) -> None:
+        """As `Workforce` says."""
+        self._stop.set()
+
+    def _look(self) -> int:
+        try:
+            return self.slots
+        except (OSError, ValueError, AttributeError) as error:
+            raise self._gone() from error
+
+    def _compare(self) -> None:
+        """Refuse workers whose results may differ; those that come later are asked with each task."""
+        expected = station.signature()
+        try:
+            answers = self._client.run(station.differences, dict(expected), on_error="return")
+        except (OSError, ValueError) as error:
+            raise self._gone() from error
+        for worker, words in answers.items():
+            if isinstance(words, BaseException):
+                raise ClusterError(f"worker {worker} cannot be asked for its versions: {_said(words)}; {_SAME}")
+            if words:
+                raise _mismatch(worker, words)
+
+    def _send(self, task: Task, bill: station.Bill) -> None:
+        packed = replace(task, problem=self._pack(task.problem))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that a bundle is large
+            future = self._client.submit(
+                station.carry_out, self._session, station.signature(), packed, bill, pure=False, key=uuid.uuid4().hex
+            )
+        self._flying[future] = task, bill
+        future.add_done_callback(self._done.put)
+
+    def _pack(self, problem: BenchProblem) -> BenchProblem:
+        """Tasks come problem by problem: the last one is packed already."""
+        if self._packed is None or self._packed[0] != problem.id:
+            self._packed = problem.id, self._packer.pack(problem)
+        return self._packed[1]
+
+    def _arrived(self) -> Iterator[Outcome]:
+        """The next outcome, if one comes in time for the next look."""
+        from distributed import KilledWorker
+
+        try:
+            future = self._done.get(timeout=0.2)
+        except queue.Empty:
+            return
+        task, bill = self._flying[future]
+        try:
+            answer = future.result(timeout=HAND_OVER)
+        except TimeoutError:  # its worker was lost before it could hand over: it is made again
+            self._done.put(future)
+            return
+        except KilledWorker as error:
+            answer = Outcome(Row(**empty_row(task) | failure(LOST, str(error))))
+        except OptiPlanError:
+            raise
+        except Exception as error:
+            raise self._gone(error) from error
+        del self._flying[future]
+        if isinstance(answer, Outcome):
+            yield replace(answer, row=replace(answer.row, worker=answer.row.worker or self.address))
+        elif isinstance(answer, station.Wanted):
+            freight = {digest: self._packer.freight(digest) for digest in sorted(answer.digests)}
+            self._send(task, {**bill, **freight})
+        else:
+            raise _mismatch("that came later", answer.words)
+
+    def _gone(self, error: BaseException | None = None) -> ClusterError:
+        why = f" ({_said(error)})" if error is not None else ""
+        return ClusterError(f"the Dask cluster at {self.address} fails{why}; what was stored is whole: go on later")
+
+    def _leave(self) -> None:
+        """Give up what is under way; workers end the processes of this session."""
+        if self._client.status == "running":
+            self._client.cancel(list(self._flying), force=True)
+            self._client.run(station.leave, self._session, on_error="ignore")
+        self._flying.clear()
+        self._client.close(timeout=2)
+
+
+_SAME = "every machine needs the same versions: docs/cluster.md"
+
+
+def _mismatch(worker: str, words: Iterable[str]) -> ClusterError:
+    return ClusterError(f"worker {worker} has other versions: {'; '.join(words)}; {_SAME}")
+
+
+def _said(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__

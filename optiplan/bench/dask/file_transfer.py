@@ -1,0 +1,144 @@
+"""Files that travel with a task: a machine elsewhere has optiplan, and neither our checkout nor our robots and meshes.
+
+A *bundle* is what belongs together: a mesh, or a robot with all that it is read from. A packed problem names bundles
+by the hash of their content in place of files; who has a bundle keeps it, who does not asks for its *freight*.
+"""
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from optiplan import cache
+from optiplan.bench.execution.robot_cache import RobotShelf
+from optiplan.bench.results.records import BenchProblem
+from optiplan.errors import OptiPlanError
+from optiplan.problem.hashing import meshes_of
+from optiplan.robot.robot import robot_names
+
+SCHEME = "travel://"
+"""Of a file in a bundle: `travel://<digest>/<path in it>`."""
+
+LEVELS = 4
+"""Folders above a robot's files that stay in its bundle: the names of meshes in a URDF may go through them."""
+
+TEXTS = (".yaml", ".yml", ".urdf", ".srdf", ".xml")
+"""Files of a robot in which absolute paths are put right where they arrive."""
+
+
+class TravelError(OptiPlanError):
+    """A robot that cannot be taken elsewhere."""
+
+
+@dataclass(frozen=True)
+class Freight:
+    """Content of a bundle: the folder that it is of, at home, and its files by their path below that."""
+
+    home: str
+    files: Mapping[str, bytes]
+
+
+class Packer:
+    """Packs the problems of a suite; reads a robot and a mesh once, and keeps their names, not their bytes."""
+
+    def __init__(self) -> None:
+        self._robots = RobotShelf()
+        self._digests: dict[str, str] = {}
+        self._bundles: dict[str, tuple[Path, tuple[Path, ...]]] = {}
+
+    def pack(self, problem: BenchProblem) -> BenchProblem:
+        """The problem with bundles in place of files; shipped robots stay names.
+
+        Raises:
+            TravelError: a robot that cannot be loaded from its files alone.
+        """
+        data: dict[str, Any] = deepcopy(dict(problem.data))
+        if data["robot"] not in robot_names():
+            data["robot"] = self._robot(data["robot"])
+        for mesh in meshes_of(data):
+            path = Path(mesh["file"])
+            mesh["file"] = self._bundle(str(path), path.parent, (path,)) + path.name
+        return replace(problem, data=data)
+
+    def freight(self, digest: str) -> Freight:
+        """What a bundle holds."""
+        home, paths = self._bundles[digest]
+        return Freight(str(home), {str(path.relative_to(home)): path.read_bytes() for path in paths})
+
+    def _robot(self, ref: str) -> str:
+        """Try it out before it goes: a robot that is not whole without its surroundings is told of here."""
+        known = ref in self._digests
+        robot = self._robots(ref)
+        paths = tuple(dict.fromkeys(Path(os.path.normpath(path)) for path in robot.files))
+        common = Path(os.path.commonpath([path.parent for path in paths]))
+        home = common.parents[min(LEVELS, len(common.parents)) - 1] if common.parents else common
+        packed = self._bundle(ref, home, paths) + str(robot.source.relative_to(home))
+        if not known:
+            keep(self._digests[ref], self.freight(self._digests[ref]))
+            try:
+                RobotShelf()(str(_unpacked(packed)))
+            except OptiPlanError as error:
+                raise TravelError(f"robot {ref} cannot be taken to other machines: {error}") from error
+        return packed
+
+    def _bundle(self, ref: str, home: Path, paths: tuple[Path, ...]) -> str:
+        if ref not in self._digests:
+            parts = [part for path in paths for part in (str(path.relative_to(home)).encode(), path.read_bytes())]
+            digest = cache.digest(parts)
+            self._digests[ref] = digest
+            self._bundles[digest] = (home, paths)
+        return f"{SCHEME}{self._digests[ref]}/"
+
+
+def lacking(problem: BenchProblem) -> set[str]:
+    """The bundles of a packed problem that are not here."""
+    return {ref.removeprefix(SCHEME).partition("/")[0] for ref in _refs(problem.data) if not _folder(ref).is_dir()}
+
+
+def keep(digest: str, freight: Freight) -> None:
+    """Put a bundle into the cache, whole or not at all."""
+    folder = _folder(f"{SCHEME}{digest}/")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    fresh = Path(tempfile.mkdtemp(dir=folder.parent))
+    for name, content in freight.files.items():
+        path = fresh / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(_settled(content, freight.home, folder) if path.suffix in TEXTS else content)
+    try:
+        fresh.rename(folder)
+    except OSError:  # another process was faster
+        shutil.rmtree(fresh)
+
+
+def unpack(problem: BenchProblem) -> BenchProblem:
+    """The problem with files in place of bundles, which are all here."""
+    data: dict[str, Any] = deepcopy(dict(problem.data))
+    data["robot"] = _unpacked(data["robot"])
+    for mesh in meshes_of(data):
+        mesh["file"] = _unpacked(mesh["file"])
+    return replace(problem, data=data)
+
+
+def _refs(data: Mapping[str, Any]) -> Iterator[str]:
+    yield from (ref for ref in (data["robot"], *(mesh["file"] for mesh in meshes_of(data))) if ref.startswith(SCHEME))
+
+
+def _unpacked(ref: str) -> str:
+    if not ref.startswith(SCHEME):
+        return ref
+    return str(_folder(ref) / PurePosixPath(ref.removeprefix(SCHEME).partition("/")[2]))
+
+
+def _folder(ref: str) -> Path:
+    return cache.cache_dir() / "travel" / ref.removeprefix(SCHEME).partition("/")[0]
+
+
+def _settled(content: bytes, home: str, folder: Path) -> bytes:
+    """Absolute paths below the old home, where they stand as a value, point below the new one."""
+    pattern = rb"([\"'\s>]|file://)" + re.escape(home.rstrip("/").encode()) + b"/"
+    return re.sub(pattern, rb"\g<1>" + str(folder).encode().replace(b"\\", rb"\\") + b"/", content)

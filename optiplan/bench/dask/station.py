@@ -1,0 +1,128 @@
+"""What a machine of a cluster does for a suite: takes a task, has the files it needs, runs it in a slot.
+
+Knows nothing of Dask but that its functions are called there: `carry_out` in the worker's threads, the others between.
+"""
+
+import os
+import platform
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib import metadata
+
+from optiplan.bench.dask.file_transfer import Freight, keep, lacking, unpack
+from optiplan.bench.execution.code_version import own_digest
+from optiplan.bench.execution.slot import Slot
+from optiplan.bench.results.records import Outcome, Task
+from optiplan.runs.pipeline import versions
+
+Bill = Mapping[str, Freight]
+"""Bundles by their digest."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The answer of a machine that lacks bundles: send the task again, with these."""
+
+    digests: frozenset[str]
+
+
+@dataclass(frozen=True)
+class Other:
+    """The answer of a machine that would not give the same results: what differs, in words."""
+
+    words: tuple[str, ...]
+
+
+@dataclass
+class _Seat:
+    """A thread of a worker and its slot; the lock is held while a task runs."""
+
+    slot: Slot
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+
+@dataclass
+class _Shift:
+    """What a session of `optiplan bench` has here."""
+
+    stop: threading.Event = field(default_factory=threading.Event)
+    seats: dict[int, _Seat] = field(default_factory=dict)
+
+
+_shifts: dict[str, _Shift] = {}
+_lock = threading.Lock()
+
+
+@cache
+def signature() -> dict[str, str]:
+    """What has to be the same on every machine for results to be: versions, and optiplan's code itself."""
+    found = versions() | {"optiplan's code": own_digest()[:12], "processor": platform.machine()}
+    found["python"] = found["python"].rpartition(".")[0]
+    try:
+        return found | {"example-robot-data": metadata.version("example-robot-data")}
+    except metadata.PackageNotFoundError:
+        return found | {"example-robot-data": "not installed"}
+
+
+def differences(theirs: Mapping[str, str]) -> tuple[str, ...]:
+    """Where this machine differs from the `signature` of another, in words."""
+    ours = signature()
+    names = dict.fromkeys((*theirs, *ours))
+    return tuple(
+        f"{name} {ours.get(name)} there, {theirs.get(name)} here"
+        for name in names
+        if ours.get(name) != theirs.get(name)
+    )
+
+
+def carry_out(session: str, expected: Mapping[str, str], task: Task, bill: Bill) -> Outcome | Wanted | Other:
+    """Run a packed task in this thread's slot.
+
+    Args:
+        session: of `optiplan bench`; its slots end with it.
+        expected: the `signature` of who asks.
+        task: with its problem packed.
+        bill: bundles that were found lacking before.
+
+    Raises:
+        Stopped: the session has ended.
+        WorkerError: no process can be started here.
+    """
+    words = differences(expected)
+    if words:
+        return Other(words)
+    for digest, freight in bill.items():
+        keep(digest, freight)
+    missing = lacking(task.problem)
+    if missing:
+        return Wanted(frozenset(missing))
+    seat = _seat(session)
+    with seat.lock:
+        return seat.slot.run(replace(task, problem=unpack(task.problem)))
+
+
+def leave(session: str) -> None:
+    """End a session here: runs under way are given up, its processes ended."""
+    with _lock:
+        shift = _shifts.setdefault(session, _Shift())
+        shift.stop.set()
+        seats = list(shift.seats.values())
+    for seat in seats:
+        with seat.lock:
+            seat.slot.close()
+
+
+def _seat(session: str) -> _Seat:
+    """This thread's; processes of sessions that ended without a word are ended now."""
+    thread = threading.get_ident()
+    with _lock:
+        for other, shift in _shifts.items():
+            if other != session and thread in shift.seats:
+                shift.seats.pop(thread).slot.close()
+        shift = _shifts.setdefault(session, _Shift())
+        if thread not in shift.seats:
+            name = f"{platform.node()}/{os.getpid()}/{len(shift.seats)}"
+            shift.seats[thread] = _Seat(Slot(name, shift.stop))
+        return shift.seats[thread]

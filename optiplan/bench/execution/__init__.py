@@ -1,0 +1,1 @@
+"""Runs of a suite, each in a process under limits."""

@@ -1,0 +1,105 @@
+"""Several slots on this machine, each in a thread of its own: tasks in, outcomes out as they come."""
+
+import queue
+import threading
+from collections.abc import Generator, Iterable, Iterator
+from typing import Protocol
+
+from optiplan.bench.execution.machine import cores
+from optiplan.bench.execution.slot import Slot, Stopped
+from optiplan.bench.results.records import Outcome, Task
+
+PATIENCE = 5.0
+"""s that a slot has to end its run."""
+
+
+class Workforce(Protocol):
+    """Whoever carries out tasks: slots on this machine, or machines elsewhere."""
+
+    def outcomes(self, tasks: Iterable[Task]) -> Generator[Outcome, None, None]:
+        """One outcome for every task, in any order; a task is taken from `tasks` only when a slot is free for it."""
+        ...
+
+    def close(self) -> None:
+        """End all work at once; runs under way are given up. Safe to call from any thread, and twice."""
+        ...
+
+
+class LocalPool:
+    """So many slots on this machine.
+
+    A slot takes its next task before the last outcome is stored: storing costs no slot any time.
+    """
+
+    def __init__(self, workers: int, pin: bool = False) -> None:
+        """Make the slots.
+
+        Args:
+            workers: how many.
+            pin: keep each on a core of its own; there must be as many.
+        """
+        pinned: list[int | None] = list(cores()) if pin else [None] * workers
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self._slots = [Slot(f"local/{index}", self._stop, pinned[index]) for index in range(workers)]
+        self._done: queue.Queue[Outcome | BaseException | None] = queue.Queue(4 * workers + 4)
+
+    @property
+    def starting(self) -> float:
+        """Seconds that the slots waited for new workers, in all."""
+        return sum(slot.starting for slot in self._slots)
+
+    def outcomes(self, tasks: Iterable[Task]) -> Generator[Outcome, None, None]:
+        """As `Workforce` says.
+
+        Raises:
+            WorkerError: no worker can be started.
+        """
+        shared = iter(tasks)
+        threads = [threading.Thread(target=self._serve, args=(slot, shared), daemon=True) for slot in self._slots]
+        for thread in threads:
+            thread.start()
+        ended = 0
+        try:
+            while ended < len(threads):
+                item = self._done.get()
+                if item is None:
+                    ended += 1
+                elif isinstance(item, BaseException):
+                    raise item
+                else:
+                    yield item
+        finally:  # also where an outcome cannot be stored: what planners started ends with their slot
+            self.close()
+            for thread in threads:
+                thread.join(PATIENCE)
+
+    def close(self) -> None:
+        """As `Workforce` says."""
+        self._stop.set()
+
+    def _serve(self, slot: Slot, tasks: Iterator[Task]) -> None:
+        """One slot's thread."""
+        try:
+            while not self._stop.is_set():
+                with self._lock:
+                    task = next(tasks, None)
+                if task is None:
+                    break
+                self._put(slot.run(task))
+        except Stopped:
+            pass
+        except BaseException as error:
+            self._put(error)
+        finally:
+            slot.close()
+            self._put(None)
+
+    def _put(self, item: Outcome | BaseException | None) -> None:
+        """Hand over; once stopped nobody may be there to take it."""
+        while True:
+            try:
+                return self._done.put(item, timeout=0.1)
+            except queue.Full:
+                if self._stop.is_set():
+                    return None

@@ -1,0 +1,22 @@
+"""Robots kept between problems: loading one takes longer than planning an easy problem."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from optiplan.robot.robot import Robot, load_robot, robot_file
+
+
+class RobotShelf:
+    """Stands in for `load_robot`; files that change meanwhile are not looked at again."""
+
+    def __init__(self) -> None:
+        self._robots: dict[tuple[object, ...], Robot] = {}
+
+    def __call__(
+        self, ref: str, base: Path | None = None, locked: Mapping[str, float] | None = None, group: str | None = None
+    ) -> Robot:
+        """The robot as `load_robot` gives it, which tells what can go wrong."""
+        key = (robot_file(ref, base), tuple(sorted((locked or {}).items())), group)
+        if key not in self._robots:
+            self._robots[key] = load_robot(ref, base, locked, group)
+        return self._robots[key]

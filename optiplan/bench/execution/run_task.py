@@ -1,0 +1,181 @@
+"""One task, carried out: load, warm up, plan and verify, and what came of it as a row. Runs inside a worker."""
+
+import hashlib
+import json
+import random
+import time
+import traceback
+import zlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from optiplan.bench.execution import machine
+from optiplan.bench.execution.code_version import own_digest, planner_code
+from optiplan.bench.execution.robot_cache import RobotShelf
+from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row, Task, empty_row, failure
+from optiplan.errors import OptiPlanError
+from optiplan.planners.base import Budget
+from optiplan.problem.load import problem_from_dict
+from optiplan.problem.problem import JointGoal, Problem
+from optiplan.runs.pipeline import Run, processor_time, reserve, run
+from optiplan.trajectory.timing.lower_bound import lower_bounds
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.report import jsonable
+
+KEPT = 4
+"""Problems that stay loaded; runs come problem by problem."""
+
+WARM_UP_BUDGET = 0.5
+"""s."""
+WARM_UP_STEP = 0.05
+"""Share of the way from the start to the middle of the joints' ranges that is planned to warm up."""
+KEPT_KEYS = ("version", "robot", "locked", "group", "start", "limits")
+"""What a problem to warm up with has in common with the one that is to come."""
+
+Phase = Callable[[str], None]
+"""Told `warm-up` and `run` when these begin."""
+
+
+class Executor:
+    """Carries out tasks one after another; keeps robots, the last problems and warm planners."""
+
+    def __init__(self) -> None:
+        self._robots = RobotShelf()
+        self._problems: dict[str, Problem] = {}
+        self._warm: set[tuple[str, ...]] = set()
+        self._codes: dict[str, str] = {}
+
+    def __call__(self, task: Task, phase: Phase) -> Outcome:
+        """The outcome; whatever goes wrong inside is one, too."""
+        began, cpu = time.perf_counter(), processor_time()
+        row = {**empty_row(task), "started_at": machine.now(), "optiplan": own_digest()}
+        row["code"] = self._code(task.planner)
+        row["load"] = machine.load()
+        timings: dict[str, Any] = {}
+        blob = None
+        try:
+            problem = self._load(task.problem, timings)
+            self._warm_up(task.planner, problem, phase, timings)
+            phase("run")
+            forget(task.seed)
+            cpu = processor_time()
+            options, budget = task.planner.options, Budget(task.budget)
+            done = run(problem.with_seed(task.seed), task.planner.name, options, budget, lambda stage, part: None)
+            stored, blob = packed(done.trajectory)
+            columns = result_columns(done, task.metrics) | {"trajectory": stored}
+            columns["cut_short"] |= done.trajectory is None and done.timings["plan"] >= task.budget - reserve(
+                task.budget
+            )
+            spent = timings | {**done.timings, "stages": dict(done.stages)}
+            json.dumps([columns, spent], allow_nan=False)  # a planner may tell what nobody can store
+            row, timings = row | columns, spent
+        except OptiPlanError as error:
+            row |= failure("bad-input", str(error))
+        except MemoryError:
+            row |= failure("out-of-memory", "an allocation was refused")
+        except BaseException as error:  # SystemExit, KeyboardInterrupt: the planner's, nobody else is here
+            blob = None
+            what = traceback.format_exception_only(error)[-1].strip()
+            row |= failure("bug", what, {"traceback": traceback.format_exc(limit=-8)})
+        row |= {"cpu_time": processor_time() - cpu, "wall_time": time.perf_counter() - began}
+        return Outcome(Row(**row, timings=timings), blob)
+
+    def _load(self, problem: BenchProblem, timings: dict[str, Any]) -> Problem:
+        began = time.perf_counter()
+        if problem.hash not in self._problems:
+            if len(self._problems) >= KEPT:
+                del self._problems[next(iter(self._problems))]
+            self._problems[problem.hash] = problem_from_dict(problem.data, "/", self._robots)
+        timings["load"] = time.perf_counter() - began
+        return self._problems[problem.hash]
+
+    def _code(self, planner: BenchPlanner) -> str:
+        """The planner's code as it was before its first use here."""
+        if planner.label not in self._codes:
+            self._codes[planner.label] = planner_code(planner.name, planner.options)
+        return self._codes[planner.label]
+
+    def _warm_up(self, planner: BenchPlanner, problem: Problem, phase: Phase, timings: dict[str, Any]) -> None:
+        """Let the planner, as it is labelled, move this robot once where nothing is measured; forget what came of it.
+
+        Libraries are loaded, code compiled and caches filled by it: by planner, by its options, and by robot.
+        """
+        key = (planner.label, *(json.dumps(problem.source.get(name)) for name in ("robot", "locked", "group")))
+        if key in self._warm:
+            return
+        phase("warm-up")
+        began = time.perf_counter()
+        self._warm.add(key)
+        try:
+            easy = problem_from_dict(warm_up_problem(problem), "/", self._robots)
+            run(easy, planner.name, planner.options, Budget(WARM_UP_BUDGET), lambda stage, fraction: None)
+        except BaseException:  # the run itself will tell
+            timings["warm_up_failed"] = True
+        timings["warm_up"] = time.perf_counter() - began
+
+
+def warm_up_problem(problem: Problem) -> dict[str, Any]:
+    """Content of a problem file: the same robot and start, nothing in the way, a short motion to a joint goal."""
+    limits = problem.robot.limits
+    middle = np.clip(problem.start, limits.lower, limits.upper)
+    bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+    middle = np.where(bounded, 0.5 * (limits.lower + limits.upper), middle + 1.0)
+    goal = problem.start + WARM_UP_STEP * (middle - problem.start)
+    kept = {key: problem.source[key] for key in KEPT_KEYS if key in problem.source}
+    return kept | {"name": "warm-up", "goal": {"joints": goal.tolist()}}
+
+
+def forget(seed: int) -> None:
+    """Seed the generators that belong to the whole process: what a run draws from them no other run decides."""
+    random.seed(seed)
+    np.random.seed(seed)  # noqa: NPY002
+
+
+def result_columns(done: Run, metrics: tuple[str, ...] | None) -> dict[str, Any]:
+    """The columns that a finished run fills, its trajectory apart."""
+    measured = {} if done.metrics is None else jsonable(done.metrics.to_dict())
+    path_found = done.trajectory is not None or bool(done.info.get("path_found"))
+    row = {
+        "planned": path_found,
+        "timed": done.trajectory is not None,
+        "verified": done.verified,
+        "plan_time": done.timings["plan"],
+        "verify_time": done.timings.get("verify"),
+        "duration": done.duration,
+        "lower_bound": done.lower_bound,
+        "goal_bound": goal_bound(done.problem),
+        "plan_cpu": done.plan_cpu,
+        "metrics": {name: measured[name] for name in (measured if metrics is None else metrics) if name in measured},
+        "info": jsonable(done.info),
+        "improvements": jsonable(done.improvements),
+        "cut_short": bool(done.info.get("cut_short")),
+    }
+    if done.failure is not None:
+        return row | failure(done.failure.kind, done.failure.detail, done.failure.witness)
+    if done.report is not None and not done.verified:
+        worst = done.report.failures[0]
+        witness = {**worst.witness, "check": worst.name, "place": worst.place, "t": worst.time}
+        names = ", ".join(check.name for check in done.report.failures)
+        return row | failure("not-verified", f"{names}: {worst.detail}", witness)
+    if done.report is None:
+        return row | failure("bug", "the planner gave neither a trajectory nor a failure")
+    return row
+
+
+def goal_bound(problem: Problem) -> float | None:
+    """Least duration from the start to any of the configurations that the problem lists as its goal, s; None: none.
+
+    Obstacles are ignored, and so are goals that are stated as poses: which configurations reach these is found by runs.
+    """
+    listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
+    return float(lower_bounds(problem.start, np.array(listed), problem.limits).min()) if listed else None
+
+
+def packed(trajectory: Trajectory | None) -> tuple[str | None, bytes | None]:
+    """SHA-256, in hex, of a trajectory's JSON, and that JSON compressed: equal if and only if the motion is."""
+    if trajectory is None:
+        return None, None
+    text = json.dumps(trajectory.to_dict(), sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
+    return hashlib.sha256(text).hexdigest(), zlib.compress(text, 6)

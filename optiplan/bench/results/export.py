@@ -1,0 +1,124 @@
+"""The results for other programs: tables as CSV and Parquet, problems as files."""
+
+import csv
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from optiplan.bench.results.database import Store
+from optiplan.errors import OptiPlanError
+from optiplan.problem.write import problem_text, write_text
+
+FORMATS = ("csv", "parquet")
+TABLES = ("runs", "problems", "planners", "sessions")
+"""Tables that are written; `meta` (the suite, its code) and the trajectories stay in the database."""
+
+TYPES = {"INTEGER": "int64", "REAL": "float64", "TEXT": "string"}
+"""SQLite's types and Arrow's."""
+
+FLAGS = ("planned", "timed", "verified", "executed", "cut_short")
+"""Columns of `runs` that are true or false."""
+
+RATED = {"problem_bound": "REAL", "ratio": "REAL"}
+"""Columns that `runs` is written with and that are computed: one bound a problem, and the duration by it."""
+
+ORDER = {"runs": "problem, planner, seed, repetition", "sessions": "session"}
+
+
+def export(store: Store, folder: Path, kind: str) -> list[Path]:
+    """Write each table of `TABLES` as `<table>.<kind>`; files appear whole or not at all.
+
+    Args:
+        store: the results.
+        folder: made when it is not there.
+        kind: `csv` (JSON columns as text, flags as 0 and 1, NULL as nothing) or `parquet` (needs pyarrow).
+
+    Returns:
+        The files.
+
+    Raises:
+        OptiPlanError: pyarrow is not installed.
+        OSError: a file cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    write = _write_csv if kind == "csv" else _write_parquet
+    written = []
+    for table in TABLES:
+        path = folder / f"{table}.{kind}"
+        with _whole(path) as temporary:
+            write(store, table, temporary)
+        written.append(path)
+    return written
+
+
+def write_problems(store: Store, folder: Path) -> list[Path]:
+    """Write each problem as a problem file, `problems/<set>/<name>.yaml`: scenes that were generated, too.
+
+    Returns:
+        The files.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    written = []
+    for row in store.query("SELECT id, data, origin FROM problems ORDER BY position"):
+        path = folder / "problems" / f"{row['id']}.yaml"
+        write_text(path, problem_text(json.loads(row["data"]), f"{row['id']}: {row['origin']}"))
+        written.append(path)
+    return written
+
+
+def columns_of(store: Store, table: str) -> dict[str, str]:
+    """The columns of a table and their types, in order; of `runs` those of the view `rated`."""
+    return {
+        row["name"]: RATED.get(row["name"], row["type"]) for row in store.query(f"PRAGMA table_info({_from(table)})")
+    }
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    temporary = path.with_name(f".{path.name}.part")
+    try:
+        yield temporary
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _batches(store: Store, table: str) -> Iterator[list[Any]]:
+    return store.batches(f"SELECT * FROM {_from(table)} ORDER BY {ORDER.get(table, 'position')}")
+
+
+def _write_csv(store: Store, table: str, path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns_of(store, table))
+        for rows in _batches(store, table):
+            writer.writerows(rows)
+
+
+def _write_parquet(store: Store, table: str, path: Path) -> None:
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError as error:
+        raise OptiPlanError("Parquet needs pyarrow: pip install 'optiplan[results]' (or --format csv)") from error
+    kinds = {name: "bool" if name in FLAGS else TYPES[kind] for name, kind in columns_of(store, table).items()}
+    schema = pa.schema([(name, getattr(pa, "bool_" if kind == "bool" else kind)()) for name, kind in kinds.items()])
+    with pq.ParquetWriter(path, schema, compression="zstd") as writer:
+        for rows in _batches(store, table):
+            arrays = [
+                pa.array([_flag(row[name]) if kind == "bool" else row[name] for row in rows], schema.field(name).type)
+                for name, kind in kinds.items()
+            ]
+            writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+
+
+def _from(table: str) -> str:
+    return "rated" if table == "runs" else table
+
+
+def _flag(value: int | None) -> bool | None:
+    return None if value is None else bool(value)

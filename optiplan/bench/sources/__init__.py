@@ -1,0 +1,1 @@
+"""Where the problems of a suite come from."""

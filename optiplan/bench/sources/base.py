@@ -1,0 +1,158 @@
+"""Where the problems of a suite come from: one function a kind of source, found by name.
+
+A reader is a function `(Place) -> Iterator[Found]`. It yields problems in a fixed order, the same at every call, and
+raises `InputError` for a source that cannot be used; `Place` makes the issues, with the line in the suite file.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from optiplan.bench.suite.schema import SourceSpec, expand
+from optiplan.config.document import Document, read_yaml
+from optiplan.errors import InputError, Issue
+
+READERS: dict[str, str] = {
+    "glob": "optiplan.bench.sources.base:problem_files",
+    "mbm": "optiplan.bench.sources.motion_bench_maker:motion_bench_maker",
+    "robometrics": "optiplan.bench.sources.robometrics:robometrics_file",
+    "generate": "optiplan.bench.sources.generate:generated",
+}
+"""Kind of source to `module:function` of its reader, imported when a suite asks for it."""
+
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A problem as a source gives it.
+
+    Attributes:
+        name: unique in its set.
+        set_name: the set it belongs to.
+        data: content of a problem file.
+        base: folder that meshes and robot files in `data` are relative to.
+        origin: where it came from, JSON-ready: with this it can be found or made again.
+        difficulty: label, where the source knows one.
+        document: the file it was read from, for the lines of issues; None when there is none.
+    """
+
+    name: str
+    set_name: str
+    data: Mapping[str, Any]
+    base: Path
+    origin: Mapping[str, Any]
+    difficulty: str | None = None
+    document: Document | None = None
+
+    @property
+    def id(self) -> str:
+        """Unique in the suite."""
+        return f"{self.set_name}/{self.name}"
+
+
+@dataclass(frozen=True)
+class Place:
+    """A source of a suite: what it asks for and where that stands.
+
+    Attributes:
+        spec: the source.
+        index: its place in the suite's list.
+        document: the suite file.
+        scratch: folder for files that problems need and that no source holds, such as meshes out of scenes; it stays.
+    """
+
+    spec: SourceSpec
+    index: int
+    document: Document
+    scratch: Path
+
+    @property
+    def folder(self) -> Path:
+        """What relative paths start from."""
+        return self.document.path.resolve().parent
+
+    def issue(self, key: str, found: str, expected: str) -> Issue:
+        """An `Issue` about one key of the source."""
+        return self.document.issue(("problems", self.index, key), found, expected)
+
+    def refuse(self, key: str, found: str, expected: str) -> InputError:
+        """An error about one key of the source, to be raised."""
+        return InputError([self.issue(key, found, expected)])
+
+    def path(self, key: str) -> Path:
+        """The path that a key of the source means, variables replaced.
+
+        Raises:
+            InputError: a variable that is not set.
+        """
+        return self.folder / self.text(key)
+
+    def text(self, key: str) -> str:
+        """What a key of the source says, variables replaced.
+
+        Raises:
+            InputError: a variable that is not set.
+        """
+        text = str(getattr(self.spec, key))
+        try:
+            return expand(text)
+        except KeyError as error:
+            expected = f"the environment variable {error.args[0]} to be set"
+            raise self.refuse(key, f"'{text}'", expected) from None
+
+    def robot(self) -> str | None:
+        """The robot asked for: a shipped one's name, or an absolute path."""
+        from optiplan.robot.robot import robot_names
+
+        if self.spec.robot is None or self.spec.robot in robot_names():
+            return self.spec.robot
+        path = self.path("robot").resolve()
+        if not path.is_file():
+            raise self.refuse("robot", f"no file {path}", "a robot of `optiplan robots`, or the path of a robot.yaml")
+        return str(path)
+
+    def thinned(self, items: Sequence[Item]) -> Sequence[Item]:
+        """Of the problems of one set those that `every` and `first` leave."""
+        return items[:: self.spec.every][: self.spec.first]
+
+
+def read_source(place: Place) -> Iterator[Found]:
+    """The problems of a source.
+
+    Raises:
+        InputError: the source cannot be used.
+    """
+    kind = place.spec.kind
+    if kind not in READERS:
+        raise place.refuse(kind, f"the source '{kind}'", f"one that this release reads: {', '.join(READERS)}")
+    module, name = READERS[kind].split(":")
+    reader = cast(Callable[[Place], Iterator[Found]], getattr(import_module(module), name))
+    return reader(place)
+
+
+def problem_files(place: Place) -> Iterator[Found]:
+    """Problem files that match the pattern, by name; the set is their folder unless one is given."""
+    pattern = Path(place.text("glob"))
+    start = Path(pattern.anchor) if pattern.anchor else place.folder  # whose own name may hold a * or a [
+    try:
+        files = sorted(path for path in start.glob(str(pattern.relative_to(pattern.anchor))) if path.is_file())
+    except ValueError as error:
+        raise place.refuse("glob", str(error), "a pattern of problem files") from error
+    if not files:
+        raise place.refuse("glob", f"no file matches {place.folder / pattern}", "a pattern of problem files")
+    issues: list[Issue] = []
+    for path in place.thinned(files):
+        try:
+            document = read_yaml(path)
+        except InputError as error:
+            issues += error.issues
+            continue
+        path = path.resolve()
+        data = document.data if isinstance(document.data, dict) else {}
+        set_name = place.spec.set or path.parent.name
+        yield Found(path.stem, set_name, data, path.parent, {"file": str(path)}, None, document)
+    if issues:
+        raise InputError(issues)

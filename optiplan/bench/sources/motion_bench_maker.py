@@ -1,0 +1,72 @@
+"""MotionBenchMaker folders as a source of a suite: one set a folder, converted without files in between."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import optiplan
+from optiplan import cache
+from optiplan.bench.sources.base import Found, Place
+from optiplan.problem.importers.motion_bench_maker import Importer, find_pairs, number_of
+from optiplan.problem.importers.moveit_objects import CannotConvert
+from optiplan.problem.write import write_text
+from optiplan.robot.robot import load_robot
+
+CONVERSION = 1
+"""Counted up when files are converted in another way, so that cached ones are converted again."""
+
+
+def motion_bench_maker(place: Place) -> Iterator[Found]:
+    """Every pair of scene and request below the folder, set by set; a pair that cannot be converted is an issue."""
+    root = place.path("mbm").resolve()
+    sets: dict[str, list[tuple[Path, Path]]] = {}
+    for scene, request in find_pairs(root)[0]:
+        sets.setdefault(scene.parent.name, []).append((scene, request))
+    if not sets:
+        raise place.refuse("mbm", f"no scene*.yaml with request*.yaml below {root}", "a folder of MotionBenchMaker")
+    unknown = sorted(set(place.spec.sets or ()) - sets.keys())
+    if unknown:
+        raise place.refuse("sets", f"unknown set '{unknown[0]}'", f"some of: {', '.join(sorted(sets))}")
+    converter = _Converter(place.robot())
+    for name in place.spec.sets or sorted(sets):
+        for scene, request in place.thinned(sets[name]):
+            yield _found(place, converter, scene, request)
+
+
+def _found(place: Place, converter: "_Converter", scene: Path, request: Path) -> Found:
+    try:
+        data, meshes = converter.convert(scene, request)
+    except CannotConvert as error:
+        raise place.refuse("mbm", f"{request}: {error}", "problems that can be converted (choose others)") from error
+    folder = scene.parent.name
+    set_name = f"{place.spec.set}-{folder}" if place.spec.set else folder
+    base = place.scratch / set_name
+    for file, text in meshes.items():
+        write_text(base / file, text)
+    origin = {"scene": str(scene), "request": str(request)}
+    return Found(number_of(request), set_name, data, base, origin)
+
+
+class _Converter:
+    """Converts with the robot that was asked for, and keeps what came of it: reading these files takes long."""
+
+    def __init__(self, robot: str | None) -> None:
+        self._importer = Importer(robot)
+        self._key = (
+            None if robot is None else [f"{optiplan.__version__} {CONVERSION} {robot}", load_robot(robot).fingerprint]
+        )
+
+    def convert(self, scene: Path, request: Path) -> tuple[dict[str, Any], dict[str, str]]:
+        """As `Importer.convert`."""
+        if self._key is None:  # the robot depends on the scene
+            return self._importer.convert(scene, request)
+        names = (scene.resolve().parent.name, number_of(request))
+        texts = (part.encode() for part in (*self._key, *names))
+        file = f"mbm/{cache.digest([*texts, scene.read_bytes(), request.read_bytes()])}.json"
+        kept = cache.load(file)
+        if kept is None:
+            kept = json.dumps(self._importer.convert(scene, request)).encode()
+            cache.store(file, kept)
+        data, meshes = json.loads(kept)
+        return data, meshes

@@ -1,0 +1,1 @@
+"""Suites: which problems, which planners, how often."""

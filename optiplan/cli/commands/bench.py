@@ -1,0 +1,203 @@
+"""`optiplan bench`: run a suite of problems and planners, go on with one, export what came of it."""
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any
+
+import typer
+
+from optiplan.cli.commands import bench_report
+from optiplan.cli.output import messages, print_json, results, stdout_is_ours
+from optiplan.cli.printing.bench_progress import progress
+from optiplan.cli.progress import ProgressLine
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+
+
+class _Group(typer.core.TyperGroup):
+    """`optiplan bench SUITE` stands for `optiplan bench run SUITE`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(cls=_Group, no_args_is_help=True)
+
+
+@app.callback()
+def bench() -> None:
+    """Run suites of problems and planners: optiplan bench SUITE.yaml [--workers N] [--out DIR]."""
+
+
+@app.command("run")
+def run(
+    suite: Annotated[Path, typer.Argument(metavar="SUITE", help="a suite file, such as benchmarks/suites/quick.yaml")],
+    workers: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="runs at a time; as many as there are cores unless given")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="where the results go (default: runs/bench/NAME)"),
+    ] = None,
+    dask: Annotated[
+        str | None, typer.Option(metavar="tcp://…", help="address of a Dask scheduler whose workers make the runs")
+    ] = None,
+    pin: Annotated[bool, typer.Option("--pin", help="keep each worker on a core of its own")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+) -> int:
+    """Make every run of a suite that is not in the folder yet.
+
+    The same command again goes on where the last one ended, whatever ended it.
+
+    [bold]Examples[/]
+
+      optiplan bench benchmarks/suites/quick.yaml
+
+      optiplan bench mine.yaml --workers 4 --pin --out results/mine
+
+      optiplan bench mine.yaml --dask tcp://10.0.0.1:8786
+
+    Exit code: 0 every run is there, whatever came of it · 2 bad input, or results cannot be written · 130 interrupted.
+    """
+    from optiplan.bench.execution.runner import open_results, other_versions, run_suite
+    from optiplan.bench.suite.suite import load_suite
+
+    pool, label = _workforce(workers, dask, pin)
+    with stdout_is_ours(), ProgressLine() as line:
+        chosen = load_suite(suite, _scratch(suite, out), line)
+    folder = out or Path("runs", "bench", chosen.spec.name)
+    with open_results(chosen, folder) as store:
+        for words in other_versions(store):
+            messages().print(f"note: earlier runs were made with another version of {words}", style="yellow")
+        with _stopped_by_signals(pool), progress(chosen.size, len(store.done())) as watch:
+            done = run_suite(chosen, store, pool, label, watch)
+        _tell(store, done, as_json)
+    if not done.complete:
+        left = done.total - done.found - done.made
+        messages().print(f"interrupted, {left} of {done.total} runs are left: the same command goes on", style="yellow")
+    return 0 if done.complete else INTERRUPTED
+
+
+@app.command("export")
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="the folder of a suite's results")],
+    to: Annotated[Path | None, typer.Option(metavar="OUT", help="where the files go (default: DIR)")] = None,
+    kind: Annotated[
+        str, typer.Option("--format", metavar="F", help="csv, parquet, all (both), problems, ompl or robometrics")
+    ] = "all",
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+) -> int:
+    """Write the results for other programs.
+
+    csv and parquet: the tables runs, problems, planners, sessions. problems: files for `optiplan plan`.
+    ompl: logs that Planner Arena reads, one a set. robometrics: their metrics, one file a planner.
+    Also while the suite is running. Parquet needs the extra `results`.
+    """
+    from optiplan.bench.results import export as tables
+    from optiplan.bench.results.database import Store
+    from optiplan.bench.results.ompl_log import write_logs
+    from optiplan.bench.results.robometrics_metrics import write_metrics
+    from optiplan.errors import UnknownChoiceError
+
+    others = {"problems": tables.write_problems, "ompl": write_logs, "robometrics": write_metrics}
+    if kind not in (*tables.FORMATS, "all", *others):
+        raise UnknownChoiceError("format", kind, (*tables.FORMATS, "all", *others))
+    with Store(folder) as store:
+        wanted = tables.FORMATS if kind == "all" else (kind,)
+        if kind in others:
+            written = others[kind](store, to or folder)
+        else:
+            written = [path for each in wanted for path in tables.export(store, to or folder, each)]
+    if as_json:
+        print_json({"written": [str(path) for path in written]})
+    else:
+        results().print("\n".join(map(str, written)), markup=False, soft_wrap=True)
+    return 0
+
+
+@app.command("import-results")
+def import_results(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="results in JSON, see docs/bench.md")],
+    beside: Annotated[Path, typer.Argument(metavar="DIR", help="our results on the same problems")],
+    out: Annotated[Path, typer.Option(metavar="OUT", help="where these results go, a folder of their own")],
+    label: Annotated[str, typer.Option(metavar="NAME", help="what to call the planner")] = "external",
+) -> int:
+    """Read results that were made elsewhere, to compare with ours.
+
+    Entries are matched by their field `problem`. Those with a trajectory (samples t, q) are verified here; the others
+    count as planned, with the times that their authors tell, and never as verified.
+    """
+    from optiplan.bench.results.database import Store
+    from optiplan.bench.results.imported import read_results
+
+    with Store(beside) as store, stdout_is_ours():
+        found = read_results(file, label, store, out)
+    words = f"{found.runs} runs in {out}: {found.trajectories} with a trajectory, {found.verified} of them verified"
+    results().print(words, markup=False, soft_wrap=True)
+    return 0
+
+
+def _workforce(workers: int | None, dask: str | None, pin: bool) -> tuple[Any, str]:
+    """Whoever makes the runs, and its name in the results."""
+    if dask is None:
+        from optiplan.bench.execution.pool import LocalPool
+
+        cores = len(os.sched_getaffinity(0))
+        count = workers or cores
+        if pin and count > cores:
+            raise typer.BadParameter(f"--pin: {count} workers, and {cores} cores for them: expected --workers {cores}")
+        return LocalPool(count, pin), f"{count} local" + (", each on a core of its own" if pin else "")
+    if workers is not None or pin:
+        raise typer.BadParameter("--dask brings its own workers: leave out --workers and --pin")
+    from optiplan.bench.dask.cluster import DaskCluster
+
+    cluster = DaskCluster(dask)
+    return cluster, f"{cluster.slots} dask {dask}"
+
+
+app.command("report")(bench_report.report)
+app.command("show")(bench_report.show)
+app.command("compare")(bench_report.compare)
+
+
+def _tell(store: Any, done: Any, as_json: bool) -> None:
+    """The end of a suite: one line a planner, and the page once every run is there."""
+    from optiplan.bench.report.analysis import analyse
+    from optiplan.bench.report.page import write_page
+    from optiplan.cli.printing.bench_summary import show_summary, summary_data
+
+    with stdout_is_ours():
+        page = write_page(store, analyse(store)) if done.complete else None
+    if as_json:
+        print_json(summary_data(store, done) | {"report": page and str(page)})
+        return
+    show_summary(results(), store, done)
+    if page:
+        results().print(f"report: {page}", markup=False, soft_wrap=True)
+
+
+def _scratch(suite: Path, out: Path | None) -> Path:
+    """Folder of files that problems need and no source holds, such as meshes out of scenes."""
+    return (out or Path("runs", "bench", suite.stem)).resolve() / "files"
+
+
+@contextmanager
+def _stopped_by_signals(pool: Any) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the runs under way and let what is done be stored."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        pool.close()
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

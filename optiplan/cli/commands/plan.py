@@ -1,0 +1,125 @@
+"""`optiplan plan`: from a problem file to a verified trajectory."""
+
+import math
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from optiplan.cli.completion import planner_names, problem_names
+from optiplan.cli.files import find_problem
+from optiplan.cli.output import Exit, interrupts_held, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.progress import ProgressLine
+from optiplan.errors import InputError
+
+BUDGET = 20.0
+"""Seconds, when none are given."""
+PORT = 7000
+"""First port that --view tries."""
+PROBLEM = "a problem file, or the name of an example: 01_reach"
+PLANNER = "instead of the file's; see: planners. all, or NAME,NAME,…: compares these"
+
+
+def _positive(seconds: float) -> float:
+    if not 0.0 < seconds < math.inf:
+        raise typer.BadParameter("expected a number of seconds above 0")
+    return seconds
+
+
+def plan(
+    file: Annotated[str, typer.Argument(metavar="FILE", help=PROBLEM, autocompletion=problem_names)],
+    planner: Annotated[str | None, typer.Option(metavar="NAME", help=PLANNER, autocompletion=planner_names)] = None,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="instead of the file's")] = None,
+    budget: Annotated[
+        float, typer.Option(callback=_positive, metavar="S", help="seconds of wall time for planning and proof")
+    ] = BUDGET,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="write run.json and trajectory.json there")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    view: Annotated[bool, typer.Option("--view", help="then show it in the browser")] = False,
+    full: Annotated[bool, typer.Option("--full", help="every check, not only those that failed")] = False,
+) -> int:
+    """Plan a motion, prove it, and print the report.
+
+    [bold]Examples[/]
+
+      optiplan plan 01_reach                             an example that comes along
+
+      optiplan plan cell.yaml --out runs/cell --view     keep the run, look at it
+
+      optiplan plan cell.yaml --planner rrtconnect --seed 3 --budget 5 --json
+
+      optiplan plan cell.yaml --planner all --out runs   one table; runs/trajopt, runs/rrtconnect, …
+
+    Of several planners each has the whole budget, and the planner that the file names has the file's options.
+
+    Exit code: 0 verified · 2 bad input · 3 no plan within the budget · 4 found but not verified.
+    Of several planners: 0 one is verified · 4 one was found, none verified · 3 none found.
+    """
+    from optiplan.cli.commands import plan_comparison
+    from optiplan.problem.load import load_problem
+    from optiplan.runs.run_folder import check_folder
+
+    path, names = find_problem(file), plan_comparison.several(planner)
+    if out is not None:
+        for folder in [out / name for name in names] or [out]:
+            check_folder(folder)
+    with stdout_is_ours():
+        began = time.perf_counter()
+        problem = load_problem(path) if seed is None else load_problem(path).with_seed(seed)
+        loaded = time.perf_counter() - began
+    if names:
+        runs, unsaved = plan_comparison.run_all(path, problem, names, budget, out)
+        code = plan_comparison.show(runs, as_json, unsaved)
+    else:
+        run = _run(path, problem, planner, budget)
+        runs = [replace(run, timings={"load": loaded, **run.timings})]
+        code = _finish(runs[0], out, as_json, full)
+    if view:
+        _view(runs)
+    return code
+
+
+def _run(path: Path, problem: Any, planner: str | None, seconds: float) -> Any:
+    """One run of one planner; what it finds wrong with the options of the file is told with their lines."""
+    from optiplan.cli.planner_choice import choose, placed
+    from optiplan.planners.base import Budget
+    from optiplan.runs import pipeline
+
+    chosen, options = choose(path, problem, planner)
+    with stdout_is_ours(), ProgressLine() as progress:
+        try:
+            return pipeline.run(problem, chosen, options, Budget(seconds), progress)
+        except InputError as error:
+            raise placed(path, error) if options else error from None
+
+
+def _finish(run: Any, out: Path | None, as_json: bool, full: bool) -> Exit:
+    """Save the run and print it, even where it cannot be saved; its exit code."""
+    from optiplan.cli.printing.report import show_run
+    from optiplan.runs.run_folder import save_run
+    from optiplan.verify.report import jsonable
+
+    code = Exit.VERIFIED if run.verified else Exit.NO_PLAN if run.trajectory is None else Exit.NOT_VERIFIED
+    unsaved = None
+    if out is not None:
+        try:
+            with interrupts_held():
+                save_run(run, out)
+        except InputError as error:
+            unsaved, code = error, Exit.BAD_INPUT
+    if as_json:
+        lost = {} if unsaved is None else {"error": str(unsaved)}
+        print_json(jsonable({**run.to_dict(), **lost, "exit_code": int(code)}))
+    else:
+        show_run(results(), run, full)
+    if unsaved is not None:
+        print_error(f"the run is not saved: {unsaved}")
+    return code
+
+
+def _view(runs: list[Any]) -> None:
+    from optiplan.cli.viewing import serve_page, shown
+
+    serve_page(runs[0].problem, [shown(run.to_dict(), run.trajectory) for run in runs], PORT)

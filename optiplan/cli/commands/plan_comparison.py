@@ -1,0 +1,229 @@
+"""Several planners on one problem: run one after the other, kept in folders of their own, shown in one table."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from optiplan.cli.output import Exit, interrupts_held, messages, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.planner_choice import choose, placed
+from optiplan.cli.progress import ProgressLine
+from optiplan.errors import InputError, Issue
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.registry import PLANNERS, planner_entry
+from optiplan.problem.problem import JointGoal, Problem
+from optiplan.runs.pipeline import STILL, Run, attempt
+from optiplan.runs.run_folder import save_run
+from optiplan.trajectory.timing.lower_bound import lower_bounds
+from optiplan.verify.report import jsonable
+
+ALL = "all"
+WIDTH = 170
+"""Characters of a line that has everything, reasons included; so many there are where no terminal folds it."""
+NARROW = 116
+"""Characters of a line without the reasons."""
+
+
+def several(asked: str | None) -> tuple[str, ...]:
+    """The planners that `--planner` asks to compare: `all`, or names with commas between; () for a single one.
+
+    Raises:
+        UnknownChoiceError: there is no planner of such a name.
+    """
+    if asked is None or (asked != ALL and "," not in asked):
+        return ()
+    names = tuple(PLANNERS) if asked == ALL else tuple(dict.fromkeys(name.strip() for name in asked.split(",")))
+    return tuple(planner_entry(name).name for name in names)
+
+
+def run_all(
+    path: Path, problem: Problem, names: Sequence[str], seconds: float, out: Path | None
+) -> tuple[list[Run], list[InputError]]:
+    """One run a planner with the same budget each, best first; those of the file's planner take its options.
+
+    Each is saved in `out / name` as soon as it is there, and told on stderr. Also returned: why some are not saved.
+
+    Raises:
+        InputError: what the file says of its own planner is wrong.
+    """
+    if problem.planner in names:
+        choose(path, problem, None)
+    words = f"{len(names)} planners, each with {seconds:g} s to plan: up to {len(names) * seconds:g} s"
+    messages().print(f"{words}, and what it takes to verify", style="dim")
+    done: list[Run] = []
+    unsaved: list[InputError] = []
+    for k, name in enumerate(names, 1):
+        options = problem.options if name == problem.planner else {}
+        run = _place(path, _one(problem, name, options, seconds))
+        if out is not None:
+            try:
+                with interrupts_held():
+                    save_run(run, out / name)
+            except InputError as error:
+                unsaved.append(error)
+        messages().print(f"{k}/{len(names)} {name}: {_outcome(run)}", markup=False, soft_wrap=True)
+        done.append(run)
+    return sorted(done, key=_rank), unsaved
+
+
+def _one(problem: Problem, name: str, options: Mapping[str, Any], seconds: float) -> Run:
+    with stdout_is_ours(), ProgressLine() as line:
+        return attempt(problem, name, options, Budget(seconds), lambda stage, done: line(f"{name}: {stage}", done))
+
+
+def _place(path: Path, run: Run) -> Run:
+    """What is wrong with the options of the file's planner, told with their lines."""
+    failure = run.failure
+    if failure is None or failure.kind != "input" or run.planner != run.problem.planner:
+        return run
+    error = placed(path, InputError(Issue(**issue) for issue in failure.witness["issues"]))
+    witness = {"issues": [vars(issue) for issue in error.issues]}
+    return replace(run, failure=Failure(failure.kind, str(error), witness)) if error.issues else run
+
+
+def _rank(run: Run) -> tuple[bool, bool, float]:
+    """Verified ones first, then those that were refused, both by duration; then those without a motion."""
+    return not run.verified, run.trajectory is None, run.duration or 0.0
+
+
+class Bound(NamedTuple):
+    """What the durations of a comparison are divided by: one bound for all, s, and what it is the least of."""
+
+    seconds: float | None
+    words: str
+
+    def ratio(self, run: Run) -> float | None:
+        """Duration / bound; None without a motion, or where the robot need not move."""
+        return None if run.duration is None or self.seconds is None else run.duration / self.seconds
+
+
+def bound_of(runs: Sequence[Run]) -> Bound:
+    """The bound of the problem that these runs are of.
+
+    No motion to an end configuration is shorter than its bound. Of the problem it is the least over the end
+    configurations that the verified runs reached and those that the problem lists.
+    """
+    problem = runs[0].problem
+    listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
+    reached = [run.trajectory.end for run in runs if run.verified and run.trajectory is not None]
+    if not listed and not reached:
+        return Bound(None, "not known: no goal configuration is listed, and none was reached")
+    seconds = float(lower_bounds(problem.start, np.array([*listed, *reached]), problem.limits).min())
+    if seconds < STILL:
+        return Bound(None, "none: the robot need not move")
+    if len(listed) == len(problem.goal):
+        words = "of the goal" if len(listed) == 1 else f"the least over the {len(listed)} goals of the problem"
+    else:
+        words = "the least over the end configurations reached here; others may have a lower one"
+    return Bound(seconds, words)
+
+
+def exit_code(runs: Sequence[Run]) -> Exit:
+    """The best of the runs decides, unless a planner has a bug."""
+    if any(run.failure is not None and run.failure.kind == "bug" for run in runs):
+        return Exit.BUG
+    if any(run.verified for run in runs):
+        return Exit.VERIFIED
+    return Exit.NOT_VERIFIED if any(run.trajectory is not None for run in runs) else Exit.NO_PLAN
+
+
+def show(runs: Sequence[Run], as_json: bool, unsaved: Sequence[InputError] = ()) -> Exit:
+    """Print the comparison on stdout, as a table or as one JSON object; its exit code."""
+    code, bound = Exit.BAD_INPUT if unsaved else exit_code(runs), bound_of(runs)
+    for error in unsaved:
+        print_error(f"a run is not saved: {error}")
+    if as_json:
+        rows = [{**run.to_dict(), "ratio": bound.ratio(run)} for run in runs]
+        found = {"seconds": bound.seconds, "of": bound.words}
+        print_json(jsonable({"runs": rows, "bound": found, "exit_code": int(code)}))
+        return code
+    problem = runs[0].problem
+    console = results()
+    console.print(f"{problem.name} · {problem.robot.name} · seed {problem.seed}", style="bold", markup=False)
+    width = console.width if console.is_terminal or "COLUMNS" in os.environ else max(console.width, WIDTH)
+    _print(Console(width=width, highlight=False), runs, bound)
+    return code
+
+
+TIMES = ("", "planning\ns", "duration\ns", "duration\n/ bound")
+MEASURES = (
+    "tool path\nm",
+    "peak jerk\nrad/s³",
+    "of its\nlimit",
+    "RMS torque\nN·m",
+    "clearance\nmm",
+    "least mani-\npulability",
+)
+
+
+def _print(console: Console, runs: Sequence[Run], bound: Bound) -> None:
+    """The table as the width allows: reasons in a column, reasons below it, or measures in a second half as well."""
+    if console.width >= WIDTH:
+        console.print(_table(runs, bound, (*TIMES, *MEASURES), reasons=True))
+    else:
+        for headings in ((*TIMES, *MEASURES),) if console.width >= NARROW else (TIMES, MEASURES):
+            console.print(_table(runs, bound, headings))
+        for run in runs:
+            if _reason(run):
+                console.print(f"{run.planner}: {_reason(run)}", markup=False)
+    seconds = "" if bound.seconds is None else f"{bound.seconds:.3f} s, "
+    console.print(f"bound: {seconds}{bound.words}", style="dim", markup=False)
+
+
+def _table(runs: Sequence[Run], bound: Bound, headings: Sequence[str], reasons: bool = False) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="dim", padding=(0, 2 if reasons else 1, 0, 0))
+    table.add_column("planner", no_wrap=True)
+    for heading in headings:
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    if reasons:
+        table.add_column("why not", overflow="fold", min_width=24)
+    for run in runs:
+        word = "no plan" if run.trajectory is None else "not verified"
+        verdict = "[green]verified[/]" if run.verified else f"[red]{word}[/]"
+        cells = dict(zip((*TIMES, *MEASURES), (verdict, *_numbers(run, bound.ratio(run))), strict=True))
+        why = [escape(_reason(run))] if reasons else []
+        table.add_row(run.planner, *(cells[heading] for heading in headings), *why)
+    return table
+
+
+def _numbers(run: Run, ratio: float | None) -> list[str]:
+    found = run.metrics
+    row = [f"{run.timings['plan']:.2f}", _text(run.duration, ".3f"), _text(ratio, ".3f")]
+    if found is None:
+        return [*row, *("–" for _ in range(6))]
+    return [
+        *row,
+        _text(found.tool_path, ".3f"),
+        _text(found.peak_jerk, ".4g"),
+        _text(found.jerk_share, ".0%"),
+        _text(found.rms_torque, ".2f"),
+        _text(found.clearance if found.clearance is None else 1e3 * found.clearance, ".2f"),
+        _text(found.manipulability, ".3g"),
+    ]
+
+
+def _text(value: float | None, form: str) -> str:
+    return "–" if value is None else "∞" if value == float("inf") else f"{value:{form}}"
+
+
+def _reason(run: Run) -> str:
+    """Why a run is not verified: its failure, or the first check that refused it; one line."""
+    if run.failure is not None:
+        return " ".join(f"{run.failure.kind}: {run.failure.detail}".split())
+    refused = run.report.failures[:1] if run.report is not None else ()
+    return "".join(f"{check.name}: {check.detail or check.place}" for check in refused)
+
+
+def _outcome(run: Run) -> str:
+    """A run in a few words."""
+    took = f"planned in {run.timings['plan']:.2f} s"
+    if run.trajectory is None:
+        return f"no plan ({took}): {_reason(run)}"
+    verdict = "verified" if run.verified else "not verified"
+    return f"{verdict}, a motion of {run.duration:.3f} s ({took})"

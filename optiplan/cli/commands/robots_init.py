@@ -1,0 +1,49 @@
+"""`optiplan robots init`: from a URDF to a robot.yaml and the SRDF of the pairs that need no check."""
+
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from optiplan.cli.output import stdout_is_ours
+
+
+def init(
+    context: typer.Context,
+    urdf: Annotated[Path, typer.Argument(metavar="URDF", help="the robot's URDF")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="folder of the files; the URDF's")] = None,
+    name: Annotated[str | None, typer.Option("--name", metavar="NAME", help="of the robot; the URDF's")] = None,
+    group: Annotated[str | None, typer.Option("--group", metavar="J1,J2,…", help="joints to plan")] = None,
+    tool: Annotated[str | None, typer.Option("--tool", metavar="FRAME", help="the frame that goals are for")] = None,
+    lock: Annotated[list[str] | None, typer.Option("--lock", metavar="JOINT=Q", help="where a joint stands")] = None,
+    limit: Annotated[list[str] | None, typer.Option("--limit", metavar="KEY=X", help="limit of all joints")] = None,
+    force: Annotated[bool, typer.Option("--force", help="replace files that are there")] = False,
+    ask: Annotated[bool | None, typer.Option("--ask/--no-ask", help="ask for what no flag says")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+) -> int:
+    """Make a robot of a URDF: choose the joints to plan, find the pairs of links that need no check, write both.
+
+    On a terminal it asks for what no flag says; a plain Enter takes what stands in brackets.
+
+    [bold]Examples[/]
+
+      optiplan robots init my_arm.urdf
+
+      optiplan robots init my_arm.urdf --group j1,j2,j3 --tool tool0 --lock finger=0.02 --limit acceleration=5
+    """
+    from optiplan.cli.commands import robot_wizard as wizard
+
+    as_json = as_json or bool(context.obj)
+    folder = urdf.parent if out is None else out
+    wizard.refuse_files(folder, force)
+    choices = wizard.read_choices(group or "", tool or "", lock or [], limit or [])
+    with stdout_is_ours():
+        load = partial(wizard.load, urdf, name or wizard.title_of(urdf))
+        if sys.stdin.isatty() and not as_json if ask is None else ask:
+            choices = wizard.ask(load, choices)
+        robot = load(choices)
+    wizard.write(urdf, folder, robot, choices)
+    wizard.show(robot, folder, as_json)
+    return 0

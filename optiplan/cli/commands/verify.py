@@ -1,0 +1,78 @@
+"""`optiplan verify`: judge a trajectory again, whoever made it."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from optiplan.cli.completion import problem_names
+from optiplan.cli.files import find_problem
+from optiplan.cli.output import Exit, print_json, results, stdout_is_ours
+
+
+def verify(
+    problem: Annotated[
+        str,
+        typer.Argument(
+            metavar="PROBLEM", help="a problem file, or the name of an example", autocompletion=problem_names
+        ),
+    ],
+    run: Annotated[
+        Path, typer.Argument(metavar="RUN", help="a run folder, a trajectory.json, or samples as JSON or CSV")
+    ],
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    full: Annotated[bool, typer.Option("--full", help="every check, not only those that failed")] = False,
+) -> int:
+    """Verify a stored trajectory against a problem, from nothing but these two.
+
+    The trajectory may come from another program: `joint_names` and `pieces` are the motion, and samples `t`, `q`, `v`,
+    `a` beside them must be of it. Without pieces the samples are interpolated, and the report says how. A run folder
+    must have been made from this very problem.
+
+    [bold]Examples[/]
+
+      optiplan verify 02_shelf runs/shelf
+
+      optiplan verify cell.yaml elsewhere/trajectory.json --json
+
+      optiplan verify cell.yaml samples.csv --full
+
+    Exit code: 0 verified · 2 bad input · 4 not verified.
+    """
+    from optiplan.cli.printing.report import show_report
+    from optiplan.problem.load import load_problem
+    from optiplan.runs.run_folder import load_run
+    from optiplan.verify.report import jsonable
+
+    path = find_problem(problem)
+    with stdout_is_ours():
+        loaded = load_problem(path)
+        stored = load_run(run, loaded.robot.joint_names)
+        report = None if stored.trajectory is None else _judged(loaded, stored)
+    code = Exit.VERIFIED if report is not None and report.verified else Exit.NOT_VERIFIED
+    if as_json:
+        judged = None if report is None else report.to_dict()
+        failure = stored.record.get("failure") if stored.trajectory is None else None
+        same = None if "hash" not in stored.record else stored.record["hash"] == loaded.hash
+        verdict = {"verified": code == 0, "same_problem": same, "report": judged, "failure": failure}
+        print_json(jsonable({**verdict, "interpolation": stored.interpolation or None, "exit_code": int(code)}))
+    elif report is None:
+        reason = (stored.record.get("failure") or {}).get("detail", "no reason given")
+        results().print(f"not verified: the run has no trajectory ({reason})", style="red", markup=False)
+    else:
+        show_report(results(), report, full, f"{loaded.name} · {loaded.robot.name} · {run}")
+    return code
+
+
+def _judged(problem: Any, stored: Any) -> Any:
+    """The report on a stored trajectory, with where it is from and what was put between its samples."""
+    from optiplan.verify.limit_checks import same_problem
+    from optiplan.verify.verify import verify as judge
+
+    report = judge(problem, stored.trajectory, given=stored.samples)
+    if stored.interpolation:
+        report = replace(report, scope=(*report.scope, f"interpolation of the samples: {stored.interpolation}"))
+    if "hash" in stored.record:
+        report = replace(report, checks=(same_problem(stored.record, problem), *report.checks))
+    return report

@@ -1,0 +1,119 @@
+"""Runs and reports as a person reads them in a terminal."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from optiplan.planners.base import Failure
+from optiplan.runs.pipeline import Run
+from optiplan.verify.report import Check, Report
+
+
+def show_run(console: Console, run: Run, full: bool = False) -> None:
+    """The verdict of a run first, then how good the motion is, what the verdict is about, and what took how long."""
+    title = f"{run.problem.name} · {run.problem.robot.name} · {run.planner} · seed {run.problem.seed}"
+    if run.report is not None:
+        show_report(console, run.report, full, title, _quality(run))
+    if run.failure is not None:
+        _show_failure(console, run.failure, title)
+    console.print(_times(run), markup=False, style="dim")
+    for note in run.problem.robot.notes if run.report is None else ():  # the report holds them as well
+        console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
+
+
+def show_report(console: Console, report: Report, full: bool = False, title: str = "", quality: str = "") -> None:
+    """The one word that counts; what refused the motion; what the verdict is about.
+
+    Args:
+        console: where to.
+        report: the verdict.
+        full: every check with its worst value, not only those that failed, and what stands for every link.
+        title: of what, beside the verdict.
+        quality: how good the motion is, below the verdict.
+    """
+    verdict = "[bold green]verified[/]" if report.verified else "[bold red]not verified[/]"
+    console.print(verdict + (f" · [bold]{escape(title)}[/]" if title else ""))
+    if quality:
+        console.print(quality)
+    shown = report.checks if full else report.failures
+    if shown:
+        console.print(_table(shown))
+    for check in report.checks:
+        if check.detail and (not check.passed or (full and check.kind == "continuous") or check.name == "collision"):
+            console.print(f"{check.name}: {check.detail}", markup=False, style="" if check.passed else "red")
+    for statement in report.scope:
+        console.print(statement, markup=False, style="dim")
+    if full:
+        links = ", ".join(f"{link} {kind.replace('_', ' ')}" for link, kind in report.link_geometry.items())
+        console.print(f"link by link: {links}", markup=False, style="dim")
+    for note in report.notes:
+        console.print(f"note: {note}", markup=False, style="dim")
+    passed = len(report.checks) - len(report.failures)
+    if not full and passed:
+        console.print(f"{passed} checks passed (all of them: --full)", markup=False, style="dim")
+
+
+def _table(checks: Sequence[Check]) -> Table:
+    """Checks with their worst values and limits, within 80 columns."""
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for heading, side in (("check", "left"), ("", "left"), ("worst", "right"), ("limit", "right"), ("", "left")):
+        table.add_column(heading, justify="right" if side == "right" else "left", no_wrap=True)
+    table.add_column("where", overflow="fold")
+    table.add_column("how", no_wrap=True)
+    for check in checks:
+        verdict = "[green]pass[/]" if check.passed else "[bold red]FAIL[/]"
+        scale, unit = (1e3, "mm") if check.unit == "m" else (1.0, check.unit)
+        worst, limit = _number(check.worst, scale), _number(check.limit, scale)
+        table.add_row(check.name, verdict, worst, limit, unit, escape(_where(check)), check.kind)
+    return table
+
+
+def _where(check: Check) -> str:
+    moment = [] if check.time is None else [f"{check.time:.3f} s"]
+    return " ".join([*moment, check.place])
+
+
+def _number(value: float | None, scale: float) -> str:
+    return "–" if value is None else f"{value * scale:.4g}"
+
+
+def _quality(run: Run) -> str:
+    """Duration beside its bound, and what that is a bound of."""
+    words = f"duration [bold]{run.duration:.3f} s[/]"
+    if run.lower_bound is None:
+        return words
+    whose = "lower bound" if run.lower_bound_of == "problem" else "bound of this end configuration"
+    ratio = "" if run.ratio is None else f"[bold]{run.ratio:.3f}[/] × the "
+    return f"{words} · {ratio}{whose}, {run.lower_bound:.3f} s"
+
+
+def _times(run: Run) -> str:
+    parts = []
+    for name, seconds in run.timings.items():
+        inner = _list(run.stages) if name == "plan" else ""
+        parts.append(f"{name} {seconds:.2f} s" + (f" ({inner})" if inner else ""))
+    return " · ".join(parts)
+
+
+def _list(stages: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {seconds:.2f}" for name, seconds in stages.items())
+
+
+def _show_failure(console: Console, failure: Failure, title: str) -> None:
+    console.print(f"[bold red]no plan[/] · [bold]{escape(title)}[/]")
+    console.print(f"{failure.kind}: {failure.detail}", markup=False, style="red")
+    for key, value in failure.witness.items():
+        console.print(f"  {key}: {_short(value)}", markup=False, soft_wrap=True)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_short(item)}" for key, item in value.items())
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_short, value)) + "]"
+    return str(value)

@@ -1,0 +1,1 @@
+"""Collision queries of a robot in a scene."""

@@ -1,0 +1,290 @@
+"""Collision queries of a robot in a scene: contacts, clearance, its gradient, and bounds that need no query."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.collision.containment import Containment
+from optiplan.collision.geometry_model import geometry_of
+from optiplan.collision.standing_links import overlapping
+from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
+from optiplan.geometry.mesh_hulls import SETTLED, Outline, exact_queries, is_flat
+from optiplan.geometry.scene import Scene
+from optiplan.geometry.shapes import build_geometry
+from optiplan.robot.robot import Robot
+from optiplan.robot.self_collision.pair_bounds import Index, PairBounds
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two bodies whose distance matters: indices into `CollisionModel.geometry`, and their names."""
+
+    index: int
+    a: int
+    b: int
+    name_a: str
+    name_b: str
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """The nearest points of a pair, world frame.
+
+    Attributes:
+        distance: m; negative is the depth of penetration.
+        point_a: (3,) on body a; `point_b`: on body b; m.
+        normal: (3,) unit vector from a to b, so that distance = normal . (point_b - point_a).
+    """
+
+    pair: Pair
+    distance: float
+    point_a: Array
+    point_b: Array
+    normal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """K near pairs at N configurations, as arrays.
+
+    Attributes:
+        rows: (K,) which configuration.
+        pairs: (K,) index of the pair.
+        distance: (K,) m, negative when penetrating.
+        points: (K, 2, 3) nearest points on bodies a and b, m, world.
+        normals: (K, 3) unit vectors from a to b, world.
+    """
+
+    rows: Index
+    pairs: Index
+    distance: Array
+    points: Array
+    normals: Array
+
+
+class CollisionModel:
+    """A robot in a scene, with its own work space: use one object a thread.
+
+    Bodies are the robot's links, then attachments, then obstacles. Links are checked against each other as the robot
+    says. A link that no planned joint moves may stand on an obstacle, but not in it: such a pair is measured once, and
+    is among `pairs` only where the two overlap by more than `standing.STANDS`, so that no configuration is free.
+
+    Attributes:
+        geometry: the bodies; `names[i]` is the link, attachment or obstacle of body i.
+        pairs: the pairs that must stay apart.
+        outline: the same bodies with hulls in the place of meshes.
+    """
+
+    def __init__(self, robot: Robot, scene: Scene) -> None:
+        self.robot, self.scene = robot, scene
+        bodies = self._bodies()
+        self.names = tuple(name for name, _ in bodies)
+        self.geometry = geometry_of([body for _, body in bodies])
+        self.pairs = self._list_pairs()
+        for pair in self.pairs:
+            self.geometry.addCollisionPair(pin.CollisionPair(pair.a, pair.b))
+        self.bounds = PairBounds(robot.model, self.geometry, [(p.a, p.b) for p in self.pairs])
+        self._data, self._geometry_data = robot.model.createData(), self.geometry.createData()
+        exact_queries(self._geometry_data)
+        self.outline = Outline(robot.model, self.geometry)
+        bodies_in_pairs = {body for pair in self.pairs for body in (pair.a, pair.b)}
+        self._flat = any(is_flat(self.geometry.geometryObjects[body].geometry) for body in bodies_in_pairs)
+        self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
+            robot.model, self.geometry, self._geometry_data
+        )
+
+    def collides(self, q: Array) -> bool:
+        """Whether any pair touches at q (n,); meshes are asked where their hulls touch.
+
+        The broad phase overlooks meshes that lie in a plane: with one among the bodies every pair is asked.
+        """
+        if self._flat:
+            return bool(
+                pin.computeCollisions(self.robot.model, self._data, self.geometry, self._geometry_data, q, True)
+            )
+        if self.outline.pairs and not self.outline.collides(self._data, q):
+            return False
+        return bool(pin.computeCollisions(self.robot.model, self._data, self._broad_phase, q, True))
+
+    def contained(self, q: Array) -> tuple[str, str] | None:
+        """Names of a body and of the mesh that it is inside of, at q (n,), where nothing touches; None without one.
+
+        No distance tells that; and what is free of it at one end of a motion without contact is so all along.
+        """
+        self.place(q)
+        found = self._containment.find(np.array([X.homogeneous for X in self._geometry_data.oMg]).reshape(-1, 4, 4))
+        return None if found is None else (self.names[found.inner], self.names[found.mesh])
+
+    @cached_property
+    def _containment(self) -> Containment:
+        shapes = [body.geometry for body in self.geometry.geometryObjects]
+        return Containment(shapes, [(pair.a, pair.b) for pair in self.pairs])
+
+    def place(self, q: Array) -> None:
+        """Move all bodies to q (n,), for `pair_distance`."""
+        pin.updateGeometryPlacements(self.robot.model, self._data, self.geometry, self._geometry_data, q)
+        self.outline.place(self._data)
+
+    def pair_distance(self, pair: int) -> Contact:
+        """Nearest points of one pair where `place` put the bodies."""
+        pin.computeDistance(self.geometry, self._geometry_data, pair)
+        return self._read(pair)
+
+    def pair_gap(self, pair: int) -> float:
+        """A lower bound, m, of the distance of one pair where `place` put the bodies.
+
+        It is the distance itself, unless a body is a mesh and the hulls are farther apart than `SETTLED`.
+        """
+        if pair in self.outline.pairs:
+            gap = self.outline.distance(pair)
+            if gap > SETTLED:
+                return gap
+        pin.computeDistance(self.geometry, self._geometry_data, pair)
+        return float(self._geometry_data.distanceResults[pair].min_distance)
+
+    def distance(self, q: Array, pair: int) -> Contact:
+        """Nearest points of one pair at q (n,)."""
+        self.place(q)
+        return self.pair_distance(pair)
+
+    def clearance(self, q: Array) -> Contact | None:
+        """The nearest pair of all at q (n,); None when there is no pair."""
+        if not self.pairs:
+            return None
+        if self.outline.pairs:
+            return self._nearest(q)
+        nearest = pin.computeDistances(self.robot.model, self._data, self.geometry, self._geometry_data, q)
+        return self._read(int(nearest))
+
+    def _nearest(self, q: Array) -> Contact:
+        """The nearest pair at q (n,), by rising lower bound, as long as that is below the least distance found."""
+        self.place(q)
+        bounds = self.lower_bounds(q[None])[0]
+        for pair in self.outline.pairs:
+            bounds[pair] = max(bounds[pair], self.outline.distance(pair))
+        best: Contact | None = None
+        for pair in np.argsort(bounds, kind="stable").tolist():
+            if best is not None and bounds[pair] >= best.distance:
+                break
+            found = self.pair_distance(pair)
+            best = found if best is None or found.distance < best.distance else best
+        assert best is not None
+        return best
+
+    def contacts(self, q: Array, cutoff: float) -> list[Contact]:
+        """Every pair nearer than `cutoff` (m) at q (n,)."""
+        possible = np.flatnonzero(self.lower_bounds(q[None])[0] < cutoff)
+        self.place(q)
+        meshes = self.outline.pairs
+        near = [pair for pair in possible.tolist() if pair not in meshes or self.outline.distance(pair) < cutoff]
+        found = [self.pair_distance(pair) for pair in near]
+        return [contact for contact in found if contact.distance < cutoff]
+
+    def near(self, Q: Array, cutoff: float) -> Contacts:
+        """Every pair nearer than `cutoff` (m) at each of many configurations Q (N, n), as arrays.
+
+        Where a body is a mesh, distance and points are the hulls' if these are farther apart than `SETTLED`, and if the
+        bodies touch: triangles do not tell how deep, or which way is out.
+        """
+        candidates = self.lower_bounds(Q) < cutoff
+        geometry, data, results = self.geometry, self._geometry_data, self._geometry_data.distanceResults
+        outline, meshes = self.outline, self.outline.pairs
+        found: list[tuple[int, int, float]] = []
+        vectors: list[Array] = []
+        for row in np.flatnonzero(candidates.any(axis=1)).tolist():
+            self.place(Q[row])
+            for pair in np.flatnonzero(candidates[row]).tolist():
+                result = outline.query(pair) if pair in meshes else None
+                if result is None or result.min_distance <= SETTLED:
+                    pin.computeDistance(geometry, data, pair)
+                    if result is None or results[pair].min_distance > 0.0:
+                        result = results[pair]
+                distance = result.min_distance
+                if distance < cutoff:
+                    found.append((row, pair, distance))
+                    # Copies: these are views of memory that the pair's next query overwrites.
+                    vectors.append(np.array([result.getNearestPoint1(), result.getNearestPoint2(), result.normal]))
+        rows, pairs = (np.array([entry[k] for entry in found], dtype=np.intp) for k in (0, 1))
+        distances = np.array([entry[2] for entry in found])
+        points = np.array(vectors).reshape(-1, 3, 3)
+        return Contacts(rows, pairs, distances, points[:, :2], _normals(distances, points))
+
+    def lower_bounds(self, Q: Array) -> Array:
+        """Lower bounds, m, of the distance of every pair at Q (N, n), from bounding volumes alone: (N, P)."""
+        return self.bounds.distances(Q)
+
+    def travel(self, Q: Array, D: Array) -> Array:
+        """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j: Q and D (N, n), result (N, P)."""
+        return self.bounds.travel(Q, D)
+
+    def gradients(self, Q: Array, contacts: Contacts) -> Array:
+        """Gradient (K, n) of the distances of contacts at Q (N, n) with respect to the configuration, m/rad or m/m.
+
+        For normal n and witness points a, b fixed to their bodies, d(distance)/dq = n . (J_b - J_a), with J the linear
+        Jacobian of the point; by the envelope theorem the motion of the witness points on the surfaces adds nothing
+        (away from parallel faces, where the distance has a kink).
+        """
+        return self.bounds.witness_gradients(Q[contacts.rows], contacts.pairs, contacts.points, contacts.normals)
+
+    def _read(self, pair: int) -> Contact:
+        result = self._geometry_data.distanceResults[pair]
+        a, b = np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+        distance = float(result.min_distance)
+        normal = _normals(np.array([distance]), np.array([[a, b, result.normal]]))[0]
+        return Contact(self.pairs[pair], distance, a, b, normal)
+
+    def _bodies(self) -> list[tuple[str, pin.GeometryObject]]:
+        robot = self.robot
+        found = [(robot.link_of(k), body.copy()) for k, body in enumerate(robot.geometry.geometryObjects)]
+        for held in self.scene.attached:
+            frame = robot.model.frames[robot.model.getFrameId(held.link)]
+            place = (frame.parentJoint, frame.placement * held.X_LO)
+            found.append((held.name, _body(f"{held.name}#{len(found)}", *place, build_geometry(held.shape))))
+        for obstacle in self.scene.obstacles:
+            place = (0, obstacle.X_WO)
+            found.append(
+                (obstacle.name, _body(f"{obstacle.name}#{len(found)}", *place, build_geometry(obstacle.shape)))
+            )
+        return found
+
+    def _list_pairs(self) -> tuple[Pair, ...]:
+        links = len(self.robot.geometry.geometryObjects)
+        held = range(links, links + len(self.scene.attached))
+        moving = range(links + len(self.scene.attached))
+        obstacles = range(moving.stop, len(self.names))
+        found = [(int(p.first), int(p.second)) for p in self.robot.geometry.collisionPairs]
+        touch = {index: item.touch | {item.link} for index, item in zip(held, self.scene.attached, strict=True)}
+        found += [(a, b) for b in held for a in range(links) if self.names[a] not in touch[b]]
+        found += [(a, b) for b in held for a in held if a < b]
+        parents = [int(body.parentJoint) for body in self.geometry.geometryObjects]
+        still = [a for a in moving if parents[a] == 0 and a not in held]
+        found += [(a, b) for a in moving if a not in still for b in obstacles]
+        excused = {name for pair in self.scene.allowed for name in pair}
+        kept = [(a, b) for a, b in found if not self._allowed(a, b, excused)]
+        standing = [(a, b) for a in still for b in obstacles if not self._allowed(a, b, excused)]
+        kept += overlapping(self.geometry, np.array(standing, dtype=np.intp).reshape(-1, 2))
+        return tuple(Pair(k, a, b, self.names[a], self.names[b]) for k, (a, b) in enumerate(kept))
+
+    def _allowed(self, a: int, b: int, excused: set[str]) -> bool:
+        """Whether the scene allows these bodies to touch; `excused` are all names in its allowed pairs."""
+        names = self.names[a], self.names[b]
+        return names[0] in excused and names[1] in excused and frozenset(names) in self.scene.allowed
+
+
+def _body(name: str, joint: int, placement: pin.SE3, geometry: coal.CollisionGeometry) -> pin.GeometryObject:
+    return pin.GeometryObject(name, joint, 0, placement, geometry)
+
+
+def _normals(distances: Array, vectors: Array) -> Array:
+    """Unit normals (K, 3) from a to b; vectors (K, 3, 3) hold witness points a and b and coal's normal.
+
+    coal leaves the normal of two triangle meshes unset; where bodies are apart, the points give it.
+    """
+    gap = vectors[:, 1] - vectors[:, 0]
+    length = np.linalg.norm(gap, axis=1, keepdims=True)
+    apart = (distances > 1e-6)[:, None] & (length > 0.0)
+    return np.where(apart, gap / np.where(apart, length, 1.0), vectors[:, 2])

@@ -1,0 +1,245 @@
+"""YAML files read with the line of every value, and pydantic errors told with file, line, found and expected.
+
+Used by every reader of a YAML file (robots, problems): `read_yaml` → `Document` → `validate` → a pydantic model.
+Every way in which a file can be unusable ends in `InputError` holding `Issue`s, never in a foreign exception.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from optiplan.config.messages import describe, field_name, mistaken, words_for
+from optiplan.errors import InputError, Issue
+from optiplan.files import read_bytes
+
+Place = tuple[str | int, ...]
+"""Where a value stands in a document: keys and list indices from the root."""
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+"""A finite number: no text such as "1.0", no true or false."""
+
+Whole = Annotated[int, Field(strict=True)]
+"""A whole number: no text, no true or false."""
+
+WHOLE_TAG = "tag:yaml.org,2002:int"
+
+TEXT_TAGS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
+"""What a key can be: text, or `<<`."""
+
+MOST = 16 * 2**20
+"""Largest file, bytes."""
+
+LARGEST = 1_000_000
+"""Values allowed in one document, aliases expanded: stops a file that grows without end through its aliases."""
+
+
+LONGEST = 4096
+"""Characters of one text or number: as many as a path can have."""
+
+DIGITS = 40
+"""Characters of one whole number."""
+
+DEEPEST = 100
+"""Values within values."""
+
+HUGE = float(2**64)
+"""Largest number: of what has a unit nothing is as large, and seeds have at most 64 bits."""
+
+
+class Strict(BaseModel):
+    """Base of every schema class: unknown keys are refused, the value cannot be changed."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Document:
+    """A YAML file as plain Python data, with the line of every value."""
+
+    path: Path
+    data: Any
+    lines: Mapping[Place, int]
+
+    def line(self, path: Sequence[str | int]) -> int | None:
+        """Line (from 1) of the value at `path`, or of its nearest ancestor that stands in the file."""
+        place = tuple(path)
+        while place not in self.lines:
+            if not place:
+                return None
+            place = place[:-1]
+        return self.lines[place]
+
+    def place(self, loc: Iterable[str | int]) -> Place:
+        """Path in the data that a pydantic location means: names of union members in it are left out."""
+        value, place = self.data, []
+        for key in loc:
+            if isinstance(value, dict) and key in value:
+                value = value[key]
+            elif isinstance(value, list) and isinstance(key, int) and 0 <= key < len(value):
+                value = value[key]
+            else:
+                continue
+            place.append(key)
+        return tuple(place)
+
+    def issue(self, path: Sequence[str | int], found: str, expected: str) -> Issue:
+        """An `Issue` about the value at `path`, with its line."""
+        return Issue(str(self.path), self.line(path), field_name(path), found, expected)
+
+
+def read_yaml(path: Path | str) -> Document:
+    """Read one YAML 1.2 document.
+
+    Raises:
+        InputError: the file is missing, unreadable, not text, empty, no valid YAML, or has a key twice.
+    """
+    path = Path(path)
+    text = _read_text(path)
+    reader = YAML(typ="safe", pure=True)
+    try:
+        root = reader.compose(text)
+        lines = _lines(root, path)
+        data = None if root is None else reader.constructor.construct_document(root)
+    except MarkedYAMLError as error:
+        raise InputError([_syntax_issue(path, error)]) from error
+    except (YAMLError, ValueError, RecursionError) as error:
+        reason = "nested too deeply" if isinstance(error, RecursionError) else str(error).split("\n")[0]
+        raise InputError([Issue(str(path), None, "file", reason, "a YAML document")]) from error
+    if data is None:
+        raise InputError([Issue(str(path), None, "file", "an empty file", "a YAML document of keys and values")])
+    return Document(path, data, lines)
+
+
+def validate(model_class: type[Model], document: Document) -> Model:
+    """The document as a `model_class`.
+
+    Raises:
+        InputError: with one `Issue` for every value that does not fit, in file order; NaN, infinity and numbers beyond
+            `HUGE` never fit.
+    """
+    unfit = [(document.issue(place, describe(value), _fitting(value)), value) for place, value in _unfit(document.data)]
+    try:
+        model, cause = model_class.model_validate(document.data), None
+    except ValidationError as error:
+        if (words := mistaken(model_class, document.data)) is not None:
+            raise InputError([document.issue((), *words)]) from error
+        model, cause = None, error
+    known = {} if cause is None else {item.field: item for item in pydantic_issues(model_class, document, cause)}
+    for issue, value in unfit:  # a field that has a range says so itself
+        if issue.field not in known or not _finite(value):
+            known[issue.field] = issue
+    if model is None or known:
+        raise InputError(_in_file_order(list(known.values()))) from cause
+    return model
+
+
+def pydantic_issues(model_class: type[BaseModel], document: Document, error: ValidationError) -> list[Issue]:
+    """One `Issue` for each error that pydantic found in `document`."""
+    issues: dict[Place, Issue] = {}
+    for item in error.errors(include_url=False):
+        found, expected = words_for(model_class, item)
+        place = document.place(item["loc"])
+        name = (*place, item["loc"][-1]) if item["type"] == "missing" else place
+        line = document.line(place)
+        if name in issues:  # members of a union each say what they would have taken
+            known = issues[name]
+            expected = known.expected if expected in known.expected else f"{known.expected}, or {expected}"
+        issues[name] = Issue(str(document.path), line, field_name(name), found, expected)
+    deepest = [name for name in issues if not any(len(o) > len(name) and o[: len(name)] == name for o in issues)]
+    return [issues[name] for name in deepest]
+
+
+def _in_file_order(issues: list[Issue]) -> list[Issue]:
+    return sorted(issues, key=lambda issue: issue.line or 0)
+
+
+def _read_text(path: Path) -> str:
+    try:
+        text = read_bytes(path, MOST).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            [Issue(str(path), None, "file", "bytes that are not UTF-8 text", "a YAML document")]
+        ) from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError([Issue(str(path), None, "file", reason, "a readable YAML file")]) from error
+    if "\0" in text:
+        raise InputError([Issue(str(path), None, "file", "a binary file", "a YAML document")])
+    return text
+
+
+def _lines(root: Node | None, path: Path) -> dict[Place, int]:
+    """Line of every value: that of its key in a mapping, its own in a list."""
+    lines: dict[Place, int] = {}
+    stack: list[tuple[Place, Node, int]] = [] if root is None else [((), root, root.start_mark.line)]
+    while stack:
+        place, node, line = stack.pop()
+        lines[place] = line + 1
+        if len(lines) > LARGEST or len(place) > DEEPEST:
+            raise InputError([Issue(str(path), line + 1, "file", "a document that is too large", "fewer values")])
+        if isinstance(node, ScalarNode):
+            most = DIGITS if node.tag == WHOLE_TAG else LONGEST
+            if len(node.value) > most:
+                found, expected = f"a value of {len(node.value)} characters", f"at most {most}"
+                raise InputError([Issue(str(path), line + 1, field_name(place), found, expected)])
+        if isinstance(node, MappingNode):
+            seen: dict[str, int] = {}
+            for key, value in node.value:
+                name, at = _key(key, path), key.start_mark.line + 1
+                if name in seen:
+                    found = f"a duplicate key: '{name[:60]}' is on line {seen[name]} too"
+                    raise InputError([Issue(str(path), at, field_name((*place, name)), found, "each key once")])
+                seen[name] = at
+                stack.append(((*place, name), value, at - 1))
+        elif isinstance(node, SequenceNode):
+            stack.extend(((*place, i), value, value.start_mark.line) for i, value in enumerate(node.value))
+    return lines
+
+
+def _key(node: Node, path: Path) -> str:
+    """The text of a key.
+
+    Raises:
+        InputError: a key that is a number, a list, nothing or the like, which no file of ours has.
+    """
+    if isinstance(node, ScalarNode) and node.tag in TEXT_TAGS:
+        return str(node.value)
+    found = f"the key {describe(node.value)}, which is no text" if isinstance(node, ScalarNode) else "a key of keys"
+    raise InputError([Issue(str(path), node.start_mark.line + 1, "file", found, "keys that are text")])
+
+
+def _syntax_issue(path: Path, error: MarkedYAMLError) -> Issue:
+    mark = error.problem_mark or error.context_mark
+    line = None if mark is None else mark.line + 1
+    problem = " ".join(str(error.problem or error.context or "a syntax error").split())
+    return Issue(str(path), line, "file", problem, "valid YAML")
+
+
+def _fitting(value: float) -> str:
+    return f"a number in [-{HUGE:.3g}, {HUGE:.3g}]" if _finite(value) else "a finite number"
+
+
+def _finite(value: float) -> bool:
+    return isinstance(value, int) or math.isfinite(value)
+
+
+def _unfit(data: Any, place: Place = ()) -> list[tuple[Place, float]]:
+    """Numbers that no field takes, with their places."""
+    if isinstance(data, float | int) and not abs(data) <= HUGE:  # written so that NaN is found too
+        return [(place, data)]
+    children: Iterable[tuple[Any, Any]] = ()
+    if isinstance(data, dict):
+        children = data.items()
+    elif isinstance(data, list):
+        children = enumerate(data)
+    return [hit for key, value in children for hit in _unfit(value, (*place, key))]

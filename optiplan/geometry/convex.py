@@ -1,0 +1,265 @@
+"""Convex stand-ins for meshes: the hull, or several pieces that together contain the mesh, as tight as measured."""
+
+import io
+import json
+import logging
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import coal
+import numpy as np
+import numpy.typing as npt
+
+from optiplan import cache
+from optiplan.arrays import Array
+from optiplan.geometry.convex_hulls import FLAT, Hull, covering_hull, thickened_hull
+from optiplan.geometry.over_cover import MeshSolid
+
+Triangles = npt.NDArray[np.int64]
+"""Vertex indices of triangles, shape (k, 3)."""
+
+COVER_VERSION = 1
+"""Counted up when meshes are measured or cut in another way, so that what is kept is made again."""
+
+WITHIN = 1e-3
+"""How far (m) a convex stand-in that is chosen without being asked for may reach beyond the mesh."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class CoacdOptions:
+    """How finely a mesh is cut; the first seven go to CoACD, which scales every mesh to [-1, 1].
+
+    `longest_edge` (m): triangles across a cut are divided to this size before each goes to one piece. Pieces that fill
+    more than `enough` of the hull's volume are not worth their number: the hull is taken.
+    """
+
+    threshold: float = 0.08
+    preprocess_resolution: int = 15
+    resolution: int = 400
+    mcts_iterations: int = 20
+    mcts_nodes: int = 5
+    mcts_max_depth: int = 1
+    max_convex_hull: int = 16
+    longest_edge: float = 0.003
+    enough: float = 0.88
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Convex pieces by their vertices, each of shape (k, 3) in m; `growth` (m) is what containing the mesh added."""
+
+    vertices: tuple[Array, ...]
+    growth: float
+
+
+def vertices_of(mesh: coal.BVHModelBase) -> Array:
+    """Vertices of a mesh, shape (k, 3), in m."""
+    return np.array(mesh.vertices(), dtype=np.float64).reshape(-1, 3)
+
+
+def triangles_of(mesh: coal.BVHModelBase) -> Triangles:
+    """Triangles of a mesh."""
+    corners = (mesh.tri_indices(i) for i in range(mesh.num_tris))
+    return np.array([(t[0], t[1], t[2]) for t in corners], dtype=np.int64).reshape(-1, 3)
+
+
+def hull_of(points: Array) -> coal.ConvexBase:
+    """Convex hull of points (k, 3), in m, as geometry of coal: see `body_of`."""
+    return body_of(points).build()
+
+
+def body_of(points: Array) -> Hull:
+    """Convex hull of points (k, 3), in m; points in one plane or on one line are first thickened by `FLAT`.
+
+    Raises:
+        ValueError: no points, or points that are not finite.
+    """
+    if len(points) == 0 or not np.isfinite(points).all():
+        raise ValueError("a mesh without finite vertices")
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if len(points) < 4 or spread[-1] <= FLAT:
+        return thickened_hull(points)
+    return covering_hull(points)
+
+
+@dataclass(frozen=True)
+class Cover:
+    """What stands for a mesh without being asked for: its hull, convex pieces, or itself.
+
+    Attributes:
+        kind: hull, convex_pieces or mesh.
+        pieces: vertices (k, 3) of each convex body, m; none for the mesh itself.
+        over_cover: m, how far they reach beyond the mesh at most.
+        hull: m, how far the hull reaches beyond the mesh at most.
+    """
+
+    kind: str
+    pieces: tuple[Array, ...]
+    over_cover: float
+    hull: float
+
+
+def cover_of(mesh: coal.BVHModelBase) -> Cover:
+    """The hull of a mesh if it is within `WITHIN` of the mesh, else pieces that are, else the mesh; cached on disk."""
+    vertices, triangles = vertices_of(mesh), triangles_of(mesh)
+    key = cache.digest([vertices.tobytes(), triangles.tobytes(), repr((COVER_VERSION, WITHIN)).encode()])
+    content = cache.load(f"covers/{key}.npz")
+    if content is None:
+        content = _pack_cover(_cover(vertices, triangles))
+        cache.store(f"covers/{key}.npz", content)
+    return _unpack_cover(content, vertices)
+
+
+def over_cover_of(mesh: coal.BVHModelBase, bodies: Sequence[Array]) -> float:
+    """How far (m) the hulls of points, (k, 3) each, reach beyond a mesh at most; cached on disk."""
+    vertices, triangles = vertices_of(mesh), triangles_of(mesh)
+    key = cache.digest(
+        [vertices.tobytes(), triangles.tobytes(), *(body.tobytes() for body in bodies), repr(COVER_VERSION).encode()]
+    )
+    content = cache.load(f"covers/{key}.json")
+    if content is None:
+        from optiplan.geometry.convex_pieces import measured
+
+        content = json.dumps(measured(MeshSolid(vertices[triangles]), bodies)).encode()
+        cache.store(f"covers/{key}.json", content)
+    return float(json.loads(content))
+
+
+def _cover(vertices: Array, triangles: Triangles) -> Cover:
+    from scipy.spatial import QhullError
+
+    from optiplan.geometry.convex_pieces import PieceOptions, cut, measured
+
+    solid = MeshSolid(vertices[triangles])
+    hull = body_of(vertices)
+    beyond = measured(solid, [hull.vertices]) if len(hull.vertices) else 0.0
+    if beyond <= WITHIN:
+        return Cover("hull", (vertices,), beyond, beyond)
+    log.info("cutting a mesh of %d triangles into convex pieces, once", len(triangles))
+    try:
+        pieces = cut(solid, PieceOptions(over_cover=WITHIN))
+    except QhullError:  # triangles too small for its rounding
+        pieces = None
+    if pieces is None or pieces.over_cover > WITHIN:
+        return Cover("mesh", (), 0.0, beyond)
+    return Cover("convex_pieces", pieces.vertices, pieces.over_cover, beyond)
+
+
+def pieces_of(mesh: coal.BVHModelBase, identity: bytes, options: CoacdOptions = CoacdOptions()) -> Pieces:
+    """Convex pieces that together contain every triangle of a mesh; cached on disk.
+
+    CoACD's pieces cut corners of the mesh. So each triangle, divided where it spans several pieces, goes to the piece
+    that contains it best, and every piece becomes the hull of itself and its triangles: the union contains the mesh.
+
+    Args:
+        mesh: triangles, in m.
+        identity: bytes that tell this mesh from any other, such as those of its file and its scale.
+        options: how finely it is cut.
+    """
+    key = cache.digest([identity, repr(asdict(options)).encode()])
+    name = f"pieces/{key}.npz"
+    content = cache.load(name)
+    if content is None:
+        log.info("cutting a mesh of %d triangles into convex pieces, once", mesh.num_tris)
+        content = _pack(_cut(vertices_of(mesh), triangles_of(mesh), options))
+        cache.store(name, content)
+    return _unpack(content)
+
+
+def protrusion(faces: Array, points: Array) -> Array:
+    """How far points stick out of a convex body, shape (k,), in m: max over its faces of n . p + d; negative inside.
+
+    Args:
+        faces: (f, 4) outward unit normals n and offsets d.
+        points: (k, 3), in m.
+    """
+    return np.asarray((points @ faces[:, :3].T + faces[:, 3]).max(axis=1))
+
+
+def faces_of(points: Array) -> Array:
+    """Faces of the convex hull of points (k, 3): (f, 4) outward unit normals and offsets, n . p + d <= 0 inside."""
+    from scipy.spatial import ConvexHull
+
+    return np.asarray(ConvexHull(points).equations)
+
+
+def _cut(vertices: Array, triangles: Triangles, options: CoacdOptions) -> Pieces:
+    import coacd
+    from trimesh.remesh import subdivide_to_size
+
+    settings = asdict(options)
+    longest, enough = settings.pop("longest_edge"), settings.pop("enough")
+    coacd.set_log_level("error")
+    rough = [np.asarray(piece[0]) for piece in coacd.run_coacd(coacd.Mesh(vertices, triangles), seed=0, **settings)]
+    bodies = [faces_of(piece) for piece in rough]
+    if _filling(bodies, vertices) > enough:
+        return Pieces((_corners(vertices),), 0.0)
+    inside, _ = _best(bodies, vertices, triangles)
+    spanning = triangles[inside > 1e-9]
+    fine_vertices, fine = (
+        subdivide_to_size(vertices, spanning, longest, max_iter=20) if len(spanning) else (vertices, spanning)
+    )
+    worst, owner = _best(bodies, fine_vertices, fine)
+    grown = []
+    for index, piece in enumerate(rough):
+        added = fine_vertices[np.unique(fine[owner == index])]
+        grown.append(_corners(np.vstack([piece, added])))
+    return Pieces(tuple(grown), float(worst.max(initial=0.0)))
+
+
+def _filling(bodies: list[Array], vertices: Array) -> float:
+    """Volume of the union of convex bodies as a part of that of the vertices' hull, from samples."""
+    samples = np.random.default_rng(0).uniform(vertices.min(axis=0), vertices.max(axis=0), (20_000, 3))
+    samples = samples[protrusion(faces_of(vertices), samples) <= 0]
+    return float(np.any([protrusion(faces, samples) <= 0 for faces in bodies], axis=0).mean())
+
+
+def _best(bodies: list[Array], vertices: Array, triangles: Triangles) -> tuple[Array, npt.NDArray[np.int64]]:
+    """The least, over the bodies, of how far each triangle sticks out of one of them, and which body that is."""
+    best = np.full(len(triangles), np.inf)
+    owner = np.zeros(len(triangles), dtype=np.int64)
+    for index, faces in enumerate(bodies):
+        out = np.concatenate(
+            [protrusion(faces, chunk) for chunk in np.array_split(vertices, len(vertices) // 20_000 + 1)]
+        )
+        worst = out[triangles].max(axis=1) if len(triangles) else best
+        owner[worst < best] = index
+        best = np.minimum(best, worst)
+    return best, owner
+
+
+def _corners(points: Array) -> Array:
+    from scipy.spatial import ConvexHull
+
+    return np.asarray(points[ConvexHull(points).vertices], dtype=np.float64)
+
+
+def _pack_cover(cover: Cover) -> bytes:
+    buffer = io.BytesIO()
+    pieces = cover.pieces if cover.kind == "convex_pieces" else ()
+    points = np.concatenate([np.empty((0, 3)), *pieces])
+    sizes = np.array([len(piece) for piece in pieces], dtype=np.int64)
+    np.savez_compressed(buffer, points=points, sizes=sizes, figures=[cover.over_cover, cover.hull], kind=cover.kind)
+    return buffer.getvalue()
+
+
+def _unpack_cover(content: bytes, vertices: Array) -> Cover:
+    with np.load(io.BytesIO(content)) as data:
+        kind, (beyond, hull) = str(data["kind"]), data["figures"].tolist()
+        pieces = {"hull": [vertices], "mesh": []}.get(kind, np.split(data["points"], np.cumsum(data["sizes"])[:-1]))
+        return Cover(kind, tuple(pieces), beyond, hull)
+
+
+def _pack(pieces: Pieces) -> bytes:
+    buffer = io.BytesIO()
+    sizes = np.array([len(piece) for piece in pieces.vertices])
+    np.savez_compressed(buffer, points=np.vstack(pieces.vertices), sizes=sizes, growth=pieces.growth)
+    return buffer.getvalue()
+
+
+def _unpack(content: bytes) -> Pieces:
+    with np.load(io.BytesIO(content)) as data:
+        parts = np.split(data["points"], np.cumsum(data["sizes"])[:-1])
+        return Pieces(tuple(parts), float(data["growth"]))

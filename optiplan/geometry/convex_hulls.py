@@ -1,0 +1,131 @@
+"""Convex hulls that coal can build: flat ones are thickened, those of too many neighbours get fewer faces, outwards."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import coal
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.geometry.over_cover import Index, MeshSolid
+
+FLAT = 1e-5
+"""Thickness (m) given to meshes that have none, on either side."""
+
+_LEAST_RATIO = 1e-6
+"""Thickness, as a part of the extent, below which qhull's rounding decides what is a corner."""
+
+_MOST_NEIGHBOURS = 255
+"""coal counts the neighbours of a vertex in eight bits, and writes beyond its memory where there are more."""
+
+_FACES = 200
+"""Faces of a hull that is simplified: none has more corners, so no corner has more neighbours than coal can count."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hull:
+    """A convex body that covers points: vertices (k, 3) in m, triangles (f, 3) seen counter-clockwise from outside.
+
+    `over_cover` (m) is how far it reaches beyond the hull of the points at most; 0 for that hull itself.
+    """
+
+    vertices: Array
+    triangles: Index
+    over_cover: float = 0.0
+
+    def build(self) -> coal.ConvexBase:
+        """As geometry of coal."""
+        points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        points.extend(list(self.vertices))
+        faces.extend([coal.Triangle(*corners) for corners in self.triangles.tolist()])
+        body = coal.Convex(points, faces)
+        body.computeLocalAABB()
+        return body
+
+
+def convex_hull(vertices: Array) -> coal.ConvexBase:
+    """Convex hull of points of shape (k, 3), m, as geometry of coal; `covering_hull` says when it is more than that.
+
+    Raises:
+        ValueError: fewer than four points, all in one plane, or not finite.
+    """
+    return covering_hull(vertices).build()
+
+
+def covering_hull(vertices: Array) -> Hull:
+    """The hull of points (k, 3), m, or where coal cannot build that, a convex body around it.
+
+    Points thinner than a millionth of their extent are thickened by `FLAT`, or that millionth; a hull with a corner of
+    more than 255 neighbours is replaced by `_FACES` of its supporting half-spaces.
+
+    Raises:
+        ValueError: fewer than four points, all in one plane, or not finite.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    distinct = np.unique(np.asarray(vertices, float).reshape(-1, 3), axis=0)
+    if not np.isfinite(distinct).all():
+        raise ValueError("no convex hull of points that are not finite")
+    spread = np.linalg.svd(distinct - distinct.mean(axis=0), compute_uv=False) if len(distinct) > 3 else np.zeros(3)
+    if spread[-1] <= 1e-9 * spread[0] or spread[0] == 0.0:
+        raise ValueError(f"no convex hull: {len(distinct)} distinct points lie in one plane")
+    if spread[-1] <= _LEAST_RATIO * spread[0]:
+        return thickened_hull(distinct)
+    try:
+        return _within_limits(ConvexHull(distinct, qhull_options="Qt"))
+    except QhullError:
+        return thickened_hull(distinct)
+
+
+def thickened_hull(points: Array) -> Hull:
+    """Hull of balls (octahedra) of radius `FLAT`, or a millionth of the extent, about points (k, 3), m."""
+    from scipy.spatial import ConvexHull
+
+    by = max(FLAT, 2.0 * _LEAST_RATIO * float(np.ptp(points, axis=0).max(initial=0.0)))
+    corners = by * np.concatenate([np.eye(3), -np.eye(3)])
+    hull = _within_limits(ConvexHull((points[:, None] + corners).reshape(-1, 3), qhull_options="Qt"))
+    return Hull(hull.vertices, hull.triangles, hull.over_cover + by)
+
+
+def _within_limits(hull: Any) -> Hull:
+    """The hull, or a body of fewer faces around it where a corner has more neighbours than coal counts."""
+    from scipy.spatial import ConvexHull
+
+    plain = _outward(hull)
+    edges = np.unique(np.sort(plain.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    if np.bincount(edges.ravel()).max() <= _MOST_NEIGHBOURS:
+        return plain
+    around = _outward(ConvexHull(_supporting(plain.vertices, hull.equations), qhull_options="Qt"))
+    beyond = MeshSolid(plain.vertices[plain.triangles]).nearest(around.vertices)[0]
+    return Hull(around.vertices, around.triangles, float(beyond.max()))
+
+
+def _supporting(vertices: Array, faces: Array) -> Array:
+    """Corners (k, 3) of the body that `_FACES` supporting half-spaces of vertices (v, 3) have in common, m.
+
+    Their normals are those of a box about the body and of its faces (f, 4), each the farthest from those taken before.
+    """
+    from scipy.spatial import HalfspaceIntersection
+
+    centre = vertices.mean(axis=0)
+    _, _, axes = np.linalg.svd(vertices - centre, full_matrices=False)
+    normals = np.concatenate([axes, -axes, np.empty((_FACES - 6, 3))])
+    nearest = (faces[:, :3] @ normals[:6].T).max(axis=1)
+    for k in range(6, _FACES):
+        normals[k] = faces[np.argmin(nearest), :3]
+        nearest = np.maximum(nearest, faces[:, :3] @ normals[k])
+    normals = np.unique(normals, axis=0)
+    support = (normals @ (vertices - centre).T).max(axis=1)
+    scale = float(np.abs(support).max())
+    halves = np.column_stack([normals, -(support + 1e-12 * scale)])
+    return np.asarray(HalfspaceIntersection(halves, np.zeros(3)).intersections + centre, dtype=np.float64)
+
+
+def _outward(hull: Any) -> Hull:
+    """Corners and triangles of a hull, the triangles turned to be seen counter-clockwise from outside."""
+    used, where = np.unique(hull.simplices, return_inverse=True)
+    vertices, corners = hull.points[used], np.asarray(where, dtype=np.intp).reshape(-1, 3)
+    a, b, c = np.moveaxis(vertices[corners], 1, 0)
+    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    corners[inward] = corners[inward][:, ::-1]
+    return Hull(vertices, corners)

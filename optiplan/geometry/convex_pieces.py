@@ -1,0 +1,221 @@
+"""Convex pieces that cover a mesh and reach beyond it by at most a given distance, measured."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from optiplan.arrays import Array
+from optiplan.geometry.over_cover import MeshSolid, over_cover
+
+_STEP = 1e-4
+"""m; how far parts of a flat step of the surface may lie apart."""
+
+_SAME = 1e-7
+"""m; corners this near to a plane lie in it."""
+
+_SAMPLE = 400
+"""Triangles that a cut is chosen by, evenly taken where there are more; the cut itself is of all."""
+
+
+@dataclass(frozen=True)
+class PieceOptions:
+    """How finely a mesh is cut.
+
+    Attributes:
+        over_cover: m, how far a piece may reach beyond the mesh.
+        tolerance: m, how exactly that is measured.
+        places: planes tried along each axis of a piece that is cut, evenly and along steps of its surface.
+        most: pieces; a mesh that needs more is not cut, since 20 queries of two hulls cost as much as one of a mesh.
+    """
+
+    over_cover: float = 1e-3
+    tolerance: float = 2e-4
+    places: int = 6
+    most: int = 16
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Convex pieces by their vertices, each (k, 3) in m, and how far (m) they reach beyond the mesh at most."""
+
+    vertices: tuple[Array, ...]
+    over_cover: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Cell:
+    """The part of a mesh within a box: triangles (k, 3, 3) clipped to it, the box (2, 3), and its hull.
+
+    The hull holds the clipped triangles and the corners of the box that are inside the mesh: these are all extreme
+    points that mesh and box can have in common, so it holds the solid within the box too.
+    """
+
+    triangles: Array
+    box: Array
+    points: Array
+    volume: float
+
+
+def measured(solid: MeshSolid, bodies: Sequence[Array], tolerance: float = PieceOptions.tolerance) -> float:
+    """How far (m) the hulls of points, (k, 3) each, reach beyond a mesh at most, to within a tolerance (m)."""
+    hulls = [(points, _hull(points)) for points in bodies]
+    return over_cover(solid, np.concatenate([points[hull.simplices] for points, hull in hulls]), tolerance)
+
+
+def cut(solid: MeshSolid, options: PieceOptions = PieceOptions()) -> Pieces | None:
+    """Cut a mesh into convex pieces, each the hull of the part within a box; None where `options.most` is too few.
+
+    A piece that reaches too far beyond the mesh is cut by the plane, across one of three axes, that leaves the least
+    volume in the hulls of both parts; pieces whose common hull is within the bound are then joined again.
+
+    Args:
+        solid: the mesh.
+        options: how finely it is cut.
+    """
+    corners = solid.triangles.reshape(-1, 3)
+    first = _cell(solid, solid.triangles, np.array([corners.min(axis=0) - 1e-3, corners.max(axis=0) + 1e-3]))
+    waiting, done = [first] if first else [], []
+    while waiting:
+        cell = waiting.pop()
+        if _close(solid, cell.points, options):
+            done.append((cell.points, cell.volume))
+            continue
+        halves = _best_cut(solid, cell, options.places)
+        if halves is None or len(waiting) + len(done) > 2 * options.most:
+            return None
+        waiting.extend(halves)
+    pieces = _join(solid, done, options)
+    if not 0 < len(pieces) <= options.most:
+        return None
+    return Pieces(tuple(pieces), measured(solid, pieces, options.tolerance))
+
+
+def _close(solid: MeshSolid, points: Array, options: PieceOptions) -> bool:
+    """Whether the hull of points is within the bound."""
+    faces = points[_hull(points).simplices]
+    return over_cover(solid, faces, options.tolerance, allowed=options.over_cover) <= options.over_cover
+
+
+def _best_cut(solid: MeshSolid, cell: _Cell, places: int) -> tuple[_Cell, _Cell] | None:
+    """The two parts of a cell whose hulls have the least volume in sum."""
+    rough = replace(cell, triangles=cell.triangles[:: len(cell.triangles) // _SAMPLE + 1])
+    options: list[tuple[float, int, float]] = []
+    for axis in range(3):
+        for place in _places(rough, axis, places):
+            parts = list(_parts(solid, rough, axis, place))
+            if len(parts) == 2:
+                options.append((sum(part.volume for part in parts), axis, place))
+    for _, axis, place in sorted(options):
+        parts = list(_parts(solid, cell, axis, place))
+        if len(parts) == 2:
+            return parts[0], parts[1]
+    return None
+
+
+def _places(cell: _Cell, axis: int, count: int) -> list[float]:
+    """Where to cut across an axis: evenly, and along the largest steps of the surface that lie across it."""
+    low, high = cell.points[:, axis].min(), cell.points[:, axis].max()
+    even = np.linspace(low, high, count + 2)[1:-1]
+    corners = cell.triangles
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    flat = np.ptp(corners[:, :, axis], axis=1) < _STEP
+    at = corners[flat, 0, axis]
+    _, first, which = np.unique(np.round(at / _STEP), return_index=True, return_inverse=True)
+    largest = np.argsort(-np.bincount(which, weights=area[flat], minlength=len(first)))[:count]
+    chosen = np.concatenate([even, at[first[largest]]])
+    inner = chosen[(chosen > low + 2.0 * _STEP) & (chosen < high - 2.0 * _STEP)]
+    return [float(place) for place in inner]
+
+
+def _parts(solid: MeshSolid, cell: _Cell, axis: int, place: float) -> Iterator[_Cell]:
+    for side in (0, 1):
+        box = cell.box.copy()
+        box[1 - side, axis] = place
+        triangles = _clipped(cell.triangles, axis, place, 1.0 if side == 0 else -1.0)
+        part = _cell(solid, triangles, box)
+        if part is not None:
+            yield part
+
+
+def _cell(solid: MeshSolid, triangles: Array, box: Array) -> _Cell | None:
+    """The cell of a box; None where the mesh has nothing in it."""
+    corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    points = np.vstack([triangles.reshape(-1, 3), corners[solid.inside(corners)]])
+    if len(points) < 3:
+        return None
+    if len(points) == 3:  # qhull wants a fourth
+        points = np.vstack([points, points.mean(axis=0)])
+    hull = _hull(points)
+    flat = len(hull.vertices) < 4 or hull.volume <= 0.0
+    return _Cell(triangles, box, points if flat else points[hull.vertices], float(hull.volume))
+
+
+def _clipped(triangles: Array, axis: int, place: float, sign: float) -> Array:
+    """The parts of triangles (k, 3, 3) with sign * x <= sign * place along an axis, as triangles.
+
+    Those within the plane belong to the side that they are seen from the other side of.
+    """
+    height = sign * (triangles[:, :, axis] - place)
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, axis]
+    within = (np.abs(height) <= _SAME).all(axis=1) & (sign * normal >= 0.0)
+    own = (height < -_SAME).any(axis=1) | within
+    triangles, height = triangles[own], height[own]
+    above = height > _SAME
+    count = above.sum(axis=1)
+    kept = [triangles[count == 0]]
+    for many in (1, 2):  # corners above the plane: the odd one out comes first
+        rows = np.flatnonzero(count == many)
+        odd = np.argmax(above[rows] if many == 1 else ~above[rows], axis=1)
+        order = (odd[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(triangles[rows], order[:, :, None], axis=1), 1, 0)
+        ha, hb, hc = np.take_along_axis(height[rows], order, axis=1).T
+        ab = a + (ha / (ha - hb))[:, None] * (b - a)
+        ac = a + (ha / (ha - hc))[:, None] * (c - a)
+        ab[:, axis] = ac[:, axis] = place
+        if many == 2:
+            kept.append(np.stack([a, ab, ac], axis=1))
+        else:
+            kept += [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
+    return np.concatenate(kept)
+
+
+def _join(solid: MeshSolid, pieces: list[tuple[Array, float]], options: PieceOptions) -> list[Array]:
+    """Join pieces (vertices, volume), two by two, where their common hull is within the bound; the best fits first."""
+    known, count = dict(enumerate(pieces)), len(pieces)
+    common: dict[tuple[int, int], tuple[float, Array, float]] = {}  # added volume, vertices, volume
+    fresh = set(combinations(sorted(known), 2))
+    while True:
+        for a, b in fresh:
+            if _touch(known[a][0], known[b][0]):
+                points = np.vstack([known[a][0], known[b][0]])
+                hull = _hull(points)
+                volume = float(hull.volume)
+                common[a, b] = volume - known[a][1] - known[b][1], points[hull.vertices], volume
+        if not common:
+            return [points for points, _ in known.values()]
+        pair = min(common, key=lambda pair: (common[pair][0], pair))
+        _, points, volume = common.pop(pair)
+        fresh = set()
+        if _close(solid, points, options):
+            common = {other: value for other, value in common.items() if not set(other) & set(pair)}
+            for index in pair:
+                del known[index]
+            fresh = {(index, count) for index in known}
+            known[count], count = (points, volume), count + 1
+
+
+def _touch(a: Array, b: Array) -> bool:
+    """Whether the boxes of two pieces meet."""
+    gap = np.maximum(a.min(axis=0) - b.max(axis=0), b.min(axis=0) - a.max(axis=0))
+    return bool((gap <= 1e-6).all())
+
+
+def _hull(points: Array) -> ConvexHull:
+    """Convex hull of points (k, 3); points in one plane are moved by a rounding."""
+    try:
+        return ConvexHull(points)
+    except QhullError:
+        return ConvexHull(points, qhull_options="QJ Pp")

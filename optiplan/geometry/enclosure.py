@@ -1,0 +1,253 @@
+"""Which points a triangle mesh encloses, whatever the winding of its triangles.
+
+The surface is taken apart into pieces that are joined along edges, and each is judged by what it is:
+
+* closed, every edge passed as often in one direction as in the other: the winding number w counts, +1 for a solid, -1
+  for one that is inside out or for the wall of a hollow;
+* closed, wound without sense (triangles of both senses, or every triangle twice, once of each): it encloses what it is
+  wound about once it is wound alike;
+* open, or with edges of three triangles: taken together, these pieces enclose every point for which no way out is found
+  on a grid of `CELLS` cells; so a bin is open, and a solid with cracks is none.
+
+A body is enclosed if w summed over the pieces of the first kind is not 0, or by a piece of the other two. A sum of 0 of
++1 and -1 is a hollow only where one piece lies within the other; solids that overlap enclose, whatever their senses.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from optiplan.arrays import Array
+from optiplan.geometry.meshes.triangles import Triangles
+
+CELLS = 64
+"""Cells of the grid along the longest edge of a mesh: openings narrower than four of them count as closed."""
+
+NESTED = 500
+"""Vertices of a hollow that are looked for within the solid around it."""
+
+_BLOCK = 2_000_000  # segments times triangles at a time, to bound memory
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A connected part of a surface: corners (m, 3, 3); `sense` says whether its winding means anything."""
+
+    corners: Array
+    sense: bool
+
+    def holds(self, point: Array) -> bool:
+        """Whether its bounding box holds a point."""
+        flat = self.corners.reshape(-1, 3)
+        return bool(((point >= flat.min(axis=0)) & (point <= flat.max(axis=0))).all())
+
+    def within(self, other: "_Piece") -> bool:
+        """Whether this closed piece lies inside another one: by boxes, and by the winding number of its vertices."""
+        mine, theirs = self.corners.reshape(-1, 3), other.corners.reshape(-1, 3)
+        if not ((mine.min(axis=0) >= theirs.min(axis=0)) & (mine.max(axis=0) <= theirs.max(axis=0))).all():
+            return False
+        chosen = np.unique(mine, axis=0)
+        chosen = chosen[:: len(chosen) // NESTED + 1]
+        return all(abs(winding_number(other.corners, vertex)) > 0.5 for vertex in chosen)
+
+
+class Enclosure:
+    """What a mesh encloses.
+
+    Args:
+        vertices: (k, 3), m.
+        triangles: (m, 3) indices of vertices.
+    """
+
+    def __init__(self, vertices: Array, triangles: Triangles) -> None:
+        distinct, same = np.unique(vertices, axis=0, return_inverse=True)
+        corners = same.reshape(-1)[triangles]
+        a, b, c = corners.T
+        faces, senses = _distinct_faces(corners[(a != b) & (b != c) & (c != a)])
+        self._closed: list[_Piece] = []
+        open_: list[Array] = []
+        for chosen, sense in ((faces[senses != 0], True), (faces[senses == 0], False)):
+            for piece in _connected(chosen):
+                kind = _closed(piece)
+                if kind is None:
+                    open_.append(distinct[piece])
+                else:
+                    self._closed.append(_Piece(distinct[kind[0]], sense and kind[1]))
+        self._open = np.concatenate([np.empty((0, 3, 3)), *open_])
+
+    def holds(self, points: Array) -> bool:
+        """Whether a connected body that nowhere touches the surface is enclosed; points (k, 3) of that body, m."""
+        around = [
+            (piece, round(winding_number(piece.corners, points[0]))) for piece in self._closed if piece.holds(points[0])
+        ]
+        around = [(piece, turns) for piece, turns in around if turns]
+        if any(not piece.sense for piece, _ in around) or sum(turns for _, turns in around) != 0:
+            return True
+        ordered = sorted((piece for piece, _ in around), key=lambda piece: float(np.ptp(piece.corners, (0, 1)).max()))
+        if not all(inner.within(outer) for inner, outer in pairwise(ordered)):
+            return True
+        return not _way_out(self._open, points)
+
+
+def winding_number(triangles: Array, point: Array) -> float:
+    """How often triangles (k, 3, 3) wind around a point (3,): 0 outside a closed surface, 1 or -1 inside.
+
+    Sum of solid angles over 4 pi, with tan(angle / 2) = a . (b x c) / (abc + (a . b) c + (b . c) a + (c . a) b).
+    Source: van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983).
+    """
+    a, b, c = np.moveaxis(triangles - point, 1, 0)
+    x, y, z = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    volume = np.einsum("ki,ki->k", a, np.cross(b, c))
+    ab, bc, ca = (np.einsum("ki,ki->k", u, v) for u, v in ((a, b), (b, c), (c, a)))
+    angle = 2.0 * np.arctan2(volume, x * y * z + ab * z + bc * x + ca * y)
+    return float(angle.sum() / (4.0 * np.pi))
+
+
+def connected_parts(vertices: Array, triangles: Triangles) -> list[Array]:
+    """Vertices (k, 3) of every part of a mesh that hangs together by its vertices."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    distinct, same = np.unique(vertices, axis=0, return_inverse=True)
+    corners = same.reshape(-1)[triangles]
+    joined = (np.ones(2 * len(corners)), (corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()))
+    _, part = connected_components(coo_array(joined, shape=(len(distinct), len(distinct))), directed=False)
+    used = np.unique(corners)
+    order = used[np.argsort(part[used], kind="stable")]
+    return np.split(distinct[order], np.flatnonzero(np.diff(part[order])) + 1)
+
+
+def _distinct_faces(corners: Triangles) -> tuple[Triangles, npt.NDArray[np.int64]]:
+    """Every triangle once, and its sense: of those at the same place, how many more are of its winding."""
+    least = corners.argmin(axis=1)[:, None]
+    turned = np.take_along_axis(corners, (least + np.arange(3)) % 3, axis=1)
+    back = turned[:, 1] > turned[:, 2]
+    faces, which = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
+    senses = np.bincount(which.reshape(-1), np.where(back, -1, 1), len(faces)).astype(np.int64)
+    faces[senses < 0] = faces[senses < 0][:, [0, 2, 1]]
+    return faces, np.sign(senses)
+
+
+@dataclass(frozen=True, eq=False)
+class _Edges:
+    """The sides of faces, those of one edge beside each other: the face, its direction (1 or -1), the edge's number."""
+
+    face: npt.NDArray[np.int64]
+    direction: npt.NDArray[np.int64]
+    edge: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(cls, faces: Triangles) -> "_Edges":
+        """Sides of faces (m, 3)."""
+        sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+        _, edge = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+        order = np.argsort(edge.reshape(-1), kind="stable")
+        direction = np.where(sides[:, 0] < sides[:, 1], 1, -1)
+        return cls(np.tile(np.arange(len(faces)), 3)[order], direction[order], edge.reshape(-1)[order])
+
+    def neighbours(self) -> npt.NDArray[np.bool_]:
+        """Which sides have the same edge as the one after them."""
+        return np.asarray(self.edge[1:] == self.edge[:-1])
+
+
+def _connected(faces: Triangles) -> Iterator[Triangles]:
+    """Faces that hang together by their edges."""
+    if len(faces) == 0:
+        return
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    edges = _Edges.of(faces)
+    near = edges.neighbours()
+    joined = (np.ones(int(near.sum())), (edges.face[:-1][near], edges.face[1:][near]))
+    count, part = connected_components(coo_array(joined, shape=(len(faces),) * 2), directed=False)
+    for index in range(count):
+        yield faces[part == index]
+
+
+def _closed(faces: Triangles) -> tuple[Triangles, bool] | None:
+    """The faces of a closed piece, wound alike, and whether they were so before; None for a piece that is open."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import breadth_first_order
+
+    edges = _Edges.of(faces)
+    if not np.bincount(edges.edge, edges.direction).any():
+        return faces, True
+    if (np.bincount(edges.edge) != 2).any():
+        return None
+    first, second = edges.face[0::2], edges.face[1::2]
+    against = edges.direction[0::2] == edges.direction[1::2]
+    shape = (len(faces),) * 2
+    graph = coo_array((np.ones(len(first)), (first, second)), shape=shape)
+    order, above = breadth_first_order(graph, 0, directed=False)
+    differ = {(int(f), int(g)): bool(x) for f, g, x in zip(first, second, against, strict=True)}
+    flipped = np.zeros(len(faces), bool)
+    for face in order[1:].tolist():
+        parent = int(above[face])
+        flipped[face] = flipped[parent] ^ differ.get((face, parent), differ.get((parent, face), False))
+    wound = np.where(flipped[:, None], faces[:, [0, 2, 1]], faces)
+    again = _Edges.of(wound)
+    return None if np.bincount(again.edge, again.direction).any() else (wound, False)
+
+
+def _way_out(corners: Array, points: Array) -> bool:
+    """Whether one of points (k, 3) is joined with the outside of triangles (m, 3, 3), as far as a grid can tell."""
+    flat = corners.reshape(-1, 3)
+    if len(flat) == 0 or not ((points >= flat.min(axis=0)) & (points <= flat.max(axis=0))).all(axis=1).all():
+        return True
+    from scipy import ndimage
+
+    cell = float(np.ptp(flat, axis=0).max()) / CELLS
+    origin = flat.min(axis=0) - 3.0 * cell
+    full = np.zeros(tuple(np.ceil(np.ptp(flat, axis=0) / cell).astype(int) + 7), bool)
+    for samples in _sampled(corners, cell):
+        full[tuple(((samples - origin) / cell).astype(int).T)] = True
+    # No point of a triangle is farther than a cell from a sample: cells off these and off their neighbours are free.
+    full = ndimage.binary_dilation(full, np.ones((3, 3, 3)))
+    regions, _ = ndimage.label(~full)
+    outside = regions == regions[0, 0, 0]
+    for point in points:
+        at = ((point - origin) / cell).astype(int)
+        if outside[tuple(at)]:
+            return True
+        low = np.maximum(at - 4, 0)
+        near = np.argwhere(outside[tuple(slice(a, b) for a, b in zip(low, at + 5, strict=True))]) + low
+        if len(near) and _sees(corners, point, origin + (near + 0.5) * cell):
+            return True
+    return False
+
+
+def _sampled(corners: Array, cell: float) -> Iterator[Array]:
+    """Points of triangles, (k, 3), such that none of their own points is a cell away from all of these."""
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    pieces = np.maximum(np.ceil(longest / cell), 1).astype(int)
+    for count in np.unique(pieces):
+        i, j = np.array([(i, j) for i in range(count + 1) for j in range(count + 1 - i)]).T / count
+        weights = np.stack([1.0 - i - j, i, j], axis=1)
+        for block in np.array_split(corners[pieces == count], len(corners) * len(weights) // _BLOCK + 1):
+            yield np.einsum("wc,mcx->mwx", weights, block).reshape(-1, 3)
+
+
+def _sees(corners: Array, point: Array, ends: Array) -> bool:
+    """Whether a straight line from a point to one of ends (k, 3) crosses none of triangles (m, 3, 3)."""
+    chosen = ends[np.argsort(np.linalg.norm(ends - point, axis=1))[:32]]
+    return any(not _crosses(corners, point, end - point) for end in chosen)
+
+
+def _crosses(corners: Array, start: Array, along: Array) -> bool:
+    """Whether start + s along, 0 <= s <= 1, meets a triangle; Möller and Trumbore, J. Graphics Tools 2 (1997)."""
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(along, v)
+    size = np.einsum("mi,mi->m", u, normal)
+    flat = np.abs(size) < 1e-300
+    scale = 1.0 / np.where(flat, 1.0, size)
+    offset = start - corners[:, 0]
+    a = scale * np.einsum("mi,mi->m", offset, normal)
+    turned = np.cross(offset, u)
+    b, s = scale * (turned @ along), scale * np.einsum("mi,mi->m", v, turned)
+    slack = 1e-9
+    met = (a >= -slack) & (b >= -slack) & (a + b <= 1.0 + slack) & (s >= -slack) & (s <= 1.0 + slack)
+    return bool((met & ~flat).any())

@@ -1,0 +1,1 @@
+"""Mesh files as arrays, read strictly in a process of its own."""

@@ -1,0 +1,183 @@
+"""Mesh files as arrays, known by what is in them: read once, by a process of its own, and kept.
+
+A mesh is looked up by the SHA-256 of its content: in memory, then in the cache on disk, and only a content that was
+never seen goes to the process of `mesh_worker`. So a file that changes is another mesh, whatever its name.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+
+import optiplan
+from optiplan import cache, files
+from optiplan.geometry.meshes.reading_process import READERS, pack, unpack
+from optiplan.geometry.meshes.triangles import MeshError, Soup
+
+FORMATS = "STL, OBJ, DAE, PLY or GLB"
+
+VERSION = 1
+"""Counted up when a file is read to other arrays than before."""
+
+SECONDS, MEMORY = 5, 3 * 2**30
+"""What reading one mesh may take: s of processor time, and bytes of address space of the process."""
+
+WAIT = 60.0
+"""Time, s, after which a process of mesh reading that does not even use its processor time is ended."""
+
+MOST_KEPT = 512 * 2**20
+"""Size of the arrays kept in memory, bytes."""
+
+_CPU = signal.SIGXCPU
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh file as it was read: `key` is the digest of its content and kind."""
+
+    path: Path
+    key: str
+    content: bytes
+
+    @property
+    def suffix(self) -> str:
+        """Its kind, with the dot, in lower case."""
+        return self.path.suffix.lower()
+
+
+def open_mesh(path: Path) -> MeshFile:
+    """A mesh file with its content, not looked into.
+
+    Raises:
+        MeshError: no file that may be opened, or of a kind that is not read.
+    """
+    try:
+        content = files.read_bytes(path)
+    except OSError as error:
+        raise MeshError(f"cannot read mesh {path}: {(error.strerror or str(error)).lower()}") from error
+    suffix = path.suffix.lower()
+    if suffix not in READERS:
+        raise MeshError(f"cannot read mesh {path}: '{suffix}' is none of {FORMATS}")
+    return MeshFile(path, cache.digest([str(VERSION).encode(), suffix.encode(), content]), content)
+
+
+def read_mesh(file: MeshFile) -> Soup:
+    """Triangles of one mesh file.
+
+    Raises:
+        MeshError: names the file and what is wrong with it.
+    """
+    prepare([file])
+    with _lock:
+        found = _kept[file.key]
+    if isinstance(found, str):
+        raise MeshError(f"cannot read mesh {file.path}: {found}")
+    return found
+
+
+def known(key: str) -> Soup | None:
+    """The mesh of that key, if it was read before and is still in memory or on disk."""
+    with _lock:
+        found = _kept.get(key)
+        if found is None and (stored := cache.load(_name(key))) is not None:
+            found = _keep(key, unpack(stored))
+    return found if isinstance(found, Soup) else None
+
+
+_lock = Lock()
+_kept: "OrderedDict[str, Soup | str]" = OrderedDict()
+"""Meshes by key, or why there is none; what was used longest ago goes first."""
+
+
+def prepare(meshes: Iterable[MeshFile]) -> None:
+    """Read several mesh files at once, so that those unknown share one process."""
+    wanted = {mesh.key: mesh for mesh in meshes}
+    with _lock:
+        for key in wanted.keys() & _kept.keys():
+            _kept.move_to_end(key)
+        unknown = [mesh for key, mesh in wanted.items() if key not in _kept]
+        for mesh in unknown:
+            stored = cache.load(_name(mesh.key))
+            if stored is not None:
+                _keep(mesh.key, unpack(stored))
+        unknown = [mesh for mesh in unknown if mesh.key not in _kept]
+        for mesh, found in zip(unknown, _read_apart(unknown), strict=True):
+            if isinstance(found, Soup):
+                cache.store(_name(mesh.key), pack(found))
+            _keep(mesh.key, found)
+
+
+def _name(key: str) -> str:
+    return f"meshes/{key}"
+
+
+def _keep(key: str, found: Soup | str) -> Soup | str:
+    _kept[key] = found
+    while len(_kept) > 1 and sum(map(_size, _kept.values())) > MOST_KEPT:
+        _kept.popitem(last=False)
+    return found
+
+
+def _size(kept: Soup | str) -> int:
+    return len(kept) if isinstance(kept, str) else kept.vertices.nbytes + kept.triangles.nbytes
+
+
+def _read_apart(meshes: Sequence[MeshFile]) -> Iterator[Soup | str]:
+    """What a process of its own makes of each mesh; what ends it or takes too long is that mesh's fault alone."""
+    rest = list(meshes)
+    while rest:
+        answers, why = _run_worker(rest)
+        yield from answers
+        rest = rest[len(answers) :]
+        if rest and why:
+            yield why
+            rest = rest[1:]
+
+
+def _run_worker(meshes: Sequence[MeshFile]) -> tuple[list[Soup | str], str]:
+    """Answers as far as they came, and why no more did; empty if all did."""
+    jobs = b"".join(f"{mesh.suffix} {len(mesh.content)}\n".encode() + mesh.content for mesh in meshes)
+    # An editable install is found by a hook that a process without `site` does not have, so the package is named too.
+    package = str(Path(optiplan.__file__).parents[1])
+    places = [package, *(os.getcwd() if place == "" else place for place in sys.path)]
+    boot = "from optiplan.geometry.meshes.reading_process import main"
+    code = f"import sys; sys.path[:] = {places!r}; {boot}; main{SECONDS, MEMORY}"
+    command = [sys.executable, "-I", "-S", "-c", code]
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    try:
+        done = subprocess.run(
+            command,
+            input=jobs,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            timeout=WAIT + SECONDS * len(meshes),
+            env=environment,
+            check=False,
+        )
+        output, late = done.stdout, False
+    except subprocess.TimeoutExpired as error:
+        output, late = error.stdout or b"", True
+    answers = list(_answers(output))
+    if len(answers) == len(meshes):
+        return answers, ""
+    return (
+        answers,
+        f"takes more than {SECONDS} s" if late or done.returncode == -_CPU else "ends the process that reads it",
+    )
+
+
+def _answers(output: bytes) -> Iterator[Soup | str]:
+    """The answers that are whole."""
+    place = 0
+    while (end := output.find(b"\n", place)) >= 0:
+        kind, size = output[place:end].split()
+        place = end + 1 + int(size)
+        if place > len(output):
+            return
+        answer = output[end + 1 : place]
+        yield unpack(answer) if kind == b"mesh" else answer.decode()

@@ -1,0 +1,99 @@
+"""The process that reads meshes: contents in, arrays out, with limits of memory and of processor time.
+
+Standard input holds jobs: a line `SUFFIX SIZE`, then the content. Standard output holds as many answers, in their
+order: a line `mesh SIZE` and a packed `Soup`, or a line `error SIZE` and the reason. Whatever ends the process was the
+first job without an answer. A job names no file: there is nothing here that opens one.
+"""
+
+import resource
+import sys
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from optiplan.geometry.meshes.collada import read_dae
+from optiplan.geometry.meshes.gltf import read_glb
+from optiplan.geometry.meshes.ply import read_ply
+from optiplan.geometry.meshes.stl_obj import read_obj, read_stl
+from optiplan.geometry.meshes.triangles import Array, MeshError, Soup, Triangles
+
+READERS: Mapping[str, Callable[[bytes], Soup]] = {
+    ".stl": read_stl,
+    ".obj": read_obj,
+    ".dae": read_dae,
+    ".ply": read_ply,
+    ".glb": read_glb,
+}
+
+
+def main(seconds: int, memory: int) -> None:
+    """Answer all jobs of standard input.
+
+    Args:
+        seconds: processor time that one job may take.
+        memory: address space of the process, bytes.
+    """
+    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    while line := sys.stdin.buffer.readline():
+        suffix, size = line.split()
+        used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+        resource.setrlimit(resource.RLIMIT_CPU, (int(used) + seconds, resource.RLIM_INFINITY))
+        kind, answer = _answer(suffix.decode(), sys.stdin.buffer.read(int(size)))
+        sys.stdout.buffer.write(f"{kind} {len(answer)}\n".encode() + answer)
+        sys.stdout.buffer.flush()
+
+
+def _answer(suffix: str, content: bytes) -> tuple[str, bytes]:
+    if not content:
+        return "error", b"an empty file"
+    try:
+        return "mesh", pack(_settled(READERS[suffix](content)))
+    except MeshError as error:
+        return "error", str(error).encode()
+    except MemoryError:
+        return "error", b"needs too much memory"
+    except Exception as error:  # a broken file shows in whatever way it likes
+        reason = " ".join(str(error).split())[:100]
+        return "error", f"not in the form that {suffix[1:].upper()} has ({reason or type(error).__name__})".encode()
+
+
+def _settled(soup: Soup) -> Soup:
+    """Vertices at the same place as one, in the order of the file; triangles that are a point or a line left out.
+
+    Raises:
+        MeshError: no triangles, or what is no array of numbers.
+    """
+    vertices, triangles = np.asarray(soup.vertices, np.float64) + 0.0, soup.triangles  # + 0.0: -0.0 and 0.0 are one
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.isfinite(vertices).all():
+        raise MeshError("a coordinate that is not a finite number")
+    order = np.lexsort(vertices.T)
+    sorted_ = vertices[order]
+    new = np.ones(len(order), bool)
+    new[1:] = (sorted_[1:] != sorted_[:-1]).any(axis=1)
+    group = np.cumsum(new) - 1
+    same = np.empty(len(order), np.int64)
+    same[order] = np.minimum.reduceat(order, np.flatnonzero(new))[group] if len(order) else order
+    corners = same[triangles]
+    a, b, c = corners.T
+    corners = corners[(a != b) & (b != c) & (c != a)]
+    if len(corners) == 0:
+        raise MeshError("no triangles")
+    used = np.unique(corners)
+    return Soup(vertices[used], np.searchsorted(used, corners), soup.turn)
+
+
+def pack(soup: Soup) -> bytes:
+    """A soup as bytes: its sizes, then its numbers."""
+    sizes = np.array([len(soup.vertices), len(soup.triangles)], "<i8")
+    arrays = (sizes, soup.turn.astype("<f8"), soup.vertices.astype("<f8"), soup.triangles.astype("<i4"))
+    return b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
+
+
+def unpack(data: bytes) -> Soup:
+    """What was packed; the arrays cannot be written to."""
+    k, m = (int(size) for size in np.frombuffer(data, "<i8", 2))
+    turn: Array = np.frombuffer(data, "<f8", 9, 16).reshape(3, 3)
+    vertices: Array = np.frombuffer(data, "<f8", 3 * k, 88).reshape(k, 3)
+    triangles: Triangles = np.frombuffer(data, "<i4", 3 * m, 88 + 24 * k).reshape(m, 3).astype(np.int64)
+    return Soup(vertices, triangles, turn)

@@ -1,0 +1,67 @@
+"""What mesh files that are scenes have in common: nodes that place geometries, and axes of which one is up."""
+
+import numpy as np
+
+from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, Array, MeshError, Soup, Triangles
+
+MOST_NODES = 100_000
+"""Nodes of a scene, instances counted."""
+
+DEEPEST = 200
+"""Nodes within nodes."""
+
+TURNS = {
+    "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
+    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "Z_UP": np.eye(3),
+}
+"""From axes with that one up (right, up and inward as COLLADA has them) to those with z up, x right and y inward."""
+
+Part = tuple[Array, Triangles]
+
+
+class Placed:
+    """Placed geometries of a scene, with the limits of how much there may be."""
+
+    def __init__(self) -> None:
+        self.parts: list[Part] = []
+        self.nodes = self.triangles = 0
+
+    def enter(self, depth: int) -> None:
+        """Count a node."""
+        self.nodes += 1
+        if self.nodes > MOST_NODES or depth > DEEPEST:
+            what = f"nodes {DEEPEST} deep within each other" if depth > DEEPEST else f"more than {MOST_NODES} nodes"
+            raise MeshError(f"{what}: a scene that contains itself, or is too large")
+
+    def add(self, X: Array, part: Part) -> None:
+        """Place a geometry at X, (4, 4)."""
+        vertices, triangles = part
+        self.triangles += len(triangles)
+        if self.triangles > MOST_TRIANGLES:
+            raise MeshError(f"more than {MOST_TRIANGLES} triangles")
+        turned = triangles if np.linalg.det(X[:3, :3]) > 0.0 else triangles[:, ::-1]
+        self.parts.append((vertices @ X[:3, :3].T + X[:3, 3], turned))
+
+    def soup(self, scale: float, turn: Array) -> Soup:
+        """All of it, times `scale`."""
+        if not self.parts:
+            raise MeshError("a scene without triangles")
+        offsets = np.cumsum([0, *(len(vertices) for vertices, _ in self.parts)])
+        triangles = [triangles + k for (_, triangles), k in zip(self.parts, offsets, strict=False)]
+        return Soup(scale * np.concatenate([vertices for vertices, _ in self.parts]), np.concatenate(triangles), turn)
+
+
+def strip(indices: Triangles) -> list[list[int]]:
+    """Triangles of a strip, all seen from the same side."""
+    names = [int(index) for index in indices]
+    return [
+        [names[i], names[i + 1], names[i + 2]] if i % 2 == 0 else [names[i + 1], names[i], names[i + 2]]
+        for i in range(len(names) - 2)
+    ]
+
+
+def fan(indices: Triangles) -> list[list[int]]:
+    """Triangles of a fan about its first vertex."""
+    names = [int(index) for index in indices]
+    return [[names[0], names[i], names[i + 1]] for i in range(1, len(names) - 1)]

@@ -1,0 +1,57 @@
+"""Poses from and to plain data (YAML, JSON), over `pinocchio.SE3`."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+
+UNIT_TOLERANCE = 1e-3
+"""How far the length of a unit vector or quaternion written by hand may be from 1; it is normalised then."""
+HALF_TURN = 1e-9
+"""Components of a unit quaternion smaller than this are rounding when the shorter of two ways round is chosen."""
+
+
+def unit(values: Sequence[float]) -> Array:
+    """The vector or quaternion, of shape (k,), divided by its length.
+
+    Raises:
+        ValueError: its length is not 1 within `UNIT_TOLERANCE`.
+    """
+    vector = np.asarray(values, float)
+    length = math.hypot(*vector)  # no overflow for numbers that are huge by mistake
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:  # written so that NaN is refused too
+        raise ValueError(f"found length {length:.6g}; expected unit length (1 ± {UNIT_TOLERANCE:g})")
+    return vector / length
+
+
+def pose_from_data(data: Mapping[str, Any]) -> pin.SE3:
+    """Pose X_AB from `position` [x, y, z] in m and one of `rpy` and `quaternion`, the identity for what is left out.
+
+    `rpy` [r, p, y], rad: rotations about the *fixed* axes x, then y, then z of A: R_AB = Rz(y) Ry(p) Rx(r), as in URDF.
+    `quaternion` [x, y, z, w] of unit length.
+
+    Raises:
+        ValueError: both rotations are given, or the quaternion is not a unit quaternion.
+    """
+    rpy, quaternion = data.get("rpy"), data.get("quaternion")
+    if rpy is not None and quaternion is not None:
+        raise ValueError("found both rpy and quaternion; expected at most one of them")
+    rotation = np.eye(3)
+    if rpy is not None:
+        rotation = pin.rpy.rpyToMatrix(*map(float, rpy))
+    elif quaternion is not None:
+        rotation = pin.Quaternion(unit(quaternion)).toRotationMatrix()
+    position = data.get("position")
+    return pin.SE3(rotation, np.zeros(3) if position is None else np.asarray(position, float))
+
+
+def pose_to_data(X_AB: pin.SE3) -> dict[str, list[float]]:
+    """Inverse of `pose_from_data`: `position`, m, and `quaternion` [x, y, z, w] with w >= 0."""
+    quaternion = pin.Quaternion(X_AB.rotation).coeffs()
+    if quaternion[3] < 0.0:
+        quaternion = -quaternion
+    return {"position": [float(x) for x in X_AB.translation], "quaternion": [float(x) for x in quaternion]}

@@ -1,0 +1,1 @@
+"""Jacobians, manipulability, singularities, platforms; inverse and symbolic kinematics in rooms of their own."""

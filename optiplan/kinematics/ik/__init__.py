@@ -1,0 +1,1 @@
+"""Inverse kinematics: closed form where the arm allows it, else numeric."""

@@ -1,0 +1,154 @@
+"""Inverse kinematics in closed form: all branches, up to eight, of many poses at once.
+
+The branches are shoulder x elbow x wrist. With the wrist point (c, in the arm frame A of `arm_geometry`):
+
+    rho^2 = c_x^2 + c_y^2;  r = ± sqrt(rho^2 - lateral^2);  q1 = atan2(c_y, c_x) - atan2(lateral, r)
+    D = exp(i q2) (upper + exp(i q3) fore);  cos beta = (|D|^2 - |upper|^2 - |fore|^2) / (2 |upper| |fore|)
+    q3 = ± beta - arg fore + arg upper;  q2 = arg D - arg(upper + exp(i q3) fore)
+
+with D the way from axis 2 to P, or, with three parallel axes, to axis 4, whose place follows from q1, q5 and q6. Every
+angle is found from those already chosen, so that what rounding does to one the later ones make good; even at
+singularities the pose is met. Sources: Pieper 1968; Hawkins, "Analytic inverse kinematics for the Universal Robots
+UR-5/UR-10 arms", 2013.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.kinematics.ik.arm_recognition import ArmGeometry, recognise
+from optiplan.kinematics.ik.closed_form_branches import SIGNS, Places, branch_names, spherical_wrist, three_parallel
+from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.robot import Robot
+
+Flags = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
+
+ACCURACY = 1e-9
+"""A branch is valid when forward kinematics meets the pose this well, m and rad."""
+
+_BLOCK = 2048  # poses at a time, so that the work arrays stay in the cache
+_EXACT = 1e-13
+_NEARLY = 1e-5
+_ROUNDS = 4
+_SINGULAR = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Solutions:
+    """All branches of N poses.
+
+    Attributes:
+        q: (N, 8, 6), rad, in (-pi, pi]; limits are not looked at. An invalid branch holds its nearest miss: the wrist
+            point moved to the edge of the reach, the orientation kept.
+        valid: (N, 8), whether the pose is met within `ACCURACY`.
+        error: (N, 8, 2), distance (m) and angle (rad) by forward kinematics.
+        singular: (N, 8, 3), whether the shoulder, the elbow, the wrist is singular: two branches meet there, or a joint
+            is free and q is one representative.
+        branches: names of the eight branches.
+    """
+
+    q: Array
+    valid: Flags
+    error: Array
+    singular: Flags
+    branches: tuple[str, ...]
+
+
+class ClosedForm:
+    """Inverse kinematics of one frame of one arm."""
+
+    def __init__(self, model: pin.Model, frame: str, geometry: ArmGeometry) -> None:
+        self.geometry = geometry
+        self.branches = branch_names(geometry)
+        self._kinematics = BatchKinematics(model)
+        self._X_6T = np.array(model.frames[model.getFrameId(frame)].placement.homogeneous)
+
+    def solve(self, X_WT: Array) -> Solutions:
+        """All branches of poses X_WT (N, 4, 4) of the frame in the robot's base frame (the root of the model).
+
+        Raises:
+            ValueError: another shape, or a rotation that is not orthonormal to 1e-9.
+        """
+        X_WT = np.asarray(X_WT, float)
+        if X_WT.ndim != 3 or X_WT.shape[1:] != (4, 4):
+            raise ValueError(f"found poses of shape {X_WT.shape}; expected (N, 4, 4)")
+        R = X_WT[:, :3, :3]
+        if not np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)).max(initial=0.0) <= ACCURACY:
+            raise ValueError("found a rotation matrix that is not orthonormal; expected R^T R = I to 1e-9")
+        N = len(X_WT)
+        q, error, measures = np.empty((N, 8, 6)), np.empty((N, 8, 2)), np.empty((N, 8, 3))
+        for k in range(0, N, _BLOCK):
+            block = slice(k, k + _BLOCK)
+            q[block], error[block], measures[block] = self._block(X_WT[block])
+        return Solutions(q, error.max(-1) <= ACCURACY, error, measures < _SINGULAR, self.branches)
+
+    def _block(self, X: Array) -> tuple[Array, Array, Array]:
+        q, measures = self._angles(X[:, None], SIGNS)
+        placed = self.forward(q.reshape(-1, 6)).reshape(*q.shape[:2], 4, 4)
+        error = _errors(placed, X[:, None])
+        worst = error.max(-1)
+        rows, columns = np.nonzero((worst > _EXACT) & (worst < _NEARLY))
+        if len(rows):
+            self._refine(X[rows], SIGNS[:, columns], (q, error, measures), (rows, columns))
+        return q, error, measures
+
+    def _refine(self, X: Array, signs: Array, result: tuple[Array, Array, Array], at: tuple[Indices, Indices]) -> None:
+        """Aim beside the pose by what the true arm differs from the ideal one, on the same branch.
+
+        A robot file gives its angles with so many digits, so F(q) = F_ideal(q) E(q) with E near the identity. Solving
+        F_ideal(q) = Y and then Y := X E(q)^-1 = X F(q)^-1 Y converges at once, at singularities too, where steps by the
+        Jacobian would not.
+        """
+        q, error, measures = result
+        aim = X @ _inverse(self.forward(q[at])) @ X
+        for _ in range(_ROUNDS):
+            new, new_measures = self._angles(aim, signs)
+            placed = self.forward(new)
+            new_error = _errors(placed, X)
+            better = new_error.max(-1) < error[at].max(-1)
+            where = at[0][better], at[1][better]
+            q[where], error[where], measures[where] = new[better], new_error[better], new_measures[better]
+            aim = X @ _inverse(placed) @ aim
+
+    def _angles(self, X: Array, signs: Array) -> tuple[Array, Array]:
+        """Joint angles (..., 6) and how far from singular (..., 3) on branches `signs` (3, ...) of poses X."""
+        g = self.geometry
+        seen = g.R_WA.T @ X[..., :3, :3] @ g.in_tool
+        point = seen[..., 3] + (X[..., :3, 3] - g.p_WA) @ g.R_WA
+        places = Places(seen[..., 0], seen[..., 1], seen[..., 2], point)
+        return (spherical_wrist if g.spherical else three_parallel)(g, places, signs)
+
+    def forward(self, Q: Array) -> Array:
+        """X_WT at configurations Q (N, 6): (N, 4, 4)."""
+        return np.asarray(self._kinematics.poses(Q)[:, 6] @ self._X_6T)
+
+
+def closed_form(robot: Robot, frame: str | None = None) -> ClosedForm | None:
+    """The closed form of a frame (the tool's by default), or None when the planned joints are no such arm."""
+    return closed_form_of(robot.model, frame or robot.tool_frame)
+
+
+def closed_form_of(model: pin.Model, frame: str) -> ClosedForm | None:
+    """The same of a model of pinocchio alone."""
+    geometry = recognise(model, frame)
+    return None if geometry is None else ClosedForm(model, frame, geometry)
+
+
+def _inverse(X: Array) -> Array:
+    result = np.zeros_like(X)
+    result[..., :3, :3] = X[..., :3, :3].swapaxes(-1, -2)
+    result[..., :3, 3] = -np.einsum("...ji,...j->...i", X[..., :3, :3], X[..., :3, 3])
+    result[..., 3, 3] = 1.0
+    return result
+
+
+def _errors(X: Array, X_goal: Array) -> Array:
+    """Distance, m, and angle, rad, between poses: (..., 2). For rotations |R - S|_F = 2 sqrt(2) sin(angle / 2)."""
+    difference = X[..., :3, :] - X_goal[..., :3, :]
+    squares = np.einsum("...ij,...ij->...j", difference, difference)
+    chord = np.sqrt(squares[..., :3].sum(-1)) / np.sqrt(8.0)
+    return np.stack([np.sqrt(squares[..., 3]), 2.0 * np.arcsin(np.minimum(chord, 1.0))], axis=-1)

@@ -1,0 +1,140 @@
+"""One descent of the numeric inverse kinematics: damped least squares within the joint limits."""
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from scipy.linalg.lapack import dposv
+
+from optiplan.arrays import Array
+from optiplan.robot.robot import Robot
+
+_CONVERGED = 1e-9  # m and rad
+_DAMPING = 0.05
+_LEAST_DAMPING = 1e-12
+_LONGEST = 0.8  # rad or m, of a joint in one step
+_PATIENCE = 5  # steps after which the error must have fallen …
+GAIN = 0.3  # … by this share, or a fresh start is the better use of time
+
+
+class Descent:
+    """Work space for one frame of one robot; `aim` sets the target.
+
+    Error e = (p_G - p_F, log(R_WG R_WF^T)) in world axes, m and rad. The Jacobian of the frame stands for its
+    derivative: they differ only off the axis of the remaining rotation, and less the nearer the target is.
+    """
+
+    def __init__(self, robot: Robot, frame: str, orientation: bool = True) -> None:
+        """With `orientation` false the position of the frame alone counts."""
+        self._model, self._data = robot.model, robot.model.createData()
+        self._frame = robot.model.getFrameId(frame)
+        self._low, self._high = robot.limits.lower, robot.limits.upper
+        self._rows = 6 if orientation else 3
+        self._e = np.zeros(6)
+        self._diagonal = slice(None, None, self._rows + 1)
+
+    def aim(self, X_WG: pin.SE3) -> None:
+        """Choose the pose that the frame should have."""
+        self._p, self._R = X_WG.translation.copy(), X_WG.rotation.copy()
+
+    def place(self, q: Array) -> pin.SE3:
+        """X_WF at q (n,)."""
+        pin.framesForwardKinematics(self._model, self._data, q)
+        return self._data.oMf[self._frame]
+
+    def jacobian(self, q: Array) -> Array:
+        """The rows that count of the frame's Jacobian in world axes, linear first: (6, n) or (3, n)."""
+        J = pin.computeFrameJacobian(self._model, self._data, q, self._frame, pin.LOCAL_WORLD_ALIGNED)
+        return np.asarray(J.reshape(6, -1)[: self._rows])  # of one joint it is (6,)
+
+    def inside(self, q: Array) -> Array:
+        """The nearest configuration within the limits, (n,)."""
+        return np.asarray(np.minimum(np.maximum(q, self._low), self._high))
+
+    def held(self, q: Array, step: Array, slack: float = 0.0) -> npt.NDArray[np.bool_]:
+        """Which joints stand at a limit, or within `slack` of it, and would be pushed through it: (n,) of bool."""
+        low, high = self._low + slack, self._high - slack
+        return np.asarray(((q <= low) & (step < 0.0)) | ((q >= high) & (step > 0.0)))
+
+    def room(self, q: Array, direction: Array) -> float:
+        """The largest t with q + t direction within the limits, when q (n,) is."""
+        bound = np.where(direction > 0.0, self._high, self._low)
+        moving = np.abs(direction) > 0.0
+        return float(np.min((bound - q)[moving] / direction[moving], initial=np.inf))
+
+    def descend(self, seed: Array, iterations: int, gain: float = GAIN) -> Array:
+        """Where Levenberg–Marquardt with damping 0.05 |e|^2 ends from a seed (n,); inside the limits.
+
+        Source of the damping: Sugihara, "Solvability-unconcerned inverse kinematics", T-RO 2011.
+        """
+        q = self.inside(seed)
+        best, best_error, milestone = q, np.inf, np.inf
+        for k in range(iterations):
+            e, J = self._linearise(q)
+            error = float(e @ e)  # squared
+            if error < best_error:
+                best, best_error = q, error
+            if error < _CONVERGED**2:
+                break
+            if k % _PATIENCE == 0:
+                if best_error > (1.0 - gain) ** 2 * milestone:
+                    break
+                milestone = best_error
+            q = self._step(q, e, J, _DAMPING * error + _LEAST_DAMPING)
+        return best
+
+    def settle(self, q: Array, position: float, orientation: float, iterations: int = 4) -> Array | None:
+        """The nearest configuration, nearly, whose error is at most `position` (m) and `orientation` (rad).
+
+        Each step takes away the error in excess of them; None where the last of `iterations` does not get there.
+        """
+        for _ in range(iterations):
+            e, J = self._linearise(q)
+            excess = np.concatenate([_excess(e[:3], position), _excess(e[3:], orientation)])
+            if not excess.any():
+                return q
+            q = self._step(q, excess, J, _LEAST_DAMPING)
+        return None
+
+    def error(self, q: Array) -> tuple[Array, Array]:
+        """The error (6,) or (3,) at q (n,), and the Jacobian of the frame; both are the caller's."""
+        e, J = self._linearise(q)
+        return e.copy(), J
+
+    def reached(self, q: Array) -> bool:
+        """Whether q (n,) puts the frame at the target, to ten times what `descend` aims for."""
+        return float(np.linalg.norm(self._linearise(q)[0])) < 10.0 * _CONVERGED
+
+    def _linearise(self, q: Array) -> tuple[Array, Array]:
+        J = self.jacobian(q)
+        X_WF = pin.updateFramePlacement(self._model, self._data, self._frame)
+        self._e[:3] = self._p - X_WF.translation
+        if self._rows == 6:
+            self._e[3:] = pin.log3(self._R @ X_WF.rotation.T)
+        return self._e[: self._rows], J
+
+    def _step(self, q: Array, e: Array, J: Array, damping: float) -> Array:
+        """One damped step; joints that it would push through a limit are held there and the rest is solved again."""
+        step = self._least_squares(J, e, damping)
+        held = self.held(q, step)
+        for _ in range(2):
+            if not held.any():
+                break
+            step = self._least_squares(np.where(held, 0.0, J), e, damping)
+            pushed = self.held(q, step)
+            if not pushed.any():
+                break
+            held |= pushed
+        largest = float(np.abs(step).max())
+        return self.inside(q + step * (_LONGEST / largest) if largest > _LONGEST else q + step)
+
+    def _least_squares(self, J: Array, e: Array, damping: float) -> Array:
+        """J^T (J J^T + damping I)^-1 e, (n,)."""
+        A = J @ J.T
+        A.flat[self._diagonal] += damping
+        return np.asarray(J.T @ dposv(A, e)[1])
+
+
+def _excess(e: Array, radius: float) -> Array:
+    """What of a vector lies outside a ball about zero, aiming a little inside."""
+    length = float(np.linalg.norm(e))
+    return e * (1.0 - 0.98 * radius / length) if length > radius else np.zeros(len(e))

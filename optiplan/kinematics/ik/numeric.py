@@ -1,0 +1,180 @@
+"""Numeric inverse kinematics: damped least squares from many starts, within joint limits."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.kinematics.ik.levenberg_marquardt import Descent
+from optiplan.kinematics.ik.null_space import Preference, improve
+from optiplan.robot.batch_fk import carrying_joints
+from optiplan.robot.mimic_joints import coupling
+from optiplan.robot.robot import Robot
+
+_PATIENT = 1e-4  # gain below which a descent for the nearest miss ends
+_POOL = 5000
+
+
+@dataclass(frozen=True)
+class IkOptions:
+    """How to solve.
+
+    Attributes:
+        position: translation error that still is a solution, m.
+        orientation: angle error that still is a solution, rad; pi or more leaves the orientation free.
+        count: stop after so many distinct solutions.
+        iterations: steps from one start, at most.
+        distinct: solutions differ when some joint differs by more than this, rad or m.
+        stop: polled between starts.
+        prefer: which solution of a redundant arm: each one found moves, with its pose kept, to where this is met best.
+    """
+
+    position: float = 1e-8
+    orientation: float = 1e-8
+    count: int = 8
+    iterations: int = 60
+    distinct: float = 0.1
+    stop: Callable[[], bool] = field(default=lambda: False)
+    prefer: Preference | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class IkResult:
+    """All solutions found, and the nearest miss.
+
+    Attributes:
+        solutions: each (n,), in the order found.
+        nearest: (n,) configuration with the smallest error of all starts.
+        position_error: of `nearest`, m.
+        orientation_error: of `nearest`, rad.
+    """
+
+    solutions: list[Array]
+    nearest: Array
+    position_error: float
+    orientation_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class IkBatch:
+    """One configuration for each of N poses.
+
+    Attributes:
+        q: (N, n) the first solution found, where there is none the nearest miss.
+        solved: (N,) whether q is a solution.
+        error: (N, 2) distance (m) and angle (rad) that remain.
+    """
+
+    q: Array
+    solved: npt.NDArray[np.bool_]
+    error: Array
+
+
+class SeedPool:
+    """Configurations within the limits with the poses that they have, so that a descent can start near its target."""
+
+    def __init__(self, robot: Robot, frame: str, rng: np.random.Generator, size: int = _POOL) -> None:
+        self.frame = frame
+        self._Q = np.array(random_seeds(robot, np.zeros(robot.n), rng, size))
+        self._features = np.empty((size, 12))
+        descent = Descent(robot, frame)
+        for q, row in zip(self._Q, self._features, strict=True):
+            row[:] = _feature(descent.place(q))
+        self._halves = 0.5 * (self._features**2).sum(axis=1)
+
+    def near(self, X_WG: pin.SE3, count: int) -> Array:
+        """The configurations (count, n) with the poses X nearest to X_WG, by |p - p_G|^2 + (0.35 m |R - R_G|)^2.
+
+        The norm of matrices is that of Frobenius; the nearest comes first.
+        """
+        distances = self._halves - self._features @ _feature(X_WG)
+        count = min(count, len(distances))
+        first = np.argpartition(distances, count - 1)[:count]
+        return np.asarray(self._Q[first[np.argsort(distances[first])]])
+
+
+def solve_ik(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[Array], options: IkOptions) -> IkResult:
+    """Configurations within the joint limits that put `frame` at X_WG, one attempt a seed (n,) until `count` are found.
+
+    Raises:
+        ValueError: there is no seed.
+    """
+    return _solve(robot, Descent(robot, frame, options.orientation < np.pi), X_WG, seeds, options)
+
+
+def solve_ik_batch(
+    robot: Robot, X_WG: Array, pool: SeedPool, options: IkOptions | None = None, starts: int = 50
+) -> IkBatch:
+    """One solution for each of many poses X_WG (N, 4, 4), from the `starts` configurations of `pool` nearest to each.
+
+    The frame is that of the pool; `count` and `distinct` of the options have no meaning here.
+    """
+    options = replace(options or IkOptions(), count=1)
+    descent = Descent(robot, pool.frame, options.orientation < np.pi)
+    result = IkBatch(np.empty((len(X_WG), robot.n)), np.zeros(len(X_WG), dtype=bool), np.empty((len(X_WG), 2)))
+    for k, homogeneous in enumerate(X_WG):
+        target = pin.SE3(homogeneous)
+        found = _solve(robot, descent, target, pool.near(target, starts), options)
+        result.solved[k] = bool(found.solutions)
+        result.q[k] = found.solutions[0] if found.solutions else found.nearest
+        result.error[k] = pose_error(descent.place(result.q[k]), target)
+    return result
+
+
+def _solve(robot: Robot, descent: Descent, X_WG: pin.SE3, seeds: Iterable[Array], options: IkOptions) -> IkResult:
+    descent.aim(X_WG)
+    solutions: list[Array] = []
+    nearest: tuple[float, float, Array] | None = None
+    for seed in seeds:
+        q = descent.descend(seed, options.iterations)
+        position, orientation = pose_error(descent.place(q), X_WG)
+        if position <= options.position and orientation <= options.orientation:
+            q = q if options.prefer is None else improve(descent, robot.limits, q, options.prefer)
+            if all(np.abs(q - other).max() > options.distinct for other in solutions):
+                solutions.append(q)
+        if nearest is None or position + orientation < nearest[0] + nearest[1]:
+            nearest = position, orientation, q
+        if len(solutions) >= options.count or options.stop():
+            break
+    if nearest is None:
+        raise ValueError("inverse kinematics needs at least one seed")
+    if solutions:
+        return IkResult(solutions, nearest[2], nearest[0], nearest[1])
+    # Patience, so that the miss reported is the least in its surroundings.
+    q = descent.descend(nearest[2], options.iterations, _PATIENT)
+    return IkResult([], q, *pose_error(descent.place(q), X_WG))
+
+
+def pose_error(X_WF: pin.SE3, X_WG: pin.SE3) -> tuple[float, float]:
+    """Distance of the origins (m) and angle of the rotation (rad) between two poses."""
+    angle = np.linalg.norm(pin.log3(X_WF.rotation.T @ X_WG.rotation))
+    return float(np.linalg.norm(X_WG.translation - X_WF.translation)), float(angle)
+
+
+def random_seeds(robot: Robot, near: Array, rng: np.random.Generator, count: int, frame: str = "") -> list[Array]:
+    """Uniform configurations within the limits; a joint without bounds is drawn within pi of `near` (n,).
+
+    With a `frame`, joints that do not move it stay at `near`.
+    """
+    low = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, near - np.pi)
+    high = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, near + np.pi)
+    drawn = rng.uniform(low, high, (count, robot.n))
+    return list(np.where(joints_that_move(robot, frame), drawn, near) if frame else drawn)
+
+
+def joints_that_move(robot: Robot, frame: str) -> npt.NDArray[np.bool_]:
+    """Which joints, or joints that follow them, lie between the base and a frame, (n,).
+
+    All other columns of its Jacobian are zero everywhere.
+    """
+    model = robot.model
+    carrying = carrying_joints(model)[model.frames[model.getFrameId(frame)].parentJoint]
+    return np.asarray(carrying @ np.abs(coupling(model)[0]) > 0.0)
+
+
+def _feature(X: pin.SE3) -> Array:
+    """Twelve numbers whose distance is that of poses: p, m, and 0.35 m R."""
+    return np.concatenate([X.translation, 0.35 * X.rotation.ravel()])

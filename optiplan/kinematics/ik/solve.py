@@ -1,0 +1,138 @@
+"""Inverse kinematics of any robot: in closed form where the arm allows it, else from many starts."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.kinematics.ik.closed_form import Solutions, closed_form
+from optiplan.kinematics.ik.joint_wraps import images, whole_turns
+from optiplan.kinematics.ik.numeric import IkOptions, IkResult, pose_error, random_seeds, solve_ik
+from optiplan.robot.robot import Robot
+
+MEASURES = ("shoulder", "elbow", "wrist")
+_SAME = 1e-7  # rad: branches that differ by less have merged
+_STARTS = 200
+_NUMERIC = "numeric"
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A configuration that puts a frame at a pose.
+
+    Attributes:
+        q: (n,), rad or m; inside the limits where some image is, the nearest one to the configuration asked for.
+        branch: its name, or "numeric".
+        within_limits: whether q is.
+        error: position (m) and orientation (rad) error by forward kinematics.
+        singular: which of shoulder, elbow and wrist are singular; q is one representative then.
+        images: for each joint, all values within its limits that are the same up to whole turns.
+    """
+
+    q: Array
+    branch: str
+    within_limits: bool
+    error: tuple[float, float]
+    singular: tuple[str, ...]
+    images: list[Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """All branches found, those within limits first, nearest to the wanted configuration first; and the nearest miss.
+
+    Attributes:
+        solutions: one a branch.
+        nearest: when none is within limits: the configuration within limits with the smallest error found, else None.
+        reason: why none is within limits, in a sentence; empty else.
+    """
+
+    solutions: list[Solution]
+    nearest: IkResult | None = None
+    reason: str = ""
+
+
+def inverse_kinematics(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[Array], options: IkOptions) -> IkResult:
+    """`solve_ik`, with the branches of the closed form before the seeds (or, where it says all, in their place).
+
+    The first of the seeds, each (n,), chooses among whole turns.
+
+    Raises:
+        ValueError: there is no seed.
+    """
+    rest = iter(seeds)
+    first = next(rest, None)
+    closed = closed_form(robot, frame) if options.orientation < np.pi else None
+    if closed is None or first is None:
+        return solve_ik(robot, frame, X_WG, chain([] if first is None else [first], rest), options)
+    found = closed.solve(X_WG.homogeneous[None])
+    starts = [whole_turns(robot, q, first, 1)[0] for q in found.q[0]]
+    inside = [q for q, valid in zip(starts, found.valid[0], strict=True) if valid and _within(robot, q)]
+    if inside and not found.singular[0, found.valid[0]].any():
+        return solve_ik(robot, frame, X_WG, inside, options)
+    return solve_ik(robot, frame, X_WG, chain(inside, starts, [first], rest), options)
+
+
+def answer(robot: Robot, frame: str, X_WG: pin.SE3, near: Array) -> Answer:
+    """Every branch of the closed form, or what many starts find; and the nearest miss when nothing is within limits."""
+    closed = closed_form(robot, frame)
+    seeds = [near, *robot.configurations.values()]
+    seeds += random_seeds(robot, near, np.random.default_rng(0), _STARTS)
+    if closed is None:
+        numeric = solve_ik(robot, frame, X_WG, seeds, IkOptions())
+        found = [_solution(robot, q, near, _NUMERIC, _error(robot, frame, X_WG, q)) for q in numeric.solutions]
+    else:
+        found = _branches(robot, near, closed.solve(X_WG.homogeneous[None]))
+    found.sort(key=lambda s: (not s.within_limits, float(np.abs(s.q - near).max())))
+    if found and found[0].within_limits:
+        return Answer(found)
+    miss = replace(inverse_kinematics(robot, frame, X_WG, seeds, IkOptions()), solutions=[])
+    return Answer(found, miss, _reason(robot, frame, found, miss))
+
+
+def wanted_configuration(robot: Robot) -> Array:
+    """The configuration `ready` (n,), else the first that has a name, else zero moved into the limits."""
+    zero = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
+    first = next(iter(robot.configurations.values()), zero)
+    return robot.configurations.get("ready", first)
+
+
+def _branches(robot: Robot, near: Array, all_of: Solutions) -> list[Solution]:
+    """The valid branches; of those that have merged at a singularity, the first."""
+    result: list[Solution] = []
+    for k in np.flatnonzero(all_of.valid[0]):
+        q = all_of.q[0, k]
+        if any(np.abs(np.exp(1j * q) - np.exp(1j * other.q)).max() < _SAME for other in result):
+            continue
+        position, angle = all_of.error[0, k]
+        solution = _solution(robot, q, near, all_of.branches[k], (float(position), float(angle)))
+        names = tuple(name for name, yes in zip(MEASURES, all_of.singular[0, k], strict=True) if yes)
+        result.append(replace(solution, singular=names))
+    return result
+
+
+def _solution(robot: Robot, q: Array, near: Array, branch: str, error: tuple[float, float]) -> Solution:
+    best = whole_turns(robot, q, near, 1)[0]
+    return Solution(best, branch, _within(robot, best), error, (), images(robot, q, near))
+
+
+def _error(robot: Robot, frame: str, X_WG: pin.SE3, q: Array) -> tuple[float, float]:
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    return pose_error(data.oMf[robot.model.getFrameId(frame)], X_WG)
+
+
+def _within(robot: Robot, q: Array) -> bool:
+    return bool(((q >= robot.limits.lower) & (q <= robot.limits.upper)).all())
+
+
+def _reason(robot: Robot, frame: str, found: list[Solution], miss: IkResult) -> str:
+    least = f"the nearest pose within them misses by {miss.position_error:.3g} m and {miss.orientation_error:.3g} rad"
+    if found:
+        low, high = robot.limits.lower, robot.limits.upper
+        broken = [name for j, name in enumerate(robot.joint_names) if not low[j] <= found[0].q[j] <= high[j]]
+        return f"every branch breaks joint limits (the nearest those of {', '.join(broken)}); {least}"
+    return f"no configuration puts '{frame}' at this pose; within the joint limits, {least.replace(' within them', '')}"

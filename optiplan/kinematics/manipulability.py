@@ -1,0 +1,152 @@
+"""How well the tool can be moved from a configuration: measures of its Jacobian, their gradients, and ellipsoids."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
+from optiplan.robot.robot import Robot
+
+Part = Literal["full", "translation", "rotation"]
+"""Which rows of the Jacobian are measured: all six, the three of the velocity, the three of the angular velocity."""
+ROWS = {"full": slice(0, 6), "translation": slice(0, 3), "rotation": slice(3, 6)}
+
+
+class ToolKinematics:
+    """Pose, geometric Jacobian and its derivative of one frame T of a robot, over N configurations at once.
+
+    Args:
+        robot: the robot.
+        frame: T; the robot's tool frame without it.
+
+    Raises:
+        UnknownChoiceError: the robot has no such frame.
+    """
+
+    def __init__(self, robot: Robot, frame: str | None = None) -> None:
+        name = robot.tool_frame if frame is None else frame
+        placed = robot.model.frames[robot.frame_id(name)]
+        self.kinematics = BatchKinematics(robot.model)
+        self._joint, self._X_JT = int(placed.parentJoint), np.array(placed.placement.homogeneous)
+        self._moves: Array = carrying_joints(robot.model)[self._joint].astype(np.float64)
+
+    def evaluate(self, Q: Array) -> tuple[Array, Array]:
+        """X_WT (N, 4, 4), m, and J (N, 6, n) at Q (N, n).
+
+        Column j of J is (z_j x (p_T - o_j), z_j) for a revolute joint with axis z_j through o_j and (z_j, 0) for a
+        prismatic one: velocity of the origin of T and angular velocity, both in world axes; m/rad and 1, or 1 and 0.
+        The columns of joints that follow joint j are added to its own, times their multipliers.
+        """
+        X_WT, J = self._of_joints(Q)
+        return X_WT, self.kinematics.of_planned(J)
+
+    def _of_joints(self, Q: Array) -> tuple[Array, Array]:
+        """X_WT (N, 4, 4) and the columns of all joints, those that follow others too: (N, 6, J)."""
+        poses = self.kinematics.poses(Q)
+        X_WT = poses[:, self._joint] @ self._X_JT
+        axis, point = self.kinematics.axes(poses)
+        turns = self.kinematics.revolute[None, :, None]
+        J = np.zeros((len(Q), 6, axis.shape[1]))
+        linear = np.where(turns > 0.5, np.cross(axis, X_WT[:, None, :3, 3] - point), axis)
+        J[:, :3] = (self._moves[None, :, None] * linear).transpose(0, 2, 1)
+        J[:, 3:] = (self._moves[None, :, None] * turns * axis).transpose(0, 2, 1)
+        return X_WT, J
+
+    def hessians(self, Q: Array) -> Array:
+        """H (N, 6, n, n) at Q (N, n): H[:, :, i, j] = dJ_i / dq_j, the kinematic Hessian.
+
+        For a joint j that carries joint i, or is it: (w_j x v_i, w_j x w_i). For j beyond i: (w_i x v_j, 0).
+        Source: Haviland, Corke, "Manipulator Differential Kinematics Part 2", IEEE RAM 2024.
+        """
+        J = self._of_joints(Q)[1]
+        v, w = J[:, :3].transpose(0, 2, 1), J[:, 3:].transpose(0, 2, 1)  # (N, J, 3)
+        n = J.shape[2]
+        H = np.zeros((len(Q), 6, n, n))
+        for i in range(n):
+            for j in range(n):
+                low, high = min(i, j), max(i, j)
+                H[:, :3, i, j] = np.cross(w[:, low], v[:, high])
+                if j <= i:
+                    H[:, 3:, i, j] = np.cross(w[:, j], w[:, i])
+        H = self.kinematics.of_planned(H * self._moves[:, None] * self._moves)
+        return self.kinematics.of_planned(H.swapaxes(2, 3)).swapaxes(2, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """Measures of N Jacobians, each of shape (N,).
+
+    With singular values s_1 >= … >= s_r of J (m x n), r = min(m, n):
+
+    Attributes:
+        yoshikawa: s_1 … s_r, which is sqrt(det(J J^T)), for n < m sqrt(det(J^T J)). Yoshikawa, IJRR 1985.
+        asada: s_r / s_1, the inverse of the condition number. Asada, Cro Granito, ICRA 1985.
+        smallest: s_r.
+    """
+
+    yoshikawa: Array
+    asada: Array
+    smallest: Array
+
+
+def scaled(J: Array, part: Part = "full", length: float = 1.0) -> Array:
+    """The rows of J (…, 6, n) that `part` names, those of the velocity divided by `length`, m.
+
+    Metres and radians cannot be compared: what the full Jacobian measures depends on this length, 1 m unless given.
+    """
+    weights = np.repeat([1.0 / length, 1.0], 3)[:, None]
+    return np.asarray((J * weights)[..., ROWS[part], :])
+
+
+def measures(J: Array) -> Measures:
+    """Measures of Jacobians J (N, m, n)."""
+    s = np.asarray(np.linalg.svd(J, compute_uv=False), dtype=np.float64)
+    # Behind the largest singular value that is 0 nothing can be moved at all: not well conditioned either.
+    asada: Array = np.divide(s[:, -1], s[:, 0], out=np.zeros(len(s)), where=s[:, 0] > 0.0)
+    yoshikawa: Array = np.prod(s, axis=1)
+    return Measures(yoshikawa, asada, s[:, -1])
+
+
+def measure_gradients(J: Array, H: Array) -> Measures:
+    """Gradients of the measures with respect to q, each (N, n), from J (N, m, n) and H (N, m, n, n) = dJ_i / dq_j.
+
+    With J = sum_k s_k u_k v_k^T, ds_k / dq_j = u_k^T (dJ / dq_j) v_k; the rest is the chain rule. Nothing is divided
+    by a small singular value. Where the smallest is 0, or two are equal, the measure has a kink and one side is given.
+    """
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    ds = np.einsum("nmk,nmij,nki->nkj", U, H, Vt, optimize=True)  # (N, r, n)
+    others = np.stack([np.prod(np.delete(s, k, axis=1), axis=1) for k in range(s.shape[1])], axis=1)
+    largest = np.maximum(s[:, :1], np.finfo(float).tiny)
+    asada = (ds[:, -1] - (s[:, -1:] / largest) * ds[:, 0]) / largest
+    yoshikawa: Array = np.einsum("nk,nkj->nj", others, ds)
+    return Measures(yoshikawa, asada, ds[:, -1])
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipsoids:
+    """Ellipsoids of N Jacobians of three rows, around the tool point, in world axes.
+
+    The velocity ellipsoid {J dq : |dq| <= 1} has the semi-axes s_k u_k, the force ellipsoid {f : |J^T f| <= 1} the
+    semi-axes u_k / s_k.
+
+    Attributes:
+        axes: (N, 3, 3), column k is u_k; right-handed, so a rotation matrix.
+        velocity: (N, 3) m/s (rad/s for rotation) for joint speeds of norm 1, falling.
+        force: (N, 3) N (N m for rotation) for joint torques of norm 1; inf where nothing can be moved.
+    """
+
+    axes: Array
+    velocity: Array
+    force: Array
+
+
+def ellipsoids(J: Array) -> Ellipsoids:
+    """Velocity and force ellipsoids of J (N, 3, n), the rows of translation or of rotation."""
+    U, s, _ = np.linalg.svd(J)
+    U[:, :, 2] *= np.sign(np.linalg.det(U))[:, None]
+    velocity = np.zeros((len(J), 3))
+    velocity[:, : s.shape[1]] = s
+    force = np.divide(1.0, velocity, out=np.full_like(velocity, np.inf), where=velocity > 1e-12)
+    return Ellipsoids(U, velocity, force)

@@ -1,0 +1,85 @@
+"""CasADi functions as machine code: compiled once, kept on disk, the virtual machine where there is no compiler."""
+
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from optiplan import cache
+
+FLAGS = ("-O2", "-shared", "-fPIC")
+_VERSION = "1"  # counted up when code is generated in another way
+
+
+def compiler() -> list[str] | None:
+    """Command of the C compiler: $CC, or the first of cc, gcc and clang that is installed; None without one."""
+    chosen = shlex.split(os.environ.get("CC", ""))
+    if chosen:
+        return chosen if shutil.which(chosen[0]) else None
+    return next(([name] for name in ("cc", "gcc", "clang") if shutil.which(name)), None)
+
+
+def compiled(name: str, parts: list[bytes], build: Callable[[], Any]) -> Any:
+    """The function that `build` returns, with its Jacobian, as machine code.
+
+    The library lies in the cache, under a hash of `name`, `parts` and the version of CasADi; only if it is not there
+    `build` is called and its result compiled. Without a compiler, or where nothing can be kept, what `build` returns is
+    returned itself, to be run by CasADi's virtual machine. Both give the same numbers up to rounding, and both can be
+    mapped and differentiated.
+
+    Args:
+        name: a C identifier, and the name of the function built.
+        parts: all that the function depends on.
+        build: makes the `casadi.Function`.
+    """
+    command = compiler()
+    if command is None:
+        return build()
+    import casadi
+
+    tags = [_VERSION, casadi.CasadiMeta.version(), platform.machine(), name, *FLAGS]
+    file = f"twin/{name}-{cache.digest([*(tag.encode() for tag in tags), *parts])}.so"
+    found = _open(name, file)
+    if found is not None:
+        return found
+    function = build()
+    library = _compile(function, command)
+    if library is None:
+        return function
+    cache.store(file, library)
+    return _open(name, file) or function
+
+
+def _open(name: str, file: str) -> Any | None:
+    """The function of a cached library; None if there is none, or if it cannot be loaded and has to be made again."""
+    import casadi
+
+    path = cache.cache_dir() / file
+    try:
+        return None if cache.load(file) is None else casadi.external(name, str(path))
+    except RuntimeError:
+        return None
+
+
+def _compile(function: Any, command: list[str]) -> bytes | None:
+    """Shared library of a function and its Jacobian; None if the compiler refuses or the disk does."""
+    import casadi
+
+    code = casadi.CodeGenerator(f"{function.name()}.c")
+    code.add(function)
+    code.add(function.jacobian())
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            source, library = Path(folder, "twin.c"), Path(folder, "twin.so")
+            source.write_text(code.dump(), encoding="utf-8")
+            # Contraction to fused multiply-add depends on the machine; without it results are the same everywhere.
+            run = [*command, *FLAGS, "-ffp-contract=off", "-o", str(library), str(source), "-lm"]
+            subprocess.run(run, check=True, capture_output=True)
+            return library.read_bytes()
+    except (OSError, subprocess.CalledProcessError):
+        return None

@@ -1,1 +1,0 @@
-"""Robot, scene and their geometry: everything that holds without a problem or a planner."""

@@ -1,0 +1,223 @@
+"""What the planners of one tool path share: the path is followed in joint space and timed, or the reason is given."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Any, Generic, Literal, TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.errors import InputError
+from optiplan.kinematics.jacobians import frame_pose
+from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.cartesian.branch_change import Branch, other_branches
+from optiplan.planners.cartesian.differential_ik import Aim, Tracker
+from optiplan.planners.cartesian.path_following import follow
+from optiplan.planners.cartesian.tool_path import ToolPath
+from optiplan.planners.common.context import Work
+from optiplan.planners.common.failures import out_of_time, too_heavy
+from optiplan.planners.common.goal_ranking import ranked_goals
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory.timing.time_path import Method, TimingOptions, ToolSpeed, time_path
+from optiplan.trajectory.trajectory import Trajectory
+
+_AVOIDANCES = (4.0, 20.0)  # of limits, by arms with more joints than they need; tried in this order
+_METHODS: dict[str, Method] = {"trapezoid": "toppra", "jerk": "jerk", "uniform": "uniform"}
+_SAMPLES = 200  # of a path, where gravity is looked for
+
+
+@dataclass(frozen=True)
+class ToolMotionOptions:
+    """Options of every planner of this family.
+
+    Attributes:
+        speed: of the tool, m/s, at most.
+        angular_speed: rad/s, at most.
+        acceleration: of the tool, m/s², at most.
+        profile: `trapezoid` runs at the limits and lets the acceleration jump, which only `limits: {jerk: none}` in the
+            problem allows; `jerk` keeps jerk limits; `uniform` is one S-curve, everywhere slowed down alike. None:
+            `jerk` where there are jerk limits, else `trapezoid`.
+        duration: s; None is the shortest within all limits.
+        free_orientation: only the position is prescribed.
+        change_branch: if the start's branch of the inverse kinematics leads nowhere, move to another one first.
+        goals: how many goal configurations a redundant arm may aim at, or branches may be changed to.
+    """
+
+    speed: float | None = None
+    angular_speed: float | None = None
+    acceleration: float | None = None
+    profile: Literal["trapezoid", "jerk", "uniform"] | None = None
+    duration: float | None = None
+    free_orientation: bool = False
+    change_branch: bool = False
+    goals: int = 8
+
+    def __post_init__(self) -> None:
+        for name in ("speed", "angular_speed", "acceleration", "duration", "goals"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < np.inf:
+                raise ValueError(f"{name} = {value} is not a positive number")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, tuple) and (len(value) != 3 or not np.isfinite(value).all()):
+                raise ValueError(f"{field.name} = {list(value)} is not three numbers")
+
+
+Options = TypeVar("Options", bound=ToolMotionOptions)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """One alternative of the goal: the frame, its path, whether its orientation counts, and the end if prescribed."""
+
+    frame: str
+    path: ToolPath
+    orientation: bool
+    goal: Array | None
+
+
+class ToolMotion(ABC, Generic[Options]):
+    """A planner is this class and its `path`."""
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+
+    @abstractmethod
+    def path(self, start: pin.SE3, goal: pin.SE3, tolerance: tuple[float, float]) -> ToolPath:
+        """The tool's path between two poses of the frame in the world.
+
+        Args:
+            start: X_WF where the robot stands.
+            goal: X_WF that is wanted.
+            tolerance: of the goal, m and rad.
+
+        Raises:
+            InputError: the options do not go with these poses.
+        """
+
+    def check(self, problem: Problem, budget: Budget) -> None:
+        """What can be said of the options without planning; with vias, which are passed leg by leg, nothing.
+
+        Raises:
+            InputError: they do not go with the start and any of the goals.
+        """
+        if not problem.vias:
+            self._tasks(problem)
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan within the budget; see `planners.base.Planner`.
+
+        Raises:
+            InputError: the options do not go with the start and any of the goals.
+        """
+        work = Work.on(problem, budget)
+        seconds = work.watch.seconds
+        with work.watch.stage("goals"):
+            goals = ranked_goals(problem, work.model, budget, self.options.goals, nearer=False)
+        if isinstance(goals, Failure) and goals.kind != "goal-unreachable":
+            return PlanResult(None, goals, seconds)
+        tasks, failures = self._tasks(problem), list[Failure]()
+        for k, (branch, task, aim) in enumerate(self._attempts(work, tasks, goals)):
+            if budget.over:
+                return PlanResult(None, out_of_time(budget, "following tool paths"), seconds)
+            progress("following", k / (k + 1.0))
+            found = self._attempt(work, task, branch, aim)
+            if isinstance(found, Trajectory):
+                info = {"tool_length": task.path.length, "tool_angle": task.path.angle, "attempts": k + 1}
+                info |= {"branch_changed": branch.changed, "cut_short": budget.over}
+                return PlanResult(found, None, seconds, info)
+            failures.append(replace(found, detail=f"on another branch, {found.detail}") if branch.changed else found)
+        if budget.over:
+            return PlanResult(None, out_of_time(budget, "following tool paths"), seconds)
+        return PlanResult(None, _reason(goals, failures), seconds)
+
+    def _attempt(self, work: Work, task: _Task, branch: Branch, aim: Aim) -> Trajectory | Failure:
+        """The motion on one branch, or why there is none."""
+        with work.watch.stage("following"):
+            followed = follow(work.model, task.path, (task.frame, branch.q), work.budget, aim)
+        if isinstance(followed, Failure):
+            return followed
+        with work.watch.stage("timing"):
+            timed = self._timed(work, followed, task.frame)
+        if isinstance(timed, Failure):
+            return timed
+        with work.watch.stage("approach"):
+            return branch.before(work.problem, timed, work.budget)
+
+    def _tasks(self, problem: Problem) -> list[_Task]:
+        """The alternatives of the goal that the options go with."""
+        tasks, refused, robot = [], [], problem.robot
+        for goal in problem.goal:
+            frame = goal.frame if isinstance(goal, PoseGoal) else robot.tool_frame
+            start, oriented, end = frame_pose(robot, problem.start, frame), not self.options.free_orientation, None
+            if isinstance(goal, JointGoal):
+                X, tolerance, end = frame_pose(robot, goal.q, frame), (goal.tolerance, goal.tolerance), goal.q
+            else:
+                X, tolerance = goal.X_WG, (goal.position, goal.orientation)
+                oriented = oriented and goal.orientation < np.pi
+            try:
+                tasks.append(_Task(frame, self.path(start, X, tolerance), oriented, end))
+            except InputError as error:
+                refused.append(error)
+        if not tasks:
+            raise refused[0]
+        return tasks
+
+    def _attempts(
+        self, work: Work, tasks: list[_Task], goals: list[Array] | Failure
+    ) -> Iterator[tuple[Branch, _Task, Aim]]:
+        """The start's own branch for every task, then, if asked, the others."""
+        ends = [] if isinstance(goals, Failure) else goals
+        for task in tasks:
+            for aim in self._aims(work.problem, task, ends):
+                yield Branch(work.problem.start), task, aim
+        for task in tasks if self.options.change_branch else ():
+            with work.watch.stage("goals"):
+                tools, count = (work.model, work.budget), self.options.goals
+                branches = other_branches(work.problem, task.frame, tools, count, task.goal)
+            for branch in branches:
+                yield branch, task, self._plain(task)
+
+    def _plain(self, task: _Task) -> Aim:
+        return Aim(task.goal, _AVOIDANCES[0], task.orientation)
+
+    def _aims(self, problem: Problem, task: _Task, ends: list[Array]) -> Iterator[Aim]:
+        """Anywhere, or at the goal's configuration; a redundant arm may then avoid limits more, or aim at an end."""
+        plain = self._plain(task)
+        yield plain
+        tracker = Tracker(problem.robot, task.frame, task.path, plain)
+        if tracker.redundant:
+            yield replace(plain, avoidance=_AVOIDANCES[1])
+            exact = [] if task.goal is not None else [tracker.correct(1.0, q) for q in ends]
+            yield from (replace(plain, goal=q) for q in exact if q is not None)
+
+    def _timed(self, work: Work, followed: Trajectory, frame: str) -> Trajectory | Failure:
+        o = self.options
+        given = {"linear": o.speed, "angular": o.angular_speed, "linear_acceleration": o.acceleration}
+        limits = {name: value for name, value in given.items() if value is not None}
+        tool = ToolSpeed(frame, **limits) if limits else None
+        method = None if o.profile is None else _METHODS[o.profile]
+        robot, joint_limits = work.problem.robot, work.problem.limits
+        timed = time_path(followed, robot, joint_limits, TimingOptions(method, tool, lambda: work.budget.over))
+        if timed is None:
+            samples = followed(np.linspace(0.0, followed.duration, _SAMPLES))
+            return too_heavy(robot, joint_limits, samples)
+        if o.duration is None:
+            return timed
+        if o.duration < timed.duration:
+            detail = (
+                f"the path takes {timed.duration:.4g} s within all limits; a duration of {o.duration:.4g} s is asked"
+            )
+            return Failure("limits", detail, {"q": work.problem.start.tolist(), "duration": timed.duration})
+        return timed.scaled(o.duration)
+
+
+def _reason(goals: list[Array] | Failure, failures: list[Failure]) -> Failure:
+    """The failure that came farthest along its path; what is known of the goal comes first."""
+    farthest = max(failures, key=lambda failure: float(failure.witness.get("fraction", 1.0)))
+    if not isinstance(goals, Failure):
+        return farthest
+    witness: dict[str, Any] = {**goals.witness, **farthest.witness}
+    return Failure(goals.kind, f"{goals.detail}; {farthest.detail}", witness)

@@ -1,0 +1,58 @@
+"""Another branch of the inverse kinematics to run a tool path on, and the motion that leads to it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.kinematics.jacobians import frame_pose
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.cartesian.differential_ik import Aim, Tracker
+from optiplan.planners.cartesian.tool_path import line
+from optiplan.planners.common.goal_ranking import ranked_goals
+from optiplan.planners.common.via_legs import joined
+from optiplan.planners.registry import make_planner
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory.trajectory import Trajectory
+
+_OTHER = 1e-3  # rad or m: configurations that differ by less are one
+_APPROACHES = ("quintic", "rrtconnect")
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A configuration q (n,) that has the tool where the start has it; `changed` if it is not the start."""
+
+    q: Array
+    changed: bool = False
+
+    def before(self, problem: Problem, motion: Trajectory, budget: Budget) -> Trajectory | Failure:
+        """The motion, after that from the problem's start to q, with rest in between; or why there is no way to q."""
+        if not self.changed:
+            return motion
+        there = replace(problem, goal=(JointGoal(self.q, 1e-9),), vias=())
+        reasons = []
+        for name in _APPROACHES:
+            result = make_planner(name).plan(there, budget.share(0.5), lambda stage, fraction: None)
+            if result.trajectory is not None:
+                return joined([result.trajectory, motion])
+            reasons.append(result.failure)
+        return reasons[-1] or Failure("no-path", "no way to another branch")
+
+
+def other_branches(
+    problem: Problem, frame: str, tools: tuple[CollisionModel, Budget], count: int, end: Array | None = None
+) -> list[Branch]:
+    """Other free configurations with the frame where the start has it, those reached soonest first.
+
+    Where the path is to end in a configuration `end` (n,), those nearest to it come first: they are on its branch.
+    """
+    X = frame_pose(problem.robot, problem.start, frame)
+    near = problem.start if end is None else end
+    goals = ranked_goals(
+        replace(problem, start=near, goal=(PoseGoal(frame, X),), vias=()), *tools, count + 1, nearer=False
+    )
+    here = Tracker(problem.robot, frame, line(X, X), Aim())
+    exact = [here.correct(0.0, q) for q in ([] if isinstance(goals, Failure) else goals)]
+    return [Branch(q, changed=True) for q in exact if q is not None and np.abs(q - problem.start).max() > _OTHER]

@@ -1,0 +1,172 @@
+"""Why a tool path cannot be followed any further: the place, the pose and the cause, as a `Failure`."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.poses import pose_to_data
+from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.kinematics.ik.numeric import IkOptions, random_seeds, solve_ik
+from optiplan.kinematics.manipulability import measures
+from optiplan.kinematics.singularities import singularity_model
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.cartesian.differential_ik import Tracker
+from optiplan.planners.common.continuous_collision import first_contact
+from optiplan.planners.common.failures import contact_witness
+from optiplan.robot.limits import Limits
+from optiplan.robot.robot import Robot
+from optiplan.trajectory import polynomial
+from optiplan.trajectory.trajectory import Trajectory
+
+_SLACK = 1e-9  # rad or m: rounding that does not count as beyond a limit
+_NEAR = 0.05  # as a sine: a singularity nearer than this has a part in a path that ends
+_BEYOND = 1e-3  # of s: where to look whether the pose can be reached at all
+_SINGULAR = 1e-3  # smallest singular value, 1 or m: above it, a path does not end for it
+_SEEDS = 60
+_SAME = 1e-6  # rad or m
+
+
+@dataclass(frozen=True, eq=False)
+class Ending:
+    """Where a path ends, at s with the configuration q (n,), and why."""
+
+    s: float
+    q: Array
+    kind: str
+    cause: str
+    words: str
+    more: dict[str, Any]
+
+    def failure(self, pose: pin.SE3) -> Failure:
+        """With the `fraction` s, the `pose` of the tool there, `q` and the `cause` as witness."""
+        x, y, z = pose.translation
+        place = f"{100.0 * self.s:.1f} % along the tool's path, at [{x:.4f}, {y:.4f}, {z:.4f}] m"
+        witness = {"fraction": self.s, "pose": pose_to_data(pose), "q": self.q.tolist(), "cause": self.cause}
+        return Failure(self.kind, f"{place}: {self.words}", witness | self.more)
+
+
+def first_ending(model: CollisionModel, tracker: Tracker, followed: Trajectory, budget: Budget) -> Failure | None:
+    """The first thing on the way that keeps a robot from following a path to its end, or None.
+
+    Once the budget is over the answer means nothing.
+
+    Args:
+        model: of the robot in its scene.
+        tracker: of the path.
+        followed: q over s from 0 as far as the path could be followed.
+        budget: polled while obstacles are looked for.
+    """
+    endings = [_limit(model.robot, followed), _obstacle(model, followed, budget)]
+    if followed.duration < 1.0:
+        endings.append(_stuck(tracker, followed.duration, followed.end))
+    else:
+        endings.append(_other_branch(tracker, followed.end))
+    found = [ending for ending in endings if ending is not None]
+    if not found:
+        return None
+    first = min(found, key=lambda ending: ending.s)
+    return first.failure(tracker.path.pose(first.s))
+
+
+def stuck(tracker: Tracker, s: float, q: Array) -> Failure:
+    """Why no step beyond s is possible from the configuration q (n,)."""
+    return _stuck(tracker, s, q).failure(tracker.path.pose(s))
+
+
+def limit_crossing(path: Trajectory, limits: Limits) -> tuple[float, int] | None:
+    """The first parameter at which a joint leaves its limits, and the joint's index; exact up to bisection."""
+    low, high, h = limits.lower - _SLACK, limits.upper + _SLACK, np.diff(path.breakpoints)
+    m, size, n = path.coefficients.shape
+    unit = np.swapaxes(path.coefficients, 1, 2) * h[:, None, None] ** np.arange(size)
+    ends = polynomial.unit_extrema(unit.reshape(m * n, size))
+    least, most, x_least, x_most = (a.reshape(m, n) for a in ends)
+    first: tuple[float, int] | None = None
+    for outside, x in ((least < low, x_least), (most > high, x_most)):
+        pieces = np.flatnonzero(outside.any(axis=1))
+        for j in np.flatnonzero(outside[pieces[0]]) if len(pieces) else ():
+            inside, beyond = path.breakpoints[pieces[0]] + h[pieces[0]] * np.array([0.0, x[pieces[0], j]])
+            while beyond - inside > 1e-12:
+                middle = 0.5 * (inside + beyond)
+                good = low[j] <= path(np.array([middle]))[0, j] <= high[j]
+                inside, beyond = (middle, beyond) if good else (inside, middle)
+            if first is None or inside < first[0]:
+                first = float(inside), int(j)
+    return first
+
+
+def _limit(robot: Robot, path: Trajectory) -> Ending | None:
+    crossing = limit_crossing(path, robot.limits)
+    if crossing is None:
+        return None
+    s, j = crossing
+    q = path(np.array([s]))[0]
+    bound = float(min(robot.limits.lower[j], robot.limits.upper[j], key=lambda limit: abs(limit - q[j])))
+    name = robot.joint_names[j]
+    words = f"joint '{name}' meets its limit {bound:.4g}"
+    return Ending(s, q, "limits", "joint limit", words, {"joint": name, "limit": bound})
+
+
+def _obstacle(model: CollisionModel, path: Trajectory, budget: Budget) -> Ending | None:
+    touch = first_contact(model, path, lambda: budget.over)
+    if touch is None:
+        return None
+    pair = touch.contact.pair
+    words = f"'{pair.name_a}' meets '{pair.name_b}'"
+    return Ending(touch.t, touch.q, "collision", "obstacle", words, contact_witness(touch.q, touch.contact))
+
+
+def _stuck(tracker: Tracker, s: float, q: Array) -> Ending:
+    """Singular, out of reach, or a path that this arm lacks the joints for."""
+    J = tracker.jacobian(q) / tracker.scale
+    twist = tracker.path.twist(s)[tracker.rows]
+    smallest = float(measures(J[None]).smallest[0])
+    missing = twist - J @ (np.linalg.pinv(J, rcond=_NEAR) @ twist)
+    more: dict[str, Any] = {"measure": smallest}
+    branch = _other_branch(tracker, q)
+    if branch is not None and tracker.redundant and 1.0 - s < _BEYOND and smallest > _SINGULAR:
+        return branch
+    if len(q) < len(J) and smallest > _NEAR and np.linalg.norm(missing) > _SAME * np.linalg.norm(twist):
+        words = f"{len(q)} joints cannot move the tool in the way that the path asks for"
+        return Ending(s, q, "unsupported", "reach", words, more)
+    names = _singular(tracker.robot, q)
+    near = f" near a singularity ({', '.join(names)})" if names else ""
+    more["singular"] = names
+    if not _reachable(tracker, min(1.0, s + _BEYOND)):
+        return Ending(s, q, "reach", "reach", f"the poses beyond are out of reach{near}", more)
+    words = f"joint rates grow without bound{near}; the smallest singular value of the Jacobian is {smallest:.2g}"
+    return Ending(s, q, "singularity", "singularity", words, more)
+
+
+def _other_branch(tracker: Tracker, end: Array) -> Ending | None:
+    goal = tracker.aim.goal
+    if goal is None or np.abs(end - goal).max() <= _SAME:
+        return None
+    j = int(np.argmax(np.abs(end - goal)))
+    name = tracker.robot.joint_names[j]
+    words = (
+        f"the path ends in another configuration than the goal's ('{name}' at {end[j]:.4g} instead of {goal[j]:.4g}); "
+        "a pose as the goal leaves the configuration open"
+    )
+    return Ending(1.0, end, "no-path", "branch", words, {"joint": name, "goal": goal.tolist()})
+
+
+def _singular(robot: Robot, q: Array) -> list[str]:
+    """Names of the singularities near q (n,), for the arms whose singularities have names."""
+    known = singularity_model(robot)
+    return [] if known is None else list(known.factors(q[None]).names(_NEAR)[0])
+
+
+def _reachable(tracker: Tracker, s: float) -> bool:
+    """Whether some configuration has the tool at X(s)."""
+    robot, X = tracker.robot, tracker.path.pose(s)
+    closed = closed_form(robot, tracker.frame) if tracker.aim.orientation else None
+    if closed is not None:
+        return bool(closed.solve(X.homogeneous[None]).valid.any())
+    middle = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
+    seeds = random_seeds(robot, middle, np.random.default_rng(0), _SEEDS)
+    orientation = IkOptions().orientation if tracker.aim.orientation else np.pi
+    return bool(solve_ik(robot, tracker.frame, X, seeds, IkOptions(orientation=orientation, count=1)).solutions)

@@ -1,0 +1,134 @@
+"""Joint rates that keep a frame on a tool path, and the correction of what has gone astray.
+
+All norms of joint motion are in z = q / velocity limit, so that rad and m, and slow and fast joints, can be compared:
+J_z = J diag(limits). With the pseudo-inverse J_z^+ and N = I - J_z^+ J_z, the motion over the path's parameter s is
+
+    dz/ds = J_z^+ V(s) + N d(s, z),
+
+where V is the twist of the path and d where the redundancy should drift: away from limits and, if there is one, towards
+a goal configuration. The second derivative keeps J_z z'' = V' - J' q', so that the tool stays on its path whatever d.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.planners.cartesian.tool_path import ToolPath
+from optiplan.robot.robot import Robot
+
+_RANK = 1e-9  # of the largest singular value: what is below does not move the frame
+_CLOSE = 1e-9  # m and rad: from here one more step of Newton's method leaves rounding only
+_STEPS = 8
+_DIFFERENCE = 1e-4  # of s
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """What a redundant arm does with its freedom.
+
+    Attributes:
+        goal: (n,) configuration to end at, rad or m; None: anywhere.
+        avoidance: speed of the drift away from limits, relative to what the path asks of the joints.
+        orientation: whether the path's orientation counts; its position always does.
+    """
+
+    goal: Array | None = None
+    avoidance: float = 4.0
+    orientation: bool = True
+
+
+class Tracker:
+    """A robot's frame and the tool path that it shall follow; one object a thread."""
+
+    def __init__(self, robot: Robot, frame: str, path: ToolPath, aim: Aim) -> None:
+        self.robot, self.frame, self.path, self.aim = robot, frame, path, aim
+        self.scale = robot.limits.velocity
+        self.rows = slice(0, 6 if aim.orientation else 3)
+        self.redundant = robot.n > self.rows.stop
+        self._model, self._data, self._frame = robot.model, robot.model.createData(), robot.frame_id(frame)
+        limits = robot.limits
+        self._bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper) & (limits.upper > limits.lower)
+        low, high = np.where(self._bounded, limits.lower, -1.0), np.where(self._bounded, limits.upper, 1.0)
+        self._middle, self._half = 0.5 * (low + high), 0.5 * (high - low)
+
+    def error(self, s: float, q: Array) -> Array:
+        """(6,): p(s) - p(q), m, and the rotation vector from R(q) to R(s), rad, both in world axes; 0 if left free."""
+        pin.framesForwardKinematics(self._model, self._data, q)
+        X, target = self._data.oMf[self._frame], self.path.pose(s)
+        angle = pin.log3(target.rotation @ X.rotation.T) if self.aim.orientation else np.zeros(3)
+        return np.concatenate([target.translation - X.translation, angle])
+
+    def jacobian(self, q: Array) -> Array:
+        """J_z (6 or 3, n): twist of the frame for dz, in world axes, m or rad."""
+        reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        J: Array = pin.computeFrameJacobian(self._model, self._data, q, self._frame, reference)
+        return np.asarray(J.reshape(6, -1)[self.rows] * self.scale)  # of one joint, pinocchio's has one dimension
+
+    def rate(self, s: float, q: Array) -> Array:
+        """dq/ds (n,) at q (n,)."""
+        inverse, free = self._inverse(q)
+        task = inverse @ self.path.twist(s)[self.rows]
+        if not free.any():
+            return np.asarray(self.scale * task)
+        return np.asarray(self.scale * (task + free @ self._drift(s, q, float(np.linalg.norm(task)))))
+
+    def bend(self, s: float, q: Array, dq: Array) -> Array:
+        """d²q/ds² (n,) along the flow of `rate`, whose value at q is dq (n,).
+
+        What the tool asks for is exact; the drift of a redundant arm is differenced along the flow.
+        """
+        inverse, free = self._inverse(q)
+        missing = self.path.twist_rate(s)[self.rows] - self._acceleration(q, dq)
+        if not free.any():
+            return np.asarray(self.scale * (inverse @ missing))
+        if s == 1.0 and self.aim.goal is not None:  # see `arrive`
+            return np.asarray(self.scale * (inverse @ missing))
+        low, high = max(0.0, s - _DIFFERENCE), min(1.0, s + _DIFFERENCE)
+        ahead, behind = (self.rate(x, q + (x - s) * dq) for x in (high, low))
+        flow = (ahead - behind) / (self.scale * (high - low))
+        return np.asarray(self.scale * (inverse @ missing + free @ flow))
+
+    def arrive(self, q: Array, dq: Array) -> Array:
+        """dq/ds (n,) at s = 1 with the null-space part of dq (n,): there `rate` would divide 0 by 0 at the goal."""
+        inverse, free = self._inverse(q)
+        return np.asarray(self.scale * (inverse @ self.path.twist(1.0)[self.rows] + free @ (dq / self.scale)))
+
+    def correct(self, s: float, q: Array) -> Array | None:
+        """The configuration near q (n,) with the tool at X(s), by Newton's method; None if it does not converge."""
+        for _ in range(_STEPS):
+            error = self.error(s, q)
+            q = q + self.scale * (self._inverse(q)[0] @ error[self.rows])
+            if np.abs(error).max() < _CLOSE:
+                return q
+        return None
+
+    def _inverse(self, q: Array) -> tuple[Array, Array]:
+        """J_z^+ (n, 6 or 3) and N (n, n); N is 0 where nothing is free."""
+        U, sigma, Vt = np.linalg.svd(self.jacobian(q), full_matrices=False)
+        kept = sigma > _RANK * sigma[0]
+        U, sigma, Vt = U[:, kept], sigma[kept], Vt[kept]
+        n = Vt.shape[1]
+        free = self.redundant and bool(kept.all())
+        return (Vt.T / sigma) @ U.T, np.eye(n) - Vt.T @ Vt if free else np.zeros((n, n))
+
+    def _acceleration(self, q: Array, dq: Array) -> Array:
+        """J' q': how the twist of the frame changes at constant joint rates, in world axes."""
+        pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(len(q)))
+        reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        bias = pin.getFrameClassicalAcceleration(self._model, self._data, self._frame, reference)
+        return np.asarray(bias.vector[self.rows])
+
+    def _drift(self, s: float, q: Array, speed: float) -> Array:
+        """What N projects, (n,): -speed * avoidance * x^5 with x = ±1 at the limits, and the way left over 1 - s.
+
+        The first is the negative gradient in z of sum_j (h_j / v_j) x_j^6 / 6, h half the range, v the velocity limit.
+        It fades out as the goal comes near.
+        """
+        x = np.where(self._bounded, np.clip((q - self._middle) / self._half, -1.0, 1.0), 0.0)
+        away = -speed * self.aim.avoidance * x**5
+        if self.aim.goal is None:
+            return np.asarray(away)
+        left = max(1.0 - s, _DIFFERENCE)
+        return np.asarray((self.aim.goal - q) / (self.scale * left) + left**2 * away)

@@ -1,0 +1,140 @@
+"""A tool path as a joint path: one branch of the inverse kinematics, followed step by step.
+
+A step predicts the next knot (Runge-Kutta on the joint rates), puts the tool exactly on its path there (Newton) and
+joins the knots by the polynomial of degree five with the exact first and second derivatives at both. It stands if the
+polynomial keeps the tool on the path between the knots too; otherwise it is made shorter. So the joint path is twice
+continuously differentiable, and it cannot jump to another branch: between two branches the tool would leave its path.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.cartesian.diagnosis import first_ending, stuck
+from optiplan.planners.cartesian.differential_ik import Aim, Tracker
+from optiplan.planners.cartesian.tool_path import ToolPath
+from optiplan.planners.common.failures import out_of_time
+from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.trajectory import Trajectory
+
+_TOLERANCE = 1e-6  # m and rad: the tool's error between knots
+_SHARE = 0.3  # of the tolerance that may be used up at the points looked at
+_BETWEEN = (0.15, 0.3, 0.5, 0.7, 0.85)  # the error of the polynomial is largest near the middle
+_LONGEST, _SHORTEST = 0.125, 1e-7  # of s, a step
+_FARTHEST = 0.3  # rad or m: a joint in one step
+_ASTRAY = 0.05  # rad or m: a joint, by the correction
+_MOST_KNOTS = 3000
+_DOING = "following the tool's path"
+_STILL = 1e-9  # rad or m: rounding, which is not to be timed as a motion
+
+
+@dataclass
+class _Knots:
+    """The path so far: at each knot s and q, dq/ds, d²q/ds² (3, n)."""
+
+    s: list[float]
+    state: list[Array]
+
+    def path(self, joint_names: tuple[str, ...]) -> Trajectory:
+        pieces = [_piece(a, b, h) for a, b, h in zip(self.state, self.state[1:], np.diff(self.s), strict=False)]
+        return Trajectory(joint_names, np.array(self.s), np.array(pieces))
+
+
+def follow(
+    model: CollisionModel, path: ToolPath, start: tuple[str, Array], budget: Budget, aim: Aim | None = None
+) -> Trajectory | Failure:
+    """Joint path q(s), s from 0 to 1, with the frame within 1e-6 m and 1e-6 rad of path(s) for all s.
+
+    Twice continuously differentiable; within the joint limits and free for all s.
+
+    Args:
+        model: of the robot in its scene.
+        path: of the frame.
+        start: the frame's name, and a configuration (n,) that puts it at path(0).
+        budget: polled at every step.
+        aim: what a redundant arm does with its freedom.
+
+    Returns:
+        A Failure where the path cannot be followed to its end: `limits`, `collision`, `singularity`, `reach`,
+        `no-path` (another configuration at the end than the aim's goal), `unsupported` (fewer joints than the path
+        needs), `budget`, `cancelled`. Its witness has the `fraction` (s), `pose`, `q` and the `cause`.
+
+    Raises:
+        ValueError: the start does not have the frame at path(0), within 1e-6 m and rad.
+    """
+    tracker = Tracker(model.robot, start[0], path, aim or Aim())
+    knots = _march(tracker, start[1], budget)
+    if budget.over:
+        return out_of_time(budget, _DOING)
+    if len(knots.s) < 2:
+        return stuck(tracker, 0.0, start[1])
+    followed = knots.path(model.robot.joint_names)
+    ending = first_ending(model, tracker, followed, budget)
+    if ending is not None:
+        return out_of_time(budget, _DOING) if budget.over else ending
+    still = max(np.abs(bound - start[1]).max() for bound in followed.extrema(0)) < _STILL
+    return Trajectory(followed.joint_names, np.array([0.0, 1.0]), start[1][None, None]) if still else followed
+
+
+def _march(tracker: Tracker, q: Array, budget: Budget) -> _Knots:
+    """Knots from s = 0 on, to 1 or to where no step is short enough."""
+    if np.abs(tracker.error(0.0, q)[tracker.rows]).max() > _TOLERANCE:
+        raise ValueError("the tool path does not begin where the start configuration has the tool")
+    knots, h = _Knots([0.0], [_state(tracker, 0.0, q)]), _LONGEST / 8.0
+    while knots.s[-1] < 1.0 and h >= _SHORTEST and len(knots.s) < _MOST_KNOTS and not budget.over:
+        s = knots.s[-1]
+        end = 1.0 if s + 1.01 * h >= 1.0 else s + h
+        state, error = _step(tracker, s, knots.state[-1], end)
+        if state is not None and error <= 1.0:
+            knots.s.append(end)
+            knots.state.append(state)
+        h = (end - s) * float(np.clip(0.9 * max(error, 1e-9) ** (-1.0 / 6.0), 0.3, 2.0))
+        h = min(h, _LONGEST)
+    return knots
+
+
+def _step(tracker: Tracker, s: float, state: Array, end: float) -> tuple[Array | None, float]:
+    """State at `end`, and the largest error between the knots over what is allowed; infinite if there is no state."""
+    h = end - s
+    if h * np.abs(state[1]).max() > _FARTHEST:
+        return None, np.inf
+    predicted = _predict(tracker, s, state, end)
+    q = tracker.correct(end, predicted)
+    if q is None or np.abs(q - predicted).max() > _ASTRAY or np.abs(q - state[0]).max() > 2.0 * _FARTHEST:
+        return None, np.inf
+    new = _state(tracker, end, q)
+    if _aimed(tracker, end):
+        dq = tracker.arrive(q, 2.0 * (q - state[0]) / h - state[1])
+        new = np.array([q, dq, tracker.bend(end, q, dq)])
+    piece = _piece(state, new, h)
+    errors = [np.abs(tracker.error(s + u * h, (u * h) ** np.arange(6) @ piece)).max() for u in _BETWEEN]
+    return new, float(max(errors)) / (_SHARE * _TOLERANCE)
+
+
+def _predict(tracker: Tracker, s: float, state: Array, end: float) -> Array:
+    """Where q might be at `end`: at the goal that a redundant arm aims at, else a Runge-Kutta step of order four."""
+    if _aimed(tracker, end) and tracker.aim.goal is not None:
+        return tracker.aim.goal
+    q, k1, h = state[0], state[1], end - s
+    k2 = tracker.rate(s + h / 2.0, q + h / 2.0 * k1)
+    k3 = tracker.rate(s + h / 2.0, q + h / 2.0 * k2)
+    k4 = tracker.rate(end, q + h * k3)
+    return np.asarray(q + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
+
+
+def _aimed(tracker: Tracker, end: float) -> bool:
+    """Whether a redundant arm is about to arrive at the configuration that it aims at."""
+    return end == 1.0 and tracker.redundant and tracker.aim.goal is not None
+
+
+def _state(tracker: Tracker, s: float, q: Array) -> Array:
+    dq = tracker.rate(s, q)
+    return np.array([q, dq, tracker.bend(s, q, dq)])
+
+
+def _piece(a: Array, b: Array, h: float) -> Array:
+    """Ascending powers (6, n) of the polynomial with value and two derivatives a (3, n) at 0 and b (3, n) at h."""
+    return np.asarray(hermite(a, b, np.array([h]))[0] / h ** np.arange(6)[:, None])

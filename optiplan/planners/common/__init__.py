@@ -1,0 +1,1 @@
+"""What planners of several families share."""

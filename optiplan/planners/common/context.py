@@ -1,0 +1,23 @@
+"""What the steps of one call of `plan` share."""
+
+from dataclasses import dataclass, field
+
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.base import Budget
+from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.problem.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """One call of `plan`: the model is that of the problem's robot in its scene."""
+
+    problem: Problem
+    model: CollisionModel
+    budget: Budget
+    watch: Stopwatch = field(default_factory=Stopwatch)
+
+    @classmethod
+    def on(cls, problem: Problem, budget: Budget) -> "Work":
+        """Work that begins."""
+        return cls(problem, CollisionModel(problem.robot, problem.scene), budget)

@@ -1,0 +1,171 @@
+"""Is a whole curve free, between samples too? Planners ask this of themselves; the word *verified* is not theirs.
+
+An interval of the curve is free for a pair when the distance at its middle exceeds the bound on how far the pair can
+travel to both ends. Where it does not, the interval is cut into as many pieces as the ratio of the two asks for.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel, Contact
+from optiplan.planners.common.failures import contact_witness
+from optiplan.trajectory.trajectory import Trajectory
+
+Index = npt.NDArray[np.intp]
+
+Curve = Callable[[Array, Array], tuple[Array, Array]]
+"""(middles (N,), half widths (N,)) of intervals -> (Q (N, n), D (N, n)): the middle configurations and bounds on how
+far every joint moves away from them within the interval."""
+
+_TOLERANCE = 2e-6  # m; coal's distances are good to 1e-6
+_MOST_CUTS = 12
+_FIRST_STEP = 0.1  # rad or m, summed over joints: length of an interval to begin with
+_RESOLUTION = 1e-6  # s
+_CHUNK = 256  # intervals proved together: bounds the memory
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """Where a curve comes too near: the parameter `t` (s, or fraction of a path), the configuration and the bodies."""
+
+    t: float
+    q: Array
+    contact: Contact
+
+    def witness(self) -> dict[str, Any]:
+        """JSON-ready form, as `Failure.witness` wants it."""
+        return {"t": self.t, **contact_witness(self.q, self.contact)}
+
+
+def first_contact(
+    model: CollisionModel, trajectory: Trajectory, stop: Callable[[], bool] = lambda: False
+) -> Touch | None:
+    """Earliest place found where two bodies of a trajectory touch, or None: free at all times; see `contacts_along`."""
+    return next(contacts_along(model, trajectory, stop), None)
+
+
+def contacts_along(
+    model: CollisionModel, trajectory: Trajectory, stop: Callable[[], bool] = lambda: False
+) -> Iterator[Touch]:
+    """Places where two bodies of a trajectory touch, one for each stretch of time that is seen to; none: it is free.
+
+    Holds at: everywhere; no place is a proof up to coal's tolerance. An interval shorter than 1e-6 s that is neither
+    proved free nor seen to touch counts as a touch. So does what is not proved yet when `stop` says so: callers look at
+    their budget before they believe in a touch.
+    """
+    curve, edges = trajectory_curve(trajectory), trajectory.breakpoints
+    _, D = curve(0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
+    middle, half = _subdivide(edges, np.ceil(2.0 * D.sum(axis=1) / _FIRST_STEP))
+    seen = before = False
+    for t, q in zip(middle, curve(middle, half)[0], strict=True):  # ten times cheaper than a proof: refuse early
+        stopped = stop()
+        touching = stopped or model.collides(q)
+        contact = model.clearance(q) if touching and not before else None
+        if contact is not None and (stopped or contact.distance <= 0.0):
+            seen = True
+            yield Touch(float(t), q, contact)
+            if stopped:
+                return
+        before = touching
+    if seen:
+        return
+    for k in range(0, len(middle), _CHUNK):
+        part = slice(k, k + _CHUNK)
+        touch = _prove(model, curve, (middle[part], half[part]), stop)
+        if touch is not None:
+            yield touch
+
+
+def trajectory_curve(trajectory: Trajectory) -> Curve:
+    """Curve of a trajectory over time, for intervals within one piece each: D = sum_k |c_k| h^k about the middle."""
+
+    def curve(middle: Array, half: Array) -> tuple[Array, Array]:
+        piece = np.searchsorted(trajectory.breakpoints[1:-1], middle, side="right")
+        c = trajectory.coefficients[piece].copy()  # (N, degree + 1, n)
+        local = (middle - trajectory.breakpoints[piece])[:, None]
+        degree = c.shape[1] - 1
+        for low in range(degree):  # Taylor shift by repeated Horner steps
+            for k in range(degree - 1, low - 1, -1):
+                c[:, k] += local * c[:, k + 1]
+        powers = half[:, None] ** np.arange(1, degree + 1)
+        return c[:, 0], np.einsum("nk,nkj->nj", powers, np.abs(c[:, 1:]))
+
+    return curve
+
+
+def _prove(
+    model: CollisionModel, curve: Curve, intervals: tuple[Array, Array], stop: Callable[[], bool]
+) -> Touch | None:
+    """Cut the intervals (middles (N,), half widths (N,)) until each is proved free, or one touches or is too small."""
+    middle, half = intervals
+    Q, D = curve(middle, half)
+    bounds, travel = model.lower_bounds(Q), model.travel(Q, D)
+    rows, pairs = np.nonzero(bounds <= travel)
+    travel = travel[rows, pairs]
+    while len(rows):
+        gap, worst = _gaps(model, Q, rows, pairs, stop)
+        if worst is not None:
+            return Touch(float(middle[worst[0]]), Q[worst[0]], worst[1])
+        left = gap <= travel
+        if not left.any():
+            return None
+        rows, pairs, ratio = rows[left], pairs[left], travel[left] / gap[left]
+        too_small = half[rows] < _RESOLUTION
+        if too_small.any():
+            row, pair = int(rows[too_small][0]), int(pairs[too_small][0])
+            return Touch(float(middle[row]), Q[row], model.distance(Q[row], pair))
+        middle, half, rows, pairs = _cut(middle, half, rows, pairs, ratio)
+        Q, D = curve(middle, half)
+        travel = model.bounds.travel_of(Q, D, rows, pairs)
+    return None
+
+
+def _subdivide(edges: Array, parts: Array) -> tuple[Array, Array]:
+    """Middles and half widths of the intervals between `edges` (m + 1,), each cut into `parts` (m,) equal ones."""
+    count = np.maximum(parts, 1).astype(int)
+    half = np.repeat(np.diff(edges) / (2.0 * count), count)
+    place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return np.repeat(edges[:-1], count) + (2 * place + 1) * half, half
+
+
+def _gaps(
+    model: CollisionModel, Q: Array, rows: Index, pairs: Index, stop: Callable[[], bool]
+) -> tuple[Array, tuple[int, Contact] | None]:
+    """Distance of each (row, pair), rows ascending, or the deepest contact of the first row that has one."""
+    gap = np.empty(len(rows))
+    placed, worst = -1, None
+    for k, (row, pair) in enumerate(zip(rows.tolist(), pairs.tolist(), strict=True)):
+        if row != placed:
+            if worst is not None:
+                break
+            if stop():
+                worst = k
+                break
+            model.place(Q[row])
+            placed = row
+        gap[k] = model.pair_gap(pair) - _TOLERANCE
+        if gap[k] <= 0.0 and (worst is None or gap[k] < gap[worst]):
+            worst = k
+    return gap, None if worst is None else (int(rows[worst]), model.distance(Q[rows[worst]], int(pairs[worst])))
+
+
+def _cut(middle: Array, half: Array, rows: Index, pairs: Index, ratio: Array) -> tuple[Array, Array, Index, Index]:
+    """Cut every interval that is left into equal parts, as many as its neediest pair asks for."""
+    used, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
+    need = np.clip(np.ceil(np.maximum.reduceat(ratio, first) * 1.05), 2, _MOST_CUTS).astype(int)
+    parent = np.repeat(np.arange(len(used)), need)
+    place = np.arange(len(parent)) - np.repeat(np.cumsum(need) - need, need)
+    new_half = (half[used] / need)[parent]
+    new_middle = (middle - half)[used][parent] + (2 * place + 1) * new_half
+    count = need[inverse]  # every pair goes to all children of its interval
+    start = (np.cumsum(need) - need)[inverse]
+    offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    new_rows = np.repeat(start, count) + offset
+    new_pairs = np.repeat(pairs, count)
+    order = np.lexsort((new_pairs, new_rows))
+    return new_middle, new_half, new_rows[order], new_pairs[order]

@@ -1,0 +1,58 @@
+"""Reasons that several planners give in the same words."""
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel, Contact
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.common.gravity import Gravity
+from optiplan.robot.robot import Limits, Robot
+
+
+def contact_witness(q: Array, contact: Contact) -> dict[str, Any]:
+    """JSON-ready place of a contact: configuration, bodies, nearest points (world, m) and distance (m)."""
+    return {
+        "q": q.tolist(),
+        "pair": [contact.pair.name_a, contact.pair.name_b],
+        "points": [contact.point_a.tolist(), contact.point_b.tolist()],
+        "distance": contact.distance,
+    }
+
+
+def end_collides(model: CollisionModel, q: Array, end: str) -> Failure:
+    """The `start` or the `goal` configuration q (n,), known to collide, as a failure that names the bodies."""
+    contact = model.clearance(q)
+    if contact is None:
+        raise ValueError("a model without pairs does not collide")
+    pair, depth = contact.pair, max(0.0, -contact.distance)
+    detail = f"{end} configuration: '{pair.name_a}' and '{pair.name_b}' overlap by {depth * 1e3:.3g} mm"
+    return Failure(f"{end}-in-collision", detail, contact_witness(q, contact))
+
+
+def too_heavy(robot: Robot, limits: Limits, waypoints: Array) -> Failure:
+    """A free path of straight segments between waypoints (k, n), but holding the arm on it takes too much torque."""
+    Q = np.vstack([waypoints[:1], *(np.linspace(a, b, 50) for a, b in pairwise(waypoints))])
+    return _heavy(Gravity(robot, limits.torque), Q, "on the free path that was found")
+
+
+def end_too_heavy(gravity: Gravity, Q: Array, end: str) -> Failure:
+    """Holding the arm takes too much torque at the `start`, or at every `goal`: configurations Q (N, n)."""
+    return _heavy(gravity, Q, f"at the {end}")
+
+
+def _heavy(gravity: Gravity, Q: Array, where: str) -> Failure:
+    torques = np.array([gravity.torque(q) for q in Q])
+    k, j = np.unravel_index(int(np.argmax(torques / gravity.limit)), torques.shape)
+    name, torque, limit = gravity.joint_names[j], float(torques[k, j]), float(gravity.limit[j])
+    detail = f"gravity alone exceeds the torque limits {where}: {name} takes {torque:.4g} of {limit:.4g} N·m"
+    return Failure("unsupported", detail, {"q": Q[k].tolist(), "joint": name, "torque": torque})
+
+
+def out_of_time(budget: Budget, doing: str) -> Failure:
+    """The budget ended, or somebody cancelled, while `doing` something."""
+    if budget.cancelled:
+        return Failure("cancelled", f"cancelled while {doing}")
+    return Failure("budget", f"the budget of {budget.seconds:.3g} s ended while {doing}")

@@ -1,0 +1,203 @@
+"""Goal configurations as planners want them: free, light enough to hold, ranked, or a Failure; more while searching."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import cycle
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.kinematics.ik.levenberg_marquardt import Descent
+from optiplan.kinematics.ik.numeric import pose_error, random_seeds
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.common.failures import end_collides, end_too_heavy, out_of_time
+from optiplan.planners.common.goal_improvement import NearerEnds
+from optiplan.planners.common.gravity import Gravity
+from optiplan.problem.goals import SHARE, GoalOptions, goal_configurations
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory.timing.lower_bound import lower_bounds
+
+_LOOKING = 0.25  # share of the budget after which goal configurations that all collide are the answer
+_STARTS = 40  # of inverse kinematics for each configuration that `more` is asked for, at most
+_DISTINCT, _NEARLY = 0.1, 0.02  # rad or m: configurations drawn, and those moved towards the start, differ by more
+_ITERATIONS = 60
+_FINE = 1e-3, 1e-2  # m and rad: within a tolerance that small nothing else is free if one configuration is not
+
+
+def ranked_goals(
+    problem: Problem, model: CollisionModel, budget: Budget, count: int = 8, *, nearer: bool = True
+) -> list[Array] | Failure:
+    """Up to `count` goal configurations (n,), the one with the smallest lower bound first.
+
+    With `nearer`, also those that use the tolerance and the redundancy to be reached sooner; without, all of a pose
+    goal are within half its tolerance.
+
+    Failure kinds: `start-in-collision`, `goal-unreachable`, `goal-in-collision`, `unsupported` (gravity exceeds the
+    torque limits at the start or at all goals), `cancelled`, `budget`.
+    """
+    found = goal_sampler(problem, model, budget, count, nearer=nearer)
+    return found if isinstance(found, Failure) else found.configurations[:count]
+
+
+def goal_sampler(
+    problem: Problem, model: CollisionModel, budget: Budget, count: int = 8, *, nearer: bool = True
+) -> "GoalSampler | Failure":
+    """A source of goal configurations that has found at least one, or why there is none; see `ranked_goals`.
+
+    That all goal configurations collide is final where the list is complete, else when a quarter of the budget is gone.
+    """
+    gravity = Gravity(problem.robot, problem.limits.torque)
+    if model.collides(problem.start):
+        return end_collides(model, problem.start, "start")
+    if gravity.too_much(problem.start):
+        return end_too_heavy(gravity, problem.start[None], "start")
+    options = GoalOptions(count, stop=lambda: budget.over)
+    sampler = GoalSampler(problem, model, problem.seed, options, nearer)
+    looking = budget.share(_LOOKING)
+    while not sampler.configurations and sampler.reachable and not sampler.complete and not looking.over:
+        sampler.more(1, lambda: looking.over)
+    if sampler.configurations:
+        return sampler
+    if budget.over:
+        return out_of_time(budget, "looking for goal configurations")
+    return sampler.failure
+
+
+class GoalSampler:
+    """Goal configurations of a problem, more of them when asked; same problem, seed and calls, same configurations.
+
+    Attributes:
+        configurations: (n,) each, free and not too heavy to hold, the one with the smallest lower bound first.
+        complete: whether there are no others: joint goals, and poses with fine tolerances for which a closed form has
+            found all branches.
+        reachable: whether any configuration reaches the goal, in collision or not.
+        failure: why there is no configuration.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        model: CollisionModel,
+        seed: int,
+        options: GoalOptions | None = None,
+        nearer: bool = True,
+    ) -> None:
+        """Look for the first ones, as the options say; with `nearer` also for what is reached sooner."""
+        options = options or GoalOptions()
+        self._problem, self._model = problem, model
+        self._gravity = Gravity(problem.robot, problem.limits.torque)
+        self._rng = np.random.default_rng(seed)
+        poses = [goal for goal in problem.goal if isinstance(goal, PoseGoal)]
+        self._nearer = [NearerEnds(problem, goal) for goal in poses] if nearer else []
+        self._drawn: list[Array] = []
+        self.configurations: list[Array] = []
+        first = goal_configurations(problem, model, self._rng, replace(options, count=4 * options.count))
+        held = [q for q in first.configurations if not self._gravity.too_much(q)]
+        self.complete = all(_complete(problem, goal) for goal in problem.goal)
+        self.reachable = first.kind != "goal-unreachable"
+        self.failure = Failure(first.kind, first.reason, first.witness)
+        if first.configurations and not held:
+            self.failure = end_too_heavy(self._gravity, np.array(first.configurations), "goal")
+        self._drawn += held
+        ranked = self._ranked(held)
+        self.configurations = ranked
+        self._add([end for q in ranked[: options.count] if not options.stop() for end in self._sooner(q)])
+        self._draws = self._draw([_Draw(problem, goal, self._rng) for goal in poses])
+
+    def more(self, count: int, stop: Callable[[], bool] = lambda: False) -> list[Array]:
+        """Up to `count` configurations that were not there before, with those nearer to the start that they lead to.
+
+        They are among `configurations` from now on; ends early, perhaps with none, when `stop` says so or after 40
+        fruitless starts of the inverse kinematics for each.
+        """
+        new: list[Array] = []
+        for _ in range(0 if self.complete else _STARTS * count):
+            if len(new) >= count or stop():
+                break
+            q = next(self._draws)
+            if q is None or any(np.abs(q - other).max() <= _DISTINCT for other in self._drawn):
+                continue
+            self._drawn.append(q)
+            if self._good(q):
+                new.append(q)
+        new += [end for q in new if not stop() for end in self._sooner(q)]
+        return self._add(new)
+
+    def _add(self, found: list[Array]) -> list[Array]:
+        """Rank those in that are not there yet."""
+        new: list[Array] = []
+        for q in found:
+            if all(np.abs(q - other).max() > _NEARLY for other in (*self.configurations, *new)):
+                new.append(q)
+        self.configurations = self._ranked([*self.configurations, *new])
+        return self._ranked(new)
+
+    def _ranked(self, found: list[Array]) -> list[Array]:
+        if not found:
+            return []
+        bounds = lower_bounds(self._problem.start, np.array(found), self._problem.limits)
+        return [found[k] for k in np.argsort(bounds, kind="stable")]
+
+    def _good(self, q: Array) -> bool:
+        return not self._gravity.too_much(q) and not self._model.collides(q)
+
+    def _sooner(self, q: Array) -> Iterator[Array]:
+        """For each pose goal that q (n,) is in: the free configuration reached soonest among those passed from q."""
+        for ends in self._nearer:
+            if ends.contains(q):
+                passed = ends.towards_start(q)
+                yield from [end for end in passed[::-1] if self._good(end)][:1]
+
+    def _draw(self, draws: "list[_Draw]") -> Iterator[Array | None]:
+        """One start of the inverse kinematics each, of the poses in turn."""
+        for draw in cycle(draws):
+            yield draw()
+
+
+class _Draw:
+    """Random configurations that reach a pose, from random starts and within the tolerance aiming at random poses."""
+
+    def __init__(self, problem: Problem, goal: PoseGoal, rng: np.random.Generator) -> None:
+        self._problem, self._goal, self._rng = problem, goal, rng
+        self._descent = Descent(problem.robot, goal.frame, goal.orientation < np.pi)
+
+    def __call__(self) -> Array | None:
+        """A configuration (n,) within half the tolerance; None where this start leads to none."""
+        goal, start = self._goal, self._problem.start
+        seed = random_seeds(self._problem.robot, start, self._rng, 1, goal.frame)[0]
+        self._descent.aim(self._target())
+        q = self._descent.descend(seed, _ITERATIONS)
+        position, angle = pose_error(self._descent.place(q), goal.X_WG)
+        reached = position <= SHARE * goal.position and (goal.orientation >= np.pi or angle <= SHARE * goal.orientation)
+        return q if reached else None
+
+    def _target(self) -> pin.SE3:
+        """Uniform within 0.45 of the tolerance; the pose itself where that is fine."""
+        goal = self._goal
+        target = pin.SE3(goal.X_WG)
+        shift, turn = (0.9 * SHARE * self._ball() for _ in range(2))
+        if goal.position > _FINE[0]:
+            target.translation = target.translation + goal.position * shift
+        if _FINE[1] < goal.orientation < np.pi:
+            target.rotation = pin.exp3(goal.orientation * turn) @ target.rotation
+        return target
+
+    def _ball(self) -> Array:
+        """A point of the unit ball, uniform: (3,)."""
+        direction = self._rng.standard_normal(3)
+        return np.asarray(direction / np.linalg.norm(direction) * self._rng.uniform() ** (1.0 / 3.0))
+
+
+def _complete(problem: Problem, goal: JointGoal | PoseGoal) -> bool:
+    """Whether all configurations of an alternative are found at once."""
+    if isinstance(goal, JointGoal):
+        return True
+    fine = goal.position <= _FINE[0] and goal.orientation <= _FINE[1]
+    closed = closed_form(problem.robot, goal.frame) if fine else None
+    if closed is None:
+        return False
+    found = closed.solve(goal.X_WG.homogeneous[None])
+    return not found.singular[0, found.valid[0]].any()

@@ -1,0 +1,93 @@
+"""What a motion has too much of: the joint and the limit, on exact extrema, as a `limits` failure in words."""
+
+from dataclasses import dataclass
+from math import ceil, floor, log10
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.planners.base import Failure
+from optiplan.robot.limits import UNITS
+from optiplan.robot.robot import Limits, Robot
+from optiplan.trajectory.trajectory import Trajectory
+
+_ROUNDING = 5e-7  # share of a limit, and rad or m: short pieces late in a long motion have few digits left
+_STILL = 1e-6  # share of the acceleration limit: smaller steps are rounding
+_SAMPLES = 1000
+_ORDERS = ("position", "velocity", "acceleration", "jerk")
+
+
+@dataclass(frozen=True)
+class Excess:
+    """Joint `joint` reaches `value` of `quantity` at time `t` (s), beyond its `limit`."""
+
+    joint: int
+    quantity: str
+    value: float
+    limit: float
+    t: float
+
+
+def excess(trajectory: Trajectory, limits: Limits) -> Excess | None:
+    """The limit of position, velocity, acceleration or jerk that a motion exceeds most, or None; at all times.
+
+    Most is by how much slower it would have to be, (value / limit)^(1 / order).
+    """
+    found: list[tuple[float, Excess]] = []
+    e = trajectory.extrema_at(0)
+    for value, limit, beyond, t in (
+        (e.low, limits.lower, limits.lower - e.low, e.t_low),
+        (e.high, limits.upper, e.high - limits.upper, e.t_high),
+    ):
+        j = int(np.argmax(beyond))
+        found.append((float(beyond[j]), Excess(j, "position", float(value[j]), float(limit[j]), float(t[j]))))
+    for order in (1, 2, 3):
+        e, limit = trajectory.extrema_at(order), getattr(limits, _ORDERS[order])
+        value = np.maximum(e.high, -e.low)
+        t = np.where(e.high >= -e.low, e.t_high, e.t_low)
+        j = int(np.argmax(value / limit))
+        share = float(value[j] / limit[j]) ** (1.0 / order) - 1.0
+        found.append((share, Excess(j, _ORDERS[order], float(value[j]), float(limit[j]), float(t[j]))))
+    most, where = max(found, key=lambda entry: entry[0])
+    return where if most > _ROUNDING else None
+
+
+def acceleration_steps(trajectory: Trajectory, limits: Limits) -> bool:
+    """Whether the acceleration of a joint with a jerk limit jumps, from and to rest included."""
+    ends = trajectory(np.array([0.0, trajectory.duration]), 2)
+    steps = np.abs(np.vstack([ends, trajectory.jumps(2)])).max(axis=0)
+    return bool((np.isfinite(limits.jerk) & (steps > _STILL * limits.acceleration)).any())
+
+
+def beyond_limits(over: Excess, trajectory: Trajectory, shortest: float | None) -> Failure:
+    """A `limits` failure: what is exceeded, and the shortest duration (s) in which it is not, if there is one."""
+    joint = trajectory.joint_names[over.joint]
+    unit = UNITS.get(over.quantity, "rad")
+    reached = f"'{joint}' would reach {over.quantity} {over.value:.4g} {unit}, beyond its limit {over.limit:.4g}"
+    detail = f"{reached}, in {trajectory.duration:.6g} s; {_other_duration(shortest)}"
+    q = trajectory(np.array([over.t]))[0].tolist()
+    place = {"joint": joint, "quantity": over.quantity, "value": over.value, "limit": over.limit, "t": over.t, "q": q}
+    return Failure("limits", detail, place | ({} if shortest is None else {"shortest_duration": shortest}))
+
+
+def beyond_torque(robot: Robot, limits: Limits, trajectory: Trajectory, shortest: float | None) -> Failure:
+    """The same for a motion known to take too much torque."""
+    t = np.union1d(np.linspace(0.0, trajectory.duration, _SAMPLES), trajectory.breakpoints)
+    motion = zip(*(trajectory(t, order) for order in range(3)), strict=True)
+    data = robot.model.createData()
+    torque = np.abs([pin.rnea(robot.model, data, q, v, a) for q, v, a in motion])
+    k, j = np.unravel_index(int(np.argmax(torque / limits.torque)), torque.shape)
+    over = Excess(int(j), "torque", float(torque[k, j]), float(limits.torque[j]), float(t[k]))
+    return beyond_limits(over, trajectory, shortest)
+
+
+def _other_duration(shortest: float | None) -> str:
+    if shortest is None:
+        return "no other duration makes up for it"
+    return f"the shortest duration is {rounded_up(shortest)} s"
+
+
+def rounded_up(value: float) -> str:
+    """A positive number in six digits, not smaller than it is: who asks for what is written gets it."""
+    digit = 10.0 ** (floor(log10(value)) - 5)
+    return f"{ceil(value / digit) * digit:.6g}"

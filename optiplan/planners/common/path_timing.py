@@ -1,0 +1,59 @@
+"""A proved path of straight segments becomes a proved trajectory: corners as round as the obstacles allow."""
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.base import Budget
+from optiplan.planners.common.continuous_collision import first_contact
+from optiplan.robot.robot import Limits
+from optiplan.trajectory.paths.corner_blends import blend_path
+from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.time_path import TimingOptions, time_path
+from optiplan.trajectory.timing.torque_scaling import torque_scale
+from optiplan.trajectory.trajectory import Trajectory
+
+_SHRINK = 0.5
+_SHARPEST = 0.01  # share of half a segment; below it a corner is not worth rounding
+
+
+def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory | None:
+    """The faster of a run through rounded corners and one that stops at every corner.
+
+    Args:
+        model: of the robot in its scene.
+        waypoints: (k, n), rad or m; the straight segments between them are free.
+        limits: of the n joints.
+        budget: once it is over, the stops are the answer.
+
+    Returns:
+        A trajectory within all limits that is free at all times because the path is; None where gravity alone takes
+        more torque than allowed.
+    """
+    robot = model.robot
+    stops = within_torque(model, limits, stop_at_corners(waypoints, limits, robot.joint_names))
+    distinct = np.any(np.diff(waypoints, axis=0) != 0.0, axis=1)
+    if stops is None or not distinct.any():
+        return stops
+    blended = _blend(model, waypoints[np.concatenate([[True], distinct])], limits, budget)
+    return stops if blended is None or blended.duration > stops.duration else blended
+
+
+def within_torque(model: CollisionModel, limits: Limits, trajectory: Trajectory) -> Trajectory | None:
+    """The trajectory, slowed down where its torques ask for it; None where even standing still takes too much."""
+    slower = torque_scale(model.robot, limits.torque, trajectory)
+    return trajectory.scaled(trajectory.duration * slower) if np.isfinite(slower) else None
+
+
+def _blend(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory | None:
+    fractions = np.ones(len(waypoints) - 2)
+    while not budget.over and fractions.min(initial=1.0) > _SHARPEST:
+        path = blend_path(waypoints, fractions, limits, model.robot.joint_names)
+        touch = first_contact(model, path, lambda: budget.over)
+        if touch is None:
+            return time_path(path, model.robot, limits, TimingOptions(stop=lambda: budget.over))
+        if not len(fractions):
+            return None
+        corner = int(np.argmin(np.linalg.norm((waypoints[1:-1] - touch.q) / limits.velocity, axis=1)))
+        fractions[corner] *= _SHRINK
+    return None

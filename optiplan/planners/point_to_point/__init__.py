@@ -1,0 +1,1 @@
+"""Planners of one time law from start to goal."""

@@ -1,0 +1,195 @@
+"""What the planners of one profile share: each goal's motion is held against limits, obstacles and motor torques."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.errors import InputError
+from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.common.context import Work
+from optiplan.planners.common.continuous_collision import Touch, first_contact
+from optiplan.planners.common.failures import out_of_time, too_heavy
+from optiplan.planners.common.goal_ranking import ranked_goals
+from optiplan.planners.common.limit_violations import acceleration_steps, beyond_limits, beyond_torque, excess
+from optiplan.planners.common.path_timing import within_torque
+from optiplan.problem.problem import Problem
+from optiplan.robot.robot import Limits
+from optiplan.trajectory.profiles.synchronisation import How
+from optiplan.trajectory.trajectory import Trajectory
+
+STEPS = "the acceleration jumps, which a finite jerk limit forbids; `limits: {jerk: none}` in the problem allows it"
+_SIZES = (1e-6, 1e7)
+
+
+@dataclass(frozen=True)
+class MotionOptions:
+    """Options of every planner of this family.
+
+    Attributes:
+        duration: s; None is the shortest within velocity, acceleration, jerk and torque limits.
+        goals: how many goal configurations to try, the quickest to reach first.
+    """
+
+    duration: float | None = None
+    goals: int = 8
+
+    def __post_init__(self) -> None:
+        require_size("duration", self.duration)
+        if self.goals < 1:
+            raise ValueError(f"goals = {self.goals} is not positive")
+
+
+@dataclass(frozen=True)
+class ProfileOptions(MotionOptions):
+    """Also how the joints share the time.
+
+    Attributes:
+        motion: all joints share one law; or each is as fast as it can; or one moves after another.
+    """
+
+    motion: How = "synchronised"
+
+
+def require_size(name: str, value: float | None) -> None:
+    """Options that are a time, a velocity or an acceleration are of a size that numbers with sixteen digits can take.
+
+    Raises:
+        ValueError: the value is given and not within 1e-6 to 1e7.
+    """
+    if value is not None and not _SIZES[0] <= value <= _SIZES[1]:
+        raise ValueError(f"{name} = {value} is not within {_SIZES[0]:g} to {_SIZES[1]:g}")
+
+
+class Profile(Protocol):
+    """A motion to one goal, still of any duration."""
+
+    @property
+    def limits(self) -> Limits:
+        """What it has to keep."""
+        ...
+
+    @property
+    def stretchable(self) -> bool:
+        """Whether it is still what was asked for when it is slowed down as a whole."""
+        ...
+
+    @property
+    def shortest(self) -> float:
+        """Shortest duration within all limits but torque, s, or the one that comes nearest."""
+        ...
+
+    def trajectory(self, duration: float | None = None) -> Trajectory:
+        """The motion, in that duration (s) or as fast as can be."""
+        ...
+
+
+Options = TypeVar("Options", bound=MotionOptions)
+
+
+class PointToPoint(ABC, Generic[Options]):
+    """A planner is this class and its `profile`: the goals are tried until a motion is free at all times."""
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+
+    def targets(self, problem: Problem, model: CollisionModel, budget: Budget) -> list[Array] | Failure:
+        """What `profile` is asked for in turn: goal configurations (n,), the quickest to reach first."""
+        return ranked_goals(problem, model, budget, self.options.goals)
+
+    @abstractmethod
+    def profile(self, problem: Problem, goal: Array) -> Profile:
+        """The motion from the problem's start to a goal configuration (n,), rad or m.
+
+        Raises:
+            InputError: the options make no sense for this motion.
+        """
+
+    def check(self, problem: Problem, budget: Budget) -> None:
+        """What can be said of the options without planning; with vias that are passed leg by leg, nothing.
+
+        Raises:
+            InputError: they make no sense for any of the goal configurations that the budget is enough to find.
+        """
+        if problem.vias and not getattr(self, "passes_vias", False):
+            return
+        goals = self.targets(problem, CollisionModel(problem.robot, problem.scene), budget)
+        refused: list[InputError] = []
+        for goal in [] if isinstance(goals, Failure) else goals:
+            try:
+                self.profile(problem, goal)
+            except InputError as error:
+                refused.append(error)
+            else:
+                return
+        if refused:
+            raise refused[0]
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan within the budget; see `planners.base.Planner`."""
+        work = Work.on(problem, budget)
+        watch = work.watch
+        with watch.stage("goals"):
+            goals = self.targets(problem, work.model, budget)
+        if isinstance(goals, Failure):
+            return PlanResult(None, goals, watch.seconds)
+        refused: list[Failure | InputError] = []
+        for k, goal in enumerate(goals):
+            if budget.over:
+                return PlanResult(None, out_of_time(budget, "trying goals"), watch.seconds)
+            progress("goals", k / len(goals))
+            try:
+                found = self._attempt(work, self.profile(problem, goal))
+            except InputError as error:
+                refused.append(error)
+                continue
+            if isinstance(found, Trajectory):
+                notes = {"note": STEPS} if acceleration_steps(found, problem.limits) else {}
+                return PlanResult(found, None, watch.seconds, {"goal": k, **notes})
+            refused.append(found)
+        if budget.over:
+            return PlanResult(None, out_of_time(budget, "trying goals"), watch.seconds)
+        if isinstance(refused[0], InputError):
+            raise refused[0]
+        return PlanResult(None, refused[0], watch.seconds)
+
+    def _attempt(self, work: Work, profile: Profile) -> Trajectory | Failure:
+        """The motion to one goal, proved free and within limits, or why it is not."""
+        model, limits, watch = work.model, work.problem.limits, work.watch
+        with watch.stage("motion"):
+            motion = profile.trajectory(self.options.duration)
+            over = excess(motion, profile.limits)
+        if over is not None:
+            return beyond_limits(over, motion, self._shortest(model, profile))
+        with watch.stage("collision"):
+            touch = first_contact(model, motion, lambda: work.budget.over)
+        if touch is not None:
+            return _collision(touch)
+        with watch.stage("torque"):
+            slower = within_torque(model, limits, motion)
+        if slower is None:
+            return too_heavy(model.robot, limits, np.array([motion.start, motion.end]))
+        if slower is motion or slower.duration == motion.duration:
+            return motion
+        if self.options.duration is None and profile.stretchable:
+            return slower
+        return beyond_torque(model.robot, limits, motion, self._shortest(model, profile))
+
+    def _shortest(self, model: CollisionModel, profile: Profile) -> float | None:
+        """The shortest duration of this motion within all limits, torque included, s; None when there is none."""
+        fastest = profile.trajectory()
+        if excess(fastest, profile.limits) is not None:
+            return None
+        slower = within_torque(model, profile.limits, fastest)
+        if slower is None or (slower.duration > fastest.duration and not profile.stretchable):
+            return None
+        return slower.duration
+
+
+def _collision(touch: Touch) -> Failure:
+    pair = touch.contact.pair
+    detail = f"the motion is not free: '{pair.name_a}' meets '{pair.name_b}' at {touch.t:.3f} s"
+    return Failure("collision", detail, touch.witness())

@@ -1,0 +1,101 @@
+"""`lspb`: constant acceleration, constant velocity, constant deceleration (linear segment with parabolic blends).
+
+Over a distance D in the time T, with blend time t_b:  V = D / (T - t_b),  a = V / t_b.  One of the three may be given:
+D / T < V <= 2 D / T,  0 < t_b <= T / 2,  a >= 4 D / T^2. With a duration alone t_b is as near to T / 3 as the limits
+allow; with nothing the motion is the fastest of its kind. The acceleration jumps, so that only a problem with
+`limits: {jerk: none}` can have it verified.
+"""
+
+from dataclasses import dataclass
+
+from optiplan.arrays import Array
+from optiplan.errors import InputError, Issue
+from optiplan.planners.common.limit_violations import rounded_up
+from optiplan.planners.point_to_point.base import PointToPoint, Profile, ProfileOptions, require_size
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.profiles.laws import Law, Trapezoid
+from optiplan.trajectory.profiles.synchronisation import Part, RestToRest
+
+_ABOVE = 1.0 + 1e-9  # a bound and its rounding
+_SHAPES = ("velocity", "blend_time", "acceleration")
+
+
+@dataclass(frozen=True)
+class LspbOptions(ProfileOptions):
+    """Also at most one of three, of the joint that moves farthest, or of every joint when they share no law.
+
+    Without a duration, the motion is the fastest that has it.
+
+    Attributes:
+        velocity: V, rad/s or m/s, as a speed; or with a minus where the joint moves the negative way.
+        blend_time: t_b, s.
+        acceleration: a, rad/s² or m/s².
+    """
+
+    velocity: float | None = None
+    blend_time: float | None = None
+    acceleration: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        given = [name for name in _SHAPES if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} are given; only one of them can be chosen")
+        require_size("velocity", None if self.velocity is None else abs(self.velocity))
+        require_size("blend_time", self.blend_time)
+        require_size("acceleration", self.acceleration)
+
+
+class Lspb(PointToPoint[LspbOptions]):
+    """See the module."""
+
+    def profile(self, problem: Problem, goal: Array) -> Profile:
+        """The motion from the start to a goal (n,).
+
+        Raises:
+            InputError: the velocity, blend time or acceleration does not go with the distance and the duration.
+        """
+        o = self.options
+        shaped = any(getattr(o, name) is not None for name in _SHAPES)
+        profile = RestToRest(
+            problem.start,
+            goal,
+            problem.limits,
+            problem.robot.joint_names,
+            self._law,
+            o.motion,
+            share_by_distance=o.velocity is not None and o.duration is not None,
+            stretchable=not shaped,
+        )
+        issues = [issue for part in profile.parts(o.duration) if (issue := self._issue(part, profile)) is not None]
+        if issues:
+            raise InputError(issues)
+        return profile
+
+    def _law(self, distance: float) -> Law:
+        """The trapezoid of a joint that moves so far, in its units of s."""
+        o = self.options
+        return Trapezoid(
+            None if o.velocity is None else abs(o.velocity) / distance,
+            o.blend_time,
+            None if o.acceleration is None else o.acceleration / distance,
+        )
+
+    def _issue(self, part: Part, profile: RestToRest) -> Issue | None:
+        """What does not go with the part's distance and duration, or with its direction."""
+        o, D, T = self.options, part.distance, part.duration
+        speeds = f"more than {D / T:.3g} and at most {2.0 * D / T:.3g} rad/s (D/T < |V| <= 2 D/T)"
+        if o.velocity is not None and o.velocity < 0.0 < part.step[part.joint]:
+            field, unit, expected = "velocity", "rad/s", f"a positive one, as the motion: {speeds}"
+        elif o.duration is None:  # the shortest has what was asked for
+            return None
+        elif o.velocity is not None and not D / T * _ABOVE < abs(o.velocity) <= 2.0 * D / T * _ABOVE:
+            field, unit, expected = "velocity", "rad/s", speeds
+        elif o.blend_time is not None and o.blend_time > 0.5 * T * _ABOVE:
+            field, unit, expected = "blend_time", "s", f"more than 0 and at most {0.5 * T:.3g} s (T/2)"
+        elif o.acceleration is not None and o.acceleration * _ABOVE < 4.0 * D / T**2:
+            field, unit, expected = "acceleration", "rad/s²", f"at least {rounded_up(4.0 * D / T**2)} rad/s² (4 D/T²)"
+        else:
+            return None
+        who = f"for joint '{profile.joint_names[part.joint]}', which moves {D:.4g} rad in {T:.4g} s"
+        return Issue("planner 'lspb'", None, field, f"{getattr(o, field):.6g} {unit} {who}", expected)

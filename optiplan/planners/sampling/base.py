@@ -1,0 +1,105 @@
+"""What the sampling planners share: goals, a sampled path to one of them, then smoothing and timing."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.common.failures import too_heavy
+from optiplan.planners.common.goal_ranking import goal_sampler
+from optiplan.planners.common.path_timing import timed_path
+from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.sampling.ompl_search import Searcher, rrt_connect
+from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
+from optiplan.planners.sampling.smoothing import smooth_path
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.timing.time_path import TimingOptions, time_path
+from optiplan.trajectory.trajectory import Trajectory
+
+Smoothing = Literal["corners", "bspline"]
+
+
+@dataclass(frozen=True)
+class SampledOptions:
+    """Options of every sampling planner.
+
+    Attributes:
+        goals: goal configurations that may be reached, at most.
+        attempts: random shortcuts of the path that was found.
+        smoothing: `corners`: straight segments with rounded corners. `bspline`: one smooth curve near the path, or
+            rounded corners where no such curve is proved free.
+
+    Raises:
+        ValueError: a number that is not positive; `attempts` may be 0.
+    """
+
+    goals: int = 8
+    attempts: int = 120
+    smoothing: Smoothing = "corners"
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if name == "attempts" and value < 0:
+                raise ValueError(f"attempts = {value} is negative")
+            if name not in ("attempts", "smoothing") and not 0.0 < value < np.inf:
+                raise ValueError(f"{name} = {value} is not positive and finite")
+
+
+@dataclass(frozen=True)
+class Task:
+    """What `Planner.plan` is given."""
+
+    problem: Problem
+    budget: Budget
+    progress: Progress
+
+
+@dataclass(frozen=True)
+class How:
+    """Who searches; see `SamplingOptions`."""
+
+    searcher: Searcher = rrt_connect
+    detour: float = 2.0
+    improve: Searcher | None = None
+
+
+def plan_sampled(task: Task, options: SampledOptions, how: How) -> PlanResult:
+    """A search between the start and all goal configurations; its path is shortened, smoothed and timed."""
+    problem, budget, watch = task.problem, task.budget, Stopwatch()
+    with watch.stage("set-up"):
+        model = CollisionModel(problem.robot, problem.scene)
+    task.progress("goals", 0.0)
+    with watch.stage("goals"):
+        sampler = goal_sampler(problem, model, budget, options.goals)
+    if isinstance(sampler, Failure):
+        return PlanResult(None, sampler, watch.seconds)
+    task.progress("sampling", 0.1)
+    goals = sampler.configurations[: options.goals]
+    sampling = SamplingOptions(
+        budget, problem.seed, options.attempts, how.searcher, how.detour, how.improve, sampler.more
+    )
+    with watch.stage("sampling"):
+        path = sample_path(model, problem.start, goals, problem.limits, sampling)
+    if isinstance(path, Failure):
+        return PlanResult(None, path, watch.seconds)
+    task.progress("timing", 0.7)
+    with watch.stage("timing"):
+        smooth = _smooth(task, model, path) if options.smoothing == "bspline" else None
+        trajectory = smooth or timed_path(model, path.waypoints, problem.limits, budget)
+    if trajectory is None:
+        return PlanResult(None, too_heavy(problem.robot, problem.limits, path.waypoints), watch.seconds)
+    return PlanResult(trajectory, None, watch.seconds, _info(path, budget, smooth is not None))
+
+
+def _smooth(task: Task, model: CollisionModel, path: SampledPath) -> Trajectory | None:
+    limits = task.problem.limits
+    curve = smooth_path(model, path.waypoints, limits.velocity, task.budget)
+    timing = TimingOptions(stop=lambda: task.budget.over)
+    return None if curve is None else time_path(curve, model.robot, limits, timing)
+
+
+def _info(path: SampledPath, budget: Budget, smooth: bool) -> dict[str, Any]:
+    named = {"goal": path.goal_index, "waypoints": len(path.waypoints), "smooth": smooth}
+    return {**named, **path.info, "cut_short": budget.over or path.info["cut_short"]}

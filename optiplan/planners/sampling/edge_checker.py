@@ -1,0 +1,158 @@
+"""Is a straight motion free at all its points? What samplers ask thousands of times."""
+
+from copy import copy
+from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from optiplan.arrays import Array
+from optiplan.collision.clearance_test import PairMargins
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.common.gravity import Gravity
+from optiplan.robot.robot import Limits
+
+_FIRST = 0.1  # m; a motion is cut to begin with so that no pair travels farther within half a part
+_TOLERANCE = 4e-6  # m; twice what coal's distances are trusted to
+_LEAST = 1e-6  # m of travel; a part not proved free by then counts as blocked
+_MOST = 1000  # queries, some 20 ms; a motion that takes more slides along an obstacle and counts as blocked
+_HEAVY_STEP = 0.05  # rad or m, largest joint, between looks at gravity, whose reserve covers what is between
+_UNIT, _SHORT_LEVER = 1.5, 0.1  # m; a joint that moves less than the second is measured as if it moved as much
+_UNBOUNDED = 1e6  # m, the stroke of a prismatic joint without bounds
+
+
+Joints = npt.NDArray[np.bool_]
+
+
+class MotionCheck:
+    """Proves straight segments between configurations free: the distance of every pair exceeds its travel.
+
+    Half a part of the motion, of length |d| per joint, moves the bodies of pair p against each other by at most
+    t_p = sum_j levers[p, j] |d_j|. The part is free when every pair is farther apart than t_p in the middle of it
+    (`PairMargins.near`, one query); else the part is cut in two, unless its middle is seen to collide. There is no
+    fixed step. With `gravity`, configurations in which the motors cannot hold the arm count as blocked too.
+
+    Source: Schwarzer, Saha and Latombe, "Adaptive dynamic collision checking for single and multiple articulated
+    robots in complex environments", IEEE T-RO 21(3), 2005, with one radius a pair instead of the least distance.
+
+    Attributes:
+        model: of the robot in its scene.
+        limits: of its joints; `levers` hold within the position limits.
+        units: (n,) rad or m, what a search counts as one: the way of each joint in a second at full speed.
+    """
+
+    def __init__(self, model: CollisionModel, limits: Limits, gravity: Gravity | None = None) -> None:
+        self.model, self.limits, self._gravity = model, limits, gravity
+        self.units = limits.velocity
+        stroke = np.minimum(np.maximum(np.abs(limits.lower), np.abs(limits.upper)), _UNBOUNDED)
+        self._levers, self._margins = model.bounds.levers(stroke), PairMargins(model)
+
+    def blocked(self, q: Array) -> bool:
+        """Whether q (n,) collides, or is too heavy to hold."""
+        return self.model.collides(q) or (self._gravity is not None and self._gravity.too_much(q))
+
+    def free(self, a: Array, b: Array) -> bool:
+        """Whether the segment from a to b (n,) is proved free; `a` known not to be blocked.
+
+        Holds at: every point of the segment; gravity at steps of 0.05 rad or m.
+        """
+        d = b - a
+        return not self.blocked(b) and not self._heavy(a, d) and self._apart(a, d)
+
+    def polyline_free(self, waypoints: Array) -> bool:
+        """The same for every segment between waypoints (k, n)."""
+        return all(self.free(a, b) for a, b in pairwise(waypoints))
+
+    def lift(self, q: Array) -> Array:
+        """The robot's configuration (n,) of a configuration of this check."""
+        return q
+
+    def by_levers(self) -> "MotionCheck":
+        """The same check, where one unit of a joint moves some point of the robot by up to `_UNIT`.
+
+        A slow joint is far in time and near in space; what is free depends on space.
+        """
+        twin = copy(self)
+        twin.units = _UNIT / np.maximum(self._levers.max(axis=0, initial=0.0), _SHORT_LEVER)
+        return twin
+
+    def finer(self) -> "MotionCheck":
+        """The same check, where a unit of each joint, and so the longest step of a tree, is a quarter of what it was.
+
+        Out of narrow places only short steps lead.
+        """
+        twin = copy(self)
+        twin.units = 0.25 * self.units
+        return twin
+
+    def _heavy(self, a: Array, d: Array) -> bool:
+        if self._gravity is None:
+            return False
+        parts = max(1, int(np.ceil(np.abs(d).max() / _HEAVY_STEP)))
+        return any(self._gravity.too_much(a + d * (k / parts)) for k in range(1, parts))
+
+    def _apart(self, a: Array, d: Array) -> bool:
+        travel = self._levers @ np.abs(d)  # (P,), along all of the motion
+        farthest = float(travel.max(initial=0.0))
+        parts = max(1, int(np.ceil(0.5 * farthest / _FIRST)))
+        half, queries, middles = 0.5 / parts, 0, _middles(parts)
+        while middles:
+            queries += len(middles)
+            if queries > _MOST or farthest * half < _LEAST < farthest:
+                return False
+            self._margins.set(travel * half + _TOLERANCE)
+            near = []
+            for middle in middles:
+                q = a + middle * d
+                if self._margins.near(q):
+                    if self.model.collides(q):
+                        return False
+                    near.append(middle)
+            half *= 0.5
+            middles = tuple(middle + side for middle in near for side in (-half, half))
+        return True
+
+
+class PartialCheck(MotionCheck):
+    """The same questions about some of the joints, within a box, while the others stand still.
+
+    Attributes:
+        limits: of those joints, with the box for their position limits.
+        still: (n,) where the other joints stand.
+    """
+
+    def __init__(self, whole: MotionCheck, still: Array, joints: Joints, box: tuple[Array, Array]) -> None:
+        """Take box (n,), (n,) within the limits; `joints` (n,) says which are searched."""
+        limits = whole.limits
+        fields = {name: getattr(limits, name)[joints] for name in ("velocity", "acceleration", "jerk", "torque")}
+        self.model, self.units = whole.model, whole.units[joints]
+        self.limits = replace(limits, lower=box[0][joints], upper=box[1][joints], **fields)
+        self.still, self._whole, self._joints = still, whole, joints
+
+    def lift(self, q: Array) -> Array:
+        """The robot's configuration (n,) with its searched joints at q (m,); of many (k, m): (k, n)."""
+        full = np.broadcast_to(self.still, (*q.shape[:-1], len(self.still))).copy()
+        full[..., self._joints] = q
+        return full
+
+    def blocked(self, q: Array) -> bool:
+        """Whether q (m,) collides, or is too heavy to hold."""
+        return self._whole.blocked(self.lift(q))
+
+    def free(self, a: Array, b: Array) -> bool:
+        """Whether the segment from a to b (m,) is proved free; see `MotionCheck.free`."""
+        return self._whole.free(self.lift(a), self.lift(b))
+
+
+@lru_cache(maxsize=1024)
+def _middles(parts: int) -> tuple[float, ...]:
+    """Middles of equal parts of [0, 1], far apart first: collisions are met sooner in that order."""
+    order, spans = [], [(0, parts - 1)]
+    for low, high in spans:
+        if low <= high:
+            middle = (low + high) // 2
+            order.append((middle + 0.5) / parts)
+            spans += [(low, middle - 1), (middle + 1, high)]
+    return tuple(order)

@@ -1,0 +1,224 @@
+"""OMPL's searches, made repeatable, interruptible and silent."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import count
+from math import inf, isfinite
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.base import Budget
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.ompl_space import Ends, SearchSpace
+
+Kind = Literal["rrtconnect", "rrtstar", "informed_rrtstar", "bitstar", "kpiece"]
+
+_START, _GOAL = 1, 2  # OMPL's tags of the two trees
+_SAMPLE = 500  # states of a tree that are reported
+_BATCH = 100  # samples that BIT* adds at a time
+_SEARCHING = 0.7  # share of the budget for improving a path; the rest is for shortening and timing it
+_AROUND, _LOOKS = 0.4, 50  # s at full speed, and configurations looked at to tell how narrow a place is
+_OMPL = threading.Lock()  # OMPL's random numbers start from one seed of the whole process
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What a search left behind.
+
+    Attributes:
+        path: (k, n) waypoints from the start to one of the goals, rad or m; None when none was found.
+        start_tree: (s, n) states reached from the start, at most some hundreds of them.
+        goal_tree: (g, n) states from which a goal is reached, likewise; the goals alone where one tree is grown. BIT*
+            does not show its tree.
+        sizes: number of states of the two trees.
+        cut_short: the clock ended it before its effort was spent.
+        impatient: it ended without a path because its patience was spent, not the budget.
+    """
+
+    path: Array | None
+    start_tree: Array
+    goal_tree: Array
+    sizes: tuple[int, int]
+    cut_short: bool = False
+    impatient: bool = False
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """How to search.
+
+    Attributes:
+        kind: which of OMPL's planners.
+        reach: longest tree edge, s at full joint speed (2-norm over joints).
+        effort: where the path improves with time, the iterations (batches of samples for `bitstar`) after which it
+            is good enough; a search that has no path by then goes on until it has one. When most of the budget is
+            gone, any path is good enough.
+    """
+
+    kind: Kind
+    reach: float = 0.4
+    effort: int = 0
+
+
+class Searcher(Protocol):
+    """What `search` is with its options given."""
+
+    def __call__(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float) -> Search:
+        """See `search`."""
+        ...
+
+
+def search(  # noqa: PLR0913
+    check: MotionCheck, ends: Ends, budget: Budget, seed: int, options: SearchOptions, *, patience: float = inf
+) -> Search:
+    """Connect the start (n,) with one of the goals (k, n) = `ends`, in coordinates q / velocity limit (s).
+
+    Without a path after `patience` iterations the search ends (`impatient`), so that another one can be tried. Same
+    arguments, same result, unless the budget cut it. Sources: Kuffner and LaValle, "RRT-Connect", ICRA 2000;
+    Karaman and Frazzoli, "Sampling-based algorithms for optimal motion planning", IJRR 2011 (RRT*); Gammell et al.,
+    "Informed RRT*", IROS 2014, and "Batch informed trees", IJRR 2020; Sucan and Kavraki, "KPIECE", WAFR 2008.
+    """
+    from ompl import base
+
+    back = options.kind in _ONE_TREE and _goals_are_tighter(check, ends, seed)
+    trees = (ends[1], ends[0][None]) if back else (ends[0][None], ends[1])
+    with seeded(seed, budget) as mine:
+        if not mine:
+            return Search(None, ends[0][None], ends[1], (1, len(ends[1])))
+        space = SearchSpace(check, ends)
+        problem = space.problem(*trees)
+        planner, enough = _PLANNERS[options.kind](space, problem, options)
+        planner.setProblemDefinition(problem)
+        planner.setup()
+        early = budget.share(_SEARCHING)
+        looks = count()
+        spent = [False]
+
+        def over() -> bool:
+            spent[0] = next(looks) > patience and not _connected(planner, problem)
+            return budget.over or spent[0] or enough(early)
+
+        planner.solve(base.PlannerTerminationCondition(over))
+        found = _collect(planner, space, problem, trees)
+        cut = options.effort > 0 and early.over
+        found = replace(found, cut_short=cut, impatient=spent[0] and found.path is None and not budget.over)
+        space.close()
+    if not back:
+        return found
+    path, sizes = None if found.path is None else found.path[::-1], found.sizes[::-1]
+    return replace(found, path=path, start_tree=found.goal_tree, goal_tree=found.start_tree, sizes=sizes)
+
+
+def rrt_connect(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
+    """The quickest `Searcher`, as its options are by default."""
+    return search(check, ends, budget, seed, SearchOptions("rrtconnect"), patience=patience)
+
+
+def _goals_are_tighter(check: MotionCheck, ends: Ends, seed: int) -> bool:
+    """A single tree finds out of a narrow place more easily than into it, so it is rooted where less space is free."""
+    steps = np.random.default_rng(seed).uniform(-_AROUND, _AROUND, (_LOOKS, len(ends[0]))) * check.limits.velocity
+    start, *goals = [sum(not check.blocked(q + step) for step in steps) for q in np.vstack(ends)]
+    return max(goals) < start
+
+
+@contextmanager
+def seeded(seed: int, budget: Budget) -> Iterator[bool]:
+    """OMPL for this thread alone, its random numbers from `seed`; False when the budget ended before its turn came."""
+    from ompl import util
+
+    while not _OMPL.acquire(timeout=0.02):
+        if budget.over:
+            yield False
+            return
+    try:
+        util.setLogLevel(util.LogLevel.LOG_NONE)
+        util.RNG.setSeed(seed)
+        yield True
+    finally:
+        _OMPL.release()
+
+
+Made = tuple[Any, Callable[[Budget], bool]]
+"""A planner of OMPL, and whether its path is good enough, now that so much is left of the time to improve it."""
+
+
+def _connect(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
+    from ompl import geometric
+
+    planner = geometric.RRTConnect(space.information)
+    planner.setRange(options.reach)
+    return planner, lambda early: False
+
+
+def _star(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
+    from ompl import geometric
+
+    informed = options.kind == "informed_rrtstar"  # whose ellipsoid is that of a length
+    problem.setOptimizationObjective(space.path_length() if informed else space.path_time())
+    planner = geometric.InformedRRTstar(space.information) if informed else geometric.RRTstar(space.information)
+    planner.setRange(options.reach)
+    return planner, lambda early: _improved(planner, planner.numIterations() >= options.effort or early.over)
+
+
+def _batches(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
+    from ompl import geometric
+
+    problem.setOptimizationObjective(space.path_time())
+    planner = geometric.BITstar(space.information)
+    planner.setSamplesPerBatch(_BATCH)
+    return planner, lambda early: _improved(planner, planner.numBatches() > options.effort or early.over)
+
+
+def _improved(planner: Any, spent: bool) -> bool:
+    return spent and isfinite(planner.bestCost().value())
+
+
+def _connected(planner: Any, problem: Any) -> bool:
+    """Whether there is a path; those that improve it tell the problem only when they end."""
+    return bool(problem.hasExactSolution()) or (hasattr(planner, "bestCost") and isfinite(planner.bestCost().value()))
+
+
+def _pieces(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:
+    from ompl import geometric
+
+    planner = geometric.LBKPIECE1(space.information)
+    planner.setRange(options.reach)
+    planner.setProjectionEvaluator(space.tool_cells())
+    return planner, lambda early: False
+
+
+_PLANNERS: dict[Kind, Callable[[SearchSpace, Any, SearchOptions], Made]] = {
+    "rrtconnect": _connect,
+    "rrtstar": _star,
+    "informed_rrtstar": _star,
+    "bitstar": _batches,
+    "kpiece": _pieces,
+}
+_ONE_TREE = ("rrtstar", "informed_rrtstar")
+
+
+def _collect(planner: Any, space: SearchSpace, problem: Any, roots: tuple[Array, Array]) -> Search:
+    from ompl import base, geometric
+
+    data = base.PlannerData(space.information)
+    if not isinstance(planner, geometric.BITstar):  # asked for its data, it never frees what it holds (OMPL 2.0.1)
+        planner.getPlannerData(data)
+    tags = np.array([data.getVertex(i).getTag() for i in range(data.numVertices())])
+    if not (tags == _GOAL).any():
+        tags[:] = _START  # one tree, whose states OMPL does not tag
+    trees, sizes = [], []
+    for tag, ends in zip((_START, _GOAL), roots, strict=True):
+        members = np.flatnonzero(tags == tag)
+        some = members[:: len(members) // _SAMPLE + 1].tolist()
+        trees.append(np.array([space.read(data.getVertex(i).getState()) for i in some]) if some else ends)
+        sizes.append(max(len(members), len(ends)))
+    path = None
+    if problem.hasExactSolution():
+        path = np.array([space.read(state) for state in problem.getSolutionPath().getStates()])
+        for place, ends in zip((0, -1), roots, strict=True):
+            path[place] = ends[np.argmin(np.abs(ends - path[place]).max(axis=1))]
+    return Search(path, trees[0], trees[1], (sizes[0], sizes[1]))

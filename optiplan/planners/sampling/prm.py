@@ -1,0 +1,84 @@
+"""`prm`: a roadmap of the scene that later queries of the same planner object find again."""
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from math import inf
+
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.base import Budget, PlanResult, Progress
+from optiplan.planners.sampling.base import How, SampledOptions, Task, plan_sampled
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.ompl_search import Search
+from optiplan.planners.sampling.ompl_space import Ends, search_bounds
+from optiplan.planners.sampling.roadmap import Roadmap
+from optiplan.problem.problem import Problem
+
+_KEPT = 4  # roadmaps of the scenes asked for last
+
+
+@dataclass(frozen=True)
+class PrmOptions(SampledOptions):
+    """Options of every sampling planner, and those of the roadmap.
+
+    Attributes:
+        vertices: of the roadmap before its first query; a query that finds no path adds half as many again and again.
+        most_vertices: where that ends; bounds the memory, some 50 MB.
+    """
+
+    vertices: int = 400
+    most_vertices: int = 4000
+
+
+class Prm:
+    """Use one object for many queries, in one thread: each leaves the roadmap of its scene richer.
+
+    The first query of a scene answers as every other planner does: the same for the same problem and seed. The answer
+    to a later one depends on the queries before it.
+
+    Attributes:
+        roadmaps: by what they are valid for: the bodies, the pairs, the limits and the seed.
+    """
+
+    def __init__(self, options: PrmOptions | None = None) -> None:
+        self.options = options or PrmOptions()
+        self.roadmaps: OrderedDict[tuple[object, ...], Roadmap] = OrderedDict()
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan within the budget; see `planners.base.Planner`."""
+        return plan_sampled(Task(problem, budget, progress), self.options, How(self.search, detour=inf))
+
+    def search(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
+        """Ask the roadmap of this scene, and let it grow until it knows a way; a `search.Searcher`.
+
+        It keeps what it learns, so its patience does not end before its vertices.
+        """
+        roadmap = self._roadmap(check, ends, seed)
+        count = max(self.options.vertices, len(roadmap.vertices))
+        while True:
+            roadmap.grow(check, count, ends, budget)
+            found = roadmap.query(check, ends, budget)
+            if found.path is not None or budget.over or count >= self.options.most_vertices:
+                return found
+            count = min(count + max(1, self.options.vertices // 2), self.options.most_vertices)
+
+    def _roadmap(self, check: MotionCheck, ends: Ends, seed: int) -> Roadmap:
+        box = search_bounds(check.limits, ends)
+        bounds = (check.limits.torque, check.limits.velocity, *box)
+        key = (*world_key(check.model), *(bound.tobytes() for bound in bounds), seed)
+        if key in self.roadmaps and len(self.roadmaps[key].vertices) > 2 * self.options.most_vertices:
+            del self.roadmaps[key]  # full of the ends of queries
+        roadmap = self.roadmaps.setdefault(key, Roadmap(box, check.limits.velocity, seed))
+        self.roadmaps.move_to_end(key)
+        while len(self.roadmaps) > _KEPT:
+            self.roadmaps.popitem(last=False)
+        return roadmap
+
+
+def world_key(model: CollisionModel) -> tuple[object, ...]:
+    """What free space depends on: the robot's files, group and locked joints, shapes and poses, and the pairs."""
+    robot, scene = model.robot, model.scene
+    held = [(item.name, item.link, item.shape, item.X_LO.homogeneous.tobytes()) for item in scene.attached]
+    around = [(item.name, item.shape, item.X_WO.homogeneous.tobytes()) for item in scene.obstacles]
+    pairs = [(pair.name_a, pair.name_b) for pair in model.pairs]
+    which = (robot.fingerprint, robot.group, *sorted(robot.locked.items()), *robot.joint_names)
+    return (which, *held, *around, *pairs)

@@ -1,0 +1,32 @@
+"""`rrtconnect`: two trees that grow towards each other, OMPL's RRT-Connect; the quickest to a path."""
+
+from dataclasses import dataclass
+from functools import partial
+
+from optiplan.planners.base import Budget, PlanResult, Progress
+from optiplan.planners.sampling.base import How, SampledOptions, Task, plan_sampled
+from optiplan.planners.sampling.ompl_search import SearchOptions, search
+from optiplan.problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class RrtConnectOptions(SampledOptions):
+    """Options of every sampling planner, and one more.
+
+    Attributes:
+        reach: longest edge of the trees, s at full joint speed.
+    """
+
+    reach: float = 0.4
+
+
+class RrtConnect:
+    """Takes the path that comes first."""
+
+    def __init__(self, options: RrtConnectOptions | None = None) -> None:
+        self.options = options or RrtConnectOptions()
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan within the budget; see `planners.base.Planner`."""
+        searcher = partial(search, options=SearchOptions("rrtconnect", self.options.reach))
+        return plan_sampled(Task(problem, budget, progress), self.options, How(searcher))

@@ -1,0 +1,48 @@
+"""`rrtstar` and `informed_rrtstar`: one tree whose branches are rewired to shorter ones, OMPL's RRT*."""
+
+from dataclasses import dataclass
+from functools import partial
+
+from optiplan.planners.base import Budget, PlanResult, Progress
+from optiplan.planners.sampling.base import How, SampledOptions, Task, plan_sampled
+from optiplan.planners.sampling.ompl_search import Kind, SearchOptions, search
+from optiplan.problem.problem import Problem
+
+
+@dataclass(frozen=True)
+class RrtStarOptions(SampledOptions):
+    """Options of every sampling planner, and those of the tree.
+
+    Attributes:
+        reach: longest tree edge, s at full joint speed.
+        iterations: of a round. Rounds follow each other, each where only paths shorter than the best can pass, until
+            three in a row gain less than 1 % or most of the budget is gone.
+    """
+
+    reach: float = 0.8
+    iterations: int = 600
+
+
+class RrtStar:
+    """Shortens the path of RRT-Connect, by joint-space path time (`shortcut.path_time`)."""
+
+    kind: Kind = "rrtstar"
+
+    def __init__(self, options: RrtStarOptions | None = None) -> None:
+        self.options = options or RrtStarOptions()
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan within the budget; see `planners.base.Planner`."""
+        options = SearchOptions(self.kind, self.options.reach, self.options.iterations)
+        how = How(improve=partial(search, options=options))
+        return plan_sampled(Task(problem, budget, progress), self.options, how)
+
+
+class InformedRrtStar(RrtStar):
+    """Samples only where a shorter path than the best one can pass, once there is one; short in ||dq / v||.
+
+    That place is an ellipsoid. For a cost of ours OMPL would need to know what is left to the goal, which its Python
+    binding cannot be told (2.0.1: `setCostToGoHeuristic` takes no function): it would sample everywhere, as RRT* does.
+    """
+
+    kind: Kind = "informed_rrtstar"

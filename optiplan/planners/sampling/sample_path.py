@@ -1,0 +1,217 @@
+"""A free path from a start to one of several goals: searched for, shortened, every segment proved."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel, Contact
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.common.failures import contact_witness, end_collides, out_of_time
+from optiplan.planners.common.gravity import Gravity
+from optiplan.planners.sampling.edge_checker import MotionCheck, PartialCheck
+from optiplan.planners.sampling.ompl_search import Search, Searcher, rrt_connect
+from optiplan.planners.sampling.ompl_space import Ends
+from optiplan.planners.sampling.shortcutting import path_time, path_times, shorten
+from optiplan.robot.robot import Limits
+
+_RESERVE = 3e-3  # share of the torque limits kept free for gravity between the steps
+_BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line to fall back on
+_PATIENCE, _GROWTH = 500, 3.0  # iterations of the first round, and factor from one round to the next
+_FRESH = 4  # goals asked for between two rounds
+_SHORT = 0.5  # s: ends nearer than this to each other are searched as if they were so far apart
+_STALE, _GAIN = 3, 0.01  # rounds that gain less than this share end the search for shorter paths
+_IMPROVING = 0.7  # share of the budget for it; the rest is for timing
+_SAME = 1e-9  # rad or m
+
+
+@dataclass(frozen=True)
+class SamplingOptions:
+    """How to sample.
+
+    Attributes:
+        budget: when to stop.
+        seed: of all random numbers.
+        attempts: random shortcuts to try.
+        searcher: finds a first path.
+        detour: the first round looks only where a path through some place can take at most so many times as long as
+            the straight line; infinite: everywhere at once.
+        improve: searches on for shorter paths, each time where only such can pass, until that gains nothing more.
+        more_goals: asked for so many new goals between rounds, with something to poll.
+    """
+
+    budget: Budget
+    seed: int = 0
+    attempts: int = 120
+    searcher: Searcher = rrt_connect
+    detour: float = 2.0
+    improve: Searcher | None = None
+    more_goals: Callable[[int, Callable[[], bool]], list[Array]] = field(default=lambda count, stop: [])
+
+
+@dataclass(frozen=True, eq=False)
+class SampledPath:
+    """Straight joint-space segments, each proved free at all its points.
+
+    Attributes:
+        waypoints: (k, n), rad or m; k >= 2.
+        goal_index: which of the goals it ends in; -1 for one that was drawn while searching.
+        cost: sum over segments of max_j |dq_j| / v_j, s, plus a tenth of the 2-norm (see `shortcut.path_time`).
+        info: number of `states` the search looked at, and whether it was `cut_short` by the clock; JSON-ready.
+    """
+
+    waypoints: Array
+    goal_index: int
+    cost: float
+    info: dict[str, Any]
+
+
+def sample_path(
+    model: CollisionModel, start: Array, goals: list[Array], limits: Limits, options: SamplingOptions
+) -> SampledPath | Failure:
+    """Connect start (n,) with one of the goals (n,): straight ahead with the first where that is free, else by search.
+
+    A straight line to another goal that is free is the answer unless the search, for which it leaves a third of the
+    budget, finds a shorter path. Same arguments give the same path, unless the budget cut the work short.
+
+    Failure kinds: `start-in-collision`, `goal-in-collision`, `no-path`, `cancelled`; the witness of `no-path` is where
+    the two trees came nearest.
+    """
+    free_goals = np.array([q for q in goals if not model.collides(q)])
+    if model.collides(start):
+        return end_collides(model, start, "start")
+    if not len(free_goals):
+        return end_collides(model, goals[0], "goal")
+    check = MotionCheck(model, limits, Gravity(model.robot, limits.torque, _RESERVE))
+    straight = next((np.array([start, q]) for q in free_goals if check.free(start, q)), None)
+    if straight is not None and np.array_equal(straight[-1], free_goals[0]):
+        path, info = straight, {"states": 0, "cut_short": False}
+    else:
+        budget = options.budget if straight is None else options.budget.share(_BEHIND)
+        rng = np.random.default_rng(options.seed)
+        found = _rounds(check, (start, free_goals), replace(options, budget=budget, improve=None), rng)
+        if found.path is None and straight is None:
+            return _no_path(model, found, limits, options.budget)
+        path = _shorter(check, [straight, found.path], rng.uniform(size=(options.attempts, 3)), options.budget)
+        info = {"states": sum(found.sizes), "cut_short": found.cut_short or (budget.over and found.path is None)}
+        if options.improve is not None:
+            improving = replace(options, searcher=options.improve)
+            path, more = _improved(check, path, (start, free_goals), improving, rng)
+            info = {"states": info["states"] + more["states"], "cut_short": info["cut_short"] or more["cut_short"]}
+    distances = [np.abs(q - path[-1]).max() for q in goals]
+    index = int(np.argmin(distances)) if min(distances) < _SAME else -1
+    return SampledPath(path, index, float(path_time(path, limits.velocity).sum()), info)
+
+
+def _shorter(check: MotionCheck, paths: list[Array | None], draws: Array, budget: Budget) -> Array:
+    """The cheapest of the paths that there are, each shortened."""
+    velocity = check.limits.velocity
+    short = [shorten(check, path, velocity, draws, budget) for path in paths if path is not None]
+    return min(short, key=lambda path: float(path_time(path, velocity).sum()))
+
+
+def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.random.Generator) -> Search:
+    """Search in rounds of growing patience, the first one near the ends alone, each later one with fresh goals.
+
+    Rounds that look for a first path measure distances by time and by space, with long and then with short steps, in
+    turn. A search that has not met a path is begun anew, because the time that random trees take is heavy-tailed: a few
+    take very long (Gomes, Selman and Kautz, "Boosting combinatorial search through randomization", AAAI 1998).
+    """
+    start, goals = ends
+    patience, near, levers = float(_PATIENCE), bool(np.isfinite(options.detour)), check.by_levers()
+    measures = [check, levers, check.finer(), levers.finer()] if near else [check]
+    while True:
+        seed = int(rng.integers(1, 2**31))
+        if near:
+            straight = np.maximum((np.abs(goals - start) / check.limits.velocity).max(axis=1), _SHORT)
+            found = _near_the_ends(check, (start, goals), options.detour * straight, options, seed)
+        else:
+            found = options.searcher(measures[0], (start, goals), options.budget, seed, patience=patience)
+            patience, measures = patience * _GROWTH, [*measures[1:], measures[0]]
+        if not found.impatient or options.budget.over:
+            return found
+        if not near:
+            goals = np.vstack([goals, *options.more_goals(_FRESH, lambda: options.budget.over)])
+        near = False
+
+
+def _improved(
+    check: MotionCheck, path: Array, ends: Ends, options: SamplingOptions, rng: np.random.Generator
+) -> tuple[Array, dict[str, Any]]:
+    """The shortest path that rounds of the search find where only shorter ones than the best so far can pass.
+
+    They end when `_STALE` of them in a row have gained less than 1 %, or most of the budget is gone.
+    """
+    velocity, (start, goals) = check.limits.velocity, ends
+    late, stale, states = options.budget.share(_IMPROVING), 0, 0
+    cost = float(path_time(path, velocity).sum())
+    while stale < _STALE and not late.over:
+        within = goals[path_times(np.broadcast_to(start, goals.shape), goals, velocity) <= cost]
+        seed, draws = int(rng.integers(1, 2**31)), rng.uniform(size=(options.attempts, 3))
+        if not len(within):
+            break
+        each = np.full(len(within), cost)
+        found = _near_the_ends(check, (start, within), each, replace(options, budget=late), seed)
+        states += sum(found.sizes)
+        shorter = _shorter(check, [path, found.path], draws, options.budget)
+        gained = cost - float(path_time(shorter, velocity).sum())
+        stale = stale + 1 if gained < _GAIN * cost else 0
+        path, cost = shorter, cost - gained
+    return path, {"states": states, "cut_short": late.over}
+
+
+def _near_the_ends(check: MotionCheck, ends: Ends, longest: Array, options: SamplingOptions, seed: int) -> Search:
+    """Search where paths to goal k can pass in at most longest[k], s; a first path, with the joints that must move.
+
+    Through q a path takes at least max_j (|q_j - start_j| + |goal_j - q_j|) / v_j: what is left is a box for each goal.
+    A slow joint can go only a little beyond its ends there, and one that need not move stands still.
+    """
+    start, goals = ends
+    velocity, limits = check.limits.velocity, check.limits
+    apart = np.abs(goals - start)
+    slack = np.maximum(0.5 * (longest[:, None] * velocity - apart), 0.0)
+    low = np.maximum((np.minimum(start, goals) - slack).min(axis=0), limits.lower)
+    high = np.minimum((np.maximum(start, goals) + slack).max(axis=0), limits.upper)
+    joints = (apart.max(axis=0) > _SAME) | (options.improve is not None)
+    part = PartialCheck(check, start, joints, (low, high))
+    within = (start[joints], goals[:, joints])
+    found = options.searcher(part, within, options.budget, seed, patience=_PATIENCE)
+    path = None if found.path is None else part.lift(found.path)
+    if path is not None:
+        path[-1] = goals[np.argmin(np.abs(goals - path[-1]).max(axis=1))]
+    return replace(found, path=path, start_tree=part.lift(found.start_tree), goal_tree=part.lift(found.goal_tree))
+
+
+def _no_path(model: CollisionModel, search: Search, limits: Limits, budget: Budget) -> Failure:
+    if budget.cancelled:
+        return out_of_time(budget, "searching for a path")
+    a, b = _nearest(search.start_tree, search.goal_tree, limits.velocity)
+    q, contact = _first_blocked(model, a, b)
+    gap = float(np.abs(b - a).max())
+    detail = (
+        f"no path within {budget.seconds:.3g} s: the tree from the start ({search.sizes[0]} states) and that "
+        f"from the goal ({search.sizes[1]} states) stay {gap:.3g} rad or m apart (largest joint)"
+    )
+    if contact is None:
+        return Failure("no-path", detail, {"q": q.tolist(), "q_goal_side": b.tolist()})
+    detail += f"; between them '{contact.pair.name_a}' meets '{contact.pair.name_b}'"
+    return Failure("no-path", detail, {**contact_witness(q, contact), "q_goal_side": b.tolist()})
+
+
+def _nearest(A: Array, B: Array, velocity: Array) -> tuple[Array, Array]:
+    """The states of two trees (s, n), (g, n) nearest to each other in time at full speed."""
+    A, B = A / velocity, B / velocity
+    a = A[np.argmin([np.abs(B - x).max(axis=1).min() for x in A])]
+    return a * velocity, B[np.argmin(np.abs(B - a).max(axis=1))] * velocity
+
+
+def _first_blocked(model: CollisionModel, a: Array, b: Array) -> tuple[Array, Contact | None]:
+    """First colliding configuration on the way from a to b and its contact; (a, None) when a fine walk sees none."""
+    steps = max(2, int(np.ceil(np.abs(b - a).max() / 0.01)))
+    for fraction in np.linspace(0.0, 1.0, steps):
+        q = a + fraction * (b - a)
+        if model.collides(q):
+            return q, model.clearance(q)
+    return a, None

@@ -1,0 +1,74 @@
+"""Shorten a path of straight segments: random shortcuts of all joints or of one, then drop needless corners."""
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.base import Budget
+from optiplan.planners.sampling.edge_checker import MotionCheck
+
+TWO_NORM_SHARE = 0.1
+"""Share of the 2-norm in the cost of a path."""
+
+
+def path_times(start: Array, end: Array, velocity: Array) -> Array:
+    """Cost of each motion from start (k, n) to end (k, n): (k,) in s.
+
+    max_j |dq_j| / v_j + 0.1 ||dq / v||: the time at full speed, plus a little of the 2-norm, because many paths share
+    the same largest joint and the straight one of them is wanted.
+    """
+    x = np.abs(end - start) / velocity
+    cost: Array = x.max(axis=1) + TWO_NORM_SHARE * np.linalg.norm(x, axis=1)
+    return cost
+
+
+def path_time(waypoints: Array, velocity: Array) -> Array:
+    """The same cost of each segment between waypoints (k, n): (k - 1,) in s."""
+    return path_times(waypoints[:-1], waypoints[1:], velocity)
+
+
+def shorten(check: MotionCheck, waypoints: Array, velocity: Array, draws: Array, budget: Budget) -> Array:
+    """A path with the same ends that costs no more; every new segment passes `check`. Shapes (k, n) -> (m, n).
+
+    Each row of `draws` (attempts, 3), uniform in [0, 1), is one attempt: where it begins and ends along the path, and
+    whether it straightens all joints (third number below one half) or which single one.
+    """
+    path = drop_corners(check, waypoints, velocity, budget)
+    for draw in draws:
+        if len(path) < 3 or budget.over:
+            break
+        path = _attempt(check, path, velocity, draw)
+    return drop_corners(check, path, velocity, budget)
+
+
+def _attempt(check: MotionCheck, path: Array, velocity: Array, draw: Array) -> Array:
+    cost = path_time(path, velocity)
+    along = np.concatenate([[0.0], np.cumsum(cost)])
+    first, last = np.sort(draw[:2]) * along[-1]
+    joint = int(np.floor((2.0 * draw[2] - 1.0) * len(velocity)))  # negative: all joints
+    ends = [np.array([np.interp(s, along, q) for q in path.T]) for s in (first, last)]
+    inner = (along > first) & (along < last)
+    if not inner.any():
+        return path
+    old = np.vstack([ends[0], path[inner], ends[1]])
+    if joint < 0:
+        new = old[[0, -1]]
+    else:
+        new = old.copy()
+        new[:, joint] = np.interp(np.concatenate([[first], along[inner], [last]]), [first, last], old[[0, -1], joint])
+    if path_time(new, velocity).sum() > path_time(old, velocity).sum() * (1.0 - 1e-3) or not check.polyline_free(new):
+        return path
+    return np.vstack([path[along <= first], new, path[along >= last]])
+
+
+def drop_corners(check: MotionCheck, path: Array, velocity: Array, budget: Budget) -> Array:
+    """Remove each inner waypoint whose neighbours can be joined straight at no higher cost."""
+    i = 1
+    while i < len(path) - 1 and not budget.over:
+        old = path_time(path[i - 1 : i + 2], velocity).sum()
+        new = path_time(path[[i - 1, i + 1]], velocity).sum()
+        if new <= old * (1.0 + 1e-9) and check.free(path[i - 1], path[i + 1]):
+            path = np.delete(path, i, axis=0)
+            i = max(1, i - 1)
+        else:
+            i += 1
+    return path

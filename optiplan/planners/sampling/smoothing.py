@@ -1,0 +1,50 @@
+"""A smooth curve beside a path of straight segments: a B-spline whose control points lie on the path."""
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.base import Budget
+from optiplan.planners.common.continuous_collision import first_contact
+from optiplan.planners.sampling.shortcutting import path_time
+from optiplan.trajectory.bspline import pieces
+from optiplan.trajectory.trajectory import Trajectory
+
+_DEGREE = 5  # the curve's third derivative is continuous, so that jerk can be limited along it
+_SPANS = (4, 8, 16, 32, 64, 128)  # few are smooth, many follow the path closely
+
+
+def smooth_path(model: CollisionModel, waypoints: Array, velocity: Array, budget: Budget) -> Trajectory | None:
+    """The smoothest of the B-splines tried that is proved free, over a path parameter in s; None when none is.
+
+    Control point i is the path's point at the Greville abscissa (t_{i+1} + … + t_{i+d}) / d of its knots, so that
+    straight stretches are kept, and the spline cuts corners within the convex hull of d + 1 neighbouring points
+    (Schoenberg's variation-diminishing approximation; de Boor, A Practical Guide to Splines, ch. XI).
+
+    Args:
+        model: of the robot in its scene.
+        waypoints: (k, n), rad or m.
+        velocity: (n,) limits, which measure the path's parameter (`shortcut.path_time`).
+        budget: once it is over, None is the answer.
+    """
+    cost = path_time(waypoints, velocity)
+    along = np.concatenate([[0.0], np.cumsum(cost)])
+    if along[-1] == 0.0:
+        return None
+    for spans in _SPANS:
+        if budget.over:
+            return None
+        curve = spline_along(along, waypoints, spans)
+        path = Trajectory(model.robot.joint_names, *curve)
+        if first_contact(model, path, lambda: budget.over) is None:
+            return path
+    return None
+
+
+def spline_along(along: Array, waypoints: Array, spans: int) -> tuple[Array, Array]:
+    """Breakpoints (spans + 1,) and coefficients (spans, d + 1, n) of that spline on equal spans of [0, along[-1]]."""
+    inner = np.linspace(0.0, along[-1], spans + 1)
+    knots = np.concatenate([np.zeros(_DEGREE), inner, np.full(_DEGREE, along[-1])])
+    greville = np.convolve(knots[1:-1], np.full(_DEGREE, 1.0 / _DEGREE), mode="valid")
+    greville[[0, -1]] = along[[0, -1]]
+    return pieces(knots, np.column_stack([np.interp(greville, along, q) for q in waypoints.T]), _DEGREE)

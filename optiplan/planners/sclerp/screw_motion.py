@@ -1,0 +1,127 @@
+"""One screw: the joint path that the chosen scheme finds for it, or the place where it fails."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.cartesian.diagnosis import Ending, limit_crossing, stuck
+from optiplan.planners.cartesian.differential_ik import Aim, Tracker
+from optiplan.planners.cartesian.tool_path import screw
+from optiplan.planners.common.continuous_collision import first_contact
+from optiplan.planners.common.failures import contact_witness
+from optiplan.planners.sclerp.interpolation import on_screw, through
+from optiplan.planners.sclerp.options import SclerpOptions
+from optiplan.planners.sclerp.qp_stepping import Screw, Walk, Walker
+from optiplan.planners.sclerp.schemes import Chase, chase
+from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.trajectory.trajectory import Trajectory
+
+_SAME = 1e-6  # rad or m
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """From `start` (n,), rad or m, to X_WG; a redundant arm is led to `goal` (n,), and must end there if `exact`.
+
+    `info`, JSON-ready, is filled in on the way: steps of the scheme, quadratic programs, knots of the path.
+    """
+
+    tool: Tool
+    start: Array
+    X_WG: pin.SE3
+    goal: Array | None
+    exact: bool
+    info: dict[str, Any]
+
+    def failure(self, s: float, q: Array, why: tuple[str, str, str], more: dict[str, Any]) -> Failure:
+        """Of the kind, cause and words `why`, at the share s of the way and the configuration q (n,)."""
+        return Ending(s, q, *why, more).failure(self.tool.pose(q))
+
+    def at_limit(self, s: float, q: Array, joint: int) -> Failure:
+        """Joint limits do not let the tool go on."""
+        robot = self.tool.robot
+        low, high, name = robot.limits.lower[joint], robot.limits.upper[joint], robot.joint_names[joint]
+        bound = float(min(low, high, key=lambda limit: abs(limit - q[joint])))
+        why = "limits", "joint limit", f"joint '{name}' is at its limit {bound:.4g}"
+        return self.failure(s, q, why, {"joint": name, "limit": bound})
+
+
+def attempt(model: CollisionModel, task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
+    """Free joint path q(s) within limits, twice continuously differentiable, or where and why there is none.
+
+    Under `qp` the tool is within 1e-6 m and rad of its screw for all s; the other schemes go where they go.
+    """
+    path = _walked(task, options, budget) if options.scheme == "qp" else _chased(task, options, budget)
+    if isinstance(path, Failure):
+        return path
+    crossing = limit_crossing(path, task.tool.robot.limits)
+    if crossing is not None:
+        s, joint = crossing
+        return task.at_limit(s / path.duration, path(np.array([s]))[0], joint)
+    touch = first_contact(model, path, lambda: budget.over)
+    if touch is None:
+        return path
+    pair = touch.contact.pair
+    why = "collision", "obstacle", f"'{pair.name_a}' meets '{pair.name_b}'"
+    return task.failure(touch.t / path.duration, touch.q, why, contact_witness(touch.q, touch.contact))
+
+
+def _walked(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
+    walker = Walker(task.tool, Screw(task.tool.pose(task.start), task.X_WG), options, task.goal)
+    walk = walker.walk(task.start, options.iterations, lambda: budget.over)
+    task.info.update(iterations=len(walk.s) - 1, programs=walk.programs)
+    if not walk.complete:
+        return _stopped(task, walker, walk, options)
+    end = walk.Q[-1]
+    if task.goal is not None and task.exact and np.abs(end - task.goal).max() > _SAME:
+        j = int(np.argmax(np.abs(end - task.goal)))
+        name = task.tool.robot.joint_names[j]
+        words = f"the screw ends in another configuration, '{name}' at {end[j]:.4g} instead of {task.goal[j]:.4g}"
+        return task.failure(1.0, end, ("no-path", "branch", words), {"joint": name, "goal": task.goal.tolist()})
+    path = on_screw(walker, walk, lambda: budget.over)
+    task.info["knots"] = len(path.breakpoints)
+    return path
+
+
+def _stopped(task: Task, walker: Walker, walk: Walk, options: SclerpOptions) -> Failure:
+    s, q = float(walk.s[-1]), walk.Q[-1]
+    if walk.blocked is not None:
+        return task.at_limit(s, q, walk.blocked)
+    if len(walk.s) > options.iterations:
+        return _used_up(task, s, q, options)
+    tool = task.tool
+    ahead = screw(walker.screw.X_W0, task.X_WG)
+    return stuck(Tracker(tool.robot, tool.frame, ahead, Aim()), s, q)
+
+
+def _chased(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
+    try:
+        found = chase(task.tool, task.start, task.X_WG, options, lambda: budget.over)
+    except np.linalg.LinAlgError:
+        words = "J Jᵀ has no inverse: singular, or fewer than six joints"
+        return task.failure(0.0, task.start, ("singularity", "singularity", words), {})
+    task.info.update(iterations=found.iterations, error=found.error, limit_hits=int(found.hits.any(axis=1).sum()))
+    if found.converged:
+        return through(task.tool.robot.joint_names, found.Q)
+    s, q = _share(task, found), found.Q[-1]
+    if not np.isfinite(q).all() or not found.hits[-1:].any():
+        return _used_up(task, s, found.Q[0] if not np.isfinite(q).all() else q, options)
+    return task.at_limit(s, q, int(np.argmax(found.hits.sum(axis=0) * found.hits[-1])))
+
+
+def _used_up(task: Task, s: float, q: Array, options: SclerpOptions) -> Failure:
+    words = f"{options.iterations} steps of the scheme '{options.scheme}' do not lead to the goal"
+    return task.failure(s, q, ("no-path", "iterations", words), {})
+
+
+def _share(task: Task, found: Chase) -> float:
+    """How much of the way from the start to the goal was made, by the length of the twist that is left; 0 to 1."""
+    left, whole = (
+        float(np.linalg.norm(pin.log6(task.tool.pose(q).actInv(task.X_WG)))) for q in (found.Q[-1], found.Q[0])
+    )
+    return max(0.0, 1.0 - left / whole) if whole > 0.0 else 0.0

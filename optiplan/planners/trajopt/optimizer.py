@@ -1,0 +1,134 @@
+"""One attempt: from control points to a trajectory that is free between samples too, or not."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.base import Budget
+from optiplan.planners.common.continuous_collision import Touch, contacts_along
+from optiplan.planners.common.path_timing import within_torque
+from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.qp import Subproblem
+from optiplan.planners.trajopt.sqp import HOPELESS, optimise
+from optiplan.planners.trajopt.transcription import Margins, Transcription
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.timing.lower_bound import scale_to_limits
+from optiplan.trajectory.trajectory import Trajectory
+
+SPACING = 0.025
+"""How far bodies may move from sample to sample to begin with, m, roughly: edges must not slip through between two."""
+
+ACTIVE = 1e-3
+"""Clearance beyond its margin, m, below which a pair counts as held by it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """What came of a seed.
+
+    Attributes:
+        control: (K, n) control points, rad or m.
+        trajectory: the curve in time.
+        touch: where it still touches; None: it is free.
+        close: whether some pair is as near as its margin lets it be, so that a smaller margin may save time.
+        iterations: steps taken.
+    """
+
+    control: Array
+    trajectory: Trajectory
+    touch: Touch | None
+    close: bool
+    iterations: int
+
+
+class Optimiser:
+    """Optimises curves of one problem from any seed; what depends only on the problem is built once.
+
+    Attributes:
+        steps: taken so far, in all attempts.
+    """
+
+    def __init__(self, problem: Problem, model: CollisionModel, options: TrajOptOptions) -> None:
+        self.problem, self.model, self.options = problem, model, options
+        self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
+        self.steps = 0
+
+    @property
+    def bounds(self) -> tuple[Array, Array, Array]:
+        """Limits of velocity, acceleration and jerk, (n,) each."""
+        limits = self.problem.limits
+        return limits.velocity, limits.acceleration, limits.jerk
+
+    def run(self, control: Array, budget: Budget, margin: float | None = None, best: float = np.inf) -> Attempt | None:
+        """Optimise from control points (K, n), look between the samples, add some where bodies touch there, and again.
+
+        None when the bodies stay far inside each other, the arm is too heavy, or somebody cancelled.
+
+        Args:
+            control: of the first curve; its ends stay as they are.
+            budget: polled at every step; once it is over, the curve as it is gets timed and looked at.
+            margin: m, instead of the option's.
+            best: cost, s, of the best motion so far: a curve that stays far from it is given up.
+        """
+        margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
+        transcription = Transcription(self.problem, self.model, self.basis, margins)
+        subproblem = Subproblem(transcription, self.options.solver)
+        u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
+        iterations, attempt = 0, None
+        for _ in range(self.options.refinements + 1):
+            transcription.set_samples(u)
+            left = self.options.iterations - iterations
+            point, used = optimise(subproblem, control, left, lambda: budget.over, best)
+            iterations += used
+            self.steps += used
+            control = point.control
+            if (
+                point.contacts.violation() > HOPELESS
+                or budget.cancelled
+                or (budget.over and self.problem.objective.time * point.duration >= best)
+            ):
+                return None
+            trajectory = self.timed(control, point.duration)
+            if trajectory is None:
+                return None
+            touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
+            close = bool((point.contacts.value < ACTIVE).any())
+            attempt = Attempt(control, trajectory, touches[0] if touches else None, close, iterations)
+            if budget.cancelled:
+                return None
+            if not touches or budget.over or iterations >= self.options.iterations:
+                break
+            near = [_around(transcription.u, touch.t / trajectory.duration) for touch in touches]
+            u = np.concatenate([transcription.u, *near])
+        return attempt
+
+    def _length(self, control: Array) -> float:
+        """How far the curve carries the origin of the joint that it carries farthest, m."""
+        Q = self.basis.at(np.linspace(0.0, 1.0, self.options.samples)) @ control
+        steps = np.diff(self.model.bounds.kinematics.poses(Q)[:, :, :3, 3], axis=0)
+        return float(np.linalg.norm(steps, axis=2).sum(axis=0).max())
+
+    def timed(self, control: Array, duration: float) -> Trajectory | None:
+        """The curve at the least duration at which exact extrema and torques hold; None when gravity is too much."""
+        names = self.problem.robot.joint_names
+        trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
+        return within_torque(self.model, self.problem.limits, scale_to_limits(trajectory, self.problem.limits))
+
+
+def _instants(basis: SplineBasis, count: int) -> Array:
+    """`count` equal steps of u, and the ends and middles of the short spans: torques peak within the first instants."""
+    edges = basis.breakpoints
+    short = np.diff(edges) < 1.0 / count
+    extra = np.concatenate([edges[1:][short], 0.5 * (edges[1:] + edges[:-1])[short]])
+    inside = np.linspace(0.0, 1.0, count + 2)[1:-1]
+    return np.concatenate([inside, extra[(extra > 0.0) & (extra < 1.0)]])
+
+
+def _around(u: Array, where: float) -> Array:
+    """New samples at `where` and half-way to both neighbours of it among u (N,)."""
+    place = int(np.searchsorted(u, where))
+    low, high = (u[place - 1] if place else 0.0), (u[place] if place < len(u) else 1.0)
+    return np.array([0.5 * (low + where), where, 0.5 * (where + high)])

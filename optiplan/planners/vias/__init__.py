@@ -1,0 +1,1 @@
+"""Planners of a curve through via points."""

@@ -1,0 +1,159 @@
+"""`parabolic`: constant velocities from point to point, changed at constant rates around the vias (blends)."""
+
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.errors import InputError, Issue
+from optiplan.planners.point_to_point.base import MotionOptions, Profile, require_size
+from optiplan.planners.vias.via_chains import ThroughVias, distinct, via_times
+from optiplan.problem.problem import JointGoal, Problem
+from optiplan.robot.robot import Limits
+from optiplan.trajectory.paths.parabolic_blends import (
+    Blends,
+    blends_by_acceleration,
+    blends_by_time,
+    run_blends,
+    with_pseudo_vias,
+)
+from optiplan.trajectory.paths.via_splines import knot_times
+from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.time_scaling import FreeTimes, least_stretch
+from optiplan.trajectory.trajectory import Trajectory
+
+_SHARES = (0.05, 0.12, 0.25, 0.4)  # of a segment's time: where pseudo-via points are tried
+
+
+@dataclass(frozen=True)
+class ParabolicOptions(MotionOptions):
+    """Also at most one of two, of the blends of every joint; without either, each takes all of its acceleration limit.
+
+    The acceleration jumps, so that only a problem with `limits: {jerk: none}` can have the motion verified.
+
+    Attributes:
+        acceleration: rad/s² or m/s².
+        blend_time: s.
+    """
+
+    acceleration: float | None = None
+    blend_time: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_size("acceleration", self.acceleration)
+        require_size("blend_time", self.blend_time)
+        if self.acceleration is not None and self.blend_time is not None:
+            raise ValueError("acceleration and blend_time are given; only one of them can be chosen")
+
+
+class Parabolic(ThroughVias[ParabolicOptions]):
+    """See the module. A via is missed by what its blend cuts off, or hit between two pseudo-via points."""
+
+    def __init__(self, options: ParabolicOptions | None = None) -> None:
+        super().__init__(options or ParabolicOptions())
+
+    def profile(self, problem: Problem, goal: Array) -> Profile:
+        """The motion along a chain (vias + 2, n).
+
+        Raises:
+            InputError: the duration ends before the last via's time.
+        """
+        ats = [via.at for via in problem.vias]
+        tolerances = np.array([0.0, *(at.tolerance if isinstance(at, JointGoal) else 0.0 for at in ats), 0.0])
+        times = via_times(problem, "parabolic", self.options.duration)
+        kept = distinct(goal, times)
+        names = problem.robot.joint_names
+        return ParabolicMotion(goal[kept], tolerances[kept], times, self.options, problem.limits, names)
+
+
+@dataclass(frozen=True, eq=False)
+class ParabolicMotion:
+    """The motion along points (k, n), which may be missed by tolerances (k,), at times (k - 2,) if any."""
+
+    points: Array
+    tolerances: Array
+    times: Array
+    options: ParabolicOptions
+    limits: Limits
+    joint_names: tuple[str, ...]
+
+    @property
+    def stretchable(self) -> bool:
+        """Whether times, accelerations and durations of blends are free."""
+        return self.options.acceleration is None and self.options.blend_time is None and not len(self.times)
+
+    @property
+    def shortest(self) -> float:
+        """See `Profile`."""
+        return self._shortest.duration
+
+    def trajectory(self, duration: float | None = None) -> Trajectory:
+        """See `Profile`.
+
+        Raises:
+            InputError: blends overlap, in that duration or at the times given.
+        """
+        if duration is None or len(self.points) == 1:
+            return self._shortest
+        return self._chosen(self._times.factor(duration))
+
+    @cached_property
+    def _shortest(self) -> Trajectory:
+        if len(self.points) == 1:
+            return stop_at_corners(self.points[[0, 0]], self.limits, self.joint_names)
+        factors = [least_stretch(partial(self._good, share)) for share in _SHARES]
+        found = [factor for factor in factors if factor is not None]
+        return self._chosen(min(found, default=1.0))
+
+    def _good(self, share: float, factor: float) -> bool:
+        return self._blends(factor, share).keeps(self.limits.velocity, self.limits.acceleration)
+
+    def _chosen(self, factor: float) -> Trajectory:
+        """The first motion within limits, else the first whose blends do not overlap."""
+        found = [self._blends(factor, share) for share in _SHARES]
+        fitting = [blends for blends in found if blends.overlap() is None]
+        if not fitting:
+            raise InputError([self._issue(found[-1])])
+        kept = (blends for blends in fitting if blends.keeps(self.limits.velocity, self.limits.acceleration))
+        return run_blends(self.points[0], next(kept, fitting[0]), self.joint_names)
+
+    @cached_property
+    def _times(self) -> FreeTimes:
+        return FreeTimes.of(self.times, knot_times(self.points, self.limits))
+
+    def _blends(self, factor: float, share: float) -> Blends:
+        """Blends whose free times are stretched by the factor, with the pseudo-via points that it takes."""
+        times = self._times.at(factor)
+        hit = np.zeros(len(times), dtype=bool)
+        while True:  # a pseudo-via point changes the velocities, and so the misses, beside it
+            blends = self._make(*with_pseudo_vias(self.points, times, hit, share))
+            miss = blends.miss.max(axis=1)[np.arange(len(times)) + 2 * np.cumsum(hit) - hit]
+            late = (miss > self.tolerances) & ~hit
+            if not late.any():
+                return blends
+            hit |= late
+
+    def _make(self, points: Array, times: Array) -> Blends:
+        o = self.options
+        if o.blend_time is not None:
+            return blends_by_time(points, times, o.blend_time)
+        acceleration = self.limits.acceleration if o.acceleration is None else np.full(points.shape[1], o.acceleration)
+        return blends_by_acceleration(points, times, acceleration)
+
+    def _issue(self, blends: Blends) -> Issue:
+        found = blends.overlap()
+        assert found is not None  # that is why it is asked for
+        i, j, lack = found
+        where = f"'{self.joint_names[j]}' between {blends.times[i]:.4g} and {blends.times[i + 1]:.4g} s"
+        words = f"blends that overlap by {lack:.3g} s" if np.isfinite(lack) else "no blend strong enough"
+        option = "blend_time" if self.options.blend_time is not None else "acceleration"
+        value = getattr(self.options, option)
+        return Issue(
+            "planner 'parabolic'",
+            None,
+            option,
+            f"{'the limits' if value is None else value}: {words}, of {where}",
+            "a shorter blend time, more acceleration, or more time",
+        )

@@ -1,0 +1,120 @@
+"""`rounded`: straight lines in joint space from via to via, with corners rounded within a stated deviation."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.common.context import Work
+from optiplan.planners.common.continuous_collision import first_contact
+from optiplan.planners.common.failures import contact_witness, out_of_time, too_heavy
+from optiplan.planners.common.via_legs import joined
+from optiplan.planners.vias.via_chains import distinct, ranked_chains
+from optiplan.problem.problem import JointGoal, Problem
+from optiplan.trajectory.paths.corners import bezier_corners, bspline_corners, reversals, through_corners
+from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.time_path import TimingOptions, time_path
+from optiplan.trajectory.trajectory import Trajectory
+
+_DOING = "rounding corners"
+_SHARPEST = 1e-4  # rad or m, of a deviation
+_HALVINGS = 4  # of the deviation, where the rounded path touches something
+
+
+@dataclass(frozen=True)
+class RoundedOptions:
+    """Options of `rounded`.
+
+    Attributes:
+        curve: of the corners: quintic Bézier blends, or the whole path as a cubic B-spline.
+        deviation: from the straight lines, rad or m of the joint that deviates most; smaller where that avoids a
+            collision. A via whose tolerance is smaller is hit, on a straight stretch between two corners.
+        goals: how many goal configurations to try, the quickest to reach first.
+    """
+
+    curve: Literal["bezier", "bspline"] = "bezier"
+    deviation: float = 0.05
+    goals: int = 8
+
+    def __post_init__(self) -> None:
+        if not _SHARPEST <= self.deviation < np.inf:
+            raise ValueError(f"deviation = {self.deviation} is not a number from {_SHARPEST} on")
+        if self.goals < 1:
+            raise ValueError(f"goals = {self.goals} is not positive")
+
+
+class Rounded:
+    """See the module; where a path turns straight back it stops. Times and velocities of vias are not looked at."""
+
+    passes_vias = True
+
+    def __init__(self, options: RoundedOptions | None = None) -> None:
+        self.options = options or RoundedOptions()
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan within the budget; see `planners.base.Planner`."""
+        work = Work.on(problem, budget)
+        watch = work.watch
+        with watch.stage("goals"):
+            chains = ranked_chains(problem, work.model, budget, self.options.goals)
+        if isinstance(chains, Failure):
+            return PlanResult(None, chains, watch.seconds)
+        refused: list[Failure] = []
+        for k, chain in enumerate(chains):
+            if budget.over:
+                return PlanResult(None, out_of_time(budget, _DOING), watch.seconds)
+            progress("goals", k / len(chains))
+            with watch.stage("collision"):
+                sections = self._free_sections(work, chain)
+            if isinstance(sections, Failure):
+                refused.append(sections)
+                continue
+            with watch.stage("timing"):
+                timing = TimingOptions(stop=lambda: budget.over)
+                timed = [time_path(path, problem.robot, problem.limits, timing) for path in sections]
+            motions = [motion for motion in timed if motion is not None]
+            if len(motions) == len(sections):
+                return PlanResult(joined(motions), None, watch.seconds, {"goal": k, "cut_short": budget.over})
+            refused.append(too_heavy(problem.robot, problem.limits, chain))
+        return PlanResult(None, out_of_time(budget, _DOING) if budget.over else refused[0], watch.seconds)
+
+    def _free_sections(self, work: Work, chain: Array) -> list[Trajectory] | Failure:
+        """The path in sections from stop to stop, free everywhere, or what stands in the way."""
+        deviation, refused = self.options.deviation, None
+        for _ in range(_HALVINGS + 1):
+            sections = self._sections(work.problem, chain, deviation)
+            refused = next((failure for path in sections if (failure := _refused(work, path)) is not None), None)
+            if refused is None or work.budget.over:
+                break
+            deviation = max(0.5 * deviation, _SHARPEST)
+        return refused or sections
+
+    def _sections(self, problem: Problem, chain: Array, deviation: float) -> list[Trajectory]:
+        limits, names = problem.limits, problem.robot.joint_names
+        ats = [via.at for via in problem.vias]
+        tolerances = np.array([0.0, *(at.tolerance if isinstance(at, JointGoal) else 0.0 for at in ats), 0.0])
+        kept = distinct(chain, np.empty(0))
+        points, hit = chain[kept], tolerances[kept] < deviation
+        if len(points) == 1:
+            return [stop_at_corners(points[[0, 0]], limits, names)]
+        curve = bezier_corners if self.options.curve == "bezier" else bspline_corners
+        stops = [0, *(i for i, back in enumerate(reversals(points, limits), 1) if back), len(points) - 1]
+        sections = []
+        for a, b in pairwise(stops):
+            part = slice(a, b + 1)
+            corners, shares = through_corners(points[part], hit[part], deviation, limits)
+            sections.append(curve(corners, shares, limits, names))
+        return sections
+
+
+def _refused(work: Work, path: Trajectory) -> Failure | None:
+    """Why a path is not free; its place on it is not told, because its parameter means nothing to anybody."""
+    touch = first_contact(work.model, path, lambda: work.budget.over)
+    if touch is None:
+        return None
+    pair = touch.contact.pair
+    detail = f"the rounded path is not free: '{pair.name_a}' meets '{pair.name_b}'"
+    return Failure("collision", detail, contact_witness(touch.q, touch.contact))

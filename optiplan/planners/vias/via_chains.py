@@ -1,0 +1,90 @@
+"""Configurations from the start through all vias to a goal, as planners that pass vias by themselves want them."""
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.errors import InputError, Issue
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.common.failures import end_too_heavy, out_of_time
+from optiplan.planners.common.goal_ranking import ranked_goals
+from optiplan.planners.common.gravity import Gravity
+from optiplan.planners.point_to_point.base import Options, PointToPoint
+from optiplan.problem.goals import GoalOptions, goal_configurations
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.timing.lower_bound import lower_bounds
+
+_SAME = 1e-9  # rad or m: points nearer than that are one
+_CHOICES = 16  # configurations that reach a via
+
+
+class ThroughVias(PointToPoint[Options]):
+    """A planner of this family that passes vias by itself: the targets of its `profile` are chains (vias + 2, n)."""
+
+    passes_vias = True
+
+    def targets(self, problem: Problem, model: CollisionModel, budget: Budget) -> list[Array] | Failure:
+        """Chains of configurations through the vias, that with the smallest sum of lower bounds first."""
+        return ranked_chains(problem, model, budget, self.options.goals)
+
+
+def via_times(problem: Problem, planner: str, duration: float | None) -> Array:
+    """Times that the problem gives for its vias, (vias,) or (0,), s.
+
+    Raises:
+        InputError: the planner's option `duration` ends before the last of them.
+    """
+    times = np.array([via.time for via in problem.vias if via.time is not None])
+    if len(times) and duration is not None and duration <= times[-1]:
+        expected = f"more than the {times[-1]} s of the last via"
+        raise InputError([Issue(f"planner '{planner}'", None, "duration", f"{duration} s", expected)])
+    return times
+
+
+def distinct(chain: Array, times: Array) -> npt.NDArray[np.bool_]:
+    """Which points of a chain (k, n) to go through, (k,): equal neighbours are one, unless times tell them apart."""
+    apart = np.abs(np.diff(chain, axis=0)).max(axis=1) > _SAME
+    return np.concatenate([[True], apart | bool(len(times))])
+
+
+def ranked_chains(problem: Problem, model: CollisionModel, budget: Budget, count: int) -> list[Array] | Failure:
+    """Up to `count` chains (vias + 2, n), one a goal configuration, that with the smallest sum of lower bounds first.
+
+    Among the inverse kinematics' answers for each via, a chain has those that make the sum smallest, by dynamic
+    programming. Failure kinds are those of `ranked_goals`; the detail names the via.
+    """
+    goals = ranked_goals(problem, model, budget, count)
+    if isinstance(goals, Failure):
+        return goals
+    chains, costs = [problem.start[None]], np.zeros(1)
+    for k in range(len(problem.vias)):
+        choices = _choices(problem, model, budget, k)
+        if isinstance(choices, Failure):
+            return choices
+        chains, costs = _extended(problem, chains, costs, choices)
+    chains, costs = _extended(problem, chains, costs, goals)
+    return [chains[i] for i in np.argsort(costs, kind="stable")]
+
+
+def _extended(problem: Problem, chains: list[Array], costs: Array, ends: list[Array]) -> tuple[list[Array], Array]:
+    """The cheapest chain to each of the ends, and its cost."""
+    bounds = np.array([lower_bounds(chain[-1], np.array(ends), problem.limits) for chain in chains])
+    total = costs[:, None] + bounds
+    best = total.argmin(axis=0)
+    return [np.vstack([chains[i], end]) for i, end in zip(best, ends, strict=True)], total.min(axis=0)
+
+
+def _choices(problem: Problem, model: CollisionModel, budget: Budget, k: int) -> list[Array] | Failure:
+    options = GoalOptions(count=_CHOICES, stop=lambda: budget.over)
+    there = replace(problem, goal=(problem.vias[k].at,), vias=())
+    found = goal_configurations(there, model, np.random.default_rng(problem.seed), options)
+    if not found.configurations:
+        if budget.over:
+            return out_of_time(budget, f"looking for configurations at via {k + 1}")
+        return Failure(found.kind, f"via {k + 1}: {found.reason}", {**found.witness, "via": k + 1})
+    gravity = Gravity(problem.robot, problem.limits.torque)
+    light = [q for q in found.configurations if not gravity.too_much(q)]
+    return light or end_too_heavy(gravity, np.array(found.configurations), f"via {k + 1}")

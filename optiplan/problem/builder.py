@@ -1,0 +1,268 @@
+"""From the parts of a problem file to models and arrays, checked against the robot; collects every issue on the way."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.config.document import Document, Place
+from optiplan.config.messages import choices, describe
+from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.files import is_file
+from optiplan.geometry.meshes.reading import FORMATS, open_mesh
+from optiplan.geometry.poses import pose_from_data, unit
+from optiplan.geometry.scene import (
+    Attachment,
+    Box,
+    Capsule,
+    Cylinder,
+    HalfSpace,
+    Mesh,
+    Obstacle,
+    Scene,
+    Shape,
+    Sphere,
+)
+from optiplan.geometry.shapes import build_geometry
+from optiplan.problem.partial import Draft, Part
+from optiplan.problem.problem import JointGoal, PoseGoal, Via
+from optiplan.problem.schema import (
+    AlternativeSpec,
+    MeshSpec,
+    PoseGoalSpec,
+    PoseSpec,
+    ShapeSpec,
+    StartSpec,
+    ToleranceSpec,
+    ViaSpec,
+)
+from optiplan.robot.robot import Robot, load_robot, robot_file
+
+RobotLoader = Callable[[str, Path | None, Mapping[str, float] | None, str | None], Robot]
+"""`load_robot`, or what stands in for it: reference, folder it is relative to, locked joints, group."""
+
+HIT = 1e-6
+"""Tolerance of a via that states none, rad or m: it is to be hit."""
+
+
+class Compiler:
+    """One pass over a `Draft`; what is wrong goes to `issues`, and the part in question becomes None."""
+
+    def __init__(self, document: Document, base: Path, draft: Draft) -> None:
+        self.document, self.base, self.draft = document, base, draft
+        self.issues: list[Issue] = []
+
+    def report(self, place: Place, found: str, expected: str) -> None:
+        """Note one issue."""
+        self.issues.append(self.document.issue(place, found, expected))
+
+    def robot(self, load: RobotLoader = load_robot) -> Robot | None:
+        """The robot, with the joints that the problem locks."""
+        if self.draft.robot is None:
+            return None
+        try:
+            file = robot_file(self.draft.robot, self.base)
+            if not is_file(file):
+                found = f"'{self.draft.robot}', but there is no file {file}"
+                self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
+                return None
+            return load(self.draft.robot, self.base, self.draft.locked, self.draft.group)
+        except UnknownChoiceError as error:
+            place = (error.kind,) if error.kind in ("robot", "group") else ("locked",)
+            self.report(place, f"unknown {error.kind} '{error.found}'", choices(error.found, error.choices))
+        except OSError as error:  # a name that no file can have
+            found = f"{describe(self.draft.robot)} ({(error.strerror or str(error)).lower()})"
+            self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
+        except InputError as error:
+            self.issues.extend(map(self._relocated, error.issues))
+        return None
+
+    def _relocated(self, issue: Issue) -> Issue:
+        """What the robot file's reader says of a locked joint of ours is about our file."""
+        for name in self.draft.locked:
+            if issue.field == f"locked.{name}":
+                return self.document.issue(("locked", name), issue.found, issue.expected)
+        return issue
+
+    def start(self, robot: Robot) -> Array | None:
+        """The start configuration, (n,)."""
+        part = self.draft.start
+        return None if part is None else self.configuration(robot, part.place, part.value)
+
+    def goal(self, robot: Robot) -> list[Part[JointGoal | PoseGoal]]:
+        """The alternatives that can be used."""
+        ends: list[Part[JointGoal | PoseGoal]] = []
+        for part in self.draft.goal:
+            end = self._alternative(robot, part)
+            if end is not None:
+                ends.append(Part(part.place, end))
+        return ends
+
+    def vias(self, robot: Robot) -> list[Part[Via]]:
+        """The vias that can be used."""
+        vias: list[Part[Via]] = []
+        for part in self.draft.vias:
+            at, velocity = self._passed(robot, part), self._velocity(robot, part)
+            if at is not None:
+                vias.append(Part(part.place, Via(at, velocity, part.value.time)))
+        return vias
+
+    def _passed(self, robot: Robot, part: Part[ViaSpec]) -> JointGoal | PoseGoal | None:
+        spec = part.value
+        tolerance = HIT if spec.tolerance is None else spec.tolerance
+        if spec.pose is None:
+            named = spec.configuration is not None
+            one = StartSpec(configuration=spec.configuration) if named else StartSpec(joints=spec.joints)
+            q = self.configuration(robot, part.place, one)
+            return None if q is None else JointGoal(q, tolerance)
+        both = spec.pose.tolerance or ToleranceSpec(position=tolerance, orientation=tolerance)
+        pose = PoseGoalSpec(**spec.pose.model_dump(exclude={"tolerance"}), tolerance=both)
+        return self._pose_goal(robot, (*part.place, "pose"), pose)
+
+    def _velocity(self, robot: Robot, part: Part[ViaSpec]) -> Array | None:
+        if part.value.velocity is None:
+            return None
+        place, v, limit = (*part.place, "velocity"), np.array(part.value.velocity, float), robot.limits.velocity
+        if len(v) != robot.n:
+            self.report(place, f"{len(v)} values", f"{robot.n} values, one for each of {', '.join(robot.joint_names)}")
+            return None
+        for j in np.flatnonzero(np.abs(v) > limit):
+            found = f"{robot.joint_names[j]} = {v[j]:.10g}, beyond its limit"
+            self.report((*place, int(j)), found, f"a value in [{-limit[j]:.10g}, {limit[j]:.10g}]")
+        return v
+
+    def _alternative(self, robot: Robot, part: Part[AlternativeSpec]) -> JointGoal | PoseGoal | None:
+        if part.value.pose is None:
+            q = self.configuration(robot, part.place, part.value)
+            return None if q is None else JointGoal(q)
+        return self._pose_goal(robot, (*part.place, "pose"), part.value.pose)
+
+    def _pose_goal(self, robot: Robot, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
+        frame = robot.tool_frame if spec.frame is None else spec.frame
+        if frame != robot.tool_frame and frame not in frame_names(robot):
+            self.unknown((*place, "frame"), "frame", frame, frame_names(robot))
+            return None
+        return PoseGoal(frame, _pose(spec), spec.tolerance.position, spec.tolerance.orientation)
+
+    def configuration(self, robot: Robot, place: Place, spec: StartSpec) -> Array | None:
+        """The joint values meant by `joints` or `configuration`, (n,), if there are n within the limits."""
+        place = (*place, spec.kind)
+        if spec.configuration is not None:
+            if spec.configuration not in robot.configurations:
+                self.unknown(place, "configuration", spec.configuration, robot.configurations)
+                return None
+            q = np.array(robot.configurations[spec.configuration], float)
+        else:
+            q = np.array(spec.joints, float)
+        if len(q) != robot.n:
+            self.report(place, f"{len(q)} values", f"{robot.n} values, one for each of {', '.join(robot.joint_names)}")
+            return None
+        return q if self._within_limits(robot, place, q) else None
+
+    def _within_limits(self, robot: Robot, place: Place, q: Array) -> bool:
+        lower, upper = robot.limits.lower, robot.limits.upper
+        outside = np.flatnonzero((q < lower) | (q > upper))
+        for j in outside:
+            at = (*place, int(j)) if place[-1] == "joints" else place
+            self.report(
+                at,
+                f"{robot.joint_names[j]} = {q[j]:.10g}, outside its limits",
+                f"a value in [{lower[j]:.10g}, {upper[j]:.10g}]",
+            )
+        return len(outside) == 0
+
+    def scene(self, robot: Robot | None) -> Scene:
+        """The bodies that can be built, and the allowed pairs whose names are known."""
+        obstacles, attached = [], []
+        for part in self.draft.obstacles:
+            shape = self._shape((*part.place, "shape"), part.value.shape)
+            if shape is not None:
+                obstacles.append(Obstacle(part.value.name, shape, _pose(part.value.pose)))
+        for held in self.draft.attached:
+            shape = self._shape((*held.place, "shape"), held.value.shape)
+            touch = frozenset(held.value.touch)
+            if shape is not None:
+                attached.append(Attachment(held.value.name, shape, held.value.link, _pose(held.value.pose), touch))
+        if robot is not None:
+            self._names(robot)
+        allowed = frozenset(frozenset(pair.value) for pair in self.draft.allowed)
+        return Scene(tuple(obstacles), tuple(attached), allowed)
+
+    def _shape(self, place: Place, spec: ShapeSpec) -> Shape | None:
+        if spec.mesh is not None:
+            return self._mesh((*place, "mesh", "file"), spec.mesh)
+        return primitive(spec)
+
+    def _mesh(self, place: Place, spec: MeshSpec) -> Mesh | None:
+        try:
+            file = (self.base / spec.file).resolve()
+        except (OSError, ValueError) as error:  # a name that no file can have
+            reason = getattr(error, "strerror", None) or str(error)
+            self.report(place, f"{describe(spec.file)} ({reason.lower()})", f"a mesh file ({FORMATS})")
+            return None
+        try:
+            mesh = Mesh(file, (spec.scale[0], spec.scale[1], spec.scale[2]), spec.convex, open_mesh(file).key)
+            build_geometry(mesh)
+        except ValueError as error:
+            missing = isinstance(error.__cause__, FileNotFoundError)
+            found = f"'{spec.file}', but there is no file {file}" if missing else str(error)
+            self.report(place, found, f"a mesh file ({FORMATS})")
+            return None
+        return mesh
+
+    def _names(self, robot: Robot) -> None:
+        """Names are unique among links, obstacles and attachments, and those referred to exist."""
+        links = link_names(robot)
+        taken = dict.fromkeys(links, "a link of the robot")
+        bodies = [(part.place, part.value.name, "an obstacle") for part in self.draft.obstacles]
+        bodies += [(part.place, part.value.name, "an attached object") for part in self.draft.attached]
+        for place, name, kind in bodies:
+            if name in taken:
+                found = f"'{name}', which is already the name of {taken[name]}"
+                self.report((*place, "name"), found, "a name of its own")
+            taken.setdefault(name, kind)
+        for held in self.draft.attached:
+            if held.value.link not in links:
+                self.unknown((*held.place, "link"), "link", held.value.link, links)
+            for i, name in enumerate(held.value.touch):
+                if name not in links:
+                    self.unknown((*held.place, "touch", i), "link", name, links)
+        for pair in self.draft.allowed:
+            for i, name in enumerate(pair.value):
+                if name not in taken:
+                    self.unknown((*pair.place, i), "body", name, taken)
+
+    def unknown(self, place: Place, kind: str, found: str, valid: Iterable[str]) -> None:
+        """Note a name that is not among the valid ones."""
+        self.report(place, f"unknown {kind} '{found}'", choices(found, sorted(valid)))
+
+
+def primitive(spec: ShapeSpec) -> Shape:
+    """The shape of a spec other than a mesh."""
+    if spec.box is not None:
+        return Box((spec.box[0], spec.box[1], spec.box[2]))
+    if spec.sphere is not None:
+        return Sphere(spec.sphere)
+    if spec.cylinder is not None:
+        return Cylinder(spec.cylinder.radius, spec.cylinder.length)
+    if spec.capsule is not None:
+        return Capsule(spec.capsule.radius, spec.capsule.length)
+    assert spec.half_space is not None  # the schema holds exactly one shape, and meshes need a folder
+    normal = unit(spec.half_space.normal)
+    return HalfSpace((float(normal[0]), float(normal[1]), float(normal[2])), spec.half_space.offset)
+
+
+def link_names(robot: Robot) -> Sequence[str]:
+    """Names of all links, also those without geometry."""
+    return [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
+
+
+def frame_names(robot: Robot) -> Sequence[str]:
+    """Names of all frames that a pose goal can be about: links and fixed frames, not joints."""
+    return [frame.name for frame in robot.model.frames if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME)]
+
+
+def _pose(spec: PoseSpec) -> pin.SE3:
+    return pose_from_data({"position": spec.position, "rpy": spec.rpy, "quaternion": spec.quaternion})

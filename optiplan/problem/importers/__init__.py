@@ -1,0 +1,1 @@
+"""Problems of other programs as problem files."""

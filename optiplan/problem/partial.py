@@ -1,0 +1,107 @@
+"""The parts of a problem file that fit the schema, so that the rest can be checked although a part does not fit."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from optiplan.config.document import Number, Place
+from optiplan.problem.schema import (
+    AlternativeSpec,
+    AttachedSpec,
+    GoalSpec,
+    ObstacleSpec,
+    ProblemSpec,
+    StartSpec,
+    ViaSpec,
+)
+from optiplan.problem.schema_types import Name, NamePair
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Part(Generic[T]):
+    """A value of the schema and its place in the file."""
+
+    place: Place
+    value: T
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A problem file without the parts that are missing or do not fit."""
+
+    robot: str | None
+    group: str | None
+    locked: Mapping[str, float]
+    start: Part[StartSpec] | None
+    goal: tuple[Part[AlternativeSpec], ...]
+    vias: tuple[Part[ViaSpec], ...]
+    obstacles: tuple[Part[ObstacleSpec], ...]
+    attached: tuple[Part[AttachedSpec], ...]
+    allowed: tuple[Part[tuple[str, ...]], ...]
+
+    @classmethod
+    def of_spec(cls, spec: ProblemSpec) -> "Draft":
+        """Every part of a valid file."""
+        scene = spec.scene
+        return cls(
+            robot=spec.robot,
+            group=spec.group,
+            locked=spec.locked,
+            start=Part(("start",), spec.start),
+            goal=_alternatives(spec.goal),
+            vias=_parts(("via",), spec.via),
+            obstacles=_parts(("scene", "obstacles"), scene.obstacles),
+            attached=_parts(("scene", "attached"), scene.attached),
+            allowed=_parts(("scene", "allowed_collisions"), scene.allowed_collisions),
+        )
+
+    @classmethod
+    def of_data(cls, data: Any) -> "Draft":
+        """What can be read of a file that does not fit the schema."""
+        root = _mapping(data)
+        start = _fit(StartSpec, root.get("start"))
+        goal = root.get("goal")
+        whole = _fit(GoalSpec, goal)
+        ends = _mapping(goal).get("any_of")
+        scene = _mapping(root.get("scene"))
+        return cls(
+            robot=_fit(Name, root.get("robot")),
+            group=_fit(Name, root.get("group")),
+            locked=_fit(dict[str, Number], root.get("locked", {})) or {},
+            start=None if start is None else Part(("start",), start),
+            goal=_alternatives(whole) if whole else _fits(("goal", "any_of"), AlternativeSpec, ends),
+            vias=_fits(("via",), ViaSpec, root.get("via")),
+            obstacles=_fits(("scene", "obstacles"), ObstacleSpec, scene.get("obstacles")),
+            attached=_fits(("scene", "attached"), AttachedSpec, scene.get("attached")),
+            allowed=_fits(("scene", "allowed_collisions"), NamePair, scene.get("allowed_collisions")),
+        )
+
+
+def _mapping(value: Any) -> dict[Any, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _alternatives(goal: GoalSpec) -> tuple[Part[AlternativeSpec], ...]:
+    if goal.any_of is None:
+        return (Part(("goal",), goal),)
+    return _parts(("goal", "any_of"), goal.any_of)
+
+
+def _parts(place: Place, values: tuple[T, ...]) -> tuple[Part[T], ...]:
+    return tuple(Part((*place, i), value) for i, value in enumerate(values))
+
+
+def _fit(kind: Any, raw: Any) -> Any:
+    try:
+        return TypeAdapter(kind).validate_python(raw)
+    except ValidationError:
+        return None
+
+
+def _fits(place: Place, kind: Any, raw: Any) -> tuple[Part[Any], ...]:
+    values = [_fit(kind, item) for item in raw] if isinstance(raw, list) else []
+    return tuple(Part((*place, i), value) for i, value in enumerate(values) if value is not None)

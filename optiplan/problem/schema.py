@@ -1,0 +1,259 @@
+"""The schema of a problem file, `version: 1`; SI units and radians throughout.
+
+These classes hold what the file says, after checks that need nothing but the file itself; `compile.py` checks it
+against the robot and the scene.
+"""
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
+
+from optiplan.config.document import Number, Strict, Whole
+from optiplan.config.messages import Reserved
+from optiplan.problem.schema_types import (
+    Coordinate,
+    Direction,
+    ExactlyOne,
+    FileName,
+    Fraction,
+    Length,
+    Name,
+    NamePair,
+    NotNegative,
+    Quaternion,
+    Scale,
+    Size,
+    Vector,
+)
+
+
+def _empty(what: str) -> Reserved:
+    def check(values: tuple[Any, ...]) -> tuple[Any, ...]:
+        if values:
+            raise ValueError(f"an empty list: {what} are not supported in this release")
+        return values
+
+    return Reserved(check)
+
+
+def _named(value: Any) -> Any:
+    if not isinstance(value, str | Mapping | PlannerSpec):
+        raise ValueError("the name of a planner, or {name: …} with its options")
+    return {"name": value} if isinstance(value, str) else value
+
+
+class PoseSpec(Strict):
+    """`position`, m, and `rpy` about fixed axes, rad, or `quaternion` [x, y, z, w]; neither is the identity."""
+
+    position: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector | None = None
+    quaternion: Quaternion | None = None
+
+    @model_validator(mode="after")
+    def _one_rotation(self) -> Self:
+        if self.rpy is not None and self.quaternion is not None:
+            raise ValueError("found both rpy and quaternion; expected at most one of them")
+        return self
+
+
+class RoundSpec(Strict):
+    """`radius` and `length` of a cylinder (whole length) or capsule (length between the round caps), m."""
+
+    radius: Length
+    length: Length
+
+
+class HalfSpaceSpec(Strict):
+    """All points p with normal . p <= offset are solid; `normal` has unit length, `offset` in m."""
+
+    normal: Direction
+    offset: Coordinate = 0.0
+
+
+class MeshSpec(Strict):
+    """`file` (STL, OBJ, DAE, PLY or GLB) beside this file, times `scale` (a number or [x, y, z]); `convex`: hull."""
+
+    file: FileName
+    scale: Scale = (1.0, 1.0, 1.0)
+    convex: Annotated[bool, Field(strict=True)] = False
+
+
+class ShapeSpec(ExactlyOne):
+    """One shape, such as `box: [x, y, z]` or `sphere: radius`."""
+
+    box: Size | None = None
+    sphere: Length | None = None
+    cylinder: RoundSpec | None = None
+    capsule: RoundSpec | None = None
+    half_space: HalfSpaceSpec | None = None
+    mesh: MeshSpec | None = None
+
+
+class ObstacleSpec(Strict):
+    """A shape that stands still; `pose` in the world."""
+
+    name: Name
+    shape: ShapeSpec
+    pose: PoseSpec = PoseSpec()
+
+
+def _bounded(shape: ShapeSpec) -> ShapeSpec:
+    if shape.half_space is not None:
+        raise ValueError("found a half_space; expected a shape that ends somewhere: no robot can carry a half-space")
+    return shape
+
+
+class AttachedSpec(Strict):
+    """A shape held by `link`; `pose` in the link's frame; it may touch the links of `touch`, and `link`."""
+
+    name: Name
+    shape: Annotated[ShapeSpec, AfterValidator(_bounded)]
+    link: Name
+    pose: PoseSpec = PoseSpec()
+    touch: tuple[Name, ...] = ()
+
+
+class SceneSpec(Strict):
+    """What stands around the robot, what it holds, and which bodies may touch."""
+
+    obstacles: tuple[ObstacleSpec, ...] = ()
+    attached: tuple[AttachedSpec, ...] = ()
+    allowed_collisions: tuple[NamePair, ...] = ()
+
+
+class ToleranceSpec(Strict):
+    """Of a pose: `position` in m, `orientation` in rad."""
+
+    position: Length = 1e-4
+    orientation: Length = 1e-3
+
+
+class PoseGoalSpec(PoseSpec):
+    """The pose of `frame` (default: the robot's tool frame) in the world."""
+
+    frame: Name | None = None
+    position: Vector
+    tolerance: ToleranceSpec = ToleranceSpec()
+
+
+class StartSpec(ExactlyOne):
+    """`joints`: one value per planned joint; or `configuration`: a name in the robot file."""
+
+    joints: tuple[Number, ...] | None = None
+    configuration: Name | None = None
+
+
+class AlternativeSpec(StartSpec):
+    """One end of the motion."""
+
+    pose: PoseGoalSpec | None = None
+
+
+class GoalSpec(AlternativeSpec):
+    """One end of the motion, or `any_of` several."""
+
+    any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
+
+
+class ViaPoseSpec(PoseSpec):
+    """The pose of `frame` (default: the robot's tool frame) in the world, to be passed within `tolerance`."""
+
+    frame: Name | None = None
+    position: Vector
+    tolerance: ToleranceSpec | None = None
+
+
+class ViaSpec(Strict):
+    """A point to be passed between start and goal.
+
+    `tolerance` is of each joint or of both parts of a pose, rad or m; `velocity` (rad/s or m/s, one value per planned
+    joint) and `time` (s from the start) are wishes, which the planner `spline` can grant.
+    """
+
+    joints: tuple[Number, ...] | None = None
+    configuration: Name | None = None
+    pose: ViaPoseSpec | None = None
+    tolerance: Length | None = None
+    velocity: tuple[Number, ...] | None = None
+    time: Length | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        kinds = [key for key in ("joints", "configuration", "pose") if getattr(self, key) is not None]
+        if len(kinds) != 1:
+            found = " and ".join(kinds) or "none of them"
+            raise ValueError(f"found {found}; expected exactly one of: joints, configuration, pose")
+        if self.pose is not None and self.pose.tolerance is not None and self.tolerance is not None:
+            raise ValueError("found a tolerance of the via and one of its pose; expected at most one of them")
+        return self
+
+
+def _timed(vias: tuple[ViaSpec, ...]) -> tuple[ViaSpec, ...]:
+    times = [via.time for via in vias if via.time is not None]
+    if times and len(times) != len(vias):
+        raise ValueError(f"found a time at {len(times)} of {len(vias)} vias; expected one at each, or at none")
+    for before, after in pairwise(times):
+        if after <= before:
+            raise ValueError(f"found time {after:g} after time {before:g}; expected increasing times")
+    return vias
+
+
+class LimitsSpec(Strict):
+    """Fractions of the robot's own limits; `jerk: none` lifts the jerk limits, so that the acceleration may jump."""
+
+    velocity: Fraction = 1.0
+    acceleration: Fraction = 1.0
+    jerk: Fraction | Literal["none"] = 1.0
+    torque: Fraction = 1.0
+
+
+class ObjectiveSpec(Strict):
+    """Weights of duration (1/s) and of the integral of squared jerk."""
+
+    time: NotNegative = 1.0
+    jerk: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if self.time == 0.0 and self.jerk == 0.0:
+            raise ValueError("found all weights 0; expected at least one weight > 0")
+        return self
+
+
+class PlannerSpec(Strict):
+    """`name` of a planner, and options of that planner beside it."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    name: Name = "trajopt"
+
+
+class ProblemSpec(Strict):
+    """A problem file.
+
+    `group` names the planned joints among the robot file's `groups`; `locked` holds values of joints that are not
+    planned (fingers), over those of the robot file.
+    """
+
+    version: Literal[1]
+    name: Name | None = None
+    robot: FileName
+    group: Name | None = None
+    locked: dict[Name, Number] = Field(default_factory=dict)
+    start: StartSpec
+    goal: GoalSpec
+    scene: SceneSpec = SceneSpec()
+    via: Annotated[tuple[ViaSpec, ...], AfterValidator(_timed)] = ()
+    path_constraints: Annotated[tuple[Any, ...], _empty("path constraints")] = ()
+    limits: LimitsSpec = LimitsSpec()
+    objective: ObjectiveSpec = ObjectiveSpec()
+    planner: Annotated[PlannerSpec, BeforeValidator(_named, json_schema_input_type=str | PlannerSpec)] = PlannerSpec()
+    seed: Annotated[Whole, Field(ge=0)] = 0
+
+
+def problem_schema() -> dict[str, Any]:
+    """JSON schema of a problem file, for editors that complete and check YAML."""
+    schema = ProblemSpec.model_json_schema(mode="validation")
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -1,0 +1,1 @@
+"""Robots: description files, joint groups, limits, link geometry, pairs of links that need no check."""

@@ -1,0 +1,107 @@
+"""Forward kinematics of many configurations at once, in NumPy: link poses and joint axes."""
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.robot.mimic_joints import coupling, screws
+
+
+class BatchKinematics:
+    """Poses of the J joints, revolute or prismatic, of a model with n planned ones, over N configurations.
+
+    With X_PJ the fixed placement of joint j in its parent and [S] its unit screw, X_WJ = X_WP X_PJ exp([S] q_j). The
+    positions of all joints are A q + b: a planned joint has its own row of the identity there, a follower its leader's
+    times its multiplier, and its offset. Without followers J = n and A is the identity.
+
+    Attributes:
+        coupling: A (J, n); `offset`: b (J,), rad or m.
+        revolute: (J,), 1 for a joint that turns, 0 for one that slides.
+    """
+
+    def __init__(self, model: pin.Model) -> None:
+        self._parents = [int(p) for p in model.parents]
+        self._placements = [np.array(M.homogeneous) for M in model.jointPlacements]
+        self._screws = screws(model)
+        self.coupling, self.offset = coupling(model)
+        self._follows = model.njoints - 1 > model.nv
+        self.revolute: Array = (np.linalg.norm(self._screws[:, 3:], axis=1) > 0.5).astype(np.float64)
+
+    def joint_rates(self, V: Array) -> Array:
+        """Rates (..., J) of all joints, of those of the planned ones V (..., n): A V."""
+        return V @ self.coupling.T if self._follows else V
+
+    def joint_reach(self, D: Array) -> Array:
+        """Bounds (..., J) of all joints, from bounds D (..., n) >= 0 on what the planned ones do: |A| D."""
+        return D @ np.abs(self.coupling.T) if self._follows else D
+
+    def joint_dependence(self, moved: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Which planned joints (..., n) take part where the joints `moved` (..., J) do."""
+        return np.asarray((moved @ np.abs(self.coupling)) > 0.0) if self._follows else moved
+
+    def planned_bound(self, levers: Array) -> Array:
+        """Bounds (..., n) for each rad or m of a planned joint, from those for each of any joint (..., J): |A|^T l."""
+        return levers @ np.abs(self.coupling) if self._follows else levers
+
+    def of_planned(self, gradient: Array) -> Array:
+        """Gradients (..., n) in the planned joints, from those in all joints (..., J): A^T g."""
+        return gradient @ self.coupling if self._follows else gradient
+
+    def poses(self, Q: Array) -> Array:
+        """X_WJ of every joint (0 is the world) at configurations Q (N, n): array (N, J + 1, 4, 4)."""
+        result = np.empty((len(Q), len(self._parents), 4, 4))
+        result[:, 0] = np.eye(4)
+        positions = self.joint_rates(Q) + self.offset if self._follows else Q
+        for j in range(1, len(self._parents)):
+            fixed = result[:, self._parents[j]] @ self._placements[j]
+            result[:, j] = fixed @ _screw_motion(self._screws[j - 1], positions[:, j - 1])
+        return result
+
+    def axes(self, poses: Array) -> tuple[Array, Array]:
+        """Axis direction and a point on it, in the world, of each joint: two arrays (N, J, 3)."""
+        axis = np.where(self.revolute[:, None] > 0.5, self._screws[:, 3:], self._screws[:, :3])
+        return (poses[:, 1:, :3, :3] @ axis[:, :, None])[..., 0], poses[:, 1:, :3, 3].copy()
+
+    def levers(self, joint: int, points: Array, stroke: Array) -> Array:
+        """Bounds, m, on how far points (K, 3) fixed to a joint travel for each rad or m of each joint: (J,).
+
+        Holds at: every configuration with |q_j| <= stroke_j; `stroke` (n,) matters for prismatic joints only, m. Seen
+        from the frame of a joint, what the next joint carries stays within a ball about that joint's origin, which
+        is fixed there. A revolute joint has the distance from its axis, a prismatic one 1, one that does not carry the
+        points 0. A follower f stays within |multiplier| stroke + |offset|.
+        """
+        reach = self.joint_reach(stroke) + np.abs(self.offset)
+        result = np.zeros(len(reach))
+        ball = 0.0
+        while joint > 0:
+            if self.revolute[joint - 1]:
+                result[joint - 1] = np.linalg.norm(np.cross(points, self._screws[joint - 1, 3:]), axis=1).max() + ball
+            else:
+                result[joint - 1] = 1.0
+                ball += float(reach[joint - 1])
+            ball += float(np.linalg.norm(points, axis=1).max())
+            points = self._placements[joint][None, :3, 3]
+            joint = self._parents[joint]
+        return result
+
+
+def carrying_joints(model: pin.Model) -> npt.NDArray[np.bool_]:
+    """Which joints (J + 1, J) carry what is fixed to each joint, and to the world, which is 0."""
+    carries = np.zeros((model.njoints, model.njoints - 1), dtype=bool)
+    for j in range(1, model.njoints):
+        carries[j] = carries[model.parents[j]]
+        carries[j, j - 1] = True
+    return carries
+
+
+def _screw_motion(screw: Array, q: Array) -> Array:
+    """exp([S] q) for a unit rotation about, or a unit translation along, an axis through the origin: (N, 4, 4)."""
+    linear, angular = screw[:3], screw[3:]
+    motion = np.zeros((len(q), 4, 4))
+    motion[:, 3, 3] = 1.0
+    skew = np.array([[0.0, -angular[2], angular[1]], [angular[2], 0.0, -angular[0]], [-angular[1], angular[0], 0.0]])
+    sine, versine = np.sin(q)[:, None, None], (1.0 - np.cos(q))[:, None, None]
+    motion[:, :3, :3] = np.eye(3) + sine * skew + versine * (skew @ skew)
+    motion[:, :3, 3] = q[:, None] * linear
+    return motion

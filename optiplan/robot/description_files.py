@@ -1,0 +1,54 @@
+"""A robot's URDF and SRDF: beside its robot.yaml, from the table in it, or in the data package example-robot-data."""
+
+import sys
+from pathlib import Path
+
+from optiplan.config.document import Document
+from optiplan.config.messages import choices
+from optiplan.errors import InputError
+from optiplan.robot.dh.to_urdf import urdf_text
+from optiplan.robot.spec import RobotSpec
+from optiplan.robot.urdf.reader import UrdfSource, read_urdf
+from optiplan.robot.urdf.srdf import Srdf, read_srdf
+
+PACKAGE_FOLDERS = ("cmeel.prefix/share/example-robot-data/robots", "share/example-robot-data/robots")
+
+
+def read_sources(spec: RobotSpec, document: Document) -> tuple[UrdfSource, Srdf | None, Path | None]:
+    """The URDF, that of a Denavit–Hartenberg table included; the SRDF, if there is one, and its path.
+
+    Raises:
+        InputError: files that cannot be used, a robot that the data package does not have, or no data package.
+    """
+    folder = document.path.parent
+    if spec.dh is not None:
+        urdf = read_urdf(document.path, folder, urdf_text(spec.name, spec.dh, document))
+    else:
+        urdf = read_urdf(_urdf_path(spec, document), folder)
+    path = None if spec.srdf is None else folder / spec.srdf
+    return urdf, None if path is None else read_srdf(path, urdf.renamed), path
+
+
+def _urdf_path(spec: RobotSpec, document: Document) -> Path:
+    if isinstance(spec.urdf, str):
+        return document.path.parent / spec.urdf
+    assert spec.urdf is not None  # the schema holds urdf or dh
+    robots = package_robots()
+    if not robots:
+        expected = "it to be installed: pip install example-robot-data"
+        raise InputError([document.issue(("urdf", "package"), "example-robot-data, which is not installed", expected)])
+    if spec.urdf.robot not in robots:
+        found = f"unknown robot '{spec.urdf.robot}'"
+        raise InputError([document.issue(("urdf", "robot"), found, choices(spec.urdf.robot, sorted(robots)))])
+    return robots[spec.urdf.robot]
+
+
+def package_robots() -> dict[str, Path]:
+    """URDFs of the installed example-robot-data by name: the file's, with and without a trailing `_robot`."""
+    roots = (Path(entry) / folder for entry in sys.path for folder in PACKAGE_FOLDERS)
+    root = next((root for root in roots if root.is_dir()), None)
+    if root is None:
+        return {}
+    files = sorted((*root.glob("*/urdf/*.urdf"), *root.glob("*/robots/*.urdf")))
+    named = {path.stem: path for path in files}
+    return {**{name.removesuffix("_robot"): path for name, path in named.items()}, **named}

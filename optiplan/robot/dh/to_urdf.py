@@ -1,0 +1,209 @@
+"""A Denavit–Hartenberg table as a URDF: what the rest of OptiPlan reads, and what other programs can.
+
+A URDF link sits in the frame *of its joint*, a standard table's frame beyond it. So a standard row becomes two links:
+`NAME_joint_frame`, which the joint moves, and `NAME` fixed to it, the frame of the table, which carries all bodies.
+Capsules, which URDF does not have, are written as cylinders that <collision_checking> names as capsules (pinocchio);
+another reader sees the cylinders.
+"""
+
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.config.document import Document, Place
+from optiplan.config.messages import choices
+from optiplan.errors import InputError, Issue
+from optiplan.robot.dh.link_bodies import body_pose, default_bodies, inertia_of
+from optiplan.robot.dh.spec import BodySpec, DhSpec, LinkSpec, PoseSpec
+from optiplan.robot.dh.table import JointKind, along_x, along_z
+
+PLACE: Place = ("dh",)
+
+
+def urdf_text(name: str, spec: DhSpec, document: Document) -> str:
+    """The URDF of a table.
+
+    Raises:
+        InputError: names that come twice, a parent that is not there, a mass without a body; with file, line and row.
+    """
+    issues = list(_name_issues(spec, document))
+    if issues:
+        raise InputError(issues)
+    writer = _Writer(name, spec, document)
+    writer.link(spec.base.name, spec.base, (*PLACE, "base"))
+    joined = _before_and_after(spec)
+    for index in joined[0]:
+        writer.joined(index)
+    writer.table(spec.parent or spec.base.name)
+    for index in joined[1]:
+        writer.joined(index)
+    if writer.issues:
+        raise InputError(writer.issues)
+    ET.indent(writer.root)
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(writer.root, encoding="unicode")}\n'
+
+
+def _name_issues(spec: DhSpec, document: Document) -> Iterator[Issue]:
+    named: list[tuple[Place, str]] = [((*PLACE, "base", "name"), spec.base.name)]
+    named += [((*PLACE, "rows", i, "name"), name) for i, name in enumerate(spec.row_names())]
+    named += [((*PLACE, "links", i, "name"), link.name) for i, link in enumerate(spec.links)]
+    named += [((*PLACE, "rows", i, "joint_name"), name) for i, name in enumerate(joint_names(spec)) if name]
+    named += [((*PLACE, "links", i, "joint_name"), link.joint_name or "") for i, link in enumerate(spec.links)]
+    count = Counter(name for _, name in named if name)
+    for place, name in named:
+        if count[name] > 1:
+            yield document.issue(place, f"the name '{name}', which comes {count[name]} times", "a name of its own")
+    links = [spec.base.name, *spec.row_names(), *(link.name for link in spec.links)]
+    parents: list[tuple[Place, str]] = [((*PLACE, "links", i, "parent"), x.parent) for i, x in enumerate(spec.links)]
+    parents += [((*PLACE, "parent"), spec.parent)] if spec.parent else []
+    for place, name in parents:
+        if name not in links:
+            yield document.issue(place, f"unknown link '{name}'", choices(name, links))
+    if spec.parent in spec.row_names():
+        yield document.issue((*PLACE, "parent"), f"'{spec.parent}', a row of the table itself", "another link")
+    for i, link in enumerate(spec.links):
+        if link.parent not in links[: len(links) - len(spec.links) + i] and link.parent in links:
+            yield document.issue((*PLACE, "links", i, "parent"), f"'{link.parent}', which comes later", "a link above")
+
+
+def joint_names(spec: DhSpec) -> list[str]:
+    """Joint of each row: its own name, or joint_1, joint_2 … counting joints; empty for a fixed row."""
+    names, count = [], 0
+    for row in spec.rows:
+        count += row.joint is not None
+        names.append("" if row.joint is None else row.joint_name or f"joint_{count}")
+    return names
+
+
+def _before_and_after(spec: DhSpec) -> tuple[list[int], list[int]]:
+    """Indices of the joined links that the table stands on or that hang on no row, and of the others."""
+    rows, after = set(spec.row_names()), []
+    for index, link in enumerate(spec.links):
+        if link.parent in rows:
+            rows.add(link.name)
+            after.append(index)
+    return [index for index in range(len(spec.links)) if index not in after], after
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint of the URDF; `limits` in the unit of the table."""
+
+    name: str
+    kind: JointKind | None = None
+    limits: list[float] | None = None
+    axis: Sequence[float] = (0.0, 0.0, 1.0)
+
+
+class _Writer:
+    """Elements of one URDF; what cannot be written goes to `issues`."""
+
+    def __init__(self, name: str, spec: DhSpec, document: Document) -> None:
+        self.root = ET.Element("robot", name=name)
+        self.spec, self.document = spec, document
+        self.issues: list[Issue] = []
+
+    def table(self, parent: str) -> None:
+        """The links and joints of the rows."""
+        table, joints = self.spec.table(), joint_names(self.spec)
+        bodies = default_bodies(self.spec)
+        start = self._pose(self.spec)
+        for i, (row, spec) in enumerate(zip(table.rows, self.spec.rows, strict=True)):
+            x, z = along_x(row.a, row.alpha), along_z(np.array([row.d]), np.array([row.theta]))[0]
+            before, after = (start @ z, x) if table.convention == "standard" else (start @ x @ z, np.eye(4))
+            name = joints[i] or f"{row.name}_fixed"
+            if row.joint is None or np.array_equal(after, np.eye(4)):
+                self._joint(Joint(name, row.joint, spec.limits), (parent, row.name), before @ after)
+            else:
+                middle = f"{row.name}_joint_frame"
+                ET.SubElement(self.root, "link", name=middle)
+                self._joint(Joint(name, row.joint, spec.limits), (parent, middle), before)
+                self._joint(Joint(f"{row.name}_fixed"), (middle, row.name), after)
+            geometry = bodies[i] if spec.geometry is None else spec.geometry
+            self.link(row.name, spec.model_copy(update={"geometry": geometry}), (*PLACE, "rows", i))
+            parent, start = row.name, np.eye(4)
+
+    def joined(self, index: int) -> None:
+        """A link beside the table and its joint."""
+        spec = self.spec.links[index]
+        joint = Joint(spec.joint_name or f"{spec.name}_joint", spec.joint, spec.limits, spec.axis)
+        self._joint(joint, (spec.parent, spec.name), self._pose(spec))
+        self.link(spec.name, spec, (*PLACE, "links", index))
+
+    def link(self, name: str, spec: LinkSpec, place: Place) -> None:
+        """One link with its bodies, for collision and for view, and its inertia."""
+        link = ET.SubElement(self.root, "link", name=name)
+        if spec.mass is not None:
+            if not spec.geometry and spec.inertia is None and spec.mass > 0:
+                found = f"a mass of {spec.mass:g} kg without a body"
+                self.issues.append(self.document.issue((*place, "mass"), found, "geometry, or centre and inertia"))
+            else:
+                _inertial(link, inertia_of(spec, self.spec))
+        for i, body in enumerate(spec.geometry or ()):
+            self._body(link, body, f"{name}_{i}")
+
+    def _body(self, link: ET.Element, body: BodySpec, name: str) -> None:
+        X_LB = body_pose(body, self.spec)
+        for kind in ("visual", "collision"):
+            element = ET.SubElement(link, kind)
+            _origin(element, X_LB)
+            geometry = ET.SubElement(element, "geometry")
+            if body.box is not None:
+                ET.SubElement(geometry, "box", size=_numbers(body.box))
+            elif body.sphere is not None:
+                ET.SubElement(geometry, "sphere", radius=repr(body.sphere))
+            else:
+                round_ = body.cylinder or body.capsule
+                assert round_ is not None  # the schema holds exactly one shape
+                ET.SubElement(geometry, "cylinder", radius=repr(round_.radius), length=repr(round_.length))
+        if body.capsule is not None:
+            element.set("name", name)
+            ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
+            for end in (-0.5, 0.5):
+                cap = ET.SubElement(link, "visual")
+                _origin(cap, X_LB * pin.SE3(np.eye(3), np.array([0.0, 0.0, end * body.capsule.length])))
+                ET.SubElement(ET.SubElement(cap, "geometry"), "sphere", radius=repr(body.capsule.radius))
+
+    def _pose(self, spec: PoseSpec) -> Array:
+        pose: Array = body_pose(spec, self.spec).homogeneous
+        return pose
+
+    def _joint(self, joint: Joint, links: tuple[str, str], X_PJ: Array) -> None:
+        endless = joint.kind == "revolute" and joint.limits is None
+        kind = "continuous" if endless else joint.kind or "fixed"
+        element = ET.SubElement(self.root, "joint", name=joint.name, type=kind)
+        _origin(element, pin.SE3(X_PJ))
+        ET.SubElement(element, "parent", link=links[0])
+        ET.SubElement(element, "child", link=links[1])
+        if joint.kind is None:
+            return
+        ET.SubElement(element, "axis", xyz=_numbers(joint.axis))
+        limit = ET.SubElement(element, "limit", effort="0", velocity="0")
+        if joint.limits is not None:
+            turn = self.spec.angle if joint.kind == "revolute" else float
+            limit.set("lower", repr(turn(joint.limits[0])))
+            limit.set("upper", repr(turn(joint.limits[1])))
+
+
+def _inertial(link: ET.Element, inertia: pin.Inertia) -> None:
+    element = ET.SubElement(link, "inertial")
+    ET.SubElement(element, "origin", xyz=_numbers(inertia.lever))
+    ET.SubElement(element, "mass", value=repr(float(inertia.mass)))
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    values = np.asarray(inertia.inertia)[np.triu_indices(3)]
+    ET.SubElement(element, "inertia", {name: repr(float(v)) for name, v in zip(names, values, strict=True)})
+
+
+def _origin(element: ET.Element, X: pin.SE3) -> None:
+    rpy = pin.rpy.matrixToRpy(X.rotation)
+    ET.SubElement(element, "origin", xyz=_numbers(X.translation), rpy=_numbers(rpy))
+
+
+def _numbers(values: Sequence[float] | Array) -> str:
+    """Numbers that read back as they are."""
+    return " ".join(repr(float(value)) for value in values)

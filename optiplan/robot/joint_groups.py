@@ -1,0 +1,191 @@
+"""Which joints are planned, where the others stand, and the model reduced to the planned ones."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.config.document import Document, Place
+from optiplan.config.messages import choices
+from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.robot.default_group import longest_chain
+from optiplan.robot.mimic_joints import Mimic, MimicError, fold
+from optiplan.robot.spec import RobotSpec
+from optiplan.robot.urdf.reader import UrdfSource, build_collisions, build_model, build_visuals
+
+MOVABLE = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """The robot with every joint fixed that is neither planned nor follows one that is.
+
+    `model` has the planned joints as its degrees of freedom, `plain` the followers as well. `followers` says what each
+    follows, and `locked` where the other joints stand (rad, m).
+    """
+
+    model: pin.Model
+    plain: pin.Model
+    followers: Mapping[str, Mimic]
+    geometry: pin.GeometryModel
+    build_visual: Callable[[], pin.GeometryModel]
+    locked: Mapping[str, float]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Group:
+    """The planned joints, base to tip; `listed` are those that lists in the robot.yaml hold a value for.
+
+    `chosen` tells that nobody named them, and that there are others.
+    """
+
+    name: str | None
+    joints: tuple[str, ...]
+    listed: tuple[str, ...]
+    chosen: bool = False
+
+    def pick(self, values: Sequence[float]) -> Array:
+        """Of one value for each listed joint those of the planned ones, (n,)."""
+        return np.array([values[self.listed.index(joint)] for joint in self.joints], dtype=np.float64)
+
+
+def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, name: str | None = None) -> Group:
+    """The group called `name`; without a name `group`, else the first of `groups`, else the longest chain of joints.
+
+    Raises:
+        UnknownChoiceError: there is no such group.
+        InputError: a name that is no joint, a joint that cannot be planned, another order than base to tip.
+    """
+    model = build_model(urdf)
+    movable = [joint for joint in model.names if urdf.joint_types.get(joint) in MOVABLE and joint not in urdf.mimics]
+    if name is not None and name not in spec.groups:
+        raise UnknownChoiceError("group", name, spec.groups or ["none, since the robot file has no groups"])
+    if isinstance(spec.group, str) and spec.group not in spec.groups:
+        found = f"unknown group '{spec.group}'"
+        raise InputError([document.issue(("group",), found, choices(spec.group, list(spec.groups)))])
+    if spec.group is None and not spec.groups:
+        if not movable:
+            raise InputError([document.issue((), f"a robot without movable joints in {urdf.path}", "at least one")])
+        chosen_joints = tuple(movable if spec.dh is not None else longest_chain(model, urdf, movable))
+        return Group(None, chosen_joints, chosen_joints, chosen_joints != tuple(movable))
+    unnamed = spec.group if isinstance(spec.group, list) else None
+    lists: list[tuple[Place, list[str]]] = [] if unnamed is None else [(("group",), unnamed)]
+    lists += [(("groups", key), joints) for key, joints in spec.groups.items()]
+    issues = [issue for place, joints in lists for issue in _joint_issues(place, joints, movable, (document, urdf))]
+    if issues:
+        raise InputError(issues)
+    listed = tuple(joint for joint in movable if any(joint in joints for _, joints in lists))
+    if name is None and unnamed is not None:
+        return Group(None, tuple(unnamed), listed)
+    chosen = name or (spec.group if isinstance(spec.group, str) else next(iter(spec.groups)))
+    return Group(chosen, tuple(spec.groups[chosen]), listed)
+
+
+def _joint_issues(
+    place: Place, group: Sequence[str], movable: Sequence[str], source: tuple[Document, UrdfSource]
+) -> Iterator[Issue]:
+    document, urdf = source
+    if not group:
+        yield document.issue(place, "an empty list", "at least one joint")
+    wrong = [(index, name) for index, name in enumerate(group) if name not in movable]
+    for index, name in wrong:
+        kind = urdf.joint_types.get(name)
+        found = f"unknown joint '{name}'" if kind is None else f"the {kind} joint '{name}', which cannot be planned"
+        if name in urdf.mimics:
+            found = f"the mimic joint '{name}', which follows '{urdf.mimics[name].source}'"
+        yield document.issue((*place, index), found, choices(name, movable))
+    ordered = [name for name in movable if name in group]
+    if not wrong and list(group) != ordered:
+        yield document.issue(place, f"[{', '.join(group)}]", f"base-to-tip order: [{', '.join(ordered)}]")
+
+
+def _check_locked(wanted: Mapping[str, float], planned: Sequence[str], urdf: UrdfSource, document: Document) -> None:
+    """Refuse positions of joints that are planned or are not there."""
+    names = list(urdf.joint_types)
+    free = [name for name in names if name not in planned and urdf.joint_types[name] != "fixed"]
+    issues: list[Issue] = []
+    for name in wanted:
+        if name not in names:
+            issues.append(document.issue(("locked", name), f"unknown joint '{name}'", choices(name, free)))
+        elif name in planned:
+            issues.append(document.issue(("locked", name), f"the planned joint '{name}'", "a joint outside the group"))
+    if issues:
+        raise InputError(issues)
+
+
+def reduce_to(planned: Sequence[str], wanted: Mapping[str, float], urdf: UrdfSource, document: Document) -> Reduced:
+    """Fix every joint that is not planned: at `wanted`, where it follows another, or at zero moved into its limits.
+
+    Joints that follow a planned one move with it, but for those that `wanted` names.
+
+    Raises:
+        InputError: `wanted` names a joint that is planned or is not there; a joint that carries the one it follows;
+            one that follows a joint without end at broken turns.
+    """
+    _check_locked(wanted, planned, urdf, document)
+    model = build_model(urdf)
+    notes: list[str] = []
+    reference = pin.neutral(model)
+    locked: dict[str, float] = {}
+    followers = {name: mimic for name, mimic in urdf.mimics.items() if mimic.source in planned}
+    followers = {name: mimic for name, mimic in followers.items() if mimic.multiplier != 0.0 and name not in wanted}
+    _refuse_broken_turns(followers, urdf)
+    fixed = [name for name in model.names[1:] if name not in planned and name not in followers]
+    for name in fixed:
+        joint = model.joints[model.getJointId(name)]
+        if joint.nq == 1:
+            locked[name] = reference[joint.idx_q] = _rest(model, joint.idx_q, name, wanted.get(name), notes)
+    for name in (name for name in fixed if name in urdf.mimics and name not in wanted):
+        mimic = urdf.mimics[name]
+        value = mimic.multiplier * locked.get(mimic.source, 0.0) + mimic.offset
+        locked[name] = reference[model.joints[model.getJointId(name)].idx_q] = value
+    notes += [_follower_note(name, mimic) for name, mimic in followers.items()]
+    for name in wanted:
+        if name in urdf.mimics and urdf.mimics[name].source in planned:
+            notes.append(f"joint {name} is locked here and does not follow {urdf.mimics[name].source}")
+        if not model.existJointName(name):
+            notes.append(f"joint {name} is fixed in the URDF and stands where the URDF puts it")
+    ids = [model.getJointId(name) for name in fixed]
+
+    def build_visual() -> pin.GeometryModel:
+        return pin.buildReducedModel(model, build_visuals(urdf, model), ids, reference)[1]
+
+    plain, geometry = pin.buildReducedModel(model, build_collisions(urdf, model), ids, reference)
+    try:
+        small = fold(plain, followers)
+    except MimicError as error:
+        raise urdf.error(error.joint, error.found, error.expected) from error
+    notes += _wide_notes(urdf)
+    return Reduced(small, plain, followers, geometry, build_visual, locked, tuple(notes))
+
+
+def _refuse_broken_turns(followers: Mapping[str, Mimic], urdf: UrdfSource) -> None:
+    """A joint without end counts turns modulo one; what follows it at half its angle would not be where it was."""
+    for name, mimic in followers.items():
+        turns = urdf.joint_types[name] != "prismatic" and float(mimic.multiplier).is_integer()
+        if urdf.joint_types[mimic.source] == "continuous" and not turns:
+            found = f"<mimic> of '{mimic.source}', which turns without end, by {mimic.multiplier:g}"
+            expected = f"a whole multiplier of a joint that turns, or limits for '{mimic.source}' (type revolute)"
+            raise urdf.error(name, found, expected)
+
+
+def _follower_note(name: str, mimic: Mimic) -> str:
+    offset = f" {mimic.offset:+g}" if mimic.offset else ""
+    return f"joint {name} moves with {mimic.source}: q = {mimic.multiplier:g} · {mimic.source}{offset}"
+
+
+def _wide_notes(urdf: UrdfSource) -> list[str]:
+    wide = [(name, kind) for name, kind in urdf.joint_types.items() if kind in ("floating", "planar")]
+    return [f"joint {name} is {kind}: it is fixed here, where the URDF puts it" for name, kind in wide]
+
+
+def _rest(model: pin.Model, index: int, name: str, wanted: float | None, notes: list[str]) -> float:
+    lower, upper = float(model.lowerPositionLimit[index]), float(model.upperPositionLimit[index])
+    if wanted is None:
+        return min(max(0.0, lower), upper)
+    if not lower <= wanted <= upper:
+        notes.append(f"joint {name} is locked at {wanted:g}, beyond its own limits [{lower:g}, {upper:g}]; kept")
+    return float(wanted)

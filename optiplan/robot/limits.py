@@ -1,0 +1,125 @@
+"""Limits of the planned joints: those of the robot.yaml, else those of the URDF, else stated defaults."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.config.document import Document
+from optiplan.errors import InputError, Issue
+from optiplan.robot.joint_groups import Group, Reduced
+from optiplan.robot.spec import LimitsSpec
+
+DEFAULTS = {"velocity": 1.0, "acceleration": 10.0, "jerk": 500.0, "torque": np.inf}
+UNITS = {"velocity": "rad/s", "acceleration": "rad/s²", "jerk": "rad/s³", "torque": "N·m"}
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Bounds of the planned joints, each of shape (n,), in rad or m and seconds; torque in N·m or N.
+
+    `lower` and `upper` are -inf and inf for joints that turn without end.
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    torque: Array
+
+    def scaled(
+        self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float | str = 1.0, torque: float = 1.0
+    ) -> "Limits":
+        """These limits times fractions; `jerk` "none" lifts its limits."""
+        return replace(
+            self,
+            velocity=self.velocity * velocity,
+            acceleration=self.acceleration * acceleration,
+            jerk=self.jerk * (np.inf if isinstance(jerk, str) else jerk),
+            torque=self.torque * torque,
+        )
+
+
+def build_limits(spec: LimitsSpec, document: Document, reduced: Reduced, group: Group) -> tuple[Limits, list[str]]:
+    """Limits of the joints of a model reduced to `group`, and notes on every default that was taken.
+
+    A joint with followers keeps within what they allow: lower_f <= m q + o <= upper_f, |m| v <= v_f. Torque is the
+    generalised force tau + sum m tau_f that the leader's drive gives; a follower has none of its own.
+
+    Raises:
+        InputError: wrong sizes, values that are not positive.
+    """
+    issues: list[Issue] = []
+    notes: list[str] = []
+    model, names = reduced.model, list(group.joints)
+    own = {"velocity": _narrowed_velocity(reduced, names), "torque": model.upperEffortLimit}
+    values: dict[str, Array] = {}
+    for key in DEFAULTS:
+        given = getattr(spec, key)
+        if given is None:
+            values[key] = _from_urdf(key, own.get(key), names, notes)
+        else:
+            values[key] = _from_yaml(key, given, document, issues, group)
+    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+    for name in (name for name, room in zip(names, upper - lower, strict=True) if room < 0):
+        issues.append(document.issue(("urdf",), f"joint {name} with a lower limit above the upper", "lower <= upper"))
+    if not issues:
+        _narrow_positions(reduced, names, (lower, upper), notes)
+    for name in (name for name, room in zip(names, upper - lower, strict=True) if room < 0 and not issues):
+        found = f"joint {name}, which the limits of the joints that follow it leave no position"
+        issues.append(document.issue(("urdf",), found, "limits that overlap"))
+    if issues:
+        raise InputError(issues)
+    stuck = [name for name, room in zip(names, upper - lower, strict=True) if room <= 0]
+    if stuck:
+        notes.append(f"the URDF's position limits leave no room to {', '.join(stuck)}")
+    return Limits(lower, upper, values["velocity"], values["acceleration"], values["jerk"], values["torque"]), notes
+
+
+def _narrow_positions(reduced: Reduced, names: list[str], limits: tuple[Array, Array], notes: list[str]) -> None:
+    """Shrink position limits (n,) and (n,), in place, to those of which every follower is within its own."""
+    lower, upper = limits
+    for name, mimic in reduced.followers.items():
+        k, j = reduced.plain.joints[reduced.plain.getJointId(name)].idx_q, names.index(mimic.source)
+        own = reduced.plain.lowerPositionLimit[k], reduced.plain.upperPositionLimit[k]
+        low, high = sorted((end - mimic.offset) / mimic.multiplier for end in own)
+        if low > lower[j] or high < upper[j]:
+            lower[j], upper[j] = max(low, lower[j]), min(high, upper[j])
+            notes.append(f"joint {mimic.source} stays within [{lower[j]:g}, {upper[j]:g}], for {name} that follows it")
+
+
+def _narrowed_velocity(reduced: Reduced, names: list[str]) -> Array:
+    """Velocity limits of the URDF (n,), each at most v_f / |m| of every follower; 0 where none is given."""
+    velocity = np.array(reduced.model.upperVelocityLimit)
+    for name, mimic in reduced.followers.items():
+        joint, j = reduced.plain.joints[reduced.plain.getJointId(name)], names.index(mimic.source)
+        own = float(reduced.plain.upperVelocityLimit[joint.idx_v])
+        if np.isfinite(own) and own > 0.0:
+            own /= abs(mimic.multiplier)
+            velocity[j] = min(velocity[j], own) if velocity[j] > 0.0 else own
+    return velocity
+
+
+def _from_yaml(key: str, given: float | list[float], document: Document, issues: list[Issue], group: Group) -> Array:
+    n = len(group.listed)
+    listed = given if isinstance(given, list) else [given] * n
+    if len(listed) != n:
+        issues.append(document.issue(("limits", key), f"a list of {len(listed)} values", f"{n}, one a planned joint"))
+    for index, value in enumerate(listed):
+        if value <= 0:
+            place = ("limits", key, index) if isinstance(given, list) else ("limits", key)
+            issues.append(document.issue(place, f"{value:g}", "a number > 0"))
+    return group.pick(listed) if len(listed) == n else np.ones(len(group.joints))
+
+
+def _from_urdf(key: str, own: Array | None, names: list[str], notes: list[str]) -> Array:
+    default = DEFAULTS[key]
+    values = np.full(len(names), default) if own is None else np.array(own, dtype=np.float64)
+    missing = np.ones(len(names), bool) if own is None else ~(np.isfinite(values) & (values > 0))
+    values[missing] = default
+    if missing.any():
+        which = "any joint" if missing.all() else ", ".join(name for name, no in zip(names, missing, strict=True) if no)
+        taken = "no limit" if np.isinf(default) else f"{default:g} {UNITS[key]}"
+        notes.append(f"no {key} limit is given for {which}: {taken} is taken")
+    return values

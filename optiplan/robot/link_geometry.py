@@ -1,0 +1,136 @@
+"""What is checked for each link: its mesh, the mesh's hull, or convex pieces."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.config.document import Document
+from optiplan.config.messages import choices
+from optiplan.errors import InputError, Issue, plain_reason
+from optiplan.files import read_bytes
+from optiplan.geometry.convex import body_of, cover_of, hull_of, over_cover_of, pieces_of, vertices_of
+from optiplan.geometry.shapes import FARTHEST
+from optiplan.robot.spec import CollisionSpec, Treatment
+
+PRIMITIVE = "primitive"
+KINDS: tuple[Treatment, ...] = ("auto", "hull", "mesh", "convex_pieces")
+
+
+@dataclass(frozen=True, eq=False)
+class LinkGeometry:
+    """Collision geometry in which meshes are replaced by what the robot.yaml asks for.
+
+    Attributes:
+        geometry: the bodies.
+        kinds: what each link became: hull, mesh, convex_pieces or primitive.
+        over_cover: how far (m) each link's bodies reach beyond its meshes at most, measured; links with meshes only.
+        notes: what a user should know of meshes that are not checked as they are.
+    """
+
+    geometry: pin.GeometryModel = field(default_factory=pin.GeometryModel)
+    kinds: dict[str, str] = field(default_factory=dict)
+    over_cover: dict[str, float] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+def treat(
+    model: pin.Model, geometry: pin.GeometryModel, collision: Treatment | CollisionSpec, document: Document
+) -> LinkGeometry:
+    """Replace the meshes of a robot by what its robot.yaml asks for.
+
+    Raises:
+        InputError: a link that is not there, is named twice, or has a mesh that cannot be hulled.
+    """
+    spec = CollisionSpec(default=collision) if isinstance(collision, str) else collision
+    named = _named(spec, [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY], document)
+    result = LinkGeometry()
+    for item in geometry.geometryObjects:
+        link = model.frames[item.parentFrame].name
+        wanted = named.get(link, spec.default)
+        try:
+            kind, over_cover, parts = _treated(item, wanted, result.notes)
+            for part in parts:
+                result.geometry.addGeometryObject(part)
+        except (ValueError, RuntimeError) as error:  # qhull has errors of its own
+            found = f"{plain_reason(error)} ({item.meshPath})"
+            raise InputError(
+                [document.issue(("collision",), f"link {link}: {found}", "a mesh with vertices")]
+            ) from error
+        if kind != PRIMITIVE:
+            result.over_cover[link] = max(over_cover, result.over_cover.get(link, 0.0))
+        result.kinds[link] = max(kind, result.kinds.get(link, kind), key=_EXACTNESS.index)
+    return result
+
+
+_EXACTNESS = (PRIMITIVE, "mesh", "convex_pieces", "hull")
+"""A link of several shapes is called after the roughest of them."""
+
+
+def _treated(
+    item: pin.GeometryObject, wanted: Treatment, notes: list[str]
+) -> tuple[str, float, Iterator[pin.GeometryObject]]:
+    """What a shape becomes, how far (m) that reaches beyond it, and its bodies."""
+    mesh = item.geometry
+    if not isinstance(mesh, coal.BVHModelBase):
+        return PRIMITIVE, 0.0, iter([item.copy()])
+    vertices = vertices_of(mesh)
+    if not (len(vertices) and (np.abs(vertices) <= FARTHEST).all()):  # NaN is refused too
+        raise ValueError(f"a mesh without finite vertices, or with one beyond {FARTHEST:g} m")
+    match wanted:
+        case "auto":
+            cover = cover_of(mesh)
+            if cover.kind == "mesh":
+                notes.append(f"{item.name}: the mesh itself, since its hull reaches {_mm(cover.hull)} beyond it")
+                return "mesh", 0.0, iter([item.copy()])
+            if cover.kind == "convex_pieces":
+                count, reach = len(cover.pieces), _mm(cover.over_cover)
+                notes.append(f"{item.name}: {count} convex pieces, which reach at most {reach} beyond it")
+            return cover.kind, cover.over_cover, _bodies(item, cover.pieces)
+        case "hull":
+            hull = body_of(vertices)
+            if hull.over_cover > 0.0:
+                notes.append(f"{item.name}: a body around its hull, farther out by at most {_mm(hull.over_cover)}")
+            return "hull", over_cover_of(mesh, [hull.vertices]), _bodies(item, [vertices])
+        case "convex_pieces":
+            pieces = pieces_of(mesh, read_bytes(Path(item.meshPath)) + np.asarray(item.meshScale).tobytes())
+            beyond, count = over_cover_of(mesh, pieces.vertices), len(pieces.vertices)
+            made = f"{count} convex pieces" if count > 1 else "its hull, which pieces nearly fill"
+            made += f", grown by at most {_mm(pieces.growth)}" if count > 1 else ""
+            notes.append(f"{item.name}: {made}; reaches at most {_mm(beyond)} beyond the mesh")
+            return "convex_pieces", beyond, _bodies(item, pieces.vertices)
+    return "mesh", 0.0, iter([item.copy()])
+
+
+def _mm(distance: float) -> str:
+    return f"{distance * 1e3:.2g} mm"
+
+
+def _bodies(item: pin.GeometryObject, bodies: Iterable[Array]) -> Iterator[pin.GeometryObject]:
+    """Copies of an object, each with the hull of points (k, 3) as its shape; one alone keeps the name."""
+    several = tuple(bodies)
+    for index, vertices in enumerate(several):
+        part = item.copy()
+        part.name = f"{item.name}_piece{index}" if len(several) > 1 else item.name
+        part.geometry = hull_of(vertices)
+        yield part
+
+
+def _named(spec: CollisionSpec, links: list[str], document: Document) -> Mapping[str, Treatment]:
+    named: dict[str, Treatment] = {}
+    issues: list[Issue] = []
+    for kind in KINDS:
+        for index, link in enumerate(getattr(spec, kind)):
+            place = ("collision", kind, index)
+            if link not in links:
+                issues.append(document.issue(place, f"unknown link '{link}'", choices(link, links)))
+            elif link in named:
+                issues.append(document.issue(place, f"link '{link}', which is under {named[link]} too", "it once"))
+            named[link] = kind
+    if issues:
+        raise InputError(issues)
+    return named

@@ -1,0 +1,270 @@
+"""The robot: kinematics, collision geometry and limits of the planned joints, loaded once and never changed."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from optiplan import cache
+from optiplan.arrays import Array
+from optiplan.config.document import Document, read_yaml, validate
+from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError
+from optiplan.files import bound, read_bytes, reading
+from optiplan.resources import robots_dir
+from optiplan.robot.description_files import read_sources
+from optiplan.robot.dh.table import DhTable
+from optiplan.robot.joint_groups import Group, Reduced, planned_joints, reduce_to
+from optiplan.robot.limits import Limits, build_limits
+from optiplan.robot.link_geometry import LinkGeometry, treat
+from optiplan.robot.mimic_joints import Mimic, screws
+from optiplan.robot.named_configurations import configurations, tool_frame
+from optiplan.robot.self_collision.pair_survey import PairSurvey, survey_pairs
+from optiplan.robot.self_collision.pairs import PROVED, declared_pairs, set_pairs, srdf_words, unchecked_pairs
+from optiplan.robot.spec import RobotSpec
+from optiplan.robot.urdf.srdf import LinkPair, srdf_text
+
+__all__ = ["Limits", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot reduced to its planned joints; a configuration q is of shape (n,), in the order of `joint_names`.
+
+    `link_geometry` says what is checked for each link: hull, mesh, convex_pieces or primitive, and `over_cover` how
+    far (m) that reaches beyond the link's meshes at most, measured. `locked` holds where the joints stand that are
+    not planned (rad, m), `allowed` the pairs of links that are not checked, with the reason (see
+    `robot.self_collision.pairs`), and `files` all that the robot was read from. `dh` is the Denavit–Hartenberg
+    table, if it was given as one, `group` the name of the group of `groups` that is planned, `urdf` the whole robot
+    as pinocchio reads it. `followers` are the joints of `model` that move with a planned one. `load_robot` with
+    `source`, `locked` and `group` builds the same robot again, in another process too: so it is pickled.
+    `fingerprint` is the SHA-256 of the contents of `files`, and a robot that comes out of a pickle with another one
+    is refused.
+    """
+
+    name: str
+    source: Path
+    model: pin.Model
+    geometry: pin.GeometryModel
+    limits: Limits
+    joint_names: tuple[str, ...]
+    tool_frame: str
+    configurations: Mapping[str, Array]
+    link_geometry: Mapping[str, str]
+    build_visual: Callable[[], pin.GeometryModel]
+    notes: tuple[str, ...] = ()
+    locked: Mapping[str, float] = field(default_factory=dict)
+    allowed: Mapping[LinkPair, str] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+    fingerprint: str = ""
+    dh: DhTable | None = None
+    group: str | None = None
+    groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    urdf: str = ""
+    followers: Mapping[str, Mimic] = field(default_factory=dict)
+    over_cover: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def n(self) -> int:
+        """Number of planned joints."""
+        return len(self.joint_names)
+
+    @cached_property
+    def revolute(self) -> npt.NDArray[np.bool_]:
+        """Which planned joints turn, (n,); the others slide."""
+        own = [self.model.getJointId(name) - 1 for name in self.joint_names]
+        return np.asarray(self._turns()[own])
+
+    @cached_property
+    def whole_turns(self) -> npt.NDArray[np.bool_]:
+        """Which planned joints, (n,), leave every link where it was after a whole turn: followers turn wholly too."""
+        sliding = {name for name, turns in zip(self.model.names[1:], self._turns(), strict=True) if not turns}
+        broken = {
+            mimic.source
+            for name, mimic in self.followers.items()
+            if name in sliding or not float(mimic.multiplier).is_integer()
+        }
+        return np.asarray(self.revolute & np.array([name not in broken for name in self.joint_names]))
+
+    def _turns(self) -> npt.NDArray[np.bool_]:
+        """Which joints of the model turn, followers too: (J,)."""
+        return np.asarray(np.linalg.norm(screws(self.model)[:, 3:], axis=1) > 0.5)
+
+    @cached_property
+    def massless_links(self) -> tuple[str, ...]:
+        """Moving links with collision geometry that have no mass in the URDF: torque leaves them out."""
+        masses = {link.get("name"): link.find("inertial/mass") for link in ET.fromstring(self.urdf).iter("link")}
+        heavy = {name for name, mass in masses.items() if mass is not None and float(mass.get("value", "0")) > 0.0}
+        moving = [self.link_of(i) for i, body in enumerate(self.geometry.geometryObjects) if body.parentJoint != 0]
+        return tuple(dict.fromkeys(link for link in moving if link not in heavy))
+
+    @property
+    def has_inertia(self) -> bool:
+        """Whether any link that a joint moves has a mass; without one torque cannot be told."""
+        return any(inertia.mass > 0.0 for inertia in list(self.model.inertias)[1:])
+
+    @cached_property
+    def visual(self) -> pin.GeometryModel:
+        """What the robot looks like; read at the first use, since nothing but a viewer needs it."""
+        return self.build_visual()
+
+    @cached_property
+    def survey(self) -> PairSurvey:
+        """How often each pair of links touches, and what is proved of it; made at the first use, or read from disk."""
+        return survey_pairs(self.model, self.geometry, (self.limits.lower, self.limits.upper))
+
+    @property
+    def bare_links(self) -> tuple[str, ...]:
+        """Links without collision geometry, which nothing is checked for."""
+        links = [str(frame.name) for frame in self.model.frames if frame.type == pin.FrameType.BODY]
+        return tuple(link for link in links if link not in self.link_geometry)
+
+    def link_of(self, index: int) -> str:
+        """Name of the link that geometry object `index` of `geometry` belongs to."""
+        return str(self.model.frames[self.geometry.geometryObjects[index].parentFrame].name)
+
+    def frame_id(self, name: str) -> int:
+        """Index of a frame in `model.frames`.
+
+        Raises:
+            UnknownChoiceError: there is none of that name.
+        """
+        if not self.model.existFrame(name):
+            raise UnknownChoiceError("frame", name, [frame.name for frame in self.model.frames[1:]])
+        return int(self.model.getFrameId(name))
+
+    def with_tool(self, frame: str) -> "Robot":
+        """The same robot with another tool frame.
+
+        Raises:
+            UnknownChoiceError: there is no such frame.
+        """
+        self.frame_id(frame)
+        return replace(self, tool_frame=frame)
+
+    def with_proved_checked(self) -> "Robot":
+        """The same robot with the pairs checked that are proved apart, for who asks for more distance than that."""
+        allowed = {pair: reason for pair, reason in self.allowed.items() if reason != PROVED}
+        geometry = self.geometry.copy()
+        set_pairs(self.model, geometry, allowed)
+        return replace(self, geometry=geometry, allowed=allowed)
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Pickled as the call that loads it: models of pinocchio and coal do not travel whole."""
+        parts = dict(self.locked), self.group, self.fingerprint
+        return _reload, (str(self.source), parts, self.limits, self.tool_frame)
+
+
+def _reload(source: str, parts: tuple[dict[str, float], str | None, str], limits: Limits, tool_frame: str) -> Robot:
+    locked, group, fingerprint = parts
+    robot = load_robot(source, locked=locked, group=group)
+    if robot.fingerprint != fingerprint:
+        raise OptiPlanError(f"robot {source} is not what it was when it was loaded: its files have changed")
+    return replace(robot, limits=limits, tool_frame=tool_frame)
+
+
+def robot_names() -> list[str]:
+    """Names of the robots that come with OptiPlan."""
+    return sorted(path.parent.name for path in robots_dir().glob("*/robot.yaml"))
+
+
+def robot_file(ref: str, base: Path | None = None) -> Path:
+    """The robot.yaml that `ref` means: a name of `robot_names()`, or a path relative to `base`.
+
+    Raises:
+        UnknownChoiceError: `ref` is neither a name nor a path.
+    """
+    if ref in robot_names():
+        return robots_dir() / ref / "robot.yaml"
+    path = Path(base or ".") / ref
+    if path.is_dir():
+        return path / "robot.yaml"
+    if path.suffix not in (".yaml", ".yml") and not path.is_file():
+        raise UnknownChoiceError("robot", ref, [*robot_names(), "a path to a robot.yaml"])
+    return path
+
+
+@reading()
+def load_robot(
+    ref: str, base: Path | None = None, locked: Mapping[str, float] | None = None, group: str | None = None
+) -> Robot:
+    """Load a robot by name or by the path of its robot.yaml, relative to `base`.
+
+    Args:
+        ref: a name of `robot_names()` or a path.
+        base: folder that a relative path starts from; the working directory without it.
+        locked: positions (rad, m) of joints that are not planned; they go before those of the robot.yaml.
+        group: the joints to plan, a name of the robot.yaml's `groups`; its default group without one.
+
+    Raises:
+        InputError: anything in the robot.yaml or its URDF, SRDF and meshes that cannot be used.
+        UnknownChoiceError: `ref` is neither a robot's name nor a path, or there is no such group.
+    """
+    document, spec = _described(robot_file(ref, base))
+    urdf, srdf, srdf_path = read_sources(spec, document)
+    planned = planned_joints(spec, document, urdf, group)
+    reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
+    limits, limit_notes = build_limits(spec.limits, document, reduced, planned)
+    treated = _bodies(reduced, spec, document)
+    named = configurations(spec, document, srdf, planned)
+    tool, choices = tool_frame(spec, document, reduced, urdf, planned)
+    files = tuple(dict.fromkeys((document.path, urdf.path, *((srdf_path,) if srdf_path else ()), *urdf.meshes)))
+    declared = declared_pairs(spec, document, reduced.model, srdf)
+    allowed, pair_notes = unchecked_pairs(
+        reduced.model, treated.geometry, (limits.lower, limits.upper), declared, srdf is None
+    )
+    set_pairs(reduced.model, treated.geometry, allowed)
+    return Robot(
+        name=spec.name,
+        source=document.path,
+        model=reduced.model,
+        geometry=treated.geometry,
+        limits=limits,
+        joint_names=planned.joints,
+        tool_frame=tool,
+        configurations=named,
+        link_geometry=treated.kinds,
+        over_cover=treated.over_cover,
+        build_visual=bound(reduced.build_visual),
+        notes=(*choices, *urdf.notes, *reduced.notes, *limit_notes, *treated.notes, *pair_notes),
+        locked=reduced.locked,
+        allowed=allowed,
+        files=files,
+        fingerprint=cache.digest(read_bytes(path) for path in files),
+        dh=None if spec.dh is None else spec.dh.table(),
+        group=planned.name,
+        groups=spec.groups,
+        urdf=urdf.xml,
+        followers=reduced.followers,
+    )
+
+
+def _described(path: Path) -> tuple[Document, RobotSpec]:
+    document = read_yaml(path.resolve())
+    return document, validate(RobotSpec, document)
+
+
+def _wanted(spec: RobotSpec, planned: Group, locked: Mapping[str, float]) -> dict[str, float]:
+    """Where joints stand that are not planned; a robot.yaml of several groups locks what another group plans."""
+    own = {joint: q for joint, q in spec.locked.items() if not (spec.groups and joint in planned.joints)}
+    return {**own, **locked}
+
+
+def write_srdf(robot: Robot, path: Path) -> None:
+    """Write the pairs of links that are not checked as an SRDF."""
+    path.write_text(srdf_text(robot.name, srdf_words(robot.allowed)), encoding="utf-8")
+
+
+def _bodies(reduced: Reduced, spec: RobotSpec, document: Document) -> LinkGeometry:
+    """Collision geometry as the robot.yaml wants it; a robot without any says so itself."""
+    if spec.collision == "none":
+        return LinkGeometry(notes=["collision: none: the robot has no bodies, and no contact of it is checked"])
+    if not reduced.geometry.ngeoms:
+        found = "a robot without any collision geometry"
+        expected = "bodies for at least one link, or `collision: none` to have limits checked and no contact"
+        raise InputError([document.issue(("urdf",) if spec.dh is None else ("dh",), found, expected)])
+    return treat(reduced.model, reduced.geometry, spec.collision, document)

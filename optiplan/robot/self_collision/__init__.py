@@ -1,0 +1,1 @@
+"""Pairs of links: which need a check, measured and proved."""

@@ -1,0 +1,214 @@
+"""Prove that bodies never meet, whatever the joints do within their limits: interval halving over configurations."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
+from optiplan.geometry.mesh_hulls import hull_of_mesh
+from optiplan.robot.self_collision.pair_bounds import Flags, Index, PairBounds
+
+GAP = 1e-4
+"""Distance, m, beyond which bodies count as apart: a hundred times what coal's distances may be off by."""
+
+BEYOND = 1e-4
+"""rad or m by which the box proved passes the limits of position: more than the verifier lets a motion pass them."""
+
+BOXES = 4000
+"""Boxes of configurations looked at for a pair of links, at most, before it is left unproved."""
+
+ALONG = 20_000
+"""Boxes for a pair that one joint moves: neighbours often pass each other at a fraction of a millimetre."""
+
+OF_MESHES = 400
+"""Boxes for a pair with a mesh, whose distance takes up to a hundred times as long."""
+
+WORK = 2_000_000
+"""Boxes for all pairs of a robot together, times its joints, so that a robot of a thousand pairs takes seconds too."""
+
+CHUNK = 1024
+"""Boxes handled at once, to bound memory."""
+
+HOPELESS = 30.0
+"""A pair is given up when its open boxes seem to need this many times the boxes allowed."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Boxes:
+    """K open boxes |q_j - middle_j| <= half_j, each for a pair of bodies: (K,), (K, n), (K, n)."""
+
+    pair: Index
+    middle: Array
+    half: Array
+
+    @classmethod
+    def join(cls, parts: Sequence["_Boxes"]) -> "_Boxes":
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("pair", "middle", "half")))
+
+    def take(self, chosen: Index | Flags | slice) -> "_Boxes":
+        return _Boxes(self.pair[chosen], self.middle[chosen], self.half[chosen])
+
+    def halved(self, joint: Index) -> "_Boxes":
+        """Each box in two along its joint (K,)."""
+        rows = np.arange(len(joint))
+        half = self.half.copy()
+        half[rows, joint] *= 0.5
+        step = np.zeros_like(half)
+        step[rows, joint] = half[rows, joint]
+        middle = np.concatenate([self.middle - step, self.middle + step])
+        return _Boxes(np.tile(self.pair, 2), middle, np.tile(half, (2, 1)))
+
+
+def joint_box(turns: Flags, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Middle and half width, (n,), of all configurations within limits; one turn where there are none or more.
+
+    The half width of a sliding joint without limits is infinite.
+    """
+    whole = turns & ~(upper - lower + 2.0 * BEYOND < 2.0 * np.pi)
+    endless = ~turns & ~np.isfinite(upper - lower)
+    low, high = np.where(whole | endless, 0.0, lower), np.where(whole | endless, 0.0, upper)
+    half = 0.5 * (high - low) + BEYOND
+    return 0.5 * (low + high), np.where(whole, np.pi, np.where(endless, np.inf, half))
+
+
+class PairProof:
+    """Which pairs of links are proved never to meet.
+
+    In a box with middle m and half widths D the distance of two bodies is at least distance(m) - sum_j s_j, with s_j
+    what joint j can move them against each other (`PairBounds.steps_of`, or, where that is less, the joint's stroke
+    times the lengths of all links beyond it). A box where that exceeds `GAP` is proved; the others are halved along
+    the joint with the largest s_j, until none is left, two bodies are found nearer than `GAP`, or too many are.
+
+    The distance to a mesh does not tell inside from outside. So where one body is a mesh, their boxes must be apart
+    somewhere on the way: what is outside at one configuration stays outside where surfaces never meet.
+
+    Holds at: every configuration within the limits, and `BEYOND` past them.
+
+    Attributes:
+        bounds: bounding volumes of the pairs of bodies.
+        moves: (P, n) which planned joints, with their followers, move each pair of bodies.
+        middle: (n,) of the joint box; `half` (n,): its half widths, infinite for a sliding joint without limits.
+    """
+
+    def __init__(
+        self, model: pin.Model, geometry: pin.GeometryModel, pairs: Index, limits: tuple[Array, Array]
+    ) -> None:
+        """Prepare.
+
+        Args:
+            model: the robot.
+            geometry: its bodies.
+            pairs: (P, 2) bodies of each pair.
+            limits: lower and upper, (n,), infinite for joints without end.
+        """
+        self.bounds = PairBounds(model, geometry, [(int(a), int(b)) for a, b in pairs])
+        self.moves = self.bounds.depends
+        follows = np.abs(self.bounds.kinematics.coupling) > 0.0  # (J, n)
+        # What a follower does in one turn of its leader, or at half a turn, is another matter: no turns, no chords.
+        alone = follows.sum(axis=0) == 1
+        self._turns: Flags = alone & (self.bounds.kinematics.revolute @ follows > 0.5)
+        self.middle, self.half = joint_box(self._turns, *limits)
+        finite = np.where(np.isfinite(self.half), self.half, 0.0)
+        self._arms = self.bounds.levers(np.abs(self.middle) + finite)
+        self._shapes = [item.geometry for item in geometry.geometryObjects]
+        surface = np.array([isinstance(shape, coal.BVHModelBase) for shape in self._shapes], dtype=bool)
+        self._hulls = [hull_of_mesh(s) if mesh else s for s, mesh in zip(self._shapes, surface, strict=True)]
+        self._surface: Flags = np.asarray(surface[self.bounds.pairs].any(axis=1))
+        self._most = WORK / max(len(self.middle), 1)
+        self._request = coal.DistanceRequest()
+        self._request.gjk_tolerance, self._request.gjk_max_iterations = 1e-9, 500
+
+    def prove(self, groups: Sequence[Index]) -> list[bool]:
+        """Whether all pairs of bodies of each group (a pair of links) are proved never to come as near as `GAP`."""
+        group = np.full(len(self.moves), -1)
+        for index, members in enumerate(groups):
+            group[members] = index
+        pairs = np.flatnonzero(group >= 0)
+        failed = self._hopeless(group, pairs, len(groups))
+        spent = np.zeros(len(groups), dtype=np.intp)
+        most = np.array([self._allowed(members) for members in groups])
+        outside = ~self._surface
+        pairs = pairs[~failed[group[pairs]]]
+        half = np.where(self.moves[pairs], self.half, 0.0)
+        boxes = _Boxes(pairs, np.broadcast_to(self.middle, half.shape), half)
+        while len(boxes.pair):
+            spent += np.bincount(group[boxes.pair], minlength=len(groups))
+            found = [self._open(boxes.take(slice(k, k + CHUNK)), outside) for k in range(0, len(boxes.pair), CHUNK)]
+            boxes = _Boxes.join([part[0] for part in found])
+            steps, room = (np.concatenate([part[k] for part in found]) for k in (1, 2))
+            of = group[boxes.pair]
+            failed[of[~(room > 0.0)]] = True
+            wanted = np.bincount(of, weights=_parts(steps, room), minlength=len(groups))
+            given_up: Flags = (wanted > HOPELESS * most) | (spent > most) | (spent.sum() > self._most)
+            failed[of[given_up[of]]] = True
+            left = ~failed[of]
+            boxes = boxes.take(left).halved(steps[left].argmax(axis=1))
+        failed[group[np.flatnonzero(~outside & (group >= 0))]] = True
+        return [not fault for fault in failed.tolist()]
+
+    def _allowed(self, members: Index) -> int:
+        """Boxes for a pair of links with these pairs of bodies."""
+        if self._surface[members].any():
+            return OF_MESHES
+        return ALONG if self.moves[members].any(axis=0).sum() == 1 else BOXES
+
+    def measure(self, Q: Array, rows: Index, pairs: Index) -> Array:
+        """Distance, m, of K pairs of bodies, pairs[k] at Q[rows[k]], Q (N, n), or a lower bound beyond twice `GAP`."""
+        poses, bodies = self.bounds.kinematics.poses(Q), self.bounds.pairs[pairs]
+        placed = poses[rows[:, None], self.bounds.joint[bodies]] @ self.bounds.placement[bodies]
+        return self.distances(placed, pairs, np.full(len(pairs), GAP))
+
+    def distances(self, placed: Array, pairs: Index, enough: Array) -> Array:
+        """Distance, m, of K pairs of bodies placed at (K, 2, 4, 4), world; negative inside.
+
+        Where it is larger than `enough` (K,), m, it may be a lower bound that is larger too: that of the hulls of
+        meshes, which takes a twentieth of the time.
+        """
+        result, found = coal.DistanceResult(), np.empty(len(pairs))
+        for k, (a, b) in enumerate(self.bounds.pairs[pairs].tolist()):
+            X_a, X_b = (coal.Transform3s(X[:3, :3], X[:3, 3]) for X in placed[k])
+            for shapes in (self._hulls, self._shapes) if self._surface[pairs[k]] else (self._shapes,):
+                result.clear()
+                found[k] = coal.distance(shapes[a], X_a, shapes[b], X_b, self._request, result)
+                if found[k] > enough[k] + GAP:
+                    break
+        return found
+
+    def _hopeless(self, group: Index, pairs: Index, count: int) -> Flags:
+        """Groups whose joints move too much for the boxes allowed even if they stood as far apart as they can."""
+        failed = np.zeros(count, dtype=bool)
+        steps = self._stroke(np.where(self.moves[pairs], self.half, 0.0)) * self._arms[pairs]
+        fair = min(BOXES, self._most / max(count, 1))
+        failed[group[pairs[_parts(steps, self.bounds.reach_of(self.middle, pairs)) > HOPELESS * fair]]] = True
+        return failed
+
+    def _open(self, boxes: _Boxes, outside: Flags) -> tuple[_Boxes, Array, Array]:
+        """The boxes that are not proved, what each joint moves there (K, n), m, and distance less `GAP` (K,), m."""
+        poses, placed = self.bounds.place(boxes.middle, boxes.pair)
+        steps = self.bounds.steps_of(poses, placed, boxes.half, boxes.pair)
+        coarse = self._stroke(boxes.half) * self._arms[boxes.pair]
+        steps = np.where((steps.sum(axis=1) < coarse.sum(axis=1))[:, None], steps, coarse)
+        travel, apart = steps.sum(axis=1), self.bounds.distances_of(placed, boxes.pair)
+        outside[boxes.pair[apart > 0.0]] = True
+        left = np.flatnonzero(~(apart - travel > GAP))
+        room = self.distances(placed[left], boxes.pair[left], travel[left] + GAP) - GAP
+        still = ~(room > travel[left])
+        return boxes.take(left[still]), steps[left[still]], room[still]
+
+    def _stroke(self, half: Array) -> Array:
+        """How far each joint moves a point 1 m from its axis at most, half (K, n): the chord, or the way it slides.
+
+        A joint with followers counts as far as it turns.
+        """
+        return np.where(self._turns, 2.0 * np.sin(0.5 * np.minimum(half, np.pi)), half)
+
+
+def _parts(steps: Array, room: Array) -> Array:
+    """How many parts a box seems to need: each of k joints may take up room / k of what its steps (K, n) add up to."""
+    moving = (steps > 0.0).sum(axis=1, keepdims=True)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return np.asarray(np.fmax(moving * steps / room[:, None], 1.0).prod(axis=1))

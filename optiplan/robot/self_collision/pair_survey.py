@@ -1,0 +1,186 @@
+"""What is known of pairs of links: how often they touch, which always do, and which are proved never to."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import coal
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from optiplan import cache
+from optiplan.arrays import Array
+from optiplan.geometry.convex import triangles_of, vertices_of
+from optiplan.robot.self_collision.pair_bounds import Flags, Index
+from optiplan.robot.self_collision.pair_proof import GAP, PairProof
+from optiplan.robot.urdf.srdf import LinkPair, link_pair
+
+ALWAYS = 0.95
+"""Share of a joint's range over which neighbours touch by design; MoveIt's set-up assistant takes the same share.
+
+Neighbours that touch less often have an end of travel that is worth knowing, and stay checked.
+"""
+
+ANGLES = 720
+"""Places over a joint's range, in the middles of as many equal parts, at which neighbours are asked."""
+
+SAMPLES, WORK = 2000, 1_000_000
+"""Configurations sampled for rates of collision, and pairs of bodies at configurations that this may come to."""
+
+VERSION = 5
+"""Counted up when surveys are made in another way, so that cached ones are made again."""
+
+
+@dataclass(frozen=True)
+class PairSurvey:
+    """What is known of the pairs of links that joints move.
+
+    Attributes:
+        rates: share of `samples` random configurations in which each pair touches, that is, is nearer than `GAP`.
+        adjacent: pairs moved by one joint that touch over at least `ALWAYS` of its range.
+        proved: pairs proved to stay farther apart than `GAP` over the joint box.
+    """
+
+    samples: int
+    rates: Mapping[LinkPair, float]
+    adjacent: frozenset[LinkPair]
+    proved: frozenset[LinkPair]
+
+
+def link_pairs(model: pin.Model, geometry: pin.GeometryModel) -> dict[LinkPair, list[tuple[int, int]]]:
+    """Pairs of different links with the pairs of their bodies, by index; sorted by name."""
+    links = [str(model.frames[item.parentFrame].name) for item in geometry.geometryObjects]
+    found: dict[LinkPair, list[tuple[int, int]]] = {}
+    for i, j in combinations(range(len(links)), 2):
+        if links[i] != links[j]:
+            found.setdefault(link_pair(links[i], links[j]), []).append((i, j))
+    return dict(sorted(found.items()))
+
+
+def survey_pairs(model: pin.Model, geometry: pin.GeometryModel, limits: tuple[Array, Array]) -> PairSurvey:
+    """Find rates of collision, neighbours that always touch, and pairs that never meet; kept on disk.
+
+    Args:
+        model: reduced to the planned joints.
+        geometry: its bodies.
+        limits: lower and upper limits of position, (n,), infinite for joints without end.
+    """
+    name = f"pairs/{_digest(model, geometry, limits)}.json"
+    content = cache.load(name)
+    if content is not None:
+        return _read(content)
+    made = _Survey(model, geometry, limits).make()
+    cache.store(name, _write(made))
+    return made
+
+
+class _Survey:
+    """One survey: bodies of pairs that joints move, and the proof that places and measures them."""
+
+    def __init__(self, model: pin.Model, geometry: pin.GeometryModel, limits: tuple[Array, Array]) -> None:
+        parents = [int(item.parentJoint) for item in geometry.geometryObjects]
+        self.bodies = {
+            links: moved
+            for links, found in link_pairs(model, geometry).items()
+            if (moved := [(i, j) for i, j in found if parents[i] != parents[j]])
+        }
+        pairs = np.array([pair for found in self.bodies.values() for pair in found], dtype=np.intp).reshape(-1, 2)
+        ends = np.cumsum([len(found) for found in self.bodies.values()], dtype=np.intp)
+        self.groups: list[Index] = np.split(np.arange(len(pairs)), ends[:-1]) if len(ends) else []
+        self.proof = PairProof(model, geometry, pairs, limits)
+
+    def make(self) -> PairSurvey:
+        links = list(self.bodies)
+        if not links:
+            return PairSurvey(0, {}, frozenset(), frozenset())
+        count = min(SAMPLES, max(100, WORK // len(self.proof.moves)))
+        middle, half = self.proof.middle, np.where(np.isfinite(self.proof.half), self.proof.half, 1.0)
+        rng = np.random.default_rng(0)
+        touching = self.touching(middle + half * rng.uniform(-1.0, 1.0, (count, len(middle))))
+        rates = touching.mean(axis=0)
+        share = self.shares()
+        adjacent = share >= ALWAYS
+        open_pairs = np.flatnonzero(~adjacent & (rates == 0.0) & ~(share > 0.0))
+        proved = self.proof.prove([self.groups[k] for k in open_pairs])
+        return PairSurvey(
+            count,
+            {pair: float(rate) for pair, rate in zip(links, rates, strict=True)},
+            frozenset(pair for pair, always in zip(links, adjacent, strict=True) if always),
+            frozenset(links[k] for k, apart in zip(open_pairs, proved, strict=True) if apart),
+        )
+
+    def touching(self, Q: Array) -> Flags:
+        """Whether each pair of links is nearer than `GAP` at configurations Q (N, n): (N, links)."""
+        result = np.zeros((len(Q), len(self.groups)), dtype=bool)
+        group = np.repeat(np.arange(len(self.groups)), [len(members) for members in self.groups])
+        step = max(1, 100_000 // len(group))
+        for k in range(0, len(Q), step):
+            rows, pairs, placed = self.proof.bounds.meeting(Q[k : k + step], GAP)
+            touch = self.proof.distances(placed, pairs, np.full(len(pairs), GAP)) <= GAP
+            result[k + rows[touch], group[pairs[touch]]] = True
+        return result
+
+    def shares(self) -> Array:
+        """Share of the range of the one joint that moves a pair of links over which it touches; NaN for others.
+
+        All joints go through their ranges at the same time, as each pair heeds its own alone.
+        """
+        moves = np.array([self.proof.moves[members].any(axis=0) for members in self.groups])
+        single = np.flatnonzero(moves.sum(axis=1) == 1)
+        finite = np.isfinite(self.proof.half)
+        places = (2.0 * np.arange(ANGLES) + 1.0) / ANGLES - 1.0
+        Q = self.proof.middle + np.where(finite, self.proof.half, 0.0) * places[:, None]
+        result = np.full(len(self.groups), np.nan)
+        single = single[finite[moves[single].argmax(axis=1)]]
+        owner = np.repeat(single, [len(self.groups[k]) for k in single])
+        pairs = np.concatenate([np.empty(0, dtype=np.intp), *(self.groups[k] for k in single)])
+        touching = np.zeros((ANGLES, len(self.groups)), dtype=bool)
+        rows, columns = np.divmod(np.arange(ANGLES * len(pairs)), max(len(pairs), 1))
+        touch = self.proof.measure(Q, rows, pairs[columns]) <= GAP
+        touching[rows[touch], owner[columns[touch]]] = True
+        result[single] = touching[:, single].mean(axis=0)
+        return result
+
+
+def _digest(model: pin.Model, geometry: pin.GeometryModel, limits: tuple[Array, Array]) -> str:
+    """Hash of all that a survey depends on: joints, bodies, limits."""
+    bodies = [
+        f"{model.frames[item.parentFrame].name} {item.parentJoint} {type(item.geometry).__name__}"
+        for item in geometry.geometryObjects
+    ]
+    numbers = [item.placement.homogeneous for item in geometry.geometryObjects]
+    numbers += [*limits, *(array for item in geometry.geometryObjects for array in _numbers(item.geometry))]
+    text = json.dumps([VERSION, model.saveToString(), bodies]).encode()
+    return cache.digest([text, *(np.ascontiguousarray(array).tobytes() for array in numbers)])
+
+
+def _numbers(shape: coal.CollisionGeometry) -> Sequence[npt.NDArray[Any]]:
+    """What makes out a shape of its kind: vertices and triangles, or its bounding box."""
+    if isinstance(shape, coal.BVHModelBase):
+        return [vertices_of(shape), triangles_of(shape)]
+    if isinstance(shape, coal.ConvexBase):
+        return [np.array([shape.point(k) for k in range(shape.num_points)])]
+    shape.computeLocalAABB()
+    return [np.array(shape.aabb_local.min_), np.array(shape.aabb_local.max_)]
+
+
+def _write(survey: PairSurvey) -> bytes:
+    rows = [
+        [*pair, rate, "adjacent" if pair in survey.adjacent else "proved" if pair in survey.proved else ""]
+        for pair, rate in survey.rates.items()
+    ]
+    return json.dumps({"samples": survey.samples, "pairs": rows}).encode()
+
+
+def _read(content: bytes) -> PairSurvey:
+    data = json.loads(content)
+    pairs = [((a, b), rate, reason) for a, b, rate, reason in data["pairs"]]
+    return PairSurvey(
+        data["samples"],
+        {pair: rate for pair, rate, _ in pairs},
+        frozenset(pair for pair, _, reason in pairs if reason == "adjacent"),
+        frozenset(pair for pair, _, reason in pairs if reason == "proved"),
+    )

@@ -1,0 +1,72 @@
+"""The keys of a `robot.yaml`."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from optiplan.config.document import Number, Strict
+from optiplan.robot.dh.spec import DhSpec
+
+Name = Annotated[str, Field(min_length=1)]
+Treatment = Literal["auto", "hull", "mesh", "convex_pieces"]
+PerJoint = Number | list[Number]
+"""One value for each planned joint, or one for all of them."""
+
+
+class PackageSource(Strict):
+    """A robot of the optional data package example-robot-data."""
+
+    package: Literal["example-robot-data"]
+    robot: Name
+
+
+class LimitsSpec(Strict):
+    """Limits that replace those of the URDF: rad/s (m/s), rad/s², rad/s³ and N·m (N)."""
+
+    velocity: PerJoint | None = None
+    acceleration: PerJoint | None = None
+    jerk: PerJoint | None = None
+    torque: PerJoint | None = None
+
+
+class CollisionSpec(Strict):
+    """What is checked for the mesh of each link; links that are not named take the default."""
+
+    default: Treatment = "auto"
+    auto: list[Name] = Field(default_factory=list)
+    hull: list[Name] = Field(default_factory=list)
+    mesh: list[Name] = Field(default_factory=list)
+    convex_pieces: list[Name] = Field(default_factory=list)
+
+
+class RobotSpec(Strict):
+    """A robot.yaml: required are the first two keys, and one of `urdf` and `dh`."""
+
+    version: Literal[1]
+    name: Name
+    urdf: Name | PackageSource | None = None
+    dh: DhSpec | None = None
+    srdf: Name | None = None
+    group: list[Name] | Name | None = None
+    groups: dict[Name, list[Name]] = Field(default_factory=dict)
+    locked: dict[Name, Number] = Field(default_factory=dict)
+    tool_frame: Name | None = None
+    tool_frames: dict[Name, Name] = Field(default_factory=dict)
+    configurations: dict[Name, list[Number]] = Field(default_factory=dict)
+    limits: LimitsSpec = LimitsSpec()
+    collision: Treatment | Literal["none"] | CollisionSpec = "auto"
+    allowed_collisions: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = Field(default_factory=list)
+
+    @field_validator("version", mode="before")
+    @classmethod
+    def _whole_number(cls, value: object) -> object:
+        if isinstance(value, bool | float):
+            raise ValueError("1")
+        return value
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.urdf is None) == (self.dh is None):
+            found = "neither urdf nor dh" if self.urdf is None else "both urdf and dh"
+            raise ValueError(f"found {found}; expected exactly one of: urdf, dh")
+        return self

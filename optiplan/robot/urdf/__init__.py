@@ -1,0 +1,1 @@
+"""URDF and SRDF files, read, checked and written."""

@@ -1,0 +1,274 @@
+"""URDF files, also messy ones, to pinocchio models.
+
+The XML is put in order before pinocchio reads it: mesh paths become absolute, visuals without a file are dropped,
+joints that turn without end become revolute ones without limits (so that nq = nv).
+"""
+
+import logging
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.errors import InputError, Issue, plain_reason
+from optiplan.files import is_file, read_bytes
+from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
+from optiplan.robot.urdf.mesh_geometries import build_geometry_of
+from optiplan.robot.urdf.validation import MOVING, faults
+
+log = logging.getLogger(__name__)
+
+ENDLESS = 1e30
+"""Stands for infinity in the XML, which has no word for it; replaced by inf in the pinocchio model."""
+
+
+@dataclass(frozen=True)
+class UrdfSource:
+    """A URDF put in order; `renamed` holds the new names of links that shared theirs with a joint.
+
+    `mimics` are the joints that follow another one in the end.
+    """
+
+    path: Path
+    xml: str
+    renamed: Mapping[str, str]
+    joint_types: Mapping[str, str]
+    mimics: Mapping[str, Mimic]
+    edges: tuple[tuple[str, str], ...]
+    meshes: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+    @cached_property
+    def children(self) -> dict[str, str]:
+        """The link behind every joint, by the joint's name."""
+        return {joint: child for joint, (_, child) in zip(self.joint_types, self.edges, strict=True)}
+
+    def fixed_to(self, joint: str) -> str | None:
+        """The link in front of a fixed joint; None for one that moves."""
+        if self.joint_types[joint] != "fixed":
+            return None
+        return dict(zip(self.joint_types, (parent for parent, _ in self.edges), strict=True))[joint]
+
+    def error(self, name: str, found: str, expected: str) -> InputError:
+        """An `InputError` about the element called `name`."""
+        return element_error(self.path, name, found, expected)
+
+
+def element_error(path: Path, name: str, found: str, expected: str) -> InputError:
+    """An `InputError` about the element called `name` of an XML file, with the line where it stands.
+
+    That is a link or a joint of that name, else the first element that has it.
+    """
+    text = read_bytes(path).decode("utf-8", errors="replace")
+    called = rf"\bname\s*=\s*[\"']{re.escape(name)}[\"']"
+    match = re.search(rf"<(?:link|joint)\b[^>]*?{called}", text) or re.search(called, text)
+    line = None if match is None else text.count("\n", 0, match.start()) + 1
+    return InputError([Issue(str(path), line, name, found, expected)])
+
+
+def read_urdf(path: Path, folder: Path, text: str | None = None) -> UrdfSource:
+    """Read a URDF whose meshes are looked for from its own folder and from `folder`, that of the robot.yaml.
+
+    Args:
+        path: the URDF, or the file that `text` was made from.
+        folder: where meshes are looked for too.
+        text: the URDF itself, where it stands in no file.
+
+    Raises:
+        InputError: no URDF, or one that cannot be planned with; names link or joint and what was tried.
+    """
+    root = _parse(path, text)
+    _refuse_xacro(path, root)
+    notes: list[str] = []
+    finder = _MeshFinder(path, folder)
+    joints = [joint for joint in root.findall("joint") if joint.find("parent") is not None]
+    issues = [element_error(path, *fault).issues[0] for fault in faults(root, joints)]
+    if issues:
+        raise InputError(issues)
+    for link in root.findall("link"):
+        _settle_visuals(link, finder, notes)
+        _settle_collisions(link, finder)
+    renamed = _rename_links(root, joints)
+    notes += [f"link {old} is called {new}, since a joint is called {old} too" for old, new in renamed.items()]
+    types = {joint.get("name", ""): joint.get("type", "") for joint in joints}
+    mimics = _mimics(joints, types, path)
+    for joint in joints:
+        _settle_joint(joint, path)
+    xml = ET.tostring(root, encoding="unicode")
+    meshes, remarks = tuple(finder.collision), tuple(notes)
+    return UrdfSource(path, xml, renamed, types, mimics, _edges(joints), meshes, remarks)
+
+
+def build_model(source: UrdfSource) -> pin.Model:
+    """Pinocchio model of the whole robot; joints that turn without end have infinite position limits.
+
+    Raises:
+        InputError: with the reason of the URDF parser.
+    """
+    try:
+        model = pin.buildModelFromXML(source.xml)
+    except (ValueError, RuntimeError) as error:
+        raise _unreadable(source, error, "a URDF that pinocchio can read") from error
+    model.lowerPositionLimit = np.where(model.lowerPositionLimit <= -ENDLESS, -np.inf, model.lowerPositionLimit)
+    model.upperPositionLimit = np.where(model.upperPositionLimit >= ENDLESS, np.inf, model.upperPositionLimit)
+    return leaders_first(model, source.mimics)
+
+
+def build_collisions(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
+    """Collision geometry of the whole robot, meshes as triangles.
+
+    Raises:
+        InputError: with the reason of the mesh reader.
+    """
+    try:
+        geometry = build_geometry_of(model, source.xml, pin.GeometryType.COLLISION)
+    except (ValueError, RuntimeError) as error:
+        raise _unreadable(source, error, "collision meshes that can be read") from error
+    given = len(ET.fromstring(source.xml).findall("link/collision"))
+    if geometry.ngeoms != given:  # the parser drops what it cannot read, and what is dropped would never be checked
+        found = f"{given} collision shapes, of which the parser could read {geometry.ngeoms} (see its messages above)"
+        raise InputError([Issue(str(source.path), None, "urdf", found, "shapes and origins of plain numbers")])
+    return geometry
+
+
+def build_visuals(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
+    """Visual geometry of the whole robot; the collision geometry where that cannot be read."""
+    try:
+        return build_geometry_of(model, source.xml, pin.GeometryType.VISUAL)
+    except (ValueError, RuntimeError) as error:
+        log.warning("%s: visual meshes cannot be read, collision shapes are shown: %s", source.path, error)
+        return build_collisions(source, model)
+
+
+def _unreadable(source: UrdfSource, error: Exception, expected: str) -> InputError:
+    return InputError([Issue(str(source.path), None, "urdf", plain_reason(error), expected)])
+
+
+def _parse(path: Path, text: str | None) -> ET.Element:
+    try:
+        root = ET.fromstring(read_bytes(path) if text is None else text.encode())
+    except OSError as error:
+        found = error.strerror or str(error)
+        raise InputError([Issue(str(path), None, "urdf", found, "a readable URDF file")]) from error
+    except (ET.ParseError, ValueError, LookupError) as error:
+        _refuse_xacro(path, None)
+        line = error.position[0] if isinstance(error, ET.ParseError) else None
+        raise InputError([Issue(str(path), line, "urdf", str(error), "well-formed XML")]) from error
+    if root.tag != "robot":
+        raise InputError([Issue(str(path), 1, "urdf", f"an XML file of <{root.tag}>", "a URDF, whose root is <robot>")])
+    return root
+
+
+def _refuse_xacro(path: Path, root: ET.Element | None) -> None:
+    """Raise an `InputError` for a file of macros, which another program turns into a URDF."""
+    tags = () if root is None else (str(element.tag) for element in root.iter())
+    if path.suffix == ".xacro" or any(tag.startswith("{") and "xacro" in tag for tag in tags):
+        command = f"`xacro {path.name} > {path.name.split('.')[0]}.urdf`"
+        raise InputError([Issue(str(path), None, "urdf", "this is xacro", f"a URDF: run xacro first, {command}")])
+
+
+class _MeshFinder:
+    """Turns the mesh names of a URDF into files."""
+
+    def __init__(self, urdf: Path, folder: Path) -> None:
+        self.urdf = urdf
+        self.collision: list[Path] = []
+        near = [folder.resolve(), urdf.resolve().parent]
+        self.roots = list(dict.fromkeys([*near, *(up for base in near for up in list(base.parents)[:3])]))
+
+    def candidates(self, name: str) -> list[Path]:
+        scheme, separator, rest = name.partition("://")
+        if not separator:
+            return [Path(name)] if Path(name).is_absolute() else [root / name for root in self.roots]
+        if scheme == "file":
+            return [Path(rest)]
+        inside = rest.partition("/")[2]
+        return [root / tail for root in self.roots for tail in (rest, inside) if tail]
+
+    def find(self, name: str) -> Path | None:
+        return next((path for path in self.candidates(name) if is_file(path)), None)
+
+
+def _settle_visuals(link: ET.Element, finder: _MeshFinder, notes: list[str]) -> None:
+    for visual in link.findall("visual"):
+        for mesh in visual.iter("mesh"):
+            found = finder.find(mesh.get("filename", ""))
+            if found is None:
+                link.remove(visual)
+                notes.append(f"link {link.get('name')}: visual mesh {mesh.get('filename')} is missing, not shown")
+                break
+            mesh.set("filename", str(found))
+
+
+def _settle_collisions(link: ET.Element, finder: _MeshFinder) -> None:
+    capsules = {capsule.get("name") for capsule in link.iterfind("collision_checking/capsule")}
+    for collision in link.findall("collision"):
+        if collision.get("name") not in capsules:  # names come twice in messy files; pinocchio makes its own
+            collision.attrib.pop("name", None)
+        for mesh in collision.iter("mesh"):
+            name = mesh.get("filename", "")
+            found = finder.find(name)
+            if found is None:
+                tried = ", ".join(map(str, finder.candidates(name)))
+                message = f"collision mesh {name}, which is missing (tried {tried})"
+                raise element_error(finder.urdf, link.get("name", ""), message, "a mesh file")
+            finder.collision.append(found)
+            mesh.set("filename", str(found))
+
+
+def _rename_links(root: ET.Element, joints: list[ET.Element]) -> dict[str, str]:
+    """Give links another name that share theirs with a joint: pinocchio cannot tell such frames apart."""
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    taken = {*links, *(joint.get("name", "") for joint in joints)}
+    renamed: dict[str, str] = {}
+    for name in (joint.get("name", "") for joint in joints):
+        if name in links:
+            renamed[name] = next(new for count in range(1, 99) if (new := name + "_link" * count) not in taken)
+            links[name].set("name", renamed[name])
+    for end in (end for joint in joints for end in (joint.find("parent"), joint.find("child")) if end is not None):
+        end.set("link", renamed.get(end.get("link", ""), end.get("link", "")))
+    return renamed
+
+
+def _edges(joints: list[ET.Element]) -> tuple[tuple[str, str], ...]:
+    """Names of parent and child link of every joint."""
+    ends = [(joint.find("parent"), joint.find("child")) for joint in joints]
+    return tuple((a.get("link", ""), b.get("link", "")) for a, b in ends if a is not None and b is not None)
+
+
+def _mimics(joints: list[ET.Element], types: Mapping[str, str], path: Path) -> dict[str, Mimic]:
+    """The joints that follow another, and which one that is in the end."""
+    movable = [name for name, kind in types.items() if kind in MOVING]
+    stated = {name: mimic for name, mimic in _stated_mimics(joints) if name in movable}
+    try:
+        return resolve(stated, movable)
+    except MimicError as error:
+        raise element_error(path, error.joint, error.found, error.expected) from error
+
+
+def _stated_mimics(joints: list[ET.Element]) -> Iterator[tuple[str, Mimic]]:
+    for joint in joints:
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+            yield joint.get("name", ""), Mimic(mimic.get("joint", ""), multiplier, offset)
+
+
+def _settle_joint(joint: ET.Element, path: Path) -> None:
+    name, kind = joint.get("name", ""), joint.get("type", "")
+    limit = joint.find("limit")
+    if kind == "continuous":
+        joint.set("type", "revolute")
+        limit = ET.SubElement(joint, "limit") if limit is None else limit
+        limit.set("lower", str(-ENDLESS))
+        limit.set("upper", str(ENDLESS))
+    elif kind in ("revolute", "prismatic") and limit is None:
+        raise element_error(path, name, f"a {kind} joint without <limit>", "its limits")
+    if limit is not None:
+        for key in ("effort", "velocity"):
+            limit.set(key, limit.get(key) or "0")

@@ -1,0 +1,1 @@
+"""Runs: planning meets verification, measures, the folder on disk."""

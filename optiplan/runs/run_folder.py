@@ -1,0 +1,184 @@
+"""The run folder: `run.json` and `trajectory.json`, both or none, never half of one."""
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from optiplan.config.messages import describe
+from optiplan.errors import InputError, Issue
+from optiplan.files import read_bytes
+from optiplan.runs.pipeline import Run
+from optiplan.trajectory.sample_file import Samples, read_samples, samples_from_dict
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.report import jsonable
+
+RUN, TRAJECTORY = "run.json", "trajectory.json"
+SAMPLES = {"t", "q", "v", "a"}
+"""Keys of `trajectory.json` that are not read as the motion, but held against it."""
+RATE = 200.0
+"""Samples of `trajectory.json`, Hz; for other programs, since the pieces are the motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class StoredRun:
+    """A run as read from disk.
+
+    Attributes:
+        place: the file or folder that was named.
+        record: content of `run.json`; empty when only a trajectory file was named.
+        trajectory: None when the run has none, because the planner failed.
+        samples: what the trajectory file holds beside its pieces, or instead of them; None without any.
+        interpolation: what was put between the samples, in words, where the file has no pieces; else empty.
+    """
+
+    place: Path
+    record: Mapping[str, Any]
+    trajectory: Trajectory | None
+    samples: Samples | None = None
+    interpolation: str = ""
+
+
+def save_run(run: Run, folder: Path) -> None:
+    """Write a run; an older run in the folder is replaced. A run without trajectory leaves `run.json` alone.
+
+    `run.json` is taken away first and renamed into place last: a folder that has one is complete.
+
+    Raises:
+        InputError: the folder cannot be made or written.
+    """
+    files = {RUN: run.to_dict()}
+    if run.trajectory is not None:
+        files[TRAJECTORY] = run.trajectory.to_dict(rate=RATE)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _write_all(folder, files)
+    except OSError as error:
+        raise _unusable(folder, error, "a folder that can be written") from error
+
+
+def check_folder(folder: Path) -> None:
+    """Find out before the work whether a run could be saved there, by writing; leaves nothing behind.
+
+    Raises:
+        InputError: it is a file, or it or its nearest parent cannot be written.
+    """
+    parent = folder.absolute()
+    while not (parent.exists() or parent.is_symlink()):
+        parent = parent.parent
+    found = None
+    if not parent.is_dir():
+        found = f"{parent} is {'a file' if parent.exists() else 'a link to nothing'}"
+    else:
+        try:
+            with tempfile.TemporaryFile(dir=parent) as file:
+                file.write(b"optiplan")
+        except OSError as error:
+            found = f"{parent} cannot be written ({(error.strerror or str(error)).lower()})"
+    for name in (RUN, TRAJECTORY):
+        if (folder / name).is_dir():
+            found = f"{folder / name} is a folder"
+    if found is not None:
+        raise InputError([Issue(str(folder), None, "out", found, "a folder that can be written")])
+
+
+def load_run(place: Path | str, joint_names: Sequence[str] | None = None) -> StoredRun:
+    """Read a run folder, one of its two files, or a trajectory file from elsewhere: pieces, or samples (JSON or CSV).
+
+    Args:
+        place: the folder or file.
+        joint_names: of the robot, for samples that name no joints or have them in another order.
+
+    Raises:
+        InputError: there is no run, or a file of it is broken.
+    """
+    place = Path(place)
+    folder = place if place.is_dir() else place.parent
+    if place.is_dir() or place.name == RUN:
+        record = _read_record(folder / RUN)
+        trajectory = folder / TRAJECTORY
+        if record.get("failure") is None or trajectory.exists():
+            return _with_motion(StoredRun(place, record, None), trajectory, joint_names)
+        return StoredRun(place, record, None)
+    beside = folder / RUN
+    own = place.name == TRAJECTORY and beside.exists()
+    return _with_motion(StoredRun(place, _read_record(beside) if own else {}, None), place, joint_names)
+
+
+def _with_motion(run: StoredRun, file: Path, joint_names: Sequence[str] | None) -> StoredRun:
+    """The run with the motion of a trajectory file: its pieces, else what its samples are interpolated to."""
+    if file.suffix.lower() == ".csv":
+        samples = read_samples(file, joint_names)
+    else:
+        data = _read(file)
+        if "pieces" in data or not SAMPLES & data.keys():
+            motion = Trajectory.from_dict(data, str(file))
+            given = samples_from_dict(data, str(file)) if SAMPLES & data.keys() else None
+            return replace(run, trajectory=motion, samples=given)
+        samples = samples_from_dict(data, str(file), joint_names)
+    return replace(run, trajectory=samples.trajectory(), interpolation=samples.interpolation)
+
+
+def _read_record(path: Path) -> dict[str, Any]:
+    """Content of a `run.json`; what it has of `planner`, `problem`, `failure` and `report` is of the right kind."""
+    record = _read(path)
+    issues = []
+    for key, kind in {"planner": str, "problem": dict, "failure": dict, "report": dict}.items():
+        value = record.get(key)
+        absent = key not in record or (value is None and key in ("failure", "report"))
+        if not (absent or isinstance(value, kind)):
+            issues.append(Issue(str(path), None, key, describe(value), "what `optiplan plan --out` writes there"))
+    checks = [] if issues else (record.get("report") or {}).get("checks", [])
+    if not isinstance(checks, list) or not all(isinstance(check, dict) for check in checks):
+        issues.append(Issue(str(path), None, "report.checks", describe(checks), "a list of JSON objects"))
+    if issues:
+        raise InputError(issues)
+    return record
+
+
+def _write_all(folder: Path, files: Mapping[str, Mapping[str, Any]]) -> None:
+    try:
+        for name, data in files.items():
+            _write_aside(folder, name, data)
+        for name in (RUN, TRAJECTORY):
+            (folder / name).unlink(missing_ok=True)
+        for name in (TRAJECTORY, RUN):
+            if name in files:
+                _aside(folder, name).replace(folder / name)
+    finally:
+        for name in files:
+            _aside(folder, name).unlink(missing_ok=True)
+
+
+def _write_aside(folder: Path, name: str, data: Mapping[str, Any]) -> None:
+    """Write to a temporary name in the same folder, down to the disk."""
+    text = json.dumps(jsonable(data), allow_nan=False, indent=1 if name == RUN else None)
+    with _aside(folder, name).open("w", encoding="utf-8") as file:
+        file.write(text + "\n")
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _aside(folder: Path, name: str) -> Path:
+    return folder / f".{name}.{os.getpid()}"
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(read_bytes(path).decode("utf-8-sig"))
+    except OSError as error:
+        raise _unusable(path, error, "a run folder or file") from error
+    except json.JSONDecodeError as error:
+        raise InputError([Issue(str(path), error.lineno, "file", f"broken JSON ({error.msg})", "JSON")]) from error
+    except (ValueError, RecursionError) as error:  # no UTF-8, or a number of thousands of digits
+        raise InputError([Issue(str(path), None, "file", "not readable as JSON text", "JSON")]) from error
+    if not isinstance(data, dict):
+        raise InputError([Issue(str(path), None, "file", f"a {type(data).__name__}", "a JSON object")])
+    return data
+
+
+def _unusable(path: Path, error: OSError, expected: str) -> InputError:
+    return InputError([Issue(str(path), None, "file", (error.strerror or str(error)).lower(), expected)])

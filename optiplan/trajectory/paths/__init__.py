@@ -1,0 +1,1 @@
+"""Geometric curves through points."""

@@ -1,0 +1,115 @@
+"""One polynomial a joint between any two states: cubic (velocities), quintic (+ accelerations), septic (+ jerks)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import comb, factorial
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.robot.robot import Limits
+from optiplan.trajectory import polynomial
+from optiplan.trajectory.trajectory import Trajectory
+
+_SEARCHED = 1e3  # durations from 1 / so many to so many times the characteristic time are looked at
+_GRID = 400
+_SAMPLES = 257
+_HALVINGS = 40
+_ROUNDING = 1e-9
+
+
+def hermite(start: Array, end: Array, T: Array) -> Array:
+    """Coefficients of the polynomials of degree 2k - 1 that join two states in the times T.
+
+    With tau = t / T, q = sum_j c_j tau^j: c_j = x_j T^j / j! for j < k, and the others solve
+    sum_{j>=k} C(j, i) c_j = y_i T^i / i! - sum_{j<k} C(j, i) c_j, i < k, whose matrix has an inverse in whole numbers.
+    For k = 2 these are the lecture's a_2 = (3 (y_0 - x_0) - (2 x_1 + y_1) T) / T^2 and
+    a_3 = (2 (x_0 - y_0) + (x_1 + y_1) T) / T^3, times T^2 and T^3.
+
+    Args:
+        start: (k, n) position x_0 and derivatives x_1 …, in rad or m and s.
+        end: (k, n) the same, y.
+        T: (N,) s.
+
+    Returns:
+        (N, 2k, n) in powers of tau.
+    """
+    k = len(start)
+    powers = (T[:, None] ** np.arange(k) / [factorial(i) for i in range(k)])[:, :, None]  # (N, k, 1)
+    binomial = np.array([[comb(j, i) for j in range(2 * k)] for i in range(k)], dtype=float)
+    low = powers * start
+    rest = powers * end - np.einsum("ij,Njn->Nin", binomial[:, :k], low)
+    inverse = np.rint(np.linalg.inv(binomial[:, k:]))
+    return np.concatenate([low, np.einsum("ij,Njn->Nin", inverse, rest)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Hermite:
+    """Motion between two states, (k, n) each: position, velocity, … in rad or m and s; all joints take one duration."""
+
+    start: Array
+    end: Array
+    limits: Limits
+    joint_names: tuple[str, ...]
+    stretchable = False
+    """Slowed down as a whole it would not have its end velocities."""
+
+    @cached_property
+    def shortest(self) -> float:
+        """The first duration within all limits, positions included, s, or the one that comes nearest.
+
+        Found on a grid of 3.5 % from one duration to the next, then by bisection: a set of good durations narrower
+        than that may be missed. Good to about 1e-8. Longer ones need not be good as well, since an end acceleration
+        held for long is a large velocity.
+        """
+        rates = (self.limits.velocity, self.limits.acceleration, self.limits.jerk)
+        sizes = [np.abs(self.end[0] - self.start[0]), *np.maximum(np.abs(self.start[1:]), np.abs(self.end[1:]))]
+        times = [1e-3]
+        for i, size in enumerate(sizes):
+            times += [float(((size / rates[k - 1]) ** (1.0 / (k - i))).max()) for k in range(i + 1, 4)]
+        grid = max(times) * np.geomspace(1.0 / _SEARCHED, _SEARCHED, _GRID)
+        ratio = self._ratio(grid)
+        good = ratio <= 1.0 + _ROUNDING
+        if not good.any():
+            return float(grid[ratio.argmin()])
+        first = int(good.argmax())
+        low, high = grid[max(first - 1, 0)], grid[first]
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if self._ratio(np.array([middle]))[0] <= 1.0 + _ROUNDING else (middle, high)
+        return float(high)
+
+    def trajectory(self, duration: float | None = None) -> Trajectory:
+        """The motion, in that duration (s) or as fast as can be."""
+        T = self.shortest if duration is None else duration
+        c = hermite(self.start, self.end, np.array([T]))
+        return Trajectory(self.joint_names, np.array([0.0, T]), c / T ** np.arange(c.shape[1])[:, None])
+
+    def _ratio(self, T: Array) -> Array:
+        """Largest share of any limit that the motion takes in the durations T (N,): (N,), good to about 1e-8."""
+        c = np.swapaxes(hermite(self.start, self.end, T), 1, 2)  # (N, n, 2k)
+        lower, upper = self.limits.lower, self.limits.upper
+        room = np.where(np.isfinite(upper - lower), np.maximum(0.5 * (upper - lower), 1e-9), np.inf)
+        centre = np.where(np.isfinite(room), lower + room, 0.0)
+        tau = np.linspace(0.0, 1.0, _SAMPLES)
+        ratio = np.zeros(len(T))
+        for order in range(4):
+            value = c @ (tau ** np.arange(c.shape[2])[:, None])  # (N, n, samples)
+            if order == 0:
+                share = (value - centre[:, None]) / room[:, None]
+            else:
+                limit = (self.limits.velocity, self.limits.acceleration, self.limits.jerk)[order - 1]
+                share = value / (T[:, None] ** order * limit)[:, :, None]
+            ratio = np.maximum(ratio, _peaks(share).max(axis=1))
+            c = polynomial.derivative(c)
+        return ratio
+
+
+def _peaks(f: Array) -> Array:
+    """Largest |f| along the last axis of samples (N, n, samples), with the vertex of the parabola about it: (N, n)."""
+    at = np.abs(f).argmax(axis=2)
+    inner = np.clip(at, 1, f.shape[2] - 2)
+    low, middle, high = (np.take_along_axis(f, (inner + k)[:, :, None], 2)[:, :, 0] for k in (-1, 0, 1))
+    bend = np.sign(middle) * (low - 2.0 * middle + high)
+    gain = np.divide((high - low) ** 2, -8.0 * bend, out=np.zeros_like(bend), where=(bend < 0.0) & (at == inner))
+    return np.take_along_axis(np.abs(f), at[:, :, None], 2)[:, :, 0] + gain

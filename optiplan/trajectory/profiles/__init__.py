@@ -1,0 +1,1 @@
+"""Time laws from rest to rest, and joints synchronised on them."""

@@ -1,0 +1,160 @@
+"""All joints from rest to rest by time laws: together on one law, each on its own, or one after another."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.robot.robot import Limits
+from optiplan.trajectory.profiles.laws import Bounds, Law, Pieces
+from optiplan.trajectory.timing.compose import shifted
+from optiplan.trajectory.trajectory import Trajectory
+
+How = Literal["synchronised", "independent", "sequential"]
+
+SHORTEST = 1e-3  # s: a trajectory needs some duration, even one that goes nowhere
+_LEAST = 1e-9  # rad or m: smaller distances get no larger bounds on s, so that these stay finite
+_BRIEFEST = 1e-8  # share of the duration that a phase of a law takes at least
+_SAME = 1e-12  # share of the duration: breakpoints nearer than that are one
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """q moves by `step` (n,), rad or m, while s runs from 0 to 1 by `law`, from the time `begin` for `duration`, s.
+
+    `joint` is the one that moves farthest, by `distance`.
+    """
+
+    step: Array
+    law: Law
+    bounds: Bounds
+    begin: float
+    duration: float
+
+    @property
+    def joint(self) -> int:
+        """Index of the joint that moves farthest."""
+        return int(np.argmax(np.abs(self.step)))
+
+    @property
+    def distance(self) -> float:
+        """How far it moves, rad or m, positive."""
+        return float(np.abs(self.step[self.joint]))
+
+
+@dataclass(frozen=True, eq=False)
+class RestToRest:
+    """Motion from `start` to `goal`, both (n,) in rad or m, for any duration.
+
+    Synchronised: all joints share one law, q(t) = start + (goal - start) s(t), a straight line. Independent: all start
+    together, each as fast as it can, or, in a duration asked for, each taking all of it. Sequential: one joint after
+    another, base to tip; a duration asked for is shared out in proportion to their shortest times, or to their
+    distances.
+
+    Attributes:
+        law: gives the law of a joint from the distance that it moves (> 0); synchronised, from the largest distance.
+        stretchable: whether the motion is still of its kind when it is slowed down as a whole.
+    """
+
+    start: Array
+    goal: Array
+    limits: Limits
+    joint_names: tuple[str, ...]
+    law: Callable[[float], Law]
+    how: How = "synchronised"
+    share_by_distance: bool = False
+    stretchable: bool = True
+
+    @cached_property
+    def shortest(self) -> float:
+        """Shortest duration within velocity, acceleration and jerk limits, or nearest to meeting them, s."""
+        times = np.array([part.duration for part in self._fastest])
+        if self.how != "sequential":
+            return max(SHORTEST, float(times.max(initial=0.0)))
+        share = self._weights / self._weights.sum()
+        return max(SHORTEST, float((times / share).max(initial=0.0)))
+
+    def parts(self, duration: float | None = None) -> list[Part]:
+        """What moves when, in that duration (s) or as fast as can be."""
+        fastest = self._fastest
+        times = np.array([part.duration for part in fastest])
+        begin = np.zeros(len(times))
+        if self.how == "sequential":
+            times = (self.shortest if duration is None else duration) * self._weights / self._weights.sum()
+            begin[1:] = np.cumsum(times)[:-1]
+        elif duration is not None:
+            times = np.full(len(fastest), duration)
+        return [
+            Part(part.step, part.law, part.bounds, float(b), float(T))
+            for part, b, T in zip(fastest, begin, times, strict=True)
+        ]
+
+    def trajectory(self, duration: float | None = None) -> Trajectory:
+        """The motion, in that duration (s) or as fast as can be."""
+        parts = self.parts(duration)
+        T = max((part.begin + part.duration for part in parts), default=duration or SHORTEST)
+        curves = [_within(part.law.pieces(part.duration, part.bounds), part.begin, T) for part in parts]
+        edges = np.unique(np.concatenate([[0.0, T], *(curve.breakpoints for curve in curves)]))
+        edges = edges[np.concatenate([[True], np.diff(edges) > _SAME * T])]
+        edges[-1] = T
+        size = max((curve.coefficients.shape[1] for curve in curves), default=1)
+        q = np.zeros((len(edges) - 1, size, len(self.start)))
+        q[:, 0] = self.start
+        for part, curve in zip(parts, curves, strict=True):
+            q[:, : curve.coefficients.shape[1]] += _on(edges, curve)[:, :, None] * part.step
+        return Trajectory(self.joint_names, edges, q)
+
+    @property
+    def _weights(self) -> Array:
+        """In what proportion sequential parts share the time."""
+        return np.array([part.distance if self.share_by_distance else part.duration for part in self._fastest])
+
+    @cached_property
+    def _fastest(self) -> list[Part]:
+        """The parts as if each had the robot to itself, in its shortest time."""
+        d = self.goal - self.start
+        if not d.any():
+            return []
+        each = [np.where(np.arange(len(d)) == j, d, 0.0) for j in np.flatnonzero(d)]
+        found = []
+        for step in [d] if self.how == "synchronised" else each:
+            bounds, law = _bounds(step, self.limits), self.law(float(np.abs(step).max()))
+            floor = SHORTEST / (len(each) if self.how == "sequential" else 1)
+            found.append(Part(step, law, bounds, 0.0, max(law.shortest(bounds), floor)))
+        return found
+
+
+def _bounds(step: Array, limits: Limits) -> Bounds:
+    """Bounds on s of a part that moves by `step` (n,): the least of limit_j / |step_j|.
+
+    Acceleration and jerk so large that a phase would take less than 1e-8 of the motion are lowered to that: seconds
+    have sixteen digits, and a phase needs some of them. It costs as small a share of the duration.
+    """
+    moving = step != 0.0
+    size = np.maximum(np.abs(step[moving]), _LEAST)
+    rates = (limits.velocity, limits.acceleration, limits.jerk)
+    v, a, j = (float((limit[moving] / size).min()) for limit in rates)
+    a = min(a, v**2 / _BRIEFEST)
+    return Bounds(v, a, j if np.isinf(j) else min(j, a / (_BRIEFEST * max(1.0 / v, 2.0 / a**0.5))))
+
+
+def _within(curve: Pieces, begin: float, T: float) -> Pieces:
+    """The curve from `begin` on, 0 before it and 1 after it, over [0, T]."""
+    breakpoints, coefficients = curve.breakpoints + begin, curve.coefficients
+    still = np.zeros((1, coefficients.shape[1]))
+    if breakpoints[0] > _SAME * T:
+        breakpoints, coefficients = np.append(0.0, breakpoints), np.vstack([still, coefficients])
+    if breakpoints[-1] < T * (1.0 - _SAME):
+        still = np.eye(1, coefficients.shape[1])
+        breakpoints, coefficients = np.append(breakpoints, T), np.vstack([coefficients, still])
+    return Pieces(breakpoints, coefficients)
+
+
+def _on(edges: Array, curve: Pieces) -> Array:
+    """Coefficients (m, degree + 1) of the curve on the m pieces between `edges`, none of which it bends within."""
+    piece = np.searchsorted(curve.breakpoints[1:-1], 0.5 * (edges[1:] + edges[:-1]), side="right")
+    moved: Array = shifted(curve.coefficients[piece][:, :, None], edges[:-1] - curve.breakpoints[piece])
+    return moved[:, :, 0]

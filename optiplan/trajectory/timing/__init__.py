@@ -1,0 +1,1 @@
+"""The time law along a given path, and bounds on durations."""

@@ -1,0 +1,131 @@
+"""When to be where along a given path: `time_path` gives a path its time law, and never changes the path."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.robot.robot import Limits, Robot
+from optiplan.trajectory.timing.compose import compose
+from optiplan.trajectory.timing.jerk_limited import smooth_law
+from optiplan.trajectory.timing.lower_bound import s_curve, scale_to_limits, stop_at_corners
+from optiplan.trajectory.timing.path_constraints import Rows, ToolSpeed, rows_at, tool_scale
+from optiplan.trajectory.timing.toppra import fastest_law, slowness
+from optiplan.trajectory.timing.torque_scaling import torque_scale
+from optiplan.trajectory.trajectory import Trajectory
+
+__all__ = ["TimingOptions", "ToolSpeed", "compose", "time_path"]
+
+Method = Literal["toppra", "jerk", "uniform"]
+
+_PARTS = 160  # of the grid along a path, at least, that a smooth law starts from
+_PARTS_FASTEST = 800  # of that of the fastest law, which is as good as its grid is fine
+_PARTS_OF_PIECE = 4  # of each of its pieces, but not where that would make more than _MOST_PARTS
+_MOST_PARTS = 2000
+_ROUNDS, _BEYOND = 6, 1e-3  # of halving parts; share of a limit by which a law may exceed it between points of the grid
+
+
+@dataclass(frozen=True)
+class TimingOptions:
+    """How to time a path.
+
+    Attributes:
+        method: `toppra`: the fastest without regard to jerk, the acceleration jumps. `jerk`: jerk limits hold, the
+            acceleration is continuous. `uniform`: one S-curve of the path's parameter, slowed down until everything
+            holds. None: `jerk` where any joint has a jerk limit, else `toppra`.
+        tool: limits of a frame's speed, besides those of the joints.
+        stop: polled between the stages and steps; once it says so, the best law so far is the answer.
+    """
+
+    method: Method | None = None
+    tool: ToolSpeed | None = None
+    stop: Callable[[], bool] = field(default=lambda: False)
+
+
+def time_path(
+    path: Trajectory, robot: Robot, limits: Limits, options: TimingOptions | None = None
+) -> Trajectory | None:
+    """Run exactly along a path from rest to rest, within all limits.
+
+    q(t) = path(s(t)): `options.method` makes s(t), and the result is stretched or shortened as a whole until its
+    tightest limit is just met. It never fails: where no faster law is found, `uniform` is the answer.
+
+    Holds at: all times for velocity, acceleration and (but for `toppra`) jerk, on exact extrema; torque and tool limits
+    at samples at most 1 ms apart.
+
+    Args:
+        path: q over a parameter s, twice continuously differentiable; degree at most 10 (5 for long ones is better).
+        robot: gives the torques and the tool.
+        limits: of the n joints; jerk may be infinite.
+        options: see there.
+
+    Returns:
+        None where gravity alone takes more torque than allowed.
+
+    Raises:
+        UnknownChoiceError: the robot has no such tool frame.
+    """
+    options = options or TimingOptions()
+    if not path.coefficients[:, 1:].any():
+        rest = stop_at_corners(np.array([path.start, path.start]), limits, path.joint_names)
+        return rest if np.isfinite(torque_scale(robot, limits.torque, rest)) else None
+    method = options.method or ("jerk" if np.isfinite(limits.jerk).any() else "toppra")
+    kept = replace(limits, jerk=np.full_like(limits.jerk, np.inf)) if method == "toppra" else limits
+    path = path.scaled(uniform_law(path, kept).duration)  # ds/dt is about 1 then, whatever the path's own parameter is
+    uniform = _held(compose(path, uniform_law(path, kept)), robot, kept, options.tool)
+    law = None if method == "uniform" or options.stop() else _law(path, robot, kept, options)
+    faster = None if law is None else _held(compose(path, law), robot, kept, options.tool)
+    found = [motion for motion in (uniform, faster) if motion is not None]
+    return min(found, key=lambda motion: motion.duration, default=None)
+
+
+def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:
+    """One S-curve s(t) from rest at 0 to rest at S, roughly as fast as the path's largest slopes |q'| allow."""
+    slope = np.abs(path.extrema(1)).max(axis=0)
+    moving = slope > 0.0
+    rates = [(bound[moving] / slope[moving]).min() for bound in (limits.velocity, limits.acceleration, limits.jerk)]
+    times, pieces = s_curve(path.duration, *rates)
+    return Trajectory(("s",), np.concatenate([[0.0], np.cumsum(times)]), pieces[:, :, None])
+
+
+def _law(path: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> Trajectory | None:
+    def rows(s: Array) -> Rows:
+        return rows_at(path, robot, limits, options.tool, s)
+
+    if np.isfinite(limits.jerk).any():
+        return smooth_law(path, limits, rows(_grid(path, _PARTS)), options.stop)
+    return _refined(rows, _grid(path, _PARTS_FASTEST), options.stop)
+
+
+def _refined(rows: Callable[[Array], Rows], grid: Array, stop: Callable[[], bool]) -> Trajectory | None:
+    """The fastest law on a grid (k,) that is made finer where the law exceeds limits between its points."""
+    law = fastest_law(rows(grid))
+    for _ in range(_ROUNDS):
+        if law is None or len(grid) > _MOST_PARTS or stop():
+            break
+        middles = 0.5 * (grid[1:] + grid[:-1])
+        wide = slowness(law, rows(middles)) > 1.0 + _BEYOND
+        if not wide.any():
+            break
+        grid = np.sort(np.concatenate([grid, middles[wide]]))
+        law = fastest_law(rows(grid)) or law
+    return law
+
+
+def _grid(path: Trajectory, least_parts: int) -> Array:
+    """Parameters (k,) at which TOPP-RA looks at the path; among them all its breakpoints."""
+    h = np.diff(path.breakpoints)
+    least = max(1, min(_PARTS_OF_PIECE, _MOST_PARTS // len(h)))
+    parts = np.maximum(least, np.ceil(h * (least_parts / path.duration))).astype(int)
+    ends = zip(path.breakpoints[:-1], path.breakpoints[1:], parts, strict=True)
+    return np.concatenate([[0.0], *(np.linspace(a, b, k + 1)[1:] for a, b, k in ends)])
+
+
+def _held(trajectory: Trajectory, robot: Robot, limits: Limits, tool: ToolSpeed | None) -> Trajectory | None:
+    """The same curve, as fast as its limits allow when all of it is stretched; None where gravity is too much."""
+    slower = tool_scale(robot, tool, trajectory)
+    fitted = scale_to_limits(trajectory, limits, slower)
+    slower = torque_scale(robot, limits.torque, fitted)
+    return fitted.scaled(fitted.duration * slower) if np.isfinite(slower) else None

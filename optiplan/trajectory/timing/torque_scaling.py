@@ -1,0 +1,51 @@
+"""How slowly must a trajectory run for its torques to hold?"""
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.robot.robot import Robot
+from optiplan.trajectory.samples import sample_times
+from optiplan.trajectory.trajectory import Trajectory
+
+_RESERVE = 1e-3  # share of the limit kept free for what happens between samples
+_NEAR = 0.9  # share of the largest demand above which the gaps beside a sample are looked into
+_FINER = 9  # instants within such a gap
+
+
+def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
+    """Factor s >= 1 on the duration at which |tau| <= limit (n,); inf where gravity exceeds it.
+
+    Holds at: `sample_times`, and ten times finer where torques are near the largest: within a millisecond of full jerk
+    the acceleration can go from one limit to the other.
+
+    Run s times slower, the same path needs tau(s) = g(q) + (tau(1) - g(q)) / s^2: inertial and Coriolis torques scale
+    alike (Hollerbach 1984, Dynamic scaling of manipulator trajectories). Friction and carried loads are not modelled.
+    """
+    if not np.isfinite(limit).any():
+        return 1.0
+    t = sample_times(trajectory)
+    demand = _demand(robot, limit, trajectory, t)
+    peak = float(demand.max())
+    if not np.isfinite(peak) or peak == 0.0:
+        return max(1.0, peak)
+    near = demand >= _NEAR * peak
+    gaps = np.flatnonzero(near[1:] | near[:-1])
+    inside = np.linspace(0.0, 1.0, _FINER + 2)[1:-1]
+    finer = (t[gaps, None] + inside * np.diff(t)[gaps, None]).ravel()
+    return float(np.sqrt(max(1.0, peak, _demand(robot, limit, trajectory, finer).max(initial=0.0))))
+
+
+def _demand(robot: Robot, limit: Array, trajectory: Trajectory, t: Array) -> Array:
+    """The largest (tau - g) / (limit - g) of all joints at times t (k,): (k,), s² of the slow-down it asks for."""
+    Q, V, A = (trajectory(t, order) for order in range(3))
+    data = robot.model.createData()
+    tau = np.array([pin.rnea(robot.model, data, q, v, a) for q, v, a in zip(Q, V, A, strict=True)])
+    gravity = np.array([pin.computeGeneralizedGravity(robot.model, data, q) for q in Q])
+    tau, gravity = tau.reshape(len(t), -1), gravity.reshape(len(t), -1)
+    motion, allowed = tau - gravity, limit * (1.0 - _RESERVE)
+    if (np.abs(gravity) > allowed).any():
+        return np.full(len(t), np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squared = np.abs(motion) / (allowed - np.sign(motion) * gravity)
+    return np.asarray(np.nan_to_num(squared, nan=0.0, posinf=np.inf).max(axis=1))

@@ -1,0 +1,1 @@
+"""Proofs that hold at all times: collision, torque, polynomial bounds."""

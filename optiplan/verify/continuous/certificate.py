@@ -1,0 +1,286 @@
+"""The certificate: a proof that no two bodies touch at any time, or the time and place where it fails."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.containment import Containment
+from optiplan.collision.model import CollisionModel
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.continuous.bodies import Bodies, Flags, Index
+from optiplan.verify.continuous.intervals import Intervals, blocks, boxes, middles, step_sizes
+from optiplan.verify.continuous.motion_bounds import Approach, Asked, Boxes, Motion
+from optiplan.verify.continuous.separating_planes import Distances, PairDistances
+from optiplan.verify.report import VerifyPolicy
+
+ROUNDING = 1e-9  # m, subtracted from every proved clearance
+_EASY = 5e-3  # m, margin by which bounding volumes must clear a pair at first
+_TOLD = 0.8  # of the smallest distance measured: this much is to be proved, so that the clearance is a true figure
+_FAR = 0.1  # m: a larger clearance need not be told any better
+_HULLS = 5e-3  # m: where hulls are proved farther apart, meshes need not be asked
+_ROOM = 1.25  # times what must be proved: less than that between hulls, and meshes are asked
+_MOST_AGAIN = 4_000  # questions answered to tell the clearance better, after the proof
+_FIRST_TRAVEL = 0.1  # rad or m, summed over joints: how coarse the first intervals may be
+_LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up ROUNDING
+_MOST_HALVINGS = 12  # of a piece before the first look
+_MOST_ITEMS = 20_000  # answered at once, to bound memory
+_CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memory
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A pair at a time: distance in m, names, nearest points (2, 3) in the world, configuration (n,)."""
+
+    distance: float
+    time: float
+    pair: tuple[str, str]
+    points: Array
+    q: Array
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What the certificate established.
+
+    Attributes:
+        proved: every pair stays farther apart than the policy's clearance at all times.
+        reason: why not, else empty.
+        intervals: how many different intervals of time were looked at.
+        queries: exact distance queries made.
+        believed: how many of them no separating plane confirmed (non-convex meshes): coal's word less 1e-6 m.
+        clearance: the smallest clearance proved of all intervals, m: no pair ever comes nearer.
+        nearest: the smallest distance measured, an upper bound of the true minimum; None if no query was needed.
+        contact: whether bodies do come too near at the time of `nearest`, rather than only nothing being proved.
+    """
+
+    proved: bool
+    reason: str = ""
+    intervals: int = 0
+    queries: int = 0
+    believed: int = 0
+    clearance: float = np.inf
+    nearest: Moment | None = None
+    contact: bool = False
+
+
+def certify(model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy) -> Proof:
+    """Prove that all pairs stay apart for all t in [0, duration].
+
+    On an interval with middle m and half width h, where a plane with normal w separates a pair by the gap g at m, the
+    pair is clear if the larger of two lower bounds of its distance exceeds the clearance asked for by 1e-9 m:
+        g - travel              how far the bodies can move in any direction;
+        linear - bend           the gap along w to first order in time, less what acceleration can take from it,
+    see `motion.Approach`. Where that fails the interval is divided for this pair alone. Bounding volumes answer most
+    pairs, exact queries confirmed by separating planes the rest.
+
+    Holds at: all times of the closed interval [0, duration].
+    """
+    search = _Search(model, trajectory, policy)
+    search.look_first()
+    if search.proof.reason:
+        return search.proof
+    search.work_off(search.begin())
+    if search.proof.reason:
+        return search.proof
+    rough = min(search.proof.clearance, search.coarse.clearance)
+    proved = replace(search.proof, proved=True, clearance=rough)
+    search.work_off(search.again())
+    return proved if search.proof.reason else replace(search.proof, proved=True)
+
+
+@dataclass(frozen=True, eq=False)
+class _Coarse:
+    """B blocks of neighbouring intervals, first[b] to last[b] - 1, and what bounding volumes prove of P pairs there.
+
+    Attributes:
+        near: (B, P) proved clear, but by less than is worth telling.
+        margin: (B, P) the clearance proved, m.
+    """
+
+    intervals: Intervals
+    first: Index
+    last: Index
+    near: Flags
+    margin: Array
+
+    @property
+    def clearance(self) -> float:
+        """The least that is proved of those near, m."""
+        return float(self.margin[self.near].min(initial=np.inf))
+
+    def members(self, chosen: Flags) -> Intervals:
+        """All intervals of the blocks chosen (B, P), with their pairs."""
+        rows, pairs = np.nonzero(chosen)
+        many = (self.last - self.first)[rows]
+        within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+        items = self.intervals.take(np.repeat(self.first[rows], many) + within)
+        return replace(items, pair=np.repeat(pairs, many))
+
+
+@dataclass(eq=False)
+class _Search:
+    """`advance` answers many open items at once and returns those still open, divided."""
+
+    model: CollisionModel
+    trajectory: Trajectory
+    policy: VerifyPolicy
+    proof: Proof = field(default_factory=lambda: Proof(False))
+
+    def __post_init__(self) -> None:
+        self.bodies = Bodies(self.model)
+        self.distances, self.motion = PairDistances(self.model, self.bodies), Motion(self.bodies)
+        self.jump = step_sizes(self.trajectory, self.policy.jump_tolerance)
+
+    def boxes(self, items: Intervals) -> Boxes:
+        """What the joints do on these intervals."""
+        return boxes(self.trajectory, items, self.jump)
+
+    def look_first(self) -> None:
+        """Refuse at once what cannot be proved: absurd numbers, bodies without bounds, bodies inside a mesh."""
+        absurd = self.absurd()
+        if absurd:
+            self.proof = replace(self.proof, reason=f"{absurd} beyond {_LARGEST:g} leaves no digits for a proof")
+            return
+        unsupported = self.bodies.unsupported()
+        if unsupported is not None:
+            name = self.model.names[unsupported]
+            self.proof = replace(self.proof, reason=f"'{name}' has a shape of which no motion can be bounded")
+            return
+        q = self.trajectory.start
+        poses = self.bodies.kinematics.poses(q[None])[0][self.bodies.joints] @ self.bodies.placements
+        found = Containment(self.bodies.shapes, [(p.a, p.b) for p in self.model.pairs]).find(poses)
+        if found is not None:
+            pair = self.model.pairs[found.pair]
+            where = Moment(0.0, 0.0, (pair.name_a, pair.name_b), np.array([found.point, found.point]), q)
+            self.proof = replace(self.proof, reason="one body lies inside the other", nearest=where, contact=True)
+
+    def absurd(self) -> str:
+        """What has numbers too large for a proof, or nothing: terms |c_k| h^k of positions, bodies."""
+        c = self.trajectory.coefficients
+        powers = np.diff(self.trajectory.breakpoints)[:, None, None] ** np.arange(c.shape[1])[:, None]
+        if not (np.abs(c) * powers).max() <= _LARGEST:
+            return "a trajectory with terms"
+        far = np.flatnonzero(~(self.bodies.extent <= _LARGEST))
+        return f"'{self.model.names[far[0]]}', a body" if len(far) else ""
+
+    def begin(self) -> Intervals:
+        """Intervals on which joints move little, with the pairs that bounding volumes leave open there.
+
+        Neighbouring intervals are looked at together where they are shorter than that.
+        """
+        intervals = Intervals.whole(len(self.trajectory.coefficients))
+        for _ in range(_MOST_HALVINGS):
+            b = self.boxes(intervals)
+            long = b.reach.sum(axis=1) > _FIRST_TRAVEL
+            if not long.any():
+                break
+            intervals = intervals.split(long.astype(np.intp))
+        self.proof = replace(self.proof, intervals=len(intervals.piece))
+        b = self.boxes(intervals)
+        first, last = blocks(b.reach.sum(axis=1), _FIRST_TRAVEL)
+        low, high = np.minimum.reduceat(b.q - b.reach, first), np.maximum.reduceat(b.q + b.reach, first)
+        margins = []
+        for k in range(0, len(first), _CHUNK):
+            Q, D = 0.5 * (low + high)[k : k + _CHUNK], 0.5 * (high - low)[k : k + _CHUNK] + 1e-15
+            margins.append(self.model.lower_bounds(Q) - self.model.travel(Q, D) - ROUNDING)
+        margin = np.concatenate(margins)
+        clear, far = margin > self.policy.clearance + _EASY, margin > self.policy.clearance + _FAR
+        self.keep(margin[far])
+        self.coarse = _Coarse(intervals, first, last, clear & ~far, margin)
+        return self.coarse.members(~clear)
+
+    def again(self) -> Intervals:
+        """Intervals on which bounding volumes prove less than is worth telling, unless they are too many."""
+        coarse, nothing = self.coarse, np.zeros_like(self.coarse.near)
+        chosen = coarse.near & (coarse.margin <= self.target()) if self.proof.nearest is not None else nothing
+        items = coarse.members(chosen)
+        if len(items.pair) > _MOST_AGAIN:
+            chosen, items = nothing, coarse.members(nothing)
+        self.keep(coarse.margin[coarse.near & ~chosen])
+        return items
+
+    def work_off(self, items: Intervals) -> None:
+        """Answer these and what they are divided into, until none is open or there is a reason to stop."""
+        while len(items.pair) and not self.proof.reason:
+            head, tail = np.split(np.arange(len(items.pair)), [_MOST_ITEMS])
+            items = Intervals.join([self.advance(items.take(head)), items.take(tail)])
+
+    def advance(self, items: Intervals) -> Intervals:
+        """Ask the exact distance of every item; stop at a contact, divide what is not proved."""
+        items, unique, rows = items.grouped()
+        b = self.boxes(unique)
+        poses = self.bodies.kinematics.poses(b.q)
+        placed = self.bodies.place(poses, rows, items.pair)
+        found = self.distances.query(b.q, rows, items.pair, placed, max(_HULLS, _ROOM * self.target()))
+        asked = Asked(rows, items.pair, placed, *self.bodies.kinematics.axes(poses))
+        near = self.motion.approach(b, asked, found.normals)
+        margin = np.maximum(found.bound - near.travel, near.linear - near.bend) - ROUNDING
+        best = np.maximum(found.bound, found.measured)
+        times = middles(self.trajectory, unique)[rows]
+        for kind in (~found.hulls, found.hulls):  # what hulls answered is no distance measured
+            self.see(best[kind], times[kind], b.q[rows[kind]], items.pair[kind], bool(found.hulls[kind].any()))
+        self.count(unique, found)
+        if (best <= self.policy.clearance + ROUNDING).any():
+            reason = "bodies touch" if self.policy.clearance <= 0 else "bodies come too near"
+            return self.stop(items, reason, contact=True)
+        clear = margin > self.target()
+        self.keep(margin[clear])
+        still = np.flatnonzero(~clear)
+        return self.limit(items.take(still).split(_halvings(found, near, still, self.target())))
+
+    def target(self) -> float:
+        """What must be proved, m: the clearance asked for, and most of the smallest distance, to tell a true figure."""
+        nearest = self.proof.nearest
+        asked = self.policy.clearance
+        return asked if nearest is None else asked + _TOLD * max(nearest.distance - asked, 0.0)
+
+    def count(self, unique: Intervals, found: Distances) -> None:
+        """Keep the books."""
+        proof = self.proof
+        self.proof = replace(
+            proof,
+            intervals=proof.intervals + len(unique.piece),
+            queries=proof.queries + len(found.bound),
+            believed=proof.believed + int(found.believed.sum()),
+        )
+
+    def limit(self, items: Intervals) -> Intervals:
+        """Give up where intervals become shorter than the policy's or the queries too many."""
+        if len(items.pair) and items.widths(self.trajectory).min() < self.policy.min_interval:
+            return self.stop(items, f"clearance not proved on intervals of {self.policy.min_interval:g} s")
+        if self.proof.queries + len(items.pair) > self.policy.max_queries:
+            return self.stop(items, f"clearance not proved within {self.policy.max_queries} distance queries")
+        return items
+
+    def stop(self, items: Intervals, reason: str, contact: bool = False) -> Intervals:
+        """End the search with a reason."""
+        self.proof = replace(self.proof, reason=reason, contact=contact)
+        return items.take(np.empty(0, dtype=np.intp))
+
+    def keep(self, margins: Array) -> None:
+        """Remember the smallest clearance proved."""
+        if len(margins):
+            self.proof = replace(self.proof, clearance=min(self.proof.clearance, float(margins.min())))
+
+    def see(self, distance: Array, times: Array, Q: Array, pairs: Index, measure: bool) -> None:
+        """Remember the smallest distance, with its witness; with `measure` those given are lower bounds."""
+        known = np.inf if self.proof.nearest is None else self.proof.nearest.distance
+        if distance.min(initial=np.inf) >= known:
+            return
+        k = int(np.argmin(distance))
+        measured, points = self.distances.witness(Q[k], int(pairs[k]))
+        least = measured if measure else float(distance[k])
+        if least < known:
+            pair = self.model.pairs[int(pairs[k])]
+            nearest = Moment(least, float(times[k]), (pair.name_a, pair.name_b), points, Q[k].copy())
+            self.proof = replace(self.proof, nearest=nearest)
+
+
+def _halvings(found: Distances, near: Approach, still: Index, target: float) -> Index:
+    """How often to halve each item: the least of 1 to 4 times after which the bounds, scaled, would prove it."""
+    parts = 2.0 ** np.arange(1, 4)[:, None]
+    bound, linear = found.bound[still], np.maximum(near.linear[still], -1e9)
+    plane = bound + (linear - bound) / parts - near.bend[still] / parts**2
+    enough: Flags = np.maximum(bound - near.travel[still] / parts, plane) > 1.1 * target + ROUNDING
+    return np.asarray(4 - enough.sum(axis=0), dtype=np.intp)

@@ -1,0 +1,135 @@
+"""How far two bodies can approach each other in a short interval: rigorous bounds from velocity and acceleration."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.verify.continuous.bodies import Bodies, Index, Placed
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """What the joints do on N intervals of half width `half` (N,), s, about their middles; the rest is (N, n).
+
+    Attributes:
+        q: configuration at the middle; `v`: velocity there.
+        reach: bound on |q_j(t) - q_j(middle)|; `speed`, `acceleration`: bounds on |q_j'|, |q_j''| over the interval.
+        jump: a tolerated step of position at the ends, contained in `reach` and in no derivative.
+    """
+
+    half: Array
+    q: Array
+    v: Array
+    reach: Array
+    speed: Array
+    acceleration: Array
+    jump: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """K questions: pair pairs[k] on interval rows[k], where `placed` has its bodies.
+
+    `direction` and `point`, both (N, J, 3), are all joints' axes in the world at the middles of all N intervals.
+    """
+
+    rows: Index
+    pairs: Index
+    placed: Placed
+    direction: Array
+    point: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """Bounds for K pairs on their intervals, all (K,), m.
+
+    Attributes:
+        travel: change of distance, whatever the direction.
+        linear: lower bound of the gap along the normal, were every point to keep its velocity of the middle.
+        bend: how far acceleration can take the gap below that.
+    """
+
+    travel: Array
+    linear: Array
+    bend: Array
+
+
+class Motion:
+    """Bounds on the relative motion of the pairs of bodies; joints that carry both bodies of a pair do not count."""
+
+    def __init__(self, bodies: Bodies) -> None:
+        self._bodies = bodies
+        self._revolute = bodies.kinematics.revolute > 0.5
+
+    def approach(self, boxes: Boxes, asked: Asked, normals: Array) -> Approach:
+        """Bounds for K pairs on their intervals, with unit normals w (K, 3) from a to b at the middle.
+
+        For a point x of a body let f(s) = w . x(middle + s). Then |f(s) - f(0) - f'(0) s| <= F s^2 / 2 with
+            F = sum_j A_j L_j + sum_k L_k V_k (V_k + 2 sum_{j<k} V_j) >= |x''|,
+        where V and A bound the joints' speed and acceleration and L_j the distance of x from axis j (1 for a prismatic
+        joint), because the second partial derivative of x in q_j and q_k is no longer than L of the joint nearer to the
+        tip. With Omega, u the body's twist at the middle, f(0) + f'(0) s = x . (w + s w x Omega) + s w . u, whose
+        maximum over the body is a support function, convex in s: so its maximum for |s| <= h is at s = h or -h.
+        """
+        boxes = self._of_all_joints(boxes)
+        rows, half = asked.rows, boxes.half[asked.rows]
+        travel, bend, gap = np.zeros(len(rows)), np.zeros(len(rows)), np.zeros((2, len(rows)))
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            lever, moved = self._levers(boxes, asked, side)
+            travel += moved
+            moves = self._bodies.moves[asked.pairs, side]
+            speed, acceleration = boxes.speed[rows] * moves, boxes.acceleration[rows] * moves
+            before = np.cumsum(speed, axis=1) - speed
+            curve = lever * (acceleration + speed * (speed + 2.0 * before))
+            bend += 0.5 * half**2 * curve.sum(axis=1) + (boxes.jump[rows] * moves * lever).sum(axis=1)
+            omega, u = self._twist(boxes.v[rows] * moves, asked.direction[rows], asked.point[rows])
+            turn, shift = _cross(normals, omega), np.einsum("ki,ki->k", normals, u)
+            for end, s in ((0, half), (1, -half)):
+                direction = sign * (normals + s[:, None] * turn)
+                gap[end] -= self._bodies.support(asked.placed, side, direction) + sign * s * shift
+        return Approach(travel, np.nan_to_num(gap.min(axis=0), nan=-np.inf), bend)
+
+    def _of_all_joints(self, boxes: Boxes) -> Boxes:
+        """The same of all J joints: a follower moves by its multiplier times what its leader does."""
+        kinematics = self._bodies.kinematics
+        bounds = (boxes.reach, boxes.speed, boxes.acceleration, boxes.jump)
+        reach, speed, acceleration, jump = map(kinematics.joint_reach, bounds)
+        q, v = kinematics.joint_rates(boxes.q) + kinematics.offset, kinematics.joint_rates(boxes.v)
+        return Boxes(boxes.half, q, v, reach, speed, acceleration, jump)
+
+    def _levers(self, boxes: Boxes, asked: Asked, side: int) -> tuple[Array, Array]:
+        """L (K, J), the farthest any point of the body gets from each axis on the interval, m; and its travel (K,), m.
+
+        Joints are moved one after another, from the tip to the base. When joint j turns, about its axis at the middle,
+        the body has travelled t already: its points are within R_j + t of the axis and move by at most D_j (R_j + t).
+        """
+        bodies, poses, rows = asked.placed.bodies[:, side], asked.placed.poses[:, side], asked.rows
+        moves = self._bodies.moves[asked.pairs, side]
+        centre = np.einsum("kij,kj->ki", poses[:, :3, :3], self._bodies.centre[bodies]) + poses[:, :3, 3]
+        arm = _cross(asked.direction[rows], centre[:, None] - asked.point[rows])
+        # A half-space has no farthest point, and must not move: then its levers are multiplied by zero.
+        radius = np.where(moves.any(axis=1), self._bodies.radius[bodies], 0.0)
+        lever = np.where(self._revolute, np.sqrt(np.einsum("kji,kji->kj", arm, arm)) + radius[:, None], 1.0)
+        step = boxes.reach[rows] * moves
+        travelled = np.zeros(len(rows))
+        for j in reversed(range(lever.shape[1])):
+            if self._revolute[j]:
+                lever[:, j] += travelled
+            travelled = travelled + step[:, j] * lever[:, j]
+        return lever, travelled
+
+    def _twist(self, v: Array, direction: Array, point: Array) -> tuple[Array, Array]:
+        """Angular velocity (K, 3), rad/s, and velocity (K, 3), m/s, of the body's point at the world's origin."""
+        turning = v * self._revolute
+        omega = np.einsum("kj,kji->ki", turning, direction)
+        slide = np.einsum("kj,kji->ki", v * ~self._revolute, direction)
+        return omega, np.einsum("kj,kji->ki", turning, _cross(point, direction)) + slide
+
+
+def _cross(a: Array, b: Array) -> Array:
+    x = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    y = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    z = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.stack([x, y, z], axis=-1)

@@ -1,0 +1,73 @@
+"""Polynomials stay between bounds on [0, 1]: proved by Bernstein coefficients, with the rounding counted."""
+
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.verify.continuous.bodies import Flags, Index
+
+_UNIT = 2.0**-53  # rounding of one operation
+_MOST_HALVINGS = 40
+_MOST_OPEN = 100_000  # parts of polynomials looked at together, to bound memory
+
+
+@dataclass(frozen=True, eq=False)
+class Bounded:
+    """What is known of N polynomials, (N,) each.
+
+    Attributes:
+        within: whether each stays between its bounds, rounding included.
+        beyond: by how much a value passes a bound at least, rounding taken off; 0 where none is known to.
+        rounding: what each sum of its coefficients may be off by, in its own unit.
+    """
+
+    within: Flags
+    beyond: Array
+    rounding: Array
+
+
+def prove_bounds(coefficients: Array, low: Array, high: Array) -> Bounded:
+    """Prove low <= p(x) <= high for all x in [0, 1], for N polynomials p(x) = sum_k c_k x^k.
+
+    A polynomial of degree d lies between the smallest and the largest of b_i = sum_k C(i, k) / C(d, k) c_k, and takes
+    b_0 and b_d at the ends. Where that is not enough it is halved by de Casteljau's algorithm; the coefficients of the
+    halves approach the polynomial with the square of the length. All weights are in [0, 1] and sums of d + 1 terms are
+    off by (d + 2) 2^-53 times the sum of their sizes at most, so that after r halvings every coefficient is off by
+    (r + 4) (d + 2) 2^-53 sum_k |c_k| at most, three of these for the c_k given and their conversion. That is
+    taken off the bounds: a polynomial whose terms cancel beyond it is not proved, whatever values are computed.
+
+    Holds at: all x in [0, 1].
+
+    Args:
+        coefficients: (N, d + 1), in units of the bounds.
+        low: (N,) lower bounds, -inf where there is none.
+        high: (N,) upper bounds, inf where there is none.
+    """
+    count, size = coefficients.shape
+    to_bernstein = np.array([[comb(i, k) / comb(size - 1, k) for k in range(size)] for i in range(size)])
+    halves = _halving(size)
+    rounding = (size + 1) * _UNIT * np.abs(coefficients).sum(axis=1)
+    owner: Index = np.arange(count)
+    b = coefficients @ to_bernstein.T
+    within, beyond = np.ones(count, dtype=bool), np.zeros(count)
+    for r in range(_MOST_HALVINGS):
+        doubt = (r + 4) * rounding[owner]
+        ends = b[:, [0, -1]]
+        passed = np.maximum(ends.max(axis=1) - high[owner], low[owner] - ends.min(axis=1)) - doubt
+        np.maximum.at(beyond, owner, passed)
+        held = (b.max(axis=1) + doubt <= high[owner]) & (b.min(axis=1) - doubt >= low[owner])  # NaN never is
+        still = ~held & (beyond[owner] <= 0.0)
+        b, owner = b[still], owner[still]
+        if not len(b) or len(b) > _MOST_OPEN:
+            break
+        b, owner = np.concatenate([b @ half.T for half in halves]), np.tile(owner, 2)
+    within[owner] = False
+    return Bounded(within & (beyond <= 0.0), beyond, rounding)
+
+
+def _halving(size: int) -> tuple[Array, Array]:
+    """Matrices that take Bernstein coefficients on [0, 1] to those on [0, 1/2] and on [1/2, 1]."""
+    left = np.array([[comb(i, k) / 2.0**i for k in range(size)] for i in range(size)])
+    return left, left[::-1, ::-1]

@@ -1,0 +1,214 @@
+"""One function a check, apart from collision: each takes (problem, trajectory, policy) and returns a `Check`."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory.trajectory import Trajectory, defect
+from optiplan.verify.continuous.polynomial_bounds import prove_bounds
+from optiplan.verify.report import Check, VerifyPolicy
+
+_ORDERS = ("position", "velocity", "acceleration", "jerk")
+_UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
+ROUNDING = 1e-9
+"""On top of the tolerances of goals and vias, m or rad."""
+_LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
+
+
+def same_problem(record: Mapping[str, Any], problem: Problem) -> Check:
+    """The hash in the record of a run is that of this very problem."""
+    found = str(record["hash"])
+    if found == problem.hash:
+        return Check("problem", "exact", True, detail="the run was made from this very problem")
+    detail = (
+        f"the run was made from another problem, '{record.get('name')}' with hash {found:.12}; this one has "
+        f"{problem.hash:.12}. To judge its motion alone, give a copy of its trajectory.json outside the folder"
+    )
+    return Check("problem", "exact", False, detail=detail)
+
+
+def form(trajectory: Trajectory) -> Check:
+    """The data is a trajectory at all: shapes fit, every number is finite, time increases."""
+    try:
+        problem = defect(tuple(trajectory.joint_names), trajectory.breakpoints, trajectory.coefficients)
+    except (AttributeError, TypeError, ValueError, IndexError) as error:
+        return Check("finite", "exact", False, detail=f"not a trajectory: {error}")
+    kinds = {str(array.dtype) for array in (trajectory.breakpoints, trajectory.coefficients)}
+    if problem is None and kinds != {"float64"}:
+        problem = "coefficients", f"numbers of type {', '.join(sorted(kinds))}", "float64"
+    if problem is None:
+        return Check("finite", "exact", True, detail="shapes fit, numbers are finite, time increases")
+    return Check("finite", "exact", False, place=problem[0], detail=f"found {problem[1]}; expected {problem[2]}")
+
+
+def joints(problem: Problem, trajectory: Trajectory) -> Check:
+    """The columns are the robot's planned joints, in its order."""
+    found, expected = trajectory.joint_names, problem.robot.joint_names
+    if found == expected:
+        return Check("joints", "exact", True, detail="names and order are the robot's")
+    return Check("joints", "exact", False, detail=f"found {', '.join(found)}; expected {', '.join(expected)}")
+
+
+def start(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+    """max_j |q_j(0) - start_j| <= position_tolerance."""
+    error = np.abs(trajectory.start - problem.start)
+    allowed = np.full(len(error), policy.position_tolerance)
+    return _largest(problem, Check("start", "exact", False, unit="rad"), error, allowed, np.zeros(len(error)))
+
+
+def goal(problem: Problem, trajectory: Trajectory) -> Check:
+    """The end lies in one of the goals, each within its own tolerance."""
+    found = [miss(problem, one, trajectory.end) for one in problem.goal]
+    ratios = [max(error / (limit + ROUNDING) for error, limit, _ in parts) for parts in found]
+    nearest = int(np.argmin(ratios))
+    error, limit, what = max(found[nearest], key=lambda part: part[0] / (part[1] + ROUNDING))
+    unit = "m" if what.endswith("position") else "rad"
+    detail = f"nearest is goal {nearest + 1} of {len(found)}" if len(found) > 1 else ""
+    passed = bool(ratios[nearest] <= 1.0)
+    return Check("goal", "exact", passed, error, limit, unit, trajectory.duration, what, detail)
+
+
+def miss(problem: Problem, one: JointGoal | PoseGoal, q: Array) -> list[tuple[float, float, str]]:
+    """How far q misses a goal: (error, tolerance, what) of each part of it."""
+    robot = problem.robot
+    if isinstance(one, JointGoal):
+        error = q - one.q
+        endless = np.isinf(robot.limits.lower) & np.isinf(robot.limits.upper)
+        turned = np.remainder(error + np.pi, 2.0 * np.pi) - np.pi
+        error = np.abs(np.where(endless, turned, error))
+        worst = int(np.argmax(error))
+        return [(float(error[worst]), one.tolerance, robot.joint_names[worst])]
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    X_WF = data.oMf[robot.model.getFrameId(one.frame)]
+    offset = float(np.linalg.norm(X_WF.translation - one.X_WG.translation))
+    angle = float(np.linalg.norm(pin.log3(one.X_WG.rotation.T @ X_WF.rotation)))
+    return [(offset, one.position, f"{one.frame} position"), (angle, one.orientation, f"{one.frame} orientation")]
+
+
+def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+    """Velocity and, of joints with a jerk limit, acceleration vanish at both ends; else the jerk would be infinite."""
+    ends, limits = np.array([0.0, trajectory.duration]), problem.limits
+    value = np.abs(np.stack([trajectory(ends, 1), trajectory(ends, 2)]))  # (order, end, n)
+    allowed = np.stack([policy.rest_tolerance * limits.velocity, _acceleration_step(problem, policy)])[:, None]
+    order, end, j = _worst(value, np.broadcast_to(allowed, value.shape))
+    detail = f"{_ORDERS[order + 1]} at the {'end' if end else 'start'}"
+    worst, limit, time = float(value[order, end, j]), float(allowed[order, 0, j]), float(ends[end])
+    passed, name = bool((value <= allowed).all()), problem.robot.joint_names[j]
+    detail += "" if passed or order == 0 else _LIFTED
+    return Check("rest", "exact", passed, worst, limit, _UNITS[order + 1], time, name, detail)
+
+
+def continuity(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+    """Position, velocity and acceleration hardly jump: the steps at all breakpoints together stay within tolerance.
+
+    Together, because many steps, each within a tolerance, would make a staircase that passes any limit unseen. The
+    acceleration of a joint without a jerk limit may jump.
+    """
+    n = trajectory.n
+    if len(trajectory.breakpoints) == 2:
+        return Check("continuity", "exact", True, detail="one piece")
+    jumps = np.abs(np.stack([trajectory.jumps(order) for order in range(3)]))  # (order, m - 1, n)
+    speed = policy.rest_tolerance * problem.limits.velocity
+    steps = [np.full(n, policy.jump_tolerance), speed, _acceleration_step(problem, policy)]
+    total, allowed = jumps.sum(axis=1), np.stack(steps)
+    order, j = _worst(total, allowed)
+    i = int(np.argmax(jumps[order, :, j]))
+    time, name = float(trajectory.breakpoints[i + 1]), problem.robot.joint_names[j]
+    worst, limit = float(total[order, j]), float(allowed[order, j])
+    passed, detail = bool((total <= allowed).all()), f"sum of all steps of {_ORDERS[order]}"
+    detail += "" if passed or order < 2 else _LIFTED
+    return Check("continuity", "exact", passed, worst, limit, _UNITS[order], time, name, detail)
+
+
+def _acceleration_step(problem: Problem, policy: VerifyPolicy) -> Array:
+    """How far acceleration may jump, (n,), rad/s²: a tolerance where jerk is limited, anything where it is not."""
+    limits = problem.limits
+    return np.where(np.isinf(limits.jerk), np.inf, policy.rest_tolerance * limits.acceleration)
+
+
+def position(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+    """Lower - tolerance <= q <= upper + tolerance at all times, by `prove_bounds`; reported are the extrema."""
+    e, limits = trajectory.extrema_at(0), problem.limits
+    beyond = np.stack([limits.lower - e.low, e.high - limits.upper])  # negative inside
+    side, j = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+    worst, limit, time = [(e.low, limits.lower, e.t_low), (e.high, limits.upper, e.t_high)][side]
+    detail, name = f"nearest to its {('lower', 'upper')[side]} limit", problem.robot.joint_names[j]
+    check = Check("position", "exact", True, float(worst[j]), float(limit[j]), "rad", float(time[j]), name, detail)
+    tolerance = policy.position_tolerance
+    between = _Between(0, limits.lower - tolerance, limits.upper + tolerance, np.full(trajectory.n, ROUNDING))
+    return _proved(check, problem, trajectory, between)
+
+
+def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: int) -> Check:
+    """|d^order q / dt^order| <= limit (1 + tolerance) at all times, by `prove_bounds`; order 1, 2 or 3.
+
+    Reported is the extremum that comes nearest to its limit.
+    """
+    limits = (problem.limits.velocity, problem.limits.acceleration, problem.limits.jerk)[order - 1]
+    e = trajectory.extrema_at(order)
+    magnitude = np.maximum(np.abs(e.low), np.abs(e.high))
+    time = np.where(np.abs(e.low) > np.abs(e.high), e.t_low, e.t_high)
+    allowed = limits * (1.0 + policy.limit_tolerance)
+    check = _largest(problem, Check(_ORDERS[order], "exact", False, unit=_UNITS[order]), magnitude, allowed, time)
+    between = _Between(order, -allowed, allowed, policy.limit_tolerance * limits)
+    found = _proved(replace(check, passed=True), problem, trajectory, between)
+    return found if found.passed or found.detail or order < 3 else replace(found, detail=_LIFTED.removeprefix("; "))
+
+
+@dataclass(frozen=True, eq=False)
+class _Between:
+    """Bounds of the derivative of this order, and the largest rounding of a sum of its terms that is let pass: (n,)."""
+
+    order: int
+    low: Array
+    high: Array
+    rounding: Array
+
+
+def _proved(check: Check, problem: Problem, trajectory: Trajectory, asked: _Between) -> Check:
+    """The check, refused where a derivative is not proved to stay between its bounds.
+
+    Where no extremum shows it, because the terms of a polynomial cancel beyond the digits of their sum, its piece is
+    named.
+    """
+    h = np.diff(trajectory.breakpoints)
+    c = np.swapaxes(trajectory.derivatives(asked.order), 1, 2)
+    c = c * h[:, None, None] ** np.arange(c.shape[2])
+    m, n, size = c.shape
+    found = prove_bounds(c.reshape(-1, size), np.tile(asked.low, m), np.tile(asked.high, m))
+    rounding, within = found.rounding.reshape(m, n), found.within.reshape(m, n)
+    sound = within & (rounding <= asked.rounding)
+    if sound.all():
+        return check
+    extrema = trajectory.extrema_at(asked.order)
+    if (extrema.low < asked.low).any() or (extrema.high > asked.high).any():
+        return replace(check, passed=False)
+    piece, j = divmod(int(np.argmax(np.where(sound, -1.0, rounding))), n)
+    degree, time = trajectory.coefficients.shape[1] - 1, float(trajectory.breakpoints[piece])
+    detail = (
+        f"not proved: in piece {piece + 1}, of degree {degree} and {h[piece]:.3g} s, large terms cancel: "
+        f"their sum is known to {rounding[piece, j]:.2g} {check.unit} only"
+    )
+    return replace(check, passed=False, time=time, place=problem.robot.joint_names[j], detail=detail)
+
+
+def _largest(problem: Problem, blank: Check, value: Array, allowed: Array, time: Array) -> Check:
+    """Fill in value (n,) <= allowed (n,), at time (n,), with the joint nearest to or farthest beyond its limit."""
+    (j,) = _worst(value, allowed)
+    passed, joint = bool((value <= allowed).all()), problem.robot.joint_names[j]
+    return replace(
+        blank, passed=passed, worst=float(value[j]), limit=float(allowed[j]), time=float(time[j]), place=joint
+    )
+
+
+def _worst(value: Array, allowed: Array) -> tuple[int, ...]:
+    """Index of the largest value relative to what is allowed; a limit of 0 passed by anything counts most."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.nan_to_num(value / allowed, nan=0.0, posinf=np.inf)
+    return tuple(int(i) for i in np.unravel_index(int(np.argmax(ratio)), value.shape))

@@ -1,0 +1,139 @@
+"""The check `via`: the vias are passed one after another, each within its tolerance."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory import polynomial
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.limit_checks import ROUNDING, miss
+from optiplan.verify.report import Check
+
+_HALVINGS = 40
+_RATE = 500.0  # Hz: samples of the distance to a pose; the dips between them are followed to their bottom
+_MOST_SAMPLES = 100_000
+
+
+@dataclass(frozen=True)
+class _Passage:
+    """How a via is passed: first at `entered` (s), None when never; nearest at `nearest` (s), `error` (unit) off."""
+
+    entered: float | None
+    nearest: float
+    error: float
+    limit: float
+    what: str
+
+    @property
+    def unit(self) -> str:
+        return "m" if self.what.endswith("position") else "rad"
+
+
+def vias(problem: Problem, trajectory: Trajectory) -> Check:
+    """Times t_1 <= t_2 <= … exist at which the motion is within the tolerances of via 1, 2 and so on.
+
+    Each is the earliest that the one before leaves: if any times exist, these do. Joint values are passed where
+    max_j |q_j(t) - q_j| <= tolerance, on the roots of the polynomials. Poses are looked for at samples, 500 a second
+    and all breakpoints, and at the nearest approaches between them.
+    """
+    count, passages, since = len(problem.vias), [], 0.0
+    exact = all(isinstance(via.at, JointGoal) for via in problem.vias)
+    for via in problem.vias:
+        passage = _passage(problem, trajectory, via.at, since)
+        passages.append(passage)
+        if passage.entered is None:
+            break
+        since = passage.entered
+    worst = max(passages, key=lambda one: (one.entered is None, one.error / (one.limit + ROUNDING)))
+    k = passages.index(worst) + 1
+    passed = worst.entered is not None
+    detail = f"all {count} in order; nearest to its tolerance is via {k}" if passed else _missed(k, count, since, worst)
+    witness: dict[str, Any] = {"via": k, "times": [one.nearest for one in passages if one.entered is not None]}
+    witness |= {"errors": [one.error for one in passages], "q": trajectory(np.array([worst.nearest]))[0].tolist()}
+    kind, place = "exact" if exact else "sampled", worst.what
+    return Check("via", kind, passed, worst.error, worst.limit, worst.unit, worst.nearest, place, detail, witness)
+
+
+def _missed(k: int, count: int, since: float, worst: _Passage) -> str:
+    after = f" after via {k - 1}, which is passed at {since:.3f} s," if k > 1 else ""
+    return f"via {k} of {count} is missed by {worst.error:.3g} {worst.unit}{after} allowed are {worst.limit:.3g}"
+
+
+def _passage(problem: Problem, trajectory: Trajectory, at: JointGoal | PoseGoal, since: float) -> _Passage:
+    if isinstance(at, JointGoal):
+        return _of_joints(problem, trajectory, at, since)
+    return _of_pose(problem, trajectory, at, since)
+
+
+def _of_joints(problem: Problem, trajectory: Trajectory, at: JointGoal, since: float) -> _Passage:
+    entered = _entry(trajectory, at.q, at.tolerance + ROUNDING, since)
+    inner = trajectory.breakpoints[trajectory.breakpoints >= since]
+    known = np.abs(trajectory(np.append(inner, since)) - at.q).max(axis=1)
+    low, high = 0.0, float(known.min())
+    nearest = float(np.append(inner, since)[known.argmin()])
+    for _ in range(_HALVINGS if high > 0.0 else 0):  # the smallest tolerance that would do
+        middle = 0.5 * (low + high)
+        time = _entry(trajectory, at.q, middle, since)
+        low, high, nearest = (middle, high, nearest) if time is None else (low, middle, time)
+    error = np.abs(trajectory(np.array([nearest]))[0] - at.q)
+    j = int(error.argmax())
+    return _Passage(entered, nearest, float(error[j]), at.tolerance, problem.robot.joint_names[j])
+
+
+def _entry(trajectory: Trajectory, q: Array, tolerance: float, since: float) -> float | None:
+    """The earliest t >= since (s) with max_j |q_j(t) - q_j| <= tolerance, exactly; q is (n,).
+
+    On a piece such times make up intervals that begin at its start or at a root of some q_j(t) - q_j ± tolerance.
+    """
+    starts, h = trajectory.breakpoints[:-1], np.diff(trajectory.breakpoints)
+    c = np.swapaxes(trajectory.coefficients, 1, 2) * h[:, None, None] ** np.arange(trajectory.coefficients.shape[1])
+    c[:, :, 0] -= q
+    reach = (np.abs(c[:, :, 0]) - np.abs(c[:, :, 1:]).sum(axis=2)).max(axis=1)  # the distance is nowhere smaller
+    near = (reach <= tolerance) & (trajectory.breakpoints[1:] >= since)
+    if not near.any():
+        return None
+    c, starts, h = c[near], starts[near], h[near]
+    m, n, size = c.shape
+    bands = np.concatenate([c, c], axis=1)
+    bands[:, :, 0] += tolerance * np.repeat([-1.0, 1.0], n)
+    roots = polynomial.unit_roots(bands.reshape(2 * m * n, size)).reshape(m, -1)
+    first = np.clip((since - starts) / h, 0.0, 1.0)[:, None]
+    x = np.sort(np.concatenate([first, np.ones((m, 1)), np.maximum(roots, first)], axis=1), axis=1)
+    distance = np.abs(polynomial.evaluate(c[:, :, None, :], x[:, None, :])).max(axis=1)
+    inside = distance <= tolerance + 1e-12 * (1.0 + np.abs(q).max())
+    if not inside.any():
+        return None
+    i = int(inside.any(axis=1).argmax())
+    return float(starts[i] + h[i] * x[i, inside[i].argmax()])
+
+
+def _of_pose(problem: Problem, trajectory: Trajectory, at: PoseGoal, since: float) -> _Passage:
+    from scipy.optimize import minimize_scalar
+
+    def parts(t: float) -> list[tuple[float, float, str]]:
+        return miss(problem, at, trajectory(np.array([t]))[0])
+
+    def ratio(t: float) -> float:
+        return max(error / (limit + ROUNDING) for error, limit, _ in parts(t))
+
+    count = int(min(_MOST_SAMPLES, np.ceil((trajectory.duration - since) * _RATE))) + 1
+    inner = trajectory.breakpoints[trajectory.breakpoints > since]
+    t = np.union1d(np.linspace(since, trajectory.duration, count), inner)
+    r = np.array([ratio(float(x)) for x in t])
+    entered, best = None, (float(r.min()), float(t[r.argmin()]))
+    padded = np.concatenate([[np.inf], r, [np.inf]])
+    for k in np.flatnonzero((r <= padded[:-2]) & (r <= padded[2:]) | (r <= 1.0)).tolist():
+        found = (float(r[k]), float(t[k]))
+        if found[0] > 1.0:
+            bounds = (float(t[max(k - 1, 0)]), float(t[min(k + 1, len(t) - 1)]))
+            dip = minimize_scalar(ratio, bounds=bounds, method="bounded", options={"xatol": 1e-12})
+            found = min(found, (float(dip.fun), float(dip.x)))
+        best = min(best, found)
+        if found[0] <= 1.0:
+            entered = found[1]
+            break
+    error, limit, what = max(parts(best[1]), key=lambda part: part[0] / (part[1] + ROUNDING))
+    return _Passage(entered, best[1], error, limit, what)

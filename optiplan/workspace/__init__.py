@@ -1,0 +1,1 @@
+"""The workspace of a robot's tool: reach, dexterity, accuracy."""

@@ -1,0 +1,122 @@
+from pathlib import Path
+
+import pytest
+from pydantic import Field
+
+from optiplan.config.document import Number, Strict, Whole, read_yaml, validate
+from optiplan.errors import InputError
+
+
+class Inner(Strict):
+    velocity: Number | list[Number]
+    jerk: Number | None = None
+
+
+class Item(Strict):
+    size: Number
+
+
+class Outer(Strict):
+    version: Whole
+    name: str
+    limits: Inner | None = None
+    items: list[Item] = Field(default_factory=list)
+
+
+def write(folder: Path, text: str | bytes) -> Path:
+    path = folder / "file.yaml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def messages(path: Path) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        validate(Outer, read_yaml(path))
+    return [str(issue) for issue in caught.value.issues]
+
+
+def test_a_good_file_becomes_the_model(tmp_path):
+    path = write(tmp_path, "version: 1\nname: a\nlimits:\n  velocity: [1, 2.5e-1]\nitems:\n- size: 3\n")
+    model = validate(Outer, read_yaml(path))
+    assert model.limits.velocity == [1, 0.25]
+    assert model.items[0].size == 3
+
+
+def test_lines_of_values_and_of_what_is_not_there(tmp_path):
+    document = read_yaml(write(tmp_path, "version: 1\n\nitems:\n  - {size: 1}\n  -\n    size: 2\n"))
+    assert [document.line(place) for place in [("version",), ("items", 0, "size"), ("items", 1, "size")]] == [1, 4, 6]
+    assert document.line(("items", 1, "colour", "red")) == 6
+    assert document.line(("nothing",)) == 1
+
+
+def test_all_issues_at_once_in_file_order(tmp_path):
+    text = "version: true\nnmae: x\nlimits: {velocity: [1, .nan, '3'], jerkk: .inf}\nitems: [{size: 2}, {size: big}]\n"
+    found = messages(write(tmp_path, text))
+    expected = ["name", "version", "nmae", "limits.velocity[1]", "limits.jerkk", "limits.velocity[2]", "items[1].size"]
+    assert sorted(message.split(": ")[1] for message in found) == sorted(expected)
+    lines = [int(message.split(":")[1]) for message in found]
+    assert lines == sorted(lines)
+    text = "\n".join(found)
+    assert "unknown key 'nmae'; expected one of: version, name, limits, items (did you mean 'name'?)" in text
+    assert "limits.velocity[1]: NaN; expected a finite number" in text
+    assert "limits.velocity[2]: '3'; expected a number" in text
+    assert "items[1].size: 'big'; expected a number" in text
+    assert "version: true; expected a whole number" in text
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        ("", None, "an empty file"),
+        ("# only a comment\n", None, "an empty file"),
+        ("a: 1\nb: 2\na: 3\n", 3, "duplicate key"),
+        ("b:\n  a: 1\n\n  c: 2\n  a: 3\n", 5, "a duplicate key: 'a' is on line 2 too"),
+        ("a: " + "9" * 3000, 1, "a value of 3000 characters"),
+        ("a: " + "9" * 30_000, 1, "a value of 30000 characters"),
+        ("b: 1\na: " + "x" * 5000, 2, "a value of 5000 characters"),
+        ("a: " + "[" * 5000 + "]" * 5000, None, "nested too deeply"),
+        ("\n".join(" " * i + "a:" for i in range(3000)), None, "nested too deeply"),
+        ("a0: &a0 [1]\n" + "".join(f"a{i + 1}: &a{i + 1} [{f'*a{i}, ' * 10}]\n" for i in range(7)), None, "too large"),
+        ("a: [1\nb: 2\n", 2, "','"),
+        ("a: 1\n---\nb: 2\n", 2, "document"),
+        ("a: &x [*x]\n", 1, "too large"),
+        (b"\xff\xfe\x00", None, "not UTF-8"),
+        (b"a: \x00", None, "binary"),
+        ("a: " + "[" * 400 + "]" * 400, 1, "too large"),
+    ],
+)
+def test_unusable_files(tmp_path, text, line, words):
+    with pytest.raises(InputError) as caught:
+        read_yaml(write(tmp_path, text))
+    (issue,) = caught.value.issues
+    assert words in issue.found
+    assert line is None or issue.line == line
+
+
+def test_missing_file_and_folder(tmp_path):
+    for path in (tmp_path / "none.yaml", tmp_path):
+        with pytest.raises(InputError, match="expected a readable YAML file"):
+            read_yaml(path)
+
+
+def test_a_list_instead_of_keys(tmp_path):
+    assert "a list of 2 values; expected a mapping" in messages(write(tmp_path, "[1, 2]"))[0]
+
+
+def test_yaml_1_2_numbers(tmp_path):
+    data = read_yaml(write(tmp_path, "a: 1e3\nb: 012\nc: on\n")).data
+    assert data == {"a": 1000.0, "b": 12, "c": "on"}
+
+
+def test_a_file_that_is_too_long_is_not_parsed(tmp_path):
+    with pytest.raises(InputError, match="more than 16 MiB"):
+        read_yaml(write(tmp_path, "a: 1\n" + "#" * (16 * 2**20)))
+
+
+@pytest.mark.parametrize("value", ["1.0e+300", "-1.0e+20", "[0, 1.0e+200]", "99999999999999999999999"])
+def test_numbers_that_nothing_has_are_refused(tmp_path, value):
+    class Any_(Strict):
+        a: object
+
+    with pytest.raises(InputError, match=r"a.*expected a number in \[-1.84e\+19, 1.84e\+19\]"):
+        validate(Any_, read_yaml(write(tmp_path, f"a: {value}\n")))

@@ -1,0 +1,84 @@
+"""The proof that pairs of links never meet, held against samples and against known geometry."""
+
+import numpy as np
+import pytest
+
+from optiplan.robot.description_files import package_robots
+from optiplan.robot.robot import load_robot, robot_names
+from optiplan.robot.self_collision.pair_proof import BEYOND, PairProof, joint_box
+from optiplan.robot.self_collision.pair_survey import link_pairs
+from optiplan.robot.self_collision.pairs import ADJACENT, PROVED
+
+PACKAGE = ("panda", "ur10", "tiago", "kinova", "z1", "talos_reduced", "g1_29dof_rev_1_0", "xarm7")
+COUNT = 20_000
+ROWS = 500
+
+
+@pytest.mark.parametrize("name", [*robot_names(), *(f"package/{robot}" for robot in PACKAGE)])
+def test_no_unchecked_pair_collides_in_random_configurations(name, tmp_path):
+    """Pairs proved apart, in 20,000 configurations; what the user declares, is fixed or always touches is aside."""
+    if name.startswith("package/"):
+        if not package_robots():
+            pytest.skip("example-robot-data is not installed")
+        source = f"{{package: example-robot-data, robot: {name.partition('/')[2]}}}"
+        (tmp_path / "robot.yaml").write_text(f"version: 1\nname: r\nurdf: {source}\n")
+        name = str(tmp_path / "robot.yaml")
+    robot = load_robot(name)
+    bodies = link_pairs(robot.model, robot.geometry)
+    proved = np.array([pair for links in bodies if robot.allowed.get(links) == PROVED for pair in bodies[links]])
+    assert len(proved) or PROVED not in robot.allowed.values()
+    proof = PairProof(robot.model, robot.geometry, proved.reshape(-1, 2), (robot.limits.lower, robot.limits.upper))
+    half, rng = np.where(np.isfinite(proof.half), proof.half, 1.0), np.random.default_rng(11)
+    for _ in range(0, COUNT, ROWS):
+        Q = proof.middle + half * rng.uniform(-1.0, 1.0, (ROWS, robot.n))
+        _, pairs, placed = proof.bounds.meeting(Q, 0.0)
+        assert (proof.distances(placed, pairs, np.full(len(pairs), np.inf)) > 0.0).all()
+    always = [robot.survey.rates[pair] for pair, reason in robot.allowed.items() if reason == ADJACENT]
+    assert min(always, default=1.0) > 0.9
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return load_robot("panda")
+
+
+def proof_of(robot, pairs):
+    return PairProof(robot.model, robot.geometry, np.array(pairs), (robot.limits.lower, robot.limits.upper))
+
+
+def test_steps_bound_what_joints_do_to_a_distance(panda):
+    """Also in boxes of more than half a turn, where only the chord of the arc is moved."""
+    rng = np.random.default_rng(4)
+    pairs = np.array([(a, b) for a in range(4) for b in range(5, 9)])
+    proof = proof_of(panda, pairs)
+    index = np.arange(len(pairs))
+    for size in (0.1, 0.5, 2.0, 3.5):
+        Q = rng.uniform(panda.limits.lower, panda.limits.upper, (len(pairs), panda.n))
+        D = rng.uniform(0.0, size, Q.shape)
+        poses, placed = proof.bounds.place(Q, index)
+        travel = proof.bounds.steps_of(poses, placed, D, index).sum(axis=1)
+        before = proof.distances(placed, index, np.full(len(index), np.inf))
+        for _ in range(20):
+            after = proof.distances(
+                proof.bounds.place(Q + rng.uniform(-D, D), index)[1], index, np.full(len(index), np.inf)
+            )
+            apart = (before > 0.0) & (after > 0.0)
+            assert (np.abs(after - before)[apart] <= travel[apart] + 1e-6).all()
+
+
+def test_a_proof_needs_the_limits(panda):
+    """The wrist of the Panda keeps clear of its upper arm because of limits: without them it is no longer proved."""
+    bodies = link_pairs(panda.model, panda.geometry)[("panda_link2", "panda_link4")]
+    group = [np.arange(len(bodies))]
+    assert proof_of(panda, bodies).prove(group) == [True]
+    wide = PairProof(panda.model, panda.geometry, np.array(bodies), (np.full(7, -np.inf), np.full(7, np.inf)))
+    assert wide.prove(group) == [False]
+
+
+def test_the_joint_box():
+    turns = np.array([True, True, True, False, False])
+    lower = np.array([-1.0, -np.inf, -7.0, -0.5, -np.inf])
+    upper = np.array([2.0, np.inf, 7.0, 0.5, 3.0])
+    middle, half = joint_box(turns, lower, upper)
+    np.testing.assert_allclose(middle, [0.5, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(half, [1.5 + BEYOND, np.pi, np.pi, 0.5 + BEYOND, np.inf])

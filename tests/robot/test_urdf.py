@@ -1,0 +1,154 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+
+from optiplan.errors import InputError
+from optiplan.robot.robot import load_robot
+from tests.robot.robots import BARE, LINK, chain, joint, write_robot
+
+BACKWARDS = '<limit lower="1" upper="-1" velocity="3" effort="4"/>'
+ODD_MIMIC = '<limit lower="-1" upper="1" velocity="3" effort="4"/><mimic joint="j" multiplier="x"/>'
+MESH = '<link name="m"><{0}><geometry><mesh filename="{1}" scale="2 2 2"/></geometry></{0}></link>'
+
+
+def meshed(kind, name):
+    return [LINK.format("a"), LINK.format("b"), MESH.format(kind, name), joint("j1", "a", "b"), joint("j2", "b", "m")]
+
+
+@pytest.fixture
+def cube(tmp_path):
+    """A mesh in a package called `pack` two folders above the robot."""
+    path = tmp_path / "pack/meshes/cube.stl"
+    path.parent.mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(path)
+    return path
+
+
+@pytest.mark.parametrize("form", ["package://pack/meshes/cube.stl", "../meshes/cube.stl", "file://{}", "{}"])
+def test_meshes_are_found_and_scaled(cube, form):
+    folder = cube.parent.parent / "robot"
+    robot = load_robot(str(write_robot(folder, meshed("collision", form.format(cube)))))
+    shape = next(item.geometry for item in robot.geometry.geometryObjects if "m_" in item.name)
+    assert np.allclose(np.asarray(shape.points()).max(axis=0), [0.1, 0.2, 0.3])
+    assert cube.resolve() in [path.resolve() for path in robot.files]
+
+
+def test_a_missing_collision_mesh_names_the_link_and_what_was_tried(tmp_path):
+    path = write_robot(tmp_path, meshed("collision", "package://pack/meshes/none.stl"))
+    with pytest.raises(InputError) as caught:
+        load_robot(str(path))
+    (issue,) = caught.value.issues
+    assert issue.field == "m"
+    assert issue.line == 1
+    assert str(tmp_path / "pack/meshes/none.stl") in issue.found
+    assert str(tmp_path / "meshes/none.stl") in issue.found
+
+
+def test_a_missing_visual_mesh_is_only_noted(tmp_path):
+    robot = load_robot(str(write_robot(tmp_path, meshed("visual", "package://pack/none.dae"))))
+    assert robot.visual.ngeoms == 0
+    assert [note for note in robot.notes if "none.dae is missing" in note]
+
+
+def test_visuals_that_cannot_be_read_give_way_to_collision_shapes(tmp_path, caplog):
+    (tmp_path / "bad.stl").write_text("this is no mesh")
+    robot = load_robot(str(write_robot(tmp_path, meshed("visual", "bad.stl"))))
+    assert robot.visual.ngeoms == robot.geometry.ngeoms == 2
+    assert "cannot be read" in caplog.text
+
+
+def test_a_collision_mesh_that_cannot_be_read(tmp_path):
+    (tmp_path / "bad.stl").write_text("this is no mesh")
+    with pytest.raises(InputError, match="expected collision meshes that can be read"):
+        load_robot(str(write_robot(tmp_path, meshed("collision", "bad.stl"))))
+
+
+def test_joints_without_end_keep_one_coordinate(tmp_path):
+    robot = load_robot(str(write_robot(tmp_path, chain(joint("j1", "a", "b", "continuous", inside="")))))
+    assert robot.model.nq == 1
+    assert robot.limits.lower.tolist() == [-np.inf]
+    assert robot.limits.upper.tolist() == [np.inf]
+    assert robot.limits.velocity.tolist() == [1]
+    assert [note for note in robot.notes if "no velocity limit is given for any joint" in note]
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, np.array([2 * np.pi + 0.3]))
+    assert np.isclose(data.oMf[robot.model.getFrameId("b")].rotation[0, 0], np.cos(0.3))
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_floating_and_planar_joints_are_fixed_and_said_to_be(tmp_path, kind):
+    parts = chain(joint("j1", "a", "b", kind, inside=""), joint("j2", "b", "c"))
+    robot = load_robot(str(write_robot(tmp_path, parts)))
+    assert robot.joint_names == ("j2",)
+    assert f"joint j1 is {kind}: it is fixed here, where the URDF puts it" in robot.notes
+    with pytest.raises(InputError, match=f"the {kind} joint 'j1', which cannot be planned"):
+        load_robot(str(write_robot(tmp_path, parts, "group: [j1, j2]\n")))
+    assert load_robot(str(write_robot(tmp_path, parts, "group: [j2]\n"))).joint_names == ("j2",)
+
+
+def test_followers_stand_where_their_leader_puts_them(tmp_path):
+    follower = '<limit lower="-9" upper="9" velocity="1" effort="1"/><mimic joint="j1" multiplier="-2" offset="0.1"/>'
+    parts = chain(joint("j1", "a", "b"), joint("j2", "b", "c", inside=follower), joint("j3", "c", "d"))
+    robot = load_robot(str(write_robot(tmp_path, parts, "group: [j3]\nlocked: {j1: 0.5}\n")))
+    assert robot.locked == pytest.approx({"j1": 0.5, "j2": -0.9})
+    robot = load_robot(str(write_robot(tmp_path, parts)))
+    assert robot.joint_names == ("j1", "j3")
+    assert "joint j2 moves with j1: q = -2 · j1 +0.1" in robot.notes
+
+
+def test_links_without_mass_or_with_shapes_of_one_name_load(tmp_path):
+    shape = '<collision name="same"><geometry><sphere radius="0.1"/></geometry></collision>'
+    mass = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
+    parts = [BARE.format("a"), f'<link name="b">{mass}{shape}{shape}</link>', joint("j1", "a", "b")]
+    robot = load_robot(str(write_robot(tmp_path, parts)))
+    assert robot.geometry.ngeoms == 2
+    assert {robot.link_of(index) for index in range(2)} == {"b"}
+    assert robot.link_geometry == {"b": "primitive"}
+
+
+def test_a_link_and_a_joint_of_one_name(tmp_path):
+    path = write_robot(tmp_path, chain(joint("b", "a", "b"), joint("j2", "b", "c")), "srdf: r.srdf\n")
+    (tmp_path / "r.srdf").write_text('<robot name="r"><disable_collisions link1="b" link2="c"/></robot>')
+    robot = load_robot(str(path))
+    assert robot.joint_names == ("b", "j2")
+    assert [robot.link_of(index) for index in range(3)] == ["a", "b_link", "c"]
+    assert ("b_link", "c") in robot.allowed
+    assert [note for note in robot.notes if "link b is called b_link" in note]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("<robot name='r'><link", "expected well-formed XML"),
+        ("<sdf/>", "expected a URDF, whose root is <robot>"),
+        ("<robot name='r'/>", "expected"),
+        (f"<robot name='r'>{''.join(chain(joint('j', 'a', 'b', inside='')))}</robot>", "without <limit>"),
+        (
+            f"<robot name='r'>{''.join(chain(joint('j', 'a', 'z')))}</robot>",
+            "j: the child link 'z', which is not there",
+        ),
+        (f"<robot name='r'>{LINK.format('a')}</robot>", "without movable joints"),
+        (
+            f"<robot name='r'>{''.join(chain(joint('j', 'a', 'b', inside=BACKWARDS)))}</robot>",
+            "j with a lower limit above",
+        ),
+        (
+            f"<robot name='r'>{''.join(chain(joint('j', 'a', 'b', inside=ODD_MIMIC)))}</robot>",
+            "<mimic> with multiplier='x'",
+        ),
+    ],
+)
+def test_broken_urdfs(tmp_path, content, words):
+    path = write_robot(tmp_path, [])
+    (tmp_path / "robot.urdf").write_text(content)
+    with pytest.raises(InputError) as caught:
+        load_robot(str(path))
+    assert words in str(caught.value)
+
+
+def test_a_missing_urdf(tmp_path):
+    path = write_robot(tmp_path, [])
+    (tmp_path / "robot.urdf").unlink()
+    with pytest.raises(InputError, match="expected a readable URDF file"):
+        load_robot(str(path))

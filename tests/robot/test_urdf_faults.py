@@ -1,0 +1,61 @@
+"""What the URDF parser would drop without a word must be refused: a link without its shape is never checked."""
+
+import pytest
+
+from optiplan.errors import InputError
+from optiplan.robot.robot import load_robot
+
+URDF = """<robot name="x"><link name="a"/>
+<link name="b"><collision><origin xyz="0 0 0"/><geometry><box size="1 1 1"/></geometry></collision></link>
+<joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "name", "found"),
+    [
+        ('size="1 1 1"', 'size="nan 1 1"', "b", "nan 1 1"),
+        ('size="1 1 1"', 'size="-1 1 1"', "b", "-1 1 1"),
+        ('size="1 1 1"', 'size="1 1"', "b", "1 1"),
+        ('<box size="1 1 1"/>', "", "b", "0 shapes"),
+        ('<box size="1 1 1"/>', '<sphere radius="abc"/>', "b", "abc"),
+        ('<origin xyz="0 0 0"/>', '<origin xyz="nan 0 0"/>', "b", "<origin> with xyz='nan 0 0'"),
+        ('xyz="0 0 1"', 'xyz="0 0 0"', "j", "0 0 0"),
+        ('<link name="a"/>', '<link name="a"/><link name="%s"/>' % ("x" * 300), "x" * 300, "a name of 300 characters"),
+        ('<link name="a"/>', '<link name="a"/><link name="a"/>', "a", "2 links called 'a'"),
+        ('type="revolute"', 'type="turning"', "j", "a joint of type 'turning'"),
+        ('effort="1"', 'effort="1,5"', "j", "<limit> with effort='1,5'"),
+        ('velocity="1"', 'velocity="-1"', "j", "<limit> with velocity='-1'"),
+        ('upper="1"', 'upper="inf"', "j", "<limit> with upper='inf'"),
+        ("</robot>", '<joint name="k" type="fixed"><parent link="a"/><child link="b"/></joint></robot>', "b", "two"),
+    ],
+)
+def test_what_the_parser_would_drop_is_refused(tmp_path, old, new, name, found):
+    assert old in URDF
+    (tmp_path / "x.urdf").write_text(URDF.replace(old, new))
+    (tmp_path / "robot.yaml").write_text("version: 1\nname: x\nurdf: x.urdf\n")
+    with pytest.raises(InputError) as caught:
+        load_robot(str(tmp_path / "robot.yaml"))
+    (issue,) = caught.value.issues
+    assert issue.field == name
+    assert found in issue.found
+
+
+def test_a_mesh_with_nan_is_refused_whatever_stands_for_it(tmp_path):
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 nan 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
+    (tmp_path / "x.urdf").write_text(URDF.replace('<box size="1 1 1"/>', '<mesh filename="m.obj"/>'))
+    for kind in ("hull", "mesh"):
+        (tmp_path / "robot.yaml").write_text(f"version: 1\nname: x\nurdf: x.urdf\ncollision: {kind}\n")
+        with pytest.raises(InputError, match="finite"):
+            load_robot(str(tmp_path / "robot.yaml"))
+
+
+def test_the_line_is_that_of_the_link_or_joint(tmp_path):
+    """A material of the same name comes first here."""
+    text = '<robot name="x">\n<material name="b"/>\n' + URDF.removeprefix('<robot name="x">').replace("1 1 1", "1 x 1")
+    (tmp_path / "x.urdf").write_text(text)
+    (tmp_path / "robot.yaml").write_text("version: 1\nname: x\nurdf: x.urdf\n")
+    with pytest.raises(InputError) as caught:
+        load_robot(str(tmp_path / "robot.yaml"))
+    (issue,) = caught.value.issues
+    assert text.splitlines()[issue.line - 1].startswith('<link name="b">')

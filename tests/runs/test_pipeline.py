@@ -1,0 +1,90 @@
+import json
+
+import pytest
+
+from optiplan.errors import UnknownChoiceError
+from optiplan.planners.base import Budget
+from optiplan.planners.point_to_point.quintic import Quintic
+from optiplan.planners.registry import PLANNERS
+from optiplan.problem.load import problem_from_dict
+from optiplan.runs.pipeline import run, versions
+from optiplan.verify.report import jsonable
+
+FREE = {"version": 1, "robot": "planar2r", "start": {"joints": [0.5, 1.0]}, "goal": {"joints": [-0.5, 1.2]}}
+
+
+def silent(stage, fraction):
+    pass
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return problem_from_dict(FREE)
+
+
+def test_a_plan_is_verified_and_measured_by_the_bound(problem):
+    result = run(problem, "quintic", {}, Budget(10.0), silent)
+    assert result.verified
+    assert result.failure is None
+    assert result.duration == result.trajectory.duration
+    # the shoulder, 1 rad at 2 rad/s, 8 rad/s², 80 rad/s³: 4 * 0.1 + 2 * 0.15 + 0.15 s
+    assert result.lower_bound == pytest.approx(0.85, abs=1e-9)
+    assert result.ratio == pytest.approx(result.duration / result.lower_bound)
+
+
+def test_stages_are_told_and_timed(problem):
+    told = []
+    result = run(problem, "quintic", {}, Budget(10.0), lambda stage, fraction: told.append(stage))
+    assert told[-1] == "verify"
+    assert set(result.timings) == {"plan", "verify", "measure"}
+    assert sum(result.stages.values()) <= result.timings["plan"]
+
+
+def test_the_record_is_json_and_names_what_made_it(problem):
+    record = run(problem, "quintic", {}, Budget(10.0), silent).to_dict()
+    again = json.loads(json.dumps(jsonable(record), allow_nan=False))
+    assert again["hash"] == problem.hash
+    assert again["problem"]["robot"] == "planar2r"
+    assert again["report"]["verified"] is again["verified"] is True
+    assert again["versions"] == versions()
+    assert set(again["geometry"]) == {"base", "upper_arm", "forearm", "tip"}
+
+
+def test_only_the_report_says_verified(problem, monkeypatch):
+    def too_fast(self, problem, budget, progress):
+        result = plan(self, problem, budget, progress)
+        return type(result)(result.trajectory.scaled(result.trajectory.duration / 2), None, {}, {"verified": True})
+
+    plan = Quintic.plan
+    monkeypatch.setattr(Quintic, "plan", too_fast)
+    result = run(problem, "quintic", {}, Budget(10.0), silent)
+    assert not result.verified
+    assert result.to_dict()["verified"] is False
+
+
+def test_no_plan_has_a_failure_and_no_report():
+    data = FREE | {"scene": {"obstacles": [{"name": "wall", "shape": {"box": [0.02, 0.6, 0.02]}}]}}
+    data["scene"]["obstacles"][0]["pose"] = {"position": [0.74, 0.18, 0.05]}
+    result = run(problem_from_dict(data), "quintic", {}, Budget(10.0), silent)
+    assert (result.trajectory, result.report, result.duration, result.lower_bound, result.ratio) == (None,) * 5
+    assert result.failure.kind == "collision"
+    assert result.to_dict()["failure"]["witness"]
+
+
+def test_nowhere_to_go_has_no_ratio():
+    result = run(problem_from_dict(FREE | {"goal": {"joints": [0.5, 1.0]}}), "quintic", {}, Budget(10.0), silent)
+    assert result.verified
+    assert result.ratio is None
+
+
+def test_a_bug_of_a_planner_is_not_swallowed(problem, monkeypatch):
+    monkeypatch.setattr(Quintic, "plan", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        run(problem, "quintic", {}, Budget(10.0), silent)
+
+
+def test_unknown_planners_and_options_are_errors(problem):
+    with pytest.raises(UnknownChoiceError, match=", ".join(sorted(PLANNERS))):
+        run(problem, "rrt", {}, Budget(10.0), silent)
+    with pytest.raises(UnknownChoiceError, match="option"):
+        run(problem, "quintic", {"speed": 2}, Budget(10.0), silent)

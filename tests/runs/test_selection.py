@@ -1,0 +1,202 @@
+"""Of several answers the best one that the real verifier accepts, a little slower where only that helps."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from optiplan.planners.base import Budget, Candidate, Failure, PlanResult
+from optiplan.problem.problem import Problem
+from optiplan.runs import selection
+from optiplan.runs.pipeline import run
+from optiplan.runs.selection import best_verified
+from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.verify import verify
+from tests.planners import cases
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    return cases.planar()
+
+
+@pytest.fixture(scope="module")
+def fastest(problem: Problem) -> Trajectory:
+    """The straight line in the least time that its limits allow."""
+    ends = np.array([problem.start, problem.goal[0].q])
+    return stop_at_corners(ends, problem.limits, problem.robot.joint_names)
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Durations of what the verifier was asked about, in order."""
+    durations: list[float] = []
+
+    def counted(problem: Problem, trajectory: Trajectory) -> object:
+        durations.append(trajectory.duration)
+        return verify(problem, trajectory)
+
+    monkeypatch.setattr(selection, "verify", counted)
+    return durations
+
+
+def answers(trajectory: Trajectory, *factors: float) -> list[Candidate]:
+    """The same path in several durations, a tenth of a second apart."""
+    scaled = [trajectory.scaled(factor * trajectory.duration) for factor in factors]
+    return [Candidate(one, 0.1 * (place + 1)) for place, one in enumerate(scaled)]
+
+
+def test_the_favourite_is_the_answer_where_it_is_verified(problem: Problem, fastest: Trajectory) -> None:
+    candidates = answers(fastest, 2.0, 1.5, 1.1)
+    chosen = best_verified(problem, candidates, Budget(60.0))
+    assert chosen.trajectory is candidates[-1].trajectory
+    assert chosen.report.verified
+    assert chosen.slowed == 1.0
+    durations = [duration for _, duration in chosen.improvements]
+    assert durations == [candidate.trajectory.duration for candidate in candidates]
+
+
+def test_an_earlier_answer_stands_in_for_one_that_is_refused(problem: Problem, fastest: Trajectory) -> None:
+    """Twice too fast: a tenth slower does not mend it."""
+    candidates = answers(fastest, 1.5, 1.2, 0.5)
+    chosen = best_verified(problem, candidates, Budget(60.0))
+    assert chosen.trajectory is candidates[1].trajectory
+    assert chosen.report.verified
+    assert chosen.slowed == 1.0
+    assert [duration for _, duration in chosen.improvements] == [c.trajectory.duration for c in candidates[:2]]
+
+
+@pytest.mark.parametrize(("share", "factor"), [(0.9985, 1.002), (0.995, 1.01), (0.98, 1.03), (0.92, 1.1)])
+def test_what_is_a_little_too_fast_is_slowed_as_little_as_does(
+    problem: Problem, fastest: Trajectory, share: float, factor: float
+) -> None:
+    chosen = best_verified(problem, answers(fastest, 2.0, share), Budget(60.0))
+    assert chosen.report.verified
+    assert chosen.slowed == factor
+    assert chosen.trajectory.duration == pytest.approx(share * factor * fastest.duration)
+    assert chosen.improvements[-1][1] == chosen.trajectory.duration
+
+
+def test_slowing_stops_where_another_answer_is_as_fast(problem: Problem, fastest: Trajectory) -> None:
+    candidates = answers(fastest, 1.001, 0.98)
+    chosen = best_verified(problem, candidates, Budget(60.0))
+    assert chosen.trajectory is candidates[0].trajectory
+    assert chosen.slowed == 1.0
+
+
+def test_too_much_torque_alone_is_slowed() -> None:
+    free = cases.free()
+    ends = np.array([free.start, free.goal[0].q])
+    motion = stop_at_corners(ends, free.limits, free.robot.joint_names)
+    peaks, slower = (_peaks(free, motion.scaled(factor * motion.duration)) for factor in (1.0, 1.1))
+    joint = int(np.argmax(peaks - slower))
+    limit = np.full(7, np.inf)
+    limit[joint] = 0.5 * (peaks[joint] + slower[joint])
+    weak = replace(free, limits=replace(free.limits, torque=limit))
+    failed = {check.name for check in verify(weak, motion).checks if not check.passed}
+    assert failed == {"torque"}
+    chosen = best_verified(weak, [Candidate(motion, 0.1)], Budget(60.0))
+    assert chosen.report.verified
+    assert 1.0 < chosen.slowed <= 1.1
+
+
+def _peaks(problem: Problem, trajectory: Trajectory) -> np.ndarray:
+    """Largest |torque| of each joint at samples, N·m."""
+    model = problem.robot.model
+    data, t = model.createData(), np.linspace(0.0, trajectory.duration, 400)
+    motion = [trajectory(t, order) for order in range(3)]
+    return np.abs([pin.rnea(model, data, q, v, a) for q, v, a in zip(*motion, strict=True)]).max(axis=0)
+
+
+def test_what_touches_is_not_slowed(asked: list[float]) -> None:
+    wall = cases.wall()
+    ends = np.array([wall.start, wall.goal[0].q])
+    through = stop_at_corners(ends, wall.limits, wall.robot.joint_names)
+    fast = through.scaled(0.999 * through.duration)  # too fast as well: time alone would not mend it
+    chosen = best_verified(wall, [Candidate(through, 0.1), Candidate(fast, 0.2)], Budget(60.0))
+    assert asked == [fast.duration, through.duration]
+    assert not chosen.report.verified
+    assert chosen.slowed == 1.0
+    assert chosen.improvements == ()
+
+
+def test_where_nothing_is_verified_the_favourite_and_its_report_are_the_answer(
+    problem: Problem, fastest: Trajectory
+) -> None:
+    candidates = answers(fastest, 0.6, 0.5)
+    chosen = best_verified(problem, candidates, Budget(60.0))
+    assert chosen.trajectory is candidates[-1].trajectory
+    assert not chosen.report.verified
+    assert chosen.slowed == 1.0
+    assert {check.name for check in chosen.report.checks if not check.passed} >= {"velocity"}
+
+
+def test_without_time_only_the_favourite_is_looked_at(
+    problem: Problem, fastest: Trajectory, asked: list[float]
+) -> None:
+    best_verified(problem, answers(fastest, 1.2, 0.5), Budget(0.0))
+    assert asked == [pytest.approx(0.5 * fastest.duration)]
+    asked.clear()
+    chosen = best_verified(problem, answers(fastest, 1.5, 1.2), Budget(0.0))
+    assert asked == [pytest.approx(1.2 * fastest.duration)]
+    assert [duration for _, duration in chosen.improvements] == asked
+
+
+def test_without_candidates_there_is_no_selection(problem: Problem) -> None:
+    with pytest.raises(ValueError, match="no candidates"):
+        best_verified(problem, [], Budget(1.0))
+
+
+def test_improvements_come_later_and_later(problem: Problem, fastest: Trajectory) -> None:
+    """Three answers at practically the same time: the proof of each takes longer than the next one was in coming."""
+    scaled = [fastest.scaled(factor * fastest.duration) for factor in (2.0, 1.5, 1.1)]
+    candidates = [Candidate(one, 0.1 + 1e-9 * place) for place, one in enumerate(scaled)]
+    chosen = best_verified(problem, candidates, Budget(60.0))
+    seconds = [when for when, _ in chosen.improvements]
+    assert all(a < b for a, b in pairwise(seconds)), seconds
+    assert chosen.improvements[-1][1] == candidates[-1].trajectory.duration
+
+
+class Given:
+    """A planner that returns what it was given."""
+
+    def __init__(self, *candidates: Candidate) -> None:
+        self.candidates = candidates
+
+    def plan(self, problem: Problem, budget: Budget, progress: object) -> PlanResult:
+        *earlier, last = self.candidates
+        return PlanResult(last.trajectory, None, {}, {}, tuple(earlier), last.seconds)
+
+
+def test_a_run_holds_what_was_chosen(problem: Problem, fastest: Trajectory, monkeypatch: pytest.MonkeyPatch) -> None:
+    candidates = answers(fastest, 1.5, 1.2, 0.5)
+    monkeypatch.setattr("optiplan.runs.pipeline.make_planner", lambda name, options: Given(*candidates))
+    record = run(problem, "given", {}, Budget(60.0), lambda stage, fraction: None)
+    assert record.verified
+    assert record.duration == candidates[1].trajectory.duration
+    assert "slowed" not in record.info
+    kept = record.to_dict()["improvements"]
+    assert [duration for _, duration in kept] == [c.trajectory.duration for c in candidates[:2]]
+    assert kept[-1][1] == record.duration
+
+
+def test_a_run_says_that_it_was_slowed(problem: Problem, fastest: Trajectory, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("optiplan.runs.pipeline.make_planner", lambda name, options: Given(*answers(fastest, 0.995)))
+    record = run(problem, "given", {}, Budget(60.0), lambda stage, fraction: None)
+    assert record.verified
+    assert record.info["slowed"] == 1.01
+    assert record.ratio == pytest.approx(record.duration / record.lower_bound)
+
+
+def test_a_run_without_an_answer_has_no_improvements(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Nothing:
+        def plan(self, problem: Problem, budget: Budget, progress: object) -> PlanResult:
+            return PlanResult(None, Failure("no-path", "none"), {})
+
+    monkeypatch.setattr("optiplan.runs.pipeline.make_planner", lambda name, options: Nothing())
+    record = run(problem, "nothing", {}, Budget(1.0), lambda stage, fraction: None)
+    assert record.to_dict()["improvements"] == []
+    assert not record.verified

@@ -1,0 +1,96 @@
+import json
+import os
+
+import numpy as np
+import pytest
+
+from optiplan.errors import InputError
+from optiplan.planners.base import Budget
+from optiplan.problem.load import problem_from_dict
+from optiplan.runs.pipeline import run
+from optiplan.runs.run_folder import check_folder, load_run, save_run
+
+FREE = {"version": 1, "robot": "planar2r", "start": {"joints": [0.5, 1.0]}, "goal": {"joints": [-0.5, 1.2]}}
+
+
+@pytest.fixture(scope="module")
+def done():
+    return run(problem_from_dict(FREE), "quintic", {}, Budget(10.0), lambda stage, fraction: None)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize("place", ["", "run.json", "trajectory.json"])
+def test_what_is_saved_is_loaded_without_loss(done, tmp_path, place):
+    save_run(done, tmp_path)
+    stored = load_run(tmp_path / place)
+    np.testing.assert_array_equal(stored.trajectory.coefficients, done.trajectory.coefficients)
+    np.testing.assert_array_equal(stored.trajectory.breakpoints, done.trajectory.breakpoints)
+    assert stored.record["hash"] == done.problem.hash
+
+
+def test_the_problem_can_be_rebuilt_from_the_record(done, tmp_path):
+    save_run(done, tmp_path)
+    assert problem_from_dict(load_run(tmp_path).record["problem"]).hash == done.problem.hash
+
+
+def test_a_trajectory_from_elsewhere_has_no_record(done, tmp_path):
+    save_run(done, tmp_path)
+    (tmp_path / "mine.json").write_bytes((tmp_path / "trajectory.json").read_bytes())
+    assert load_run(tmp_path / "mine.json").record == {}
+
+
+def test_saving_twice_leaves_two_files(done, tmp_path):
+    save_run(done, tmp_path)
+    save_run(done, tmp_path)
+    assert names(tmp_path) == ["run.json", "trajectory.json"]
+
+
+@pytest.mark.parametrize("write", [1, 2])
+def test_a_disk_that_fills_up_leaves_the_older_run(done, tmp_path, monkeypatch, write):
+    save_run(done, tmp_path)
+    before = (tmp_path / "run.json").read_bytes(), (tmp_path / "trajectory.json").read_bytes()
+    count = iter(range(1, 9))
+
+    def full(descriptor):
+        if next(count) == write:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="no space left"):
+        save_run(done, tmp_path)
+    assert names(tmp_path) == ["run.json", "trajectory.json"]
+    assert before == ((tmp_path / "run.json").read_bytes(), (tmp_path / "trajectory.json").read_bytes())
+
+
+def test_a_folder_below_a_file_is_refused(done, tmp_path):
+    (tmp_path / "file").write_text("")
+    for folder in (tmp_path / "file", tmp_path / "file" / "run"):
+        with pytest.raises(InputError):
+            save_run(done, folder)
+        with pytest.raises(InputError, match="is a file"):
+            check_folder(folder)
+
+
+def test_checking_a_folder_makes_nothing(tmp_path):
+    check_folder(tmp_path / "a" / "b")
+    assert names(tmp_path) == []
+
+
+def test_a_lost_trajectory_is_an_error_not_a_failure(done, tmp_path):
+    save_run(done, tmp_path)
+    (tmp_path / "trajectory.json").unlink()
+    with pytest.raises(InputError, match=r"trajectory\.json"):
+        load_run(tmp_path)
+
+
+def test_an_empty_folder_holds_no_run(tmp_path):
+    with pytest.raises(InputError, match=r"run\.json"):
+        load_run(tmp_path)
+
+
+def test_a_failed_run_loads_without_trajectory(tmp_path):
+    (tmp_path / "run.json").write_text(json.dumps({"failure": {"kind": "no-path", "detail": "", "witness": {}}}))
+    assert load_run(tmp_path).trajectory is None

@@ -1,0 +1,75 @@
+"""Caches: whole or not there, and never the reason why a run ends."""
+
+import os
+
+import pytest
+
+from optiplan import cache
+from optiplan.robot.robot import load_robot
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache/optiplan"
+
+
+@pytest.mark.parametrize("content", [b"", b"content", bytes(range(256)) * 40])
+def test_what_is_stored_is_what_is_loaded(content):
+    cache.store("room/name", content)
+    assert cache.load("room/name") == content
+    assert cache.load("room/other") is None
+
+
+DAMAGE = {
+    "empty": lambda whole: b"",
+    "cut": lambda whole: whole[: len(whole) // 2],
+    "without its mark": lambda whole: whole.split(cache.MARK)[0],
+    "a bit turned": lambda whole: bytes([whole[0] ^ 1]) + whole[1:],
+    "another content": lambda whole: b"x" + whole,
+    "zeros": lambda whole: bytes(len(whole)),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
+def test_a_damaged_file_is_made_again(own_cache, damage):
+    made = []
+
+    def make():
+        made.append(1)
+        return b"content"
+
+    assert cache.kept("a/b", make) == cache.kept("a/b", make) == b"content"
+    assert len(made) == 1
+    file = own_cache / "a/b"
+    file.write_bytes(damage(file.read_bytes()))
+    assert cache.kept("a/b", make) == cache.kept("a/b", make) == b"content"
+    assert len(made) == 2
+
+
+def test_what_is_no_file_is_not_opened(own_cache):
+    own_cache.mkdir(parents=True)
+    os.mkfifo(own_cache / "pipe")
+    (own_cache / "folder").mkdir()
+    assert cache.load("pipe") is None
+    assert cache.load("folder") is None
+    assert cache.kept("folder", lambda: b"made") == b"made"  # cannot be kept there, and that is no error
+    assert not [path for path in own_cache.iterdir() if path.name.startswith("tmp")]
+
+
+@pytest.mark.parametrize("damage", [DAMAGE["empty"], DAMAGE["cut"]], ids=["empty", "cut"])
+def test_no_cache_of_a_robot_can_end_a_run(own_cache, tmp_path, problems, damage):
+    """`robot.yaml` of the Panda without SRDF, in pieces: every cache that loading a robot has."""
+    source = problems.parent / "robots/panda"
+    (tmp_path / "robot.yaml").write_text(
+        f"version: 1\nname: two\nurdf: {source / 'panda.urdf'}\n"
+        "group: [panda_joint1]\ncollision: {convex_pieces: [panda_link5]}\n"
+    )
+    first = load_robot(str(tmp_path / "robot.yaml"))
+    files = [path for path in own_cache.rglob("*") if path.is_file()]
+    assert {path.parent.name for path in files} >= {"pieces"}
+    for path in files:
+        path.write_bytes(damage(path.read_bytes()))
+    again = load_robot(str(tmp_path / "robot.yaml"))
+    assert dict(again.allowed) == dict(first.allowed)
+    assert again.link_geometry == first.link_geometry
