@@ -118,6 +118,14 @@ def rrt_connect(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, pa
     return search(check, ends, budget, seed, SearchOptions("rrtconnect"), patience=patience)
 
 
+def kpiece(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
+    """The `Searcher` that finds through long narrow places, as its options are by default.
+
+    It grows from the borders of what the tool has covered, where RRT-Connect aims at the large free space outside.
+    """
+    return search(check, ends, budget, seed, SearchOptions("kpiece"), patience=patience)
+
+
 def _goals_are_tighter(check: MotionCheck, ends: Ends, seed: int) -> bool:
     """A single tree finds out of a narrow place more easily than into it, so it is rooted where less space is free."""
     steps = np.random.default_rng(seed).uniform(-_AROUND, _AROUND, (_LOOKS, len(ends[0]))) * check.limits.velocity
