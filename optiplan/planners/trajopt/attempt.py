@@ -97,11 +97,8 @@ class Optimiser:
             iterations += used
             self.steps += used
             control = point.control
-            if (
-                point.contacts.violation() > HOPELESS
-                or budget.cancelled
-                or (budget.over and self.problem.objective.time * point.duration >= best)
-            ):
+            late = budget.over and self.problem.objective.time * point.duration >= best
+            if late or budget.cancelled or point.contacts.violation() > HOPELESS:
                 return None
             trajectory = self.timed(control, point.duration)
             if trajectory is None:
@@ -111,8 +108,8 @@ class Optimiser:
             attempt = Attempt(control, trajectory, touches[0] if touches else None, close, iterations)
             if budget.cancelled:
                 return None
-            stuck = point.contacts.violation() > STUCK or (iterations >= SLOW and point.duration > longest)
-            if not touches or stuck or budget.over or iterations >= self.options.iterations:
+            enough = iterations >= self.options.iterations or (iterations >= SLOW and point.duration > longest)
+            if not touches or enough or budget.over or point.contacts.violation() > STUCK:
                 break
             near = [_around(transcription.u, touch.t / trajectory.duration) for touch in touches]
             u = np.concatenate([transcription.u, *near])

@@ -1,7 +1,7 @@
 """Is another attempt worth its time?"""
 
 from dataclasses import dataclass, field, replace
-from math import inf
+from math import ceil, inf
 
 from optiplan.planners.base import Budget
 from optiplan.planners.motion import MotionCheck
@@ -77,7 +77,7 @@ def counted(searcher: Searcher, patience: Patience, seconds: float) -> Searcher:
     def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, **how: float) -> Search:
         allowed = min(how["patience"], max(1.0, (most - patience.seconds) / STATE))
         found = searcher(check, ends, budget, seed, patience=allowed)
-        looked = max(sum(found.sizes), int(allowed)) if found.impatient else sum(found.sizes)
+        looked = max(sum(found.sizes), ceil(allowed)) if found.impatient else sum(found.sizes)
         patience.work(states=looked)
         return replace(found, impatient=found.impatient and most - patience.seconds >= STATE)
 
