@@ -21,7 +21,7 @@ from optiplan.planners.torque import Gravity
 _RESERVE = 3e-3  # share of the torque limits kept free for gravity between the steps
 _BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line to fall back on
 _PATIENCE, _GROWTH = 500, 3.0  # iterations of the first round, and factor from one round to the next
-_CHEAP = 20.0  # iterations of `otherwise` for each of the searcher's: it proves few motions, and takes about as long
+CHEAP = 20.0  # iterations of `otherwise` for each of the searcher's: it proves few motions, and takes about as long
 _FRESH = 4  # goals asked for between two rounds
 _SHORT = 0.5  # s: ends nearer than this to each other are searched as if they were so far apart
 _STALE, _GAIN = 3, 0.01  # rounds that gain less than this share end the search for shorter paths
@@ -152,7 +152,7 @@ def _ways(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Search
     for measure in cycle(measures):
         yield options.searcher, measure, patience
         if options.otherwise is not None:
-            yield options.otherwise, levers, _CHEAP * patience
+            yield options.otherwise, levers, CHEAP * patience
         patience *= _GROWTH
 
 
