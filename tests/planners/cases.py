@@ -62,6 +62,18 @@ def wall():
     return problem("panda", READY, [JointGoal(LEFT)], box("plate", (0.5, 0.02, 0.5), (0.5, 0.25, 0.25)))
 
 
+IN_DUCT = np.array([0.0, 0.5, 0.0, -1.5, 0.0, 3.57, 0.785])  # of panda: stretched forward
+
+
+def duct():
+    """The goal has a Panda's hand and forearm in a duct, whose walls leave the wrist a centimetre."""
+    x, _, z = tool_pose("panda", IN_DUCT).translation - np.array([0.175, 0.0, 0.0])
+    level, upright = (0.45, 0.4, 0.02), (0.45, 0.02, 0.32)
+    plates = [box(f"plate {side:+}", level, (x, 0.0, z + 0.16 * side)) for side in (-1, 1)]
+    sides = [box(f"side {side:+}", upright, (x, 0.15 * side, z)) for side in (-1, 1)]
+    return problem("panda", READY, [JointGoal(IN_DUCT)], *plates, *sides)
+
+
 def nowhere():
     return problem("panda", READY, [JointGoal(READY)])
 

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.path_timing import timed_path
 from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.ompl_search import Search, rrt_connect
 from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time, shorten
 from tests.planners import cases
@@ -48,8 +50,6 @@ def test_blocked_goals_are_passed_over():
 
 
 def test_a_joint_without_bounds_may_turn_either_way():
-    from dataclasses import replace
-
     problem = cases.planar()
     endless = replace(problem.limits, lower=np.array([-np.inf, -2.8]), upper=np.array([np.inf, 2.8]))
     path = sample(replace(problem, limits=endless), goals=[np.array([-9.0, 0.3])])
@@ -115,3 +115,48 @@ def test_timed_path_is_free_and_faster_than_stops():
     assert first_contact(model, trajectory) is None
     hurried = timed_path(model, path, problem.limits, Budget(0.0))
     assert hurried.duration == stops.duration
+
+
+def giving_up(most):
+    """RRT-Connect in rounds of together at most so many iterations: an effort that is counted, not timed."""
+    left = [most]
+
+    def searcher(check, ends, budget, seed, *, patience):
+        left[0] -= patience
+        found = rrt_connect(check, ends, budget, seed, patience=patience if left[0] >= 0 else 0)
+        return replace(found, impatient=found.impatient and left[0] >= 0)
+
+    return searcher
+
+
+def test_a_long_narrow_place_is_left_by_taking_turns():
+    problem, how = cases.duct(), {"seed": 3, "detour": np.inf}
+    alone = sample(problem, searcher=giving_up(7000), otherwise=None, **how)
+    assert isinstance(alone, Failure)
+    path, again = (sample(problem, searcher=giving_up(7000), **how) for _ in range(2))
+    assert polyline_contact(CollisionModel(problem.robot, problem.scene), path.waypoints) is None
+    assert np.array_equal(path.waypoints[-1], cases.IN_DUCT)
+    assert np.array_equal(path.waypoints, again.waypoints)
+
+
+def test_rounds_take_turns_and_so_do_the_goals():
+    """A goal that comes first in one round is the last in the next; the other searcher has more iterations."""
+    rounds = []
+
+    def never(name):
+        def searcher(check, ends, budget, seed, *, patience):
+            rounds.append((name, patience, [float(goal[0]) for goal in ends[1]]))
+            return Search(None, ends[0][None], ends[1], (1, 1), impatient=len(rounds) < 5)
+
+        return searcher
+
+    goals = [cases.LEFT, cases.LEFT + 0.05, cases.LEFT + 0.1]
+    fresh = iter([[cases.LEFT + 0.15], [], [], []])
+    options = {"searcher": never("mine"), "otherwise": never("other"), "more_goals": lambda count, stop: next(fresh)}
+    assert sample(cases.wall(), goals=goals, **options).kind == "no-path"
+    assert [name for name, _, _ in rounds] == ["mine", "mine", "other", "mine", "other"]
+    assert [patience for _, patience, _ in rounds] == [500, 500, 10000, 1500, 30000]
+    first, second, third, fourth = 1.2, 1.25, 1.3, 1.35
+    assert np.allclose(rounds[1][2], [first, second, third])
+    assert np.allclose(rounds[2][2], [second, third, fourth, first])
+    assert np.allclose(rounds[3][2], [third, fourth, first, second])

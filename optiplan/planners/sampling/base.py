@@ -78,7 +78,7 @@ def plan_sampled(task: Task, options: SampledOptions, how: How) -> PlanResult:
     task.progress("sampling", 0.1)
     goals = sampler.configurations[: options.goals]
     sampling = SamplingOptions(
-        budget, problem.seed, options.attempts, how.searcher, how.detour, how.improve, sampler.more
+        budget, problem.seed, options.attempts, how.searcher, None, how.detour, how.improve, sampler.more
     )
     with watch.stage("sampling"):
         path = sample_path(model, problem.start, goals, problem.limits, sampling)

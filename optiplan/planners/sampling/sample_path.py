@@ -1,7 +1,8 @@
 """A free path from a start to one of several goals: searched for, shortened, every segment proved."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import contact_witness, end_collides, out_of_time
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.sampling.edge_checker import MotionCheck, PartialCheck
-from optiplan.planners.sampling.ompl_search import Search, Searcher, rrt_connect
+from optiplan.planners.sampling.ompl_search import Search, Searcher, kpiece, rrt_connect
 from optiplan.planners.sampling.ompl_space import Ends
 from optiplan.planners.sampling.shortcutting import path_time, path_times, shorten
 from optiplan.robot.robot import Limits
@@ -20,6 +21,7 @@ from optiplan.robot.robot import Limits
 _RESERVE = 3e-3  # share of the torque limits kept free for gravity between the steps
 _BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line to fall back on
 _PATIENCE, _GROWTH = 500, 3.0  # iterations of the first round, and factor from one round to the next
+CHEAP = 20.0  # iterations of `otherwise` for each of the searcher's: it proves few motions, and takes about as long
 _FRESH = 4  # goals asked for between two rounds
 _SHORT = 0.5  # s: ends nearer than this to each other are searched as if they were so far apart
 _STALE, _GAIN = 3, 0.01  # rounds that gain less than this share end the search for shorter paths
@@ -36,6 +38,7 @@ class SamplingOptions:
         seed: of all random numbers.
         attempts: random shortcuts to try.
         searcher: finds a first path.
+        otherwise: takes turns with it where that is hard; None: nobody does.
         detour: the first round looks only where a path through some place can take at most so many times as long as
             the straight line; infinite: everywhere at once.
         improve: searches on for shorter paths, each time where only such can pass, until that gains nothing more.
@@ -46,6 +49,7 @@ class SamplingOptions:
     seed: int = 0
     attempts: int = 120
     searcher: Searcher = rrt_connect
+    otherwise: Searcher | None = kpiece
     detour: float = 2.0
     improve: Searcher | None = None
     more_goals: Callable[[int, Callable[[], bool]], list[Array]] = field(default=lambda count, stop: [])
@@ -115,26 +119,41 @@ def _shorter(check: MotionCheck, paths: list[Array | None], draws: Array, budget
 def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.random.Generator) -> Search:
     """Search in rounds of growing patience, the first one near the ends alone, each later one with fresh goals.
 
-    Rounds that look for a first path measure distances by time and by space, with long and then with short steps, in
-    turn. A search that has not met a path is begun anew, because the time that random trees take is heavy-tailed: a few
-    take very long (Gomes, Selman and Kautz, "Boosting combinatorial search through randomization", AAAI 1998).
+    The goals take turns at being the first, since OMPL roots a tree in another one only when it has grown in those
+    before it. A search that has not met a path is begun anew, because the time that random trees take is heavy-tailed:
+    a few take very long (Gomes, Selman and Kautz, "Boosting combinatorial search through randomization", AAAI 1998).
     """
     start, goals = ends
-    patience, near, levers = float(_PATIENCE), bool(np.isfinite(options.detour)), check.by_levers()
-    measures = [check, levers, check.finer(), levers.finer()] if near else [check]
+    ways, near = _ways(check, options), bool(np.isfinite(options.detour))
     while True:
         seed = int(rng.integers(1, 2**31))
         if near:
             straight = np.maximum((np.abs(goals - start) / check.limits.velocity).max(axis=1), _SHORT)
             found = _near_the_ends(check, (start, goals), options.detour * straight, options, seed)
         else:
-            found = options.searcher(measures[0], (start, goals), options.budget, seed, patience=patience)
-            patience, measures = patience * _GROWTH, [*measures[1:], measures[0]]
+            searcher, measure, patience = next(ways)
+            found = searcher(measure, (start, goals), options.budget, seed, patience=patience)
         if not found.impatient or options.budget.over:
             return found
         if not near:
-            goals = np.vstack([goals, *options.more_goals(_FRESH, lambda: options.budget.over)])
+            fresh = options.more_goals(_FRESH, lambda: options.budget.over)
+            goals = np.vstack([goals[1:], *fresh, goals[:1]])
         near = False
+
+
+def _ways(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Searcher, MotionCheck, float]]:
+    """Who searches in one round after another, the measure of distances, and the patience.
+
+    The searcher measures by time and by space, with long and then with short steps, in turn. After each of its rounds
+    `otherwise` takes one of about the same time; it measures by space.
+    """
+    levers, patience = check.by_levers(), float(_PATIENCE)
+    measures = (check, levers, check.finer(), levers.finer()) if np.isfinite(options.detour) else (check,)
+    for measure in cycle(measures):
+        yield options.searcher, measure, patience
+        if options.otherwise is not None:
+            yield options.otherwise, levers, CHEAP * patience
+        patience *= _GROWTH
 
 
 def _improved(

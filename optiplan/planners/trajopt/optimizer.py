@@ -12,7 +12,7 @@ from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.qp import Subproblem
-from optiplan.planners.trajopt.sqp import HOPELESS, optimise
+from optiplan.planners.trajopt.sqp import GROWN, HOPELESS, SLOW, STUCK, optimise
 from optiplan.planners.trajopt.transcription import Margins, Transcription
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import scale_to_limits
@@ -62,34 +62,43 @@ class Optimiser:
         limits = self.problem.limits
         return limits.velocity, limits.acceleration, limits.jerk
 
-    def run(self, control: Array, budget: Budget, margin: float | None = None, best: float = np.inf) -> Attempt | None:
+    def run(
+        self,
+        control: Array,
+        budget: Budget,
+        margin: float | None = None,
+        best: float = np.inf,
+        *,
+        patient: bool = False,
+    ) -> Attempt | None:
         """Optimise from control points (K, n), look between the samples, add some where bodies touch there, and again.
 
-        None when the bodies stay far inside each other, the arm is too heavy, or somebody cancelled.
+        None when the bodies stay far inside each other, the arm is too heavy, or somebody cancelled. A curve that is
+        stuck is looked at between the samples, but no samples are added to it.
 
         Args:
             control: of the first curve; its ends stay as they are.
             budget: polled at every step; once it is over, the curve as it is gets timed and looked at.
             margin: m, instead of the option's.
             best: cost, s, of the best motion so far: a curve that stays far from it is given up.
+            patient: whether a curve may take any time; else it is given up after 30 steps where it takes twice the time
+                that it began with.
         """
         margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
         transcription = Transcription(self.problem, self.model, self.basis, margins)
         subproblem = Subproblem(transcription, self.options.solver)
         u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
         iterations, attempt = 0, None
+        longest = np.inf if patient else GROWN * self.basis.shortest_duration(control, self.bounds)
         for _ in range(self.options.refinements + 1):
             transcription.set_samples(u)
             left = self.options.iterations - iterations
-            point, used = optimise(subproblem, control, left, lambda: budget.over, best)
+            point, used = optimise(subproblem, control, left, lambda: budget.over, best, longest)
             iterations += used
             self.steps += used
             control = point.control
-            if (
-                point.contacts.violation() > HOPELESS
-                or budget.cancelled
-                or (budget.over and self.problem.objective.time * point.duration >= best)
-            ):
+            late = budget.over and self.problem.objective.time * point.duration >= best
+            if late or budget.cancelled or point.contacts.violation() > HOPELESS:
                 return None
             trajectory = self.timed(control, point.duration)
             if trajectory is None:
@@ -99,7 +108,8 @@ class Optimiser:
             attempt = Attempt(control, trajectory, touches[0] if touches else None, close, iterations)
             if budget.cancelled:
                 return None
-            if not touches or budget.over or iterations >= self.options.iterations:
+            enough = iterations >= self.options.iterations or (iterations >= SLOW and point.duration > longest)
+            if not touches or enough or budget.over or point.contacts.violation() > STUCK:
                 break
             near = [_around(transcription.u, touch.t / trajectory.duration) for touch in touches]
             u = np.concatenate([transcription.u, *near])

@@ -13,12 +13,13 @@ from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.path_timing import timed_path, within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
-from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
+from optiplan.planners.sampling.ompl_search import kpiece, rrt_connect
+from optiplan.planners.sampling.sample_path import CHEAP, SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.stopping_rule import Patience
+from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds, stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
@@ -46,7 +47,7 @@ class TrajOpt:
 
     Everything that is proved free on the way is a candidate: straight lines timed exactly, sampled paths timed, every
     optimised curve; the best of them is the answer. Attempts go on while they can be expected to gain (`Patience`),
-    in turn from a path sampled anew and from the best curve with a bump.
+    in turn from a path sampled anew, from a straight line with a bump and from the best curve with a bump.
     """
 
     def __init__(self, options: TrajOptOptions | None = None) -> None:
@@ -68,6 +69,8 @@ class _Run:
         self.candidates: list[Candidate] = []
         self.best = np.inf  # cost of the best candidate
         self.curve: Attempt | None = None  # the best optimised one
+        self.searched_in_vain = False  # whether a search has ended without a path
+        self.direct = True  # whether straight lines, with a bump or without, may be expected to lead to a motion
         self.touching: Touch | None = None
         self.bound = 0.0
         self.patience = Patience(budget, options.good_enough)
@@ -111,21 +114,24 @@ class _Run:
         return self._further(sampler)
 
     def _further(self, sampler: GoalSampler) -> Failure | None:
-        """Lines with a bump, sampled paths and the best curve with a bump in turn, while they are worth it."""
+        """Sampled paths, lines with a bump and the best curve with a bump in turn, while they are worth it.
+
+        Lines are left out once one of them has led to nothing, until a search has, too.
+        """
         failure: Failure | None = None
         rng = np.random.default_rng(self.problem.seed)
         for number in range(self.options.seeds):
-            if self._worth():
-                self._bumped("line", self._line(sampler, number), rng)
             if not self._worth():
                 break
             path = self._sample(sampler, number)
             if isinstance(path, Failure):
                 failure = path
-                self.info["cut_short"] = True
-            else:
-                self.patience.work(states=path.info["states"])
+                self.direct = self.searched_in_vain = True
+                self.patience.record(None)
+            elif len(path.waypoints) > 2 or self.curve is None:
                 failure = self._sampled(path) or failure
+            if self.direct and self._worth():
+                self._bumped("line", self._line(sampler, number), rng)
             if self.curve is not None and self._worth():
                 self._bumped("bump", self.curve.control, rng)
         if self.candidates:
@@ -161,9 +167,19 @@ class _Run:
         """The path of one seed to any of the goals that a shorter motion than the best can end in."""
         share = _SEARCH if self.candidates else _FIRST_SEARCH
         budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
+        worth = self.patience.worth(self.best, self.bound) if self.candidates else np.inf
         with self.watch.stage("sampling"):
-            options = SamplingOptions(budget, seed=self.problem.seed + 1000 * number, more_goals=sampler.more)
-            return sample_path(self.model, self.problem.start, self._promising(sampler), self.problem.limits, options)
+            most = self.patience.seconds + worth
+            options = SamplingOptions(
+                budget,
+                seed=self.problem.seed + 1000 * number,
+                searcher=counted(rrt_connect, self.patience, most),
+                otherwise=counted(kpiece, self.patience, most, STATE / CHEAP),
+                more_goals=sampler.more,
+            )
+            path = sample_path(self.model, self.problem.start, self._promising(sampler), self.problem.limits, options)
+        self.info["cut_short"] |= isinstance(path, Failure) and budget.over
+        return path
 
     def _straight(self, ends: Array) -> None:
         """The straight line between ends (2, n), timed exactly, if it is free."""
@@ -189,6 +205,8 @@ class _Run:
     def _attempt(self, kind: Kind, control: Array, budget: Budget) -> None:
         """Optimise from a seed; where what comes of it is the best so far, once more with less margin."""
         attempt = self._optimised(kind, control, budget, None)
+        if kind in ("straight", "line"):
+            self.direct = attempt is not None
         better = attempt is not None and self._offer(attempt.trajectory, attempt)
         if attempt is not None and better and attempt.close and self.bound < (1.0 - _WORTH_CLOSE) * self.best:
             closer = self._optimised("close", attempt.control, budget, _CLOSE * self.options.margin)
@@ -202,11 +220,13 @@ class _Run:
         self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
         before = self.optimiser.steps
         with self.watch.stage("optimisation"):
-            attempt = self.optimiser.run(control, budget, margin, self.best)
-        self.patience.work(steps=self.optimiser.steps - before)
-        entry: dict[str, Any] = {"seed": kind, "free": attempt is not None and attempt.touch is None}
+            attempt = self.optimiser.run(control, budget, margin, self.best, patient=self.searched_in_vain)
+        steps = self.optimiser.steps - before
+        self.patience.work(steps=steps)
+        free = attempt is not None and attempt.touch is None
+        entry: dict[str, Any] = {"seed": kind, "free": free, "iterations": steps}
         if attempt is not None:
-            entry |= {"duration": attempt.trajectory.duration, "iterations": attempt.iterations}
+            entry["duration"] = attempt.trajectory.duration
         self.info["attempts"].append(entry)
         if attempt is not None and attempt.touch is not None:
             self.touching = attempt.touch

@@ -98,7 +98,8 @@ class Subproblem:
         free, limits = self.transcription.basis.free, self.transcription.limits
         moving = control[free]
         scale, count = np.tile(limits.velocity * span, len(moving)), moving.size
-        soft_rows, soft_right, prices = _soft(soft, scale, duration)
+        within = [part._replace(rows=_within_reach(part.rows, scale * radius, duration)) for part in soft]
+        soft_rows, soft_right, prices = _soft(within, scale, duration)
         program = self._program(control, duration, scale, prices)
         below, above = ((side - moving).ravel() / scale for side in (limits.lower, limits.upper))
         low = np.concatenate([np.clip(below, -radius, 0.0), [-0.5], np.zeros(len(prices))])
@@ -148,6 +149,12 @@ class Subproblem:
         rows[np.arange(len(row)), :, joint] = self._free_rows[row] * weight[:, None]
         flat = np.column_stack([rows.reshape(len(row), -1), -self._order[row].astype(float)])
         return flat, 1.0 - sign * share[row, joint]
+
+
+def _within_reach(rows: SoftRows, travel: Array, duration: float) -> SoftRows:
+    """The rows that a step can violate, in which variables move by `travel` (M n,) and T by itself at most."""
+    reach = np.abs(rows.by_control) @ travel + np.abs(rows.by_duration) * duration
+    return rows.only(rows.value < reach)
 
 
 def _soft(soft: Sequence[Penalty], scale: Array, duration: float) -> tuple[Array, Array, Array]:

@@ -24,11 +24,17 @@ SHRINK = 0.35
 HOPELESS = 0.05
 """Missing clearance summed over the samples, m, above which a curve leads to nothing."""
 
+STUCK = 0.01
+"""Missing clearance, m, likewise, above which a curve that no longer gets any nearer to being free is given up."""
+
 STALLED, HALVED = 8, 0.5
-"""Steps after which a hopeless curve must have come down to this share of the missing clearance that it had."""
+"""Steps after which a stuck curve must have come down to this share of the missing clearance that it had."""
 
 SLOW, WORSE = 30, 1.5
 """Steps after which a curve's merit must be within this factor of the best motion known."""
+
+GROWN = 2.0
+"""Times its first duration that a curve may take then: those that wind around things seldom become good."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +80,13 @@ def evaluate(transcription: Transcription, control: Array, duration: float, span
     return Point(control, duration, contacts, torques, merit, span)
 
 
-def optimise(
-    subproblem: Subproblem, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf
+def optimise(  # noqa: PLR0913
+    subproblem: Subproblem,
+    control: Array,
+    iterations: int,
+    stop: Callable[[], bool],
+    best: float = inf,
+    longest: float = inf,
 ) -> tuple[Point, int]:
     """Descend from control points (K, n) until a step gains less than 0.2 % of the duration: the point, steps taken.
 
@@ -83,14 +94,14 @@ def optimise(
     where it fell by more than 70 %. A step that is refused gets a second one from where it led (the watchdog of
     Chamberlain et al., Mathematical Programming Study 16, 1982): curved constraints make good steps look bad, and the
     second step often repairs it. Where it does not, both are taken back and the trust region shrinks to 35 %. What
-    stays deep inside obstacles for several steps is given up, and so is what after 30 steps costs more than 1.5 times
-    the `best` motion known, s.
+    misses clearance and has hardly come nearer to it in several steps is given up, and so is what after 30 steps takes
+    longer than `longest`, s, or costs more than 1.5 times the `best` motion known, s.
     """
     transcription = subproblem.transcription
     point, taken, radius = evaluate(transcription, control, 0.0), 0, FIRST_RADIUS
     missing: list[float] = []
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
-        if taken >= SLOW and point.merit > WORSE * best:
+        if taken >= SLOW and (point.merit > WORSE * best or point.duration > longest):
             break
         missing.append(point.contacts.violation())
         step = subproblem.solve(point.control, point.duration, point.soft, radius, point.span)
@@ -120,8 +131,8 @@ def optimise(
 
 
 def _stalled(missing: list[float]) -> bool:
-    """Whether the missing clearance, m, one figure a step, is hopeless and hardly falls."""
-    return len(missing) > STALLED and missing[-1] > max(HOPELESS, HALVED * missing[-1 - STALLED])
+    """Whether clearance is missing, m, one figure a step, and hardly any less of it than some steps ago."""
+    return len(missing) > STALLED and missing[-1] > max(STUCK, HALVED * missing[-1 - STALLED])
 
 
 def _second(subproblem: Subproblem, trial: Point, radius: float) -> Point:

@@ -1,8 +1,12 @@
 """Is another attempt worth its time?"""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import ceil, inf
 
 from optiplan.planners.base import Budget
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.ompl_search import Search, Searcher
+from optiplan.planners.sampling.ompl_space import Ends
 
 PRICE = 0.1
 """Share of the motion's cost that spending the whole budget must be expected to save: 10 %."""
@@ -21,17 +25,20 @@ class Patience:
     With n attempts made and the two best of them costing c_1 <= c_2, a further one is expected to gain
     (c_2 - c_1) / n: that is what the last one gained, averaged over all orders in which they could have come (the
     jackknife estimate for exchangeable draws). While few have been made this says little, so what is left to the bound
-    counts too: g² / n (1 + r), with g = 1 - bound / c_1 once for the chance that a better motion exists and once for
-    its gain, and r attempts that have found no more than c_1 again, within 0.5 %.
+    counts too: g² / n r, with g = 1 - bound / c_1 once for the chance that a better motion exists and once for its
+    gain, and r attempts that have found c_1 within 0.5 %. Either is divided by 1 + k after k attempts in a row that
+    gained less than that, for a chance that failed so often is as small as 1 / (k + 2) (Laplace's rule of succession).
     Another attempt is worth making while the larger of the two, as a share of c_1 and for each second of work that
-    attempts have taken so far on average, exceeds `PRICE` / budget: the larger the budget, the longer the search. Work
-    is counted in steps and states, not read from a clock, so that the same problem always gets the same attempts.
+    attempts have taken so far on average, exceeds `PRICE` / budget: somebody who gives 20 s waits one second more for
+    half a percent of the motion. The larger the budget, the longer the search. Work is counted in steps and states, not
+    read from a clock, so that the same problem always gets the same attempts.
     """
 
     budget: Budget
     good_enough: float = 1.0
     costs: list[float] = field(default_factory=list)
     attempts: int = 0
+    in_vain: int = 0
     seconds: float = 0.0
 
     def work(self, steps: int = 0, states: int = 0) -> None:
@@ -41,17 +48,36 @@ class Patience:
     def record(self, cost: float | None) -> None:
         """One more attempt is over: the cost of its free motion (None: it has none)."""
         self.attempts += 1
+        gained = cost is not None and SAME * cost < min(self.costs, default=inf)
+        self.in_vain = 0 if gained else self.in_vain + 1
         if cost is not None:
             self.costs.append(cost)
 
     def worth_another(self, best: float, bound: float) -> bool:
         """Whether to go on, with a motion of cost `best` at hand and none below `bound` possible."""
+        return self.worth(best, bound) > 0.0
+
+    def worth(self, best: float, bound: float) -> float:
+        """Seconds of further work, without a gain, after which no other attempt is worth making; infinite at first."""
         if best <= self.good_enough * bound:
-            return False
-        gap = max(0.0, 1.0 - bound / best)
+            return 0.0
         if not self.attempts:
-            return True
+            return inf
+        gap = max(0.0, 1.0 - bound / best)
         first, second = [*sorted(self.costs), best, best][:2]
         again = sum(cost <= SAME * first for cost in self.costs)
-        gain = max((second - first) / best, gap * gap / max(again, 1)) / self.attempts
-        return gain * self.attempts / max(self.seconds, 1e-9) > PRICE / self.budget.seconds
+        gain = max((second - first) / best, gap * gap / max(again, 1)) / (1 + self.in_vain)
+        return max(0.0, gain * self.budget.seconds / PRICE - self.seconds) if PRICE else inf
+
+
+def counted(searcher: Searcher, patience: Patience, most: float, state: float = STATE) -> Searcher:
+    """The searcher, with its states counted as work of `state` seconds each; it gives up for good at `most` of work."""
+
+    def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, **how: float) -> Search:
+        allowed = min(how["patience"], max(1.0, (most - patience.seconds) / state))
+        found = searcher(check, ends, budget, seed, patience=allowed)
+        looked = max(sum(found.sizes), ceil(allowed)) if found.impatient else sum(found.sizes)
+        patience.seconds += state * looked
+        return replace(found, impatient=found.impatient and most - patience.seconds >= state)
+
+    return search

@@ -47,6 +47,18 @@ class SoftRows:
         """No rows, for `free` = M n variables."""
         return cls(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, free)), np.zeros(0), exceeded)
 
+    def only(self, kept: Mask) -> "SoftRows":
+        """Those of the rows that are `kept` (K,)."""
+        if kept.all():
+            return self
+        return replace(
+            self,
+            sample=self.sample[kept],
+            value=self.value[kept],
+            by_control=self.by_control[kept],
+            by_duration=self.by_duration[kept],
+        )
+
     def violation(self) -> float:
         """Sum over the samples of the worst shortfall of each."""
         if not len(self.value):
@@ -137,6 +149,9 @@ class Transcription:
     def jerk_cost(self, control: Array, duration: float) -> JerkCost:
         """The cost w * (integral of squared jerk) = w T^-5 C' H C, with w from the objective."""
         joints, free = control.shape[1], self.basis.free
+        if self.objective.jerk == 0.0:
+            moving = (self.basis.size - 2 * FIXED) * joints
+            return JerkCost(0.0, sp.csc_matrix((moving, moving)), np.zeros(moving), 0.0)
         scale = self.objective.jerk * duration**-5
         push = self.basis.jerk_gram @ control
         cost = scale * float(np.sum(control * push))
@@ -171,16 +186,15 @@ class Transcription:
 
     def _torque_derivatives(self, motion: list[Array]) -> list[Array]:
         """Derivatives of inverse dynamics by q, v and a at (q, v, a) of shape (H, n) each: three arrays (H, n, n)."""
-        result: list[list[Array]] = [[], [], []]
-        A, b = self._plain.A, self._plain.b
-        for q, v, a in zip(motion[0] @ A.T + b, motion[1] @ A.T, motion[2] @ A.T, strict=True):
-            data = self._plain_data
+        A, b, data = self._plain.A, self._plain.b, self._plain_data
+        by_q, by_v, mass = (np.empty((len(motion[0]), len(A), len(A))) for _ in range(3))
+        states = zip(motion[0] @ A.T + b, motion[1] @ A.T, motion[2] @ A.T, strict=True)
+        for row, (q, v, a) in enumerate(states):
             pin.computeRNEADerivatives(self._plain.model, data, q, v, a)
-            upper = np.array(data.M)  # pinocchio fills the upper half of the mass matrix only
-            mass = np.triu(upper) + np.triu(upper, 1).T
-            for store, matrix in zip(result, (data.dtau_dq, data.dtau_dv, mass), strict=True):
-                store.append(A.T @ np.array(matrix) @ A)
-        return [np.array(matrices) for matrices in result]
+            by_q[row], by_v[row], mass[row] = data.dtau_dq, data.dtau_dv, data.M
+        upper = np.triu(mass)  # pinocchio fills the upper half of the mass matrix only
+        mass = upper + np.triu(upper, 1).transpose(0, 2, 1)
+        return [A.T @ matrix @ A for matrix in (by_q, by_v, mass)]
 
     def watch(self, torques: SoftRows) -> bool:
         """From now on give rows to the joints and samples whose torque is too large in `torques`; whether any is new.

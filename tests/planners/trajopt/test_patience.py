@@ -1,9 +1,15 @@
 """When is another attempt worth its time: the formula of `Patience` by hand, and what it means for a budget."""
 
+from dataclasses import replace
+from math import inf
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from optiplan.planners.base import Budget
-from optiplan.planners.trajopt.stopping_rule import PRICE, SAME, STATE, STEP, Patience
+from optiplan.planners.sampling.ompl_search import Search
+from optiplan.planners.trajopt.stopping_rule import PRICE, SAME, STATE, STEP, Patience, counted
 
 
 def after(costs: list[float | None], seconds: float, budget: float = 10.0, good_enough: float = 1.0) -> Patience:
@@ -28,18 +34,18 @@ def longest(costs: list[float | None], bound: float, budget: float = 10.0) -> fl
 @pytest.mark.parametrize(
     ("costs", "bound", "gain"),
     [
-        # The spread: (c_2 - c_1) / n as a share of c_1. The bound is as good as reached, so that it counts for nothing.
-        ([1.0, 1.2], 1.0 - 1e-9, 0.2 / 2),
-        ([1.5, 1.0, 1.3, 1.9], 1.0 - 1e-9, 0.3 / 4),
-        ([2.0, None, 3.0], 2.0 - 1e-9, 0.5 / 3),
-        # The bound: g² / n / (1 + r).
+        # The spread: (c_2 - c_1) / n (1 + k) as a share of c_1. The bound is as good as reached: it counts for nothing.
+        ([1.0, 1.2], 1.0 - 1e-9, 0.2 / 2 / 2),
+        ([1.5, 1.0, 1.3, 1.9], 1.0 - 1e-9, 0.3 / 4 / 3),
+        ([2.0, None, 3.0], 2.0 - 1e-9, 0.5 / 3 / 3),
+        # The bound: g² / n r (1 + k).
         ([1.0], 0.8, 0.2**2),
-        ([1.0, 1.0], 0.8, 0.2**2 / 2 / 2),
-        ([1.0, 1.004, 1.0], 0.7, 0.3**2 / 3 / 3),
-        ([1.0, None], 0.5, 0.5**2 / 2),
+        ([1.0, 1.0], 0.8, 0.2**2 / 2 / 2 / 2),
+        ([1.0, 1.004, 1.0], 0.7, 0.3**2 / 3 / 3 / 3),
+        ([1.0, None], 0.5, 0.5**2 / 2 / 2),
         # The larger of the two: here the spread, although the bound is far.
-        ([1.0, 1.5], 0.9, 0.5 / 2),
-        ([1.0, 1.001], 0.5, 0.5**2 / 2 / 2),
+        ([1.0, 1.5], 0.9, 0.5 / 2 / 2),
+        ([1.0, 1.001], 0.5, 0.5**2 / 2 / 2 / 2),
     ],
 )
 @pytest.mark.parametrize("budget", [2.0, 20.0])
@@ -52,7 +58,7 @@ def test_local_optima_found_again_end_the_search() -> None:
     """The same optimum again and again says that there is no other: each time less is expected."""
     allowed = [longest([1.0] * count, bound=0.8) for count in (1, 2, 4, 8)]
     assert allowed == sorted(allowed, reverse=True)
-    assert allowed[3] < allowed[0] / 50.0  # 1 / n and 1 / (1 + r): 1 / 64
+    assert allowed[3] < allowed[0] / 50.0  # 1 / n, 1 / r and 1 / (1 + k): 1 / 512
     apart = longest([1.0, 1.0 * SAME * 1.001], bound=0.8)
     again = longest([1.0, 1.0 * SAME * 0.999], bound=0.8)
     assert apart == pytest.approx(2.0 * again, rel=1e-6)
@@ -83,3 +89,36 @@ def test_work_is_counted_in_steps_and_states_not_by_a_clock() -> None:
     patience.work(steps=30)
     patience.work(states=200)
     assert patience.seconds == pytest.approx(30 * STEP + 200 * STATE)
+
+
+def test_attempts_in_vain_end_the_search_and_a_gain_begins_it_anew() -> None:
+    """Every one in a row that brings nothing makes a further one less likely to bring anything, free or not."""
+    worth = [after([1.0, *[None] * failed], 0.1).worth(1.0, 0.8) + 0.1 * (1 + failed) for failed in range(4)]
+    assert worth == pytest.approx([0.2**2 * 10.0 / PRICE / (1 + failed) for failed in range(4)])
+    assert after([1.2, 1.3, 1.4, 1.0], 0.1).in_vain == 0
+    assert after([1.2, 1.3, 1.4, 1.2 / SAME * 1.001], 0.1).in_vain == 3, "next to nothing is no gain"
+    assert after([None, None], 0.1).in_vain == 2
+
+
+def test_what_a_search_may_take_is_counted_and_ends_it_for_good() -> None:
+    asked = []
+
+    def fruitless(check: object, ends: object, budget: object, seed: int, *, patience: float) -> Search:
+        asked.append(patience)
+        return Search(None, np.zeros((1, 2)), np.zeros((1, 2)), (3, 4), impatient=True)
+
+    patience, nothing = Patience(Budget(10.0)), SimpleNamespace()
+    search = counted(fruitless, patience, 1500 * STATE)
+    wishes = (600.0, 700.0, 800.0)
+    first, second, third = (search(nothing, nothing, nothing, 0, patience=wish) for wish in wishes)  # type: ignore[arg-type]
+    assert asked == pytest.approx([600.0, 700.0, 200.0])
+    assert (first.impatient, second.impatient, third.impatient) == (True, True, False)
+    assert patience.seconds == pytest.approx(1500 * STATE)
+
+
+def test_a_search_that_finds_a_path_counts_its_states() -> None:
+    found = Search(np.zeros((2, 2)), np.zeros((1, 2)), np.zeros((1, 2)), (30, 40))
+    patience, nothing = Patience(Budget(10.0)), SimpleNamespace()
+    search = counted(lambda *arguments, patience: replace(found), patience, inf)
+    assert search(nothing, nothing, nothing, 0, patience=1e3).path is found.path  # type: ignore[arg-type]
+    assert patience.seconds == pytest.approx(70 * STATE)

@@ -91,7 +91,7 @@ def test_jerk_weight_makes_the_motion_gentler(robot: Robot) -> None:
 def test_the_sampled_path_is_the_answer_when_no_optimised_curve_is_free(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Optimiser, "run", lambda self, *arguments: None)
+    monkeypatch.setattr(Optimiser, "run", lambda self, *arguments, **options: None)
     goal = np.array([1.4, 0.3, 0, -1.9, 0, 2.1, 0.8])
     problem = make(robot, box("wall", (0.5, 0.04, 0.7), 0.55, 0.3, 0.35), goal=goal)
     result = plan(problem, seeds=1)

@@ -11,8 +11,10 @@ import pytest
 
 from optiplan.collision.model import CollisionModel
 from optiplan.planners import base
-from optiplan.planners.base import Budget
-from optiplan.planners.trajopt import stopping_rule
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.trajopt import planner, stopping_rule
+from optiplan.planners.trajopt.optimizer import Optimiser
+from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import JointGoal, Objective, PoseGoal, Problem
@@ -29,8 +31,8 @@ def processor_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(base, "time", SimpleNamespace(perf_counter=time.process_time))
 
 
-def solve(problem: Problem, planner: str = "trajopt", budget: float = 5.0, **options: float) -> Run:
-    return run(problem, planner, options, Budget(budget), lambda stage, fraction: None)
+def solve(problem: Problem, name: str = "trajopt", budget: float = 5.0, **options: float) -> Run:
+    return run(problem, name, options, Budget(budget), lambda stage, fraction: None)
 
 
 def near_a_board(gap: float) -> Problem:
@@ -172,3 +174,30 @@ def test_many_joints_whose_straight_line_is_free_are_planned_at_once(tmp_path: P
     assert result.verified
     assert result.ratio < 1.02
     assert "fallback" not in result.info
+
+
+def test_a_straight_line_that_leads_to_nothing_is_given_up_and_says_what_it_took() -> None:
+    """The arm cannot pass the bar: the curve stays in it, and does not take all the steps that it may."""
+    attempts = TrajOpt().plan(cases.barred(), Budget(1.0), lambda stage, fraction: None).info["attempts"]
+    assert attempts[0]["seed"] == "straight"
+    assert not attempts[0]["free"]
+    assert 0 < attempts[0]["iterations"] < TrajOptOptions().iterations // 2
+
+
+def test_lines_wait_for_a_search_that_fails_once_one_has_led_to_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing comes of any curve: with a path there is no second line; without one there is, with all its time."""
+    seen: list[bool] = []
+    monkeypatch.setattr(Optimiser, "run", lambda self, *given, patient: seen.append(patient))
+    problem, quiet = cases.wall(), lambda stage, fraction: None
+    seeds = [
+        entry["seed"] for entry in TrajOpt(TrajOptOptions(seeds=2)).plan(problem, Budget(5.0), quiet).info["attempts"]
+    ]
+    assert seeds[0] == "straight"
+    assert set(seeds[1:]) == {"sampled"}
+    assert not any(seen)
+    failure = Failure("no-path", "none")
+    monkeypatch.setattr(planner, "sample_path", lambda *given: failure)
+    result = TrajOpt(TrajOptOptions(seeds=2)).plan(problem, Budget(5.0), quiet)
+    assert [entry["seed"] for entry in result.info["attempts"]] == ["straight", "line", "line"]
+    assert seen[-3:] == [False, True, True]
+    assert result.failure is failure

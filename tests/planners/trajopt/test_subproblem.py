@@ -109,7 +109,8 @@ def test_a_curve_that_stays_deep_inside_is_stalled() -> None:
     assert not sqp._stalled([hopeless] * after)
     assert sqp._stalled([hopeless] * (after + 1))
     assert not sqp._stalled([hopeless] * after + [0.9 * sqp.HALVED * hopeless])
-    assert not sqp._stalled([sqp.HOPELESS] * (after + 1)), "what is nearly out goes on"
+    assert sqp._stalled([2.0 * sqp.STUCK] * (after + 1))
+    assert not sqp._stalled([sqp.STUCK] * (after + 1)), "what is nearly out goes on"
 
 
 def test_hopeless_curves_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -125,3 +126,48 @@ def test_hopeless_curves_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     assert point.contacts.violation() > sqp.HOPELESS
     monkeypatch.setattr(sqp, "_stalled", lambda missing: False)
     assert few < optimise(Subproblem(made, "piqp"), line, 120, lambda: False)[1]
+
+
+def test_curves_that_wind_themselves_around_things_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After `SLOW` steps, and not before, what takes longer than it may ends; without a limit it goes on."""
+    problem = cases.wall()
+    model = CollisionModel(problem.robot, problem.scene)
+    basis = SplineBasis(bunched_breakpoints(22, 0.6))
+    line = along_path(basis, np.array([problem.start, problem.goal[0].q]), problem.limits.velocity)
+    made = Transcription(problem, model, basis, Margins.between(model, line[[0, -1]], 0.005))
+    made.set_samples(np.linspace(0.0, 1.0, 66)[1:-1])
+    monkeypatch.setattr(sqp, "SLOW", 2)
+    assert optimise(Subproblem(made, "piqp"), line, 8, lambda: False, longest=0.1)[1] in (2, 3)
+    assert optimise(Subproblem(made, "piqp"), line, 8, lambda: False, longest=100.0)[1] > 3
+
+
+@pytest.mark.parametrize("radius", [0.1, 0.003])
+def test_rows_out_of_reach_change_nothing(monkeypatch: pytest.MonkeyPatch, radius: float) -> None:
+    """Contacts that no step inside the trust region can violate are left out: the same step, with fewer rows."""
+    problem = cases.wall()
+    model = CollisionModel(problem.robot, problem.scene)
+    basis = SplineBasis(bunched_breakpoints(22, 0.6))
+    line = along_path(basis, np.array([problem.start, problem.goal[0].q]), problem.limits.velocity)
+    made = Transcription(problem, model, basis, Margins.between(model, line[[0, -1]], 0.005))
+    made.set_samples(np.linspace(0.0, 1.0, 66)[1:-1])
+    point = sqp.evaluate(made, line, 0.0)
+    counts = []
+    within = qp._within_reach
+
+    def counting(*arguments):  # type: ignore[no-untyped-def]
+        rows = within(*arguments)
+        counts.append((len(arguments[0].value), len(rows.value)))
+        return rows
+
+    monkeypatch.setattr(qp, "_within_reach", counting)
+    tight = {**qp.TOLERANCES, "piqp": dict.fromkeys(qp.TOLERANCES["piqp"], 1e-9)}
+    monkeypatch.setattr(qp, "TOLERANCES", tight)
+    culled = Subproblem(made, "piqp").solve(point.control, point.duration, point.soft, radius, point.span)
+    monkeypatch.setattr(qp, "_within_reach", lambda rows, *arguments: rows)
+    whole = Subproblem(made, "piqp").solve(point.control, point.duration, point.soft, radius, point.span)
+    assert culled is not None
+    assert whole is not None
+    assert any(kept < rows for rows, kept in counts)
+    assert culled.duration == pytest.approx(whole.duration, rel=1e-5)
+    assert culled.promise == pytest.approx(whole.promise, rel=1e-5)
+    np.testing.assert_allclose(culled.control, whole.control, atol=1e-3)  # the programs are nearly linear
