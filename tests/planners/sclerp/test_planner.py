@@ -102,16 +102,13 @@ def test_too_few_joints_for_the_screw_is_told():
     assert plan(cases.planar()).failure.kind == "unsupported"
 
 
-@pytest.mark.parametrize("scheme", ["literal", "corrected", "damped"])
+@pytest.mark.parametrize("scheme", ["corrected", "damped"])
 def test_the_other_schemes_end_where_their_tolerance_says(scheme):
     problem = cases.pose()
     options = {"scheme": scheme, "limits": "qp", "beta": 1.0, "tolerance": 1e-5, "iterations": 300}
     result = run(problem, "sclerp", options, Budget(30.0), silent)
-    if scheme == "literal":  # not from R = I, so its J1 is wrong
-        assert result.failure is not None
-    else:
-        assert result.verified, result.failure
-        assert result.info["error"] <= 1e-5
+    assert result.verified, result.failure
+    assert result.info["error"] <= 1e-5
 
 
 @pytest.mark.parametrize("limits", ["reflect", "clip", "qp"])
@@ -160,3 +157,8 @@ def test_damping_bounds_the_joint_rates_at_a_singularity():
 def test_options_out_of_range_are_input_errors(name, value):
     with pytest.raises(InputError, match=name):
         make_planner("sclerp", {name: value})
+
+
+def test_a_scheme_that_is_gone_is_told_with_the_choices():
+    with pytest.raises(InputError, match="scheme: 'literal'; expected one of: corrected, damped, qp"):
+        make_planner("sclerp", {"scheme": "literal"})
