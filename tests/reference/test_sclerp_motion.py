@@ -18,8 +18,9 @@ from optiplan.planners.sclerp.schemes import REFLECTION, aim, b_matrix, chase, r
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.problem import PoseGoal, Problem
 from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.robot import load_robot
 from optiplan.verify.verify import verify
-from tests.reference.baxter import report_arm
+from tests.reference.baxter import free_report_arm
 from tests.reference.entries import entry, matches
 from tests.reference.poses import rot
 from tests.reference.sclerp_misprints import PRINTED, printed_aim, printed_scheme, report_J1, report_screw
@@ -33,10 +34,7 @@ WEIGHT = 0.1
 @pytest.fixture(scope="module")
 def arms(tmp_path_factory):
     """The report's arm within its limits, and the same with joints that turn for ever."""
-    limits = entry("sclerp.baxter.limits_seed")
-    folder = tmp_path_factory.mktemp("arms")
-    within = report_arm(folder / "within", limits["lower"], limits["upper"])
-    return within, report_arm(folder / "free", [-1e6] * 7, [1e6] * 7)
+    return load_robot("baxter_report"), free_report_arm(tmp_path_factory.mktemp("free"), 1e6)
 
 
 @pytest.fixture(scope="module")

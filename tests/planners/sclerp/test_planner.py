@@ -15,9 +15,9 @@ from optiplan.planners.sclerp.qp_stepping import Screw
 from optiplan.planners.sclerp.schemes import chase
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
 from tests.planners import cases
-from tests.reference.baxter import report_arm
 from tests.reference.entries import entry
 
 
@@ -30,10 +30,9 @@ def plan(problem, seconds=30.0, **options):
 
 
 @pytest.fixture(scope="module")
-def stuck(tmp_path_factory):
+def stuck():
     """The report's run that ends at a joint limit: 45° about z, from the stretched arm to (0.5, 0.3, 0.5)."""
-    limits = entry("sclerp.baxter.limits_seed")
-    arm = report_arm(tmp_path_factory.mktemp("arm"), limits["lower"], limits["upper"])
+    arm = load_robot("baxter_report")
     X_WG = next(np.array(item["goal"]) for item in entry("sclerp.runs").value if item["id"] == "b_z+45_503050")
     goal = PoseGoal(arm.tool_frame, pin.SE3(X_WG), 1e-6, 1e-6)
     return Problem("b_z+45", arm, Scene(()), np.zeros(7), (goal,), arm.limits)
