@@ -3,10 +3,10 @@
     python benchmarks/sclerp_schemes.py                        # about a minute on one core
 
 The arm is `robots/baxter_report`; goals and the printed scheme are those of `tests/reference`. The first three schemes
-stop at 0.003 as the report's program does. *End*: what is left to the goal; *off*: the largest distance of the tool's path from the nearest of 2001
-poses of the screw, every step looked at (for `qp` 2001 samples of the path); *past*: steps that carried a joint to its
-limit or past it (for `qp` whether the exact extrema of the whole path are beyond a limit). `qp, led` is `qp` with
-`redundancy: goal`. The last line printed is one JSON object.
+stop at 0.003 as the report's program does. *End*: what is left to the goal; *off*: the largest distance of the tool's
+path from the nearest of 2001 poses of the screw, every step looked at (for `qp` 2001 samples of the path); *past*:
+steps that carried a joint to its limit or past it (for `qp` whether the exact extrema of the whole path are beyond a
+limit). `qp, led` is `qp` with `redundancy: goal`. The last line printed is one JSON object.
 """
 
 import os

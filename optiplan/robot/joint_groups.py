@@ -12,7 +12,7 @@ from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.robot.default_group import longest_chain
 from optiplan.robot.mimic_joints import Mimic, MimicError, fold
-from optiplan.robot.spec import RobotSpec
+from optiplan.robot.spec import MecanumSpec, RobotSpec
 from optiplan.robot.urdf.reader import UrdfSource, build_collisions, build_model, build_visuals
 
 MOVABLE = ("revolute", "continuous", "prismatic")
@@ -82,6 +82,22 @@ def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, name: 
         return Group(None, tuple(unnamed), listed)
     chosen = name or (spec.group if isinstance(spec.group, str) else next(iter(spec.groups)))
     return Group(chosen, tuple(spec.groups[chosen]), listed)
+
+
+def mecanum_base(spec: RobotSpec, document: Document, planned: Sequence[str], urdf: UrdfSource) -> MecanumSpec | None:
+    """The key `mecanum`, if all three of its joints are planned.
+
+    Raises:
+        InputError: a name that is no joint.
+    """
+    if spec.mecanum is None:
+        return None
+    wrong = [(k, name) for k, name in enumerate(spec.mecanum.joints) if name not in urdf.joint_types]
+    if wrong:
+        known = list(urdf.joint_types)
+        found = [(("mecanum", "joints", k), f"unknown joint '{name}'", choices(name, known)) for k, name in wrong]
+        raise InputError([document.issue(*issue) for issue in found])
+    return spec.mecanum if set(spec.mecanum.joints) <= set(planned) else None
 
 
 def _joint_issues(
