@@ -131,7 +131,7 @@ def show(console: Console, data: Mapping[str, Any]) -> None:
     _show_verdict(console, data, min(6, n))
     pose = data["pose"]
     _say(console, f"position x, y, z: {_list(pose['position'])} m")
-    _say(console, f"roll, pitch, yaw: {_list(pose['rpy'])} rad, about the fixed axes x, then y, then z")
+    _say(console, f"roll, pitch, yaw: {_list(pose['rpy'])} rad, about the fixed axes x, y, z")
     _say(console, f"quaternion x, y, z, w: {_list(pose['quaternion'])}")
     _table(console, "pose", ("", "x", "y", "z", "position"), [["", *row] for row in pose["matrix"]])
     joints = [f"q{k}" for k in range(1, n + 1)]
