@@ -15,7 +15,8 @@ from optiplan.robot.mimic_joints import Mimic, MimicError, fold
 from optiplan.robot.spec import MecanumSpec, RobotSpec
 from optiplan.robot.urdf.reader import UrdfSource, build_collisions, build_model, build_visuals
 
-MOVABLE = ("revolute", "continuous", "prismatic")
+TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
+MOVABLE = (*TURNING, *SLIDING)
 
 
 @dataclass(frozen=True)
@@ -88,15 +89,22 @@ def mecanum_base(spec: RobotSpec, document: Document, planned: Sequence[str], ur
     """The key `mecanum`, if all three of its joints are planned.
 
     Raises:
-        InputError: a name that is no joint.
+        InputError: a name that is no joint, or not two that slide and one that turns.
     """
     if spec.mecanum is None:
         return None
-    wrong = [(k, name) for k, name in enumerate(spec.mecanum.joints) if name not in urdf.joint_types]
-    if wrong:
-        known = list(urdf.joint_types)
-        found = [(("mecanum", "joints", k), f"unknown joint '{name}'", choices(name, known)) for k, name in wrong]
-        raise InputError([document.issue(*issue) for issue in found])
+    issues: list[Issue] = []
+    for k, (name, kinds) in enumerate(zip(spec.mecanum.joints, (SLIDING, SLIDING, TURNING), strict=True)):
+        if urdf.joint_types.get(name) not in kinds:
+            known = [joint for joint, kind in urdf.joint_types.items() if kind in kinds]
+            found = (
+                f"the {urdf.joint_types[name]} joint '{name}'"
+                if name in urdf.joint_types
+                else f"unknown joint '{name}'"
+            )
+            issues.append(document.issue(("mecanum", "joints", k), found, choices(name, known)))
+    if issues:
+        raise InputError(issues)
     return spec.mecanum if set(spec.mecanum.joints) <= set(planned) else None
 
 

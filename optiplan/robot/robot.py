@@ -212,7 +212,6 @@ def load_robot(
     reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
     limits, limit_notes = build_limits(spec.limits, document, reduced, planned)
     treated = _bodies(reduced, spec, document)
-    named = configurations(spec, document, srdf, planned)
     tool, choices = tool_frame(spec, document, reduced, urdf, planned)
     files = tuple(dict.fromkeys((document.path, urdf.path, *((srdf_path,) if srdf_path else ()), *urdf.meshes)))
     declared = declared_pairs(spec, document, reduced.model, srdf)
@@ -228,7 +227,7 @@ def load_robot(
         limits=limits,
         joint_names=planned.joints,
         tool_frame=tool,
-        configurations=named,
+        configurations=configurations(spec, document, srdf, planned),
         link_geometry=treated.kinds,
         over_cover=treated.over_cover,
         build_visual=bound(reduced.build_visual),

@@ -21,31 +21,32 @@ _LARGEST = 10_000
 """Bytes of a file with a matrix."""
 
 
+Name = Annotated[
+    str,
+    typer.Argument(metavar="ROBOT", help="a name of `optiplan robots`, or a robot.yaml", autocompletion=robot_names),
+]
+Pose = Annotated[
+    str | None, typer.Option(metavar="X,Y,Z,ROLL,PITCH,YAW", help="of the frame, in the robot's base frame")
+]
+Quaternion = Annotated[
+    str | None, typer.Option(metavar="X,Y,Z,QX,QY,QZ,QW", help="instead: position and unit quaternion")
+]
+Matrix = Annotated[str | None, typer.Option(metavar="R11,R12,…|FILE", help="instead: 4×4 or 3×4 matrix, row by row")]
+Frame = Annotated[str | None, typer.Option(metavar="NAME", help="which frame; the robot's tool frame if left out")]
+Group = Annotated[str | None, typer.Option(metavar="NAME", help="the joints that move; see: robots show")]
+Every = Annotated[bool, typer.Option("--all", help="every branch, those that break joint limits too")]
+AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
+
+
 def ik(
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT", help="a name of `optiplan robots`, or a robot.yaml", autocompletion=robot_names
-        ),
-    ],
-    pose: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,Z,ROLL,PITCH,YAW", help="of the frame, in the robot's base frame"),
-    ] = None,
-    quaternion: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,Z,QX,QY,QZ,QW", help="instead: position and unit quaternion"),
-    ] = None,
-    matrix: Annotated[
-        str | None,
-        typer.Option(metavar="R11,R12,…|FILE", help="instead: 4×4 or 3×4 matrix, row by row"),
-    ] = None,
-    frame: Annotated[
-        str | None, typer.Option(metavar="NAME", help="which frame; the robot's tool frame if left out")
-    ] = None,
-    group: Annotated[str | None, typer.Option(metavar="NAME", help="the joints that move; see: robots show")] = None,
-    every: Annotated[bool, typer.Option("--all", help="every branch, those that break joint limits too")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    robot: Name,
+    pose: Pose = None,
+    quaternion: Quaternion = None,
+    matrix: Matrix = None,
+    frame: Frame = None,
+    group: Group = None,
+    every: Every = False,
+    as_json: AsJson = False,
 ) -> int:
     """Find the joint values that put the robot's tool at a pose; collisions are not looked at.
 

@@ -9,32 +9,34 @@ from optiplan.cli.completion import robot_names
 from optiplan.cli.output import print_json, results, stdout_is_ours
 from optiplan.errors import OptiPlanError
 
+Name = Annotated[
+    str,
+    typer.Argument(metavar="ROBOT", help="a name of `optiplan robots`, or a robot.yaml", autocompletion=robot_names),
+]
+At = Annotated[
+    str | None,
+    typer.Option(
+        metavar="Q1,Q2,…|NAME",
+        help="joint values, rad (m for sliding joints), or the name of a configuration; without it: ready",
+    ),
+]
+Frame = Annotated[str | None, typer.Option(metavar="NAME", help="which frame; the robot's tool frame if left out")]
+Group = Annotated[str | None, typer.Option(metavar="NAME", help="the joints that move; see: robots show")]
+Velocity = Annotated[
+    str | None, typer.Option(metavar="V1,V2,…", help="of the joints: what the tool and mecanum wheels do then")
+]
+Symbolic = Annotated[bool, typer.Option("--symbolic", help="pose and Jacobian as formulas, for up to six joints")]
+AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
+
 
 def kinematics(
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT", help="a name of `optiplan robots`, or a robot.yaml", autocompletion=robot_names
-        ),
-    ],
-    at: Annotated[
-        str | None,
-        typer.Option(
-            metavar="Q1,Q2,…|NAME",
-            help="joint values, rad (m for sliding joints), or the name of a configuration; without it: ready",
-        ),
-    ] = None,
-    frame: Annotated[
-        str | None, typer.Option(metavar="NAME", help="which frame; the robot's tool frame if left out")
-    ] = None,
-    group: Annotated[str | None, typer.Option(metavar="NAME", help="the joints that move; see: robots show")] = None,
-    velocity: Annotated[
-        str | None, typer.Option(metavar="V1,V2,…", help="of the joints: what the tool and mecanum wheels do then")
-    ] = None,
-    symbolic: Annotated[
-        bool, typer.Option("--symbolic", help="pose and Jacobian as formulas, for up to six joints")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    robot: Name,
+    at: At = None,
+    frame: Frame = None,
+    group: Group = None,
+    velocity: Velocity = None,
+    symbolic: Symbolic = False,
+    as_json: AsJson = False,
 ) -> int:
     """Show pose, Jacobians, manipulability and singularities of a robot's tool at a configuration.
 
