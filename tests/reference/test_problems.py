@@ -11,6 +11,8 @@ from optiplan.planners.sclerp.qp_stepping import Screw
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.load import load_problem
 from optiplan.resources import problems_dir
+from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import Run, run
 from tests.reference.entries import entry, matches
 
@@ -82,3 +84,14 @@ def test_the_best_elbow_is_where_the_lecture_says():
     assert (np.diff(m) >= -1e-15).all()
     expected.check(m[-1], "m_for_a1_1_a2_0.7")
     expected.check(Q[-1, 1], "argmax_theta2", 0)
+
+
+def test_the_codes_limits_fold_the_forearm_through_the_upper_arm():
+    """Why `baxter_report` has no bodies: with E1 bent, the middle lines of the two links cross."""
+    robot, kinematics = load_robot("baxter_report"), BatchKinematics(load_robot("baxter_report").model)
+    q, share = np.zeros((1, 7)), np.linspace(0.0, 1.0, 400)[:, None]
+    q[0, 3] = 1.918  # as in the result that is printed for experiment b
+    assert q[0, 3] < robot.limits.upper[3]
+    points = kinematics.axes(kinematics.poses(q))[1][0]
+    upper, fore = (points[i] + share * (points[i + 1] - points[i]) for i in (1, 3))
+    assert np.linalg.norm(upper[:, None] - fore, axis=2).min() < 1e-3
