@@ -152,6 +152,11 @@ def test_formulas(optiplan, optiplan_json):
     assert "Yoshikawa" in optiplan("kinematics", "two_links", "--at", "best", "--symbolic")[1]
 
 
+def test_without_a_word_it_is_the_configuration_that_ik_prefers(optiplan, optiplan_json):
+    assert optiplan_json("kinematics", "ur5")[1]["configuration"] == "ready"
+    assert "delbot · frame grasp · at home [0, 0, 0," in optiplan("kinematics", "delbot")[1]
+
+
 def test_outside_the_limits_is_said(optiplan, optiplan_json):
     assert optiplan_json("kinematics", "planar2r", "--at", "9,0")[1]["outside_limits"] == ["shoulder"]
     assert "outside the limits of: shoulder" in optiplan("kinematics", "planar2r", "--at", "9,0")[1]
@@ -160,11 +165,15 @@ def test_outside_the_limits_is_said(optiplan, optiplan_json):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (("ur5", "--at", "1,2"), "--at: found 2 numbers; expected 6 numbers with commas between them"),
+        (("ur5", "--at", "1,2"), "--at: found 2 numbers; expected 6 numbers up to 1e+06 with commas between them"),
         (("ur5", "--at", "nose"), "found 'nose'; expected 6 numbers"),
         (("ur5", "--at", "nose"), "or one of: ready, up"),
         (("ur5", "--at", "1,2,3,4,5,nan"), "found '1,2,3,4,5,nan'"),
         (("ur5", "--at", ""), "found ''"),
+        (
+            ("delbot", "--group", "base", "--at", "1e308,1e308,0"),
+            "found '1e308,1e308,0'; expected 3 numbers up to 1e+06",
+        ),
         (("ur5", "--velocity", "1"), "--velocity: found 1 numbers"),
         (("ur5", "--frame", "nose"), "unknown frame 'nose'; choose from: "),
         (("ur6",), "unknown robot"),

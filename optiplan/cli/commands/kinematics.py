@@ -1,6 +1,5 @@
 """`optiplan kinematics`: where a robot's tool is at a configuration, and how it moves from there."""
 
-import math
 from typing import Annotated
 
 import typer
@@ -8,6 +7,9 @@ import typer
 from optiplan.cli.completion import robot_names
 from optiplan.cli.output import print_json, results, stdout_is_ours
 from optiplan.errors import OptiPlanError
+
+LARGEST = 1e6
+"""Of a joint's value or velocity, rad, m, and a second: more is a slip, and sines of it have few digits left."""
 
 Name = Annotated[
     str,
@@ -66,16 +68,14 @@ def kinematics(
     with stdout_is_ours():
         loaded = load_robot(robot, group=group)
         loaded = loaded if frame is None else loaded.with_tool(frame)
-        named = "ready" if at is None else at.strip()
-        if named in loaded.configurations:
-            q = loaded.configurations[named]
-        else:
-            named = ""
+        if at is None:
             q = wanted_configuration(loaded)
-            if at is not None:
-                q = np.array(_per_joint("at", at, loaded.joint_names, tuple(loaded.configurations)))
+        elif at.strip() in loaded.configurations:
+            q = loaded.configurations[at.strip()]
+        else:
+            q = np.array(_per_joint("at", at, loaded.joint_names, tuple(loaded.configurations)))
         rates = None if velocity is None else np.array(_per_joint("velocity", velocity, loaded.joint_names))
-        data = describe(loaded, q, rates) | {"configuration": named or None}
+        data = describe(loaded, q, rates)
         formulas = describe_formulas(loaded) if symbolic else {}
     if as_json:
         print_json(data | formulas | {"exit_code": 0})
@@ -88,7 +88,7 @@ def kinematics(
 
 
 def _per_joint(option: str, text: str, joints: tuple[str, ...], names: tuple[str, ...] = ()) -> list[float]:
-    """One finite number a joint; `names` could have been given instead.
+    """One number a joint; `names` could have been given instead.
 
     Raises:
         OptiPlanError: something else.
@@ -97,9 +97,10 @@ def _per_joint(option: str, text: str, joints: tuple[str, ...], names: tuple[str
         values = [float(word) for word in text.split(",")]
     except ValueError:
         values = []
-    if len(values) == len(joints) and all(map(math.isfinite, values)):
+    sound = bool(values) and all(abs(value) <= LARGEST for value in values)  # written so that NaN is refused too
+    if sound and len(values) == len(joints):
         return values
-    found = f"{len(values)} numbers" if values and all(map(math.isfinite, values)) else f"'{text}'"
-    expected = f"{len(joints)} numbers with commas between them, for {', '.join(joints)}"
+    found = f"{len(values)} numbers" if sound else f"'{text}'"
+    expected = f"{len(joints)} numbers up to {LARGEST:g} with commas between them, for {', '.join(joints)}"
     choices = f"; or one of: {', '.join(names)}" if names else ""
     raise OptiPlanError(f"--{option}: found {found}; expected {expected}{choices}")

@@ -43,6 +43,7 @@ def describe(robot: Robot, q: Array, velocity: Array | None = None) -> dict[str,
         "frame": robot.tool_frame,
         "joint_names": robot.joint_names,
         "q": q,
+        "configuration": next((name for name, known in robot.configurations.items() if np.array_equal(known, q)), None),
         "outside_limits": [name for name, out in zip(robot.joint_names, outside, strict=True) if out],
         "pose": {
             "matrix": X_WF.homogeneous,
@@ -125,9 +126,8 @@ def show(console: Console, data: Mapping[str, Any]) -> None:
     """What `describe` found, for a person: pose and verdict first."""
     n = len(data["joint_names"])
     q = ", ".join(f"{value:.6g}" for value in data["q"])
-    _say(
-        console, f"{data['robot']} · frame {data['frame']} · at {data['configuration'] or ''} [{q}]".replace("  ", " ")
-    )
+    name = f"{data['configuration']} " if data["configuration"] else ""
+    _say(console, f"{data['robot']} · frame {data['frame']} · at {name}[{q}]")
     _show_verdict(console, data, min(6, n))
     pose = data["pose"]
     _say(console, f"position x, y, z: {_list(pose['position'])} m")
@@ -170,7 +170,7 @@ def _show_measures(console: Console, data: Mapping[str, Any]) -> None:
     if data["singularities"] is not None:
         found = zip(data["singularities"].items(), UNITS, strict=True)
         rows = [[name, f"{one['factor']:.4g} {unit}".strip(), _word(one["relative"])] for (name, one), unit in found]
-        _table(console, "singularities", ("", "factor of det J", "relative"), rows)
+        _table(console, "singularities", ("", "factor of det J", "0 is singular"), rows)
 
 
 def _show_rates(console: Console, data: Mapping[str, Any], joints: Sequence[str]) -> None:
