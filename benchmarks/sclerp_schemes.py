@@ -1,12 +1,12 @@
-"""ScLERP: the report's scheme, the same corrected, damped, and by quadratic programs, on the report's seventeen runs.
+"""ScLERP: the report's scheme as printed, put right, damped, and by quadratic programs, on the report's own runs.
 
     python benchmarks/sclerp_schemes.py                        # about a minute on one core
 
-The arm, its limits and the goals are those of `tests/reference`. The first three schemes stop at 0.003 as the report's
-program does. *End*: what is left to the goal; *off*: the largest distance of the tool's path from the nearest of 2001
-poses of the screw, every step looked at (for `qp` 2001 samples of the path); *past*: steps that carried a joint to its
-limit or past it (for `qp` whether the exact extrema of the whole path are beyond a limit). `qp, led` is `qp` with
-`redundancy: goal`. The last line printed is one JSON object.
+The arm is `robots/baxter_report`; goals and the printed scheme are those of `tests/reference`. The first three schemes
+stop at 0.003 as the report's program does. *End*: what is left to the goal; *off*: the largest distance of the tool's
+path from the nearest of 2001 poses of the screw, every step looked at (for `qp` 2001 samples of the path); *past*:
+steps that carried a joint to its limit or past it (for `qp` whether the exact extrema of the whole path are beyond a
+limit). `qp, led` is `qp` with `redundancy: goal`. The last line printed is one JSON object.
 """
 
 import os
@@ -15,7 +15,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figur
 
 import json
 import sys
-import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,21 +38,20 @@ from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.planners.sclerp.screw_motion import Task, attempt
 from optiplan.problem.problem import PoseGoal, Problem
 from optiplan.robot.batch_fk import BatchKinematics
-from tests.reference.baxter import report_arm
+from optiplan.robot.robot import load_robot
 from tests.reference.entries import entry
+from tests.reference.sclerp_misprints import PRINTED, printed_scheme
 
-SCHEMES = ("literal", "corrected", "damped", "qp", "qp, led")
+SCHEMES = ("printed", "corrected", "damped", "qp", "qp, led")
 ANGLE = 0.1  # m/rad: how much the angle counts where the nearest pose is looked for
 FINE = np.linspace(0.0, 1.0, 2001)
 
 
 def main() -> None:
     """Run, print."""
-    limits = entry("sclerp.baxter.limits_seed")
-    with tempfile.TemporaryDirectory() as folder:
-        arm = report_arm(Path(folder), limits["lower"], limits["upper"])
-        tool = Tool(arm, arm.tool_frame)
-        rows = {run["id"]: {scheme: measure(tool, run, scheme) for scheme in SCHEMES} for run in RUNS}
+    arm = load_robot("baxter_report")
+    tool = Tool(arm, arm.tool_frame)
+    rows = {run["id"]: {scheme: measure(tool, run, scheme) for scheme in SCHEMES} for run in RUNS}
     show(rows)
     print(json.dumps({"threads": 1, "runs": rows}))
 
@@ -65,7 +64,10 @@ def measure(tool: Tool, run: dict[str, Any], scheme: str) -> dict[str, Any]:
     X_WG, start = pin.SE3(np.array(run["goal"])), np.zeros(tool.robot.n)
     if scheme.startswith("qp"):
         return by_programs(tool, start, X_WG, scheme)
-    found = chase(tool, start, X_WG, SclerpOptions(scheme=scheme, iterations=run["max_iterations"]))
+    if scheme == "printed":
+        found = printed_scheme(tool, start, X_WG, replace(PRINTED, iterations=run["max_iterations"]))
+    else:
+        found = chase(tool, start, X_WG, SclerpOptions(scheme=scheme, iterations=run["max_iterations"]))
     result = {"converged": found.converged, "iterations": found.iterations}
     past = {"past": int(found.hits.any(axis=1).sum())}
     return result | (errors(tool, found.Q, X_WG) if found.converged else {}) | past

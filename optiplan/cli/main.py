@@ -14,7 +14,19 @@ from typing import Annotated
 import typer
 
 import optiplan
-from optiplan.cli.commands import bench, check, ik, import_problems, plan, planners, robots, verify, view, workspace
+from optiplan.cli.commands import (
+    bench,
+    check,
+    ik,
+    import_problems,
+    kinematics,
+    plan,
+    planners,
+    robots,
+    verify,
+    view,
+    workspace,
+)
 from optiplan.cli.output import Exit, print_error, print_json, report_error, results
 from optiplan.errors import InputError, Issue, OptiPlanError
 
@@ -70,6 +82,7 @@ app.command("check")(check.check)
 app.command("workspace")(workspace.workspace)
 app.add_typer(robots.app, name="robots")
 app.command("ik")(ik.ik)
+app.command("kinematics")(kinematics.kinematics)
 app.command("planners")(planners.planners)
 app.add_typer(import_problems.app, name="import")
 app.add_typer(bench.app, name="bench")

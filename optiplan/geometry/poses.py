@@ -55,3 +55,25 @@ def pose_to_data(X_AB: pin.SE3) -> dict[str, list[float]]:
     if quaternion[3] < 0.0:
         quaternion = -quaternion
     return {"position": [float(x) for x in X_AB.translation], "quaternion": [float(x) for x in quaternion]}
+
+
+def pose_from_matrix(values: Sequence[float]) -> pin.SE3:
+    """Pose X_AB from a homogeneous matrix, row by row: 16 numbers, or 12 without its last row 0, 0, 0, 1.
+
+    R is written by hand, often with four digits: the nearest rotation U Vᵀ of R = U S Vᵀ is taken.
+
+    Raises:
+        ValueError: not so many numbers, another last row, RᵀR or det R farther from I and 1 than `UNIT_TOLERANCE`.
+    """
+    if len(values) not in (12, 16) or not all(map(math.isfinite, values)):
+        raise ValueError(f"found {len(values)} numbers; expected 12 or 16, row by row")
+    matrix = np.asarray(values, float).reshape(-1, 4)
+    if len(matrix) == 4 and np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]).max() > UNIT_TOLERANCE:
+        raise ValueError(f"found the last row {', '.join(f'{x:g}' for x in matrix[3])}; expected 0, 0, 0, 1")
+    R = matrix[:3, :3]
+    off = float(np.abs(R.T @ R - np.eye(3)).max())
+    if not off <= UNIT_TOLERANCE or np.linalg.det(R) < 0.0:
+        found = f"RᵀR off from the identity by {off:.3g}" if off > UNIT_TOLERANCE else "a reflection, det R = -1"
+        raise ValueError(f"found {found}; expected a rotation, RᵀR = I within {UNIT_TOLERANCE:g} and det R = 1")
+    U, _, Vt = np.linalg.svd(R)
+    return pin.SE3(U @ Vt, matrix[:3, 3])

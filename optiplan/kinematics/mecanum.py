@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.robot.robot import Robot
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 """Order of the wheels; each turns about +y of the base, its rollers at 45°, of alternating hand (an X from above)."""
@@ -58,3 +59,19 @@ class Mecanum:
         rim = self.radius * wheel_rate
         v = (1.0 - turning) * rim / 2.0
         return np.array([v, v, turning * rim / (self.half_wheelbase + self.half_track)])
+
+
+def wheel_matrix(robot: Robot, q: Array) -> Array | None:
+    """(4, n), wheel rates, rad/s, for unit velocities of a robot's joints at q (n,); None for a robot without wheels.
+
+    The joints of the base slide along x and y of the *world* and turn by yaw: M diag(Rz(yaw)ᵀ, 1) in their columns.
+    """
+    spec = robot.mecanum
+    if spec is None:
+        return None
+    x, y, turn = (robot.joint_names.index(name) for name in spec.joints)
+    c, s = np.cos(q[turn]), np.sin(q[turn])
+    in_base = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    matrix = np.zeros((len(WHEELS), robot.n))
+    matrix[:, [x, y, turn]] = Mecanum(spec.radius, spec.half_wheelbase, spec.half_track).matrix @ in_base
+    return matrix

@@ -12,10 +12,11 @@ from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.robot.default_group import longest_chain
 from optiplan.robot.mimic_joints import Mimic, MimicError, fold
-from optiplan.robot.spec import RobotSpec
+from optiplan.robot.spec import MecanumSpec, RobotSpec
 from optiplan.robot.urdf.reader import UrdfSource, build_collisions, build_model, build_visuals
 
-MOVABLE = ("revolute", "continuous", "prismatic")
+TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
+MOVABLE = (*TURNING, *SLIDING)
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,29 @@ def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, name: 
         return Group(None, tuple(unnamed), listed)
     chosen = name or (spec.group if isinstance(spec.group, str) else next(iter(spec.groups)))
     return Group(chosen, tuple(spec.groups[chosen]), listed)
+
+
+def mecanum_base(spec: RobotSpec, document: Document, planned: Sequence[str], urdf: UrdfSource) -> MecanumSpec | None:
+    """The key `mecanum`, if all three of its joints are planned.
+
+    Raises:
+        InputError: a name that is no joint, or not two that slide and one that turns.
+    """
+    if spec.mecanum is None:
+        return None
+    issues: list[Issue] = []
+    for k, (name, kinds) in enumerate(zip(spec.mecanum.joints, (SLIDING, SLIDING, TURNING), strict=True)):
+        if urdf.joint_types.get(name) not in kinds:
+            known = [joint for joint, kind in urdf.joint_types.items() if kind in kinds]
+            found = (
+                f"the {urdf.joint_types[name]} joint '{name}'"
+                if name in urdf.joint_types
+                else f"unknown joint '{name}'"
+            )
+            issues.append(document.issue(("mecanum", "joints", k), found, choices(name, known)))
+    if issues:
+        raise InputError(issues)
+    return spec.mecanum if set(spec.mecanum.joints) <= set(planned) else None
 
 
 def _joint_issues(

@@ -18,14 +18,14 @@ from optiplan.files import bound, read_bytes, reading
 from optiplan.resources import robots_dir
 from optiplan.robot.description_files import read_sources
 from optiplan.robot.dh.table import DhTable
-from optiplan.robot.joint_groups import Group, Reduced, planned_joints, reduce_to
+from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to
 from optiplan.robot.limits import Limits, build_limits
 from optiplan.robot.link_geometry import LinkGeometry, treat
 from optiplan.robot.mimic_joints import Mimic, screws
 from optiplan.robot.named_configurations import configurations, tool_frame
 from optiplan.robot.self_collision.pair_survey import PairSurvey, survey_pairs
 from optiplan.robot.self_collision.pairs import PROVED, declared_pairs, set_pairs, srdf_words, unchecked_pairs
-from optiplan.robot.spec import RobotSpec
+from optiplan.robot.spec import MecanumSpec, RobotSpec
 from optiplan.robot.urdf.srdf import LinkPair, srdf_text
 
 __all__ = ["Limits", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
@@ -40,7 +40,8 @@ class Robot:
     not planned (rad, m), `allowed` the pairs of links that are not checked, with the reason (see
     `robot.self_collision.pairs`), and `files` all that the robot was read from. `dh` is the Denavit–Hartenberg
     table, if it was given as one, `group` the name of the group of `groups` that is planned, `urdf` the whole robot
-    as pinocchio reads it. `followers` are the joints of `model` that move with a planned one. `load_robot` with
+    as pinocchio reads it. `followers` are the joints of `model` that move with a planned one, `mecanum` the wheels
+    that planned joints stand for. `load_robot` with
     `source`, `locked` and `group` builds the same robot again, in another process too: so it is pickled.
     `fingerprint` is the SHA-256 of the contents of `files`, and a robot that comes out of a pickle with another one
     is refused.
@@ -67,6 +68,7 @@ class Robot:
     urdf: str = ""
     followers: Mapping[str, Mimic] = field(default_factory=dict)
     over_cover: Mapping[str, float] = field(default_factory=dict)
+    mecanum: MecanumSpec | None = None
 
     @property
     def n(self) -> int:
@@ -210,7 +212,6 @@ def load_robot(
     reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
     limits, limit_notes = build_limits(spec.limits, document, reduced, planned)
     treated = _bodies(reduced, spec, document)
-    named = configurations(spec, document, srdf, planned)
     tool, choices = tool_frame(spec, document, reduced, urdf, planned)
     files = tuple(dict.fromkeys((document.path, urdf.path, *((srdf_path,) if srdf_path else ()), *urdf.meshes)))
     declared = declared_pairs(spec, document, reduced.model, srdf)
@@ -226,7 +227,7 @@ def load_robot(
         limits=limits,
         joint_names=planned.joints,
         tool_frame=tool,
-        configurations=named,
+        configurations=configurations(spec, document, srdf, planned),
         link_geometry=treated.kinds,
         over_cover=treated.over_cover,
         build_visual=bound(reduced.build_visual),
@@ -240,6 +241,7 @@ def load_robot(
         groups=spec.groups,
         urdf=urdf.xml,
         followers=reduced.followers,
+        mecanum=mecanum_base(spec, document, planned.joints, urdf),
     )
 
 

@@ -8,6 +8,7 @@ from optiplan.config.document import Number, Strict
 from optiplan.robot.dh.spec import DhSpec
 
 Name = Annotated[str, Field(min_length=1)]
+Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 Treatment = Literal["auto", "hull", "mesh", "convex_pieces"]
 PerJoint = Number | list[Number]
 """One value for each planned joint, or one for all of them."""
@@ -39,6 +40,18 @@ class CollisionSpec(Strict):
     convex_pieces: list[Name] = Field(default_factory=list)
 
 
+class MecanumSpec(Strict):
+    """The mecanum wheels, of alternating hand, that three planned joints stand for; see `kinematics.mecanum`.
+
+    `joints` slide along x and y and turn about z, in this order; the rest in m.
+    """
+
+    joints: Annotated[list[Name], Field(min_length=3, max_length=3)]
+    radius: Positive
+    half_wheelbase: Positive
+    half_track: Positive
+
+
 class RobotSpec(Strict):
     """A robot.yaml: required are the first two keys, and one of `urdf` and `dh`."""
 
@@ -53,6 +66,7 @@ class RobotSpec(Strict):
     tool_frame: Name | None = None
     tool_frames: dict[Name, Name] = Field(default_factory=dict)
     configurations: dict[Name, list[Number]] = Field(default_factory=dict)
+    mecanum: MecanumSpec | None = None
     limits: LimitsSpec = LimitsSpec()
     collision: Treatment | Literal["none"] | CollisionSpec = "auto"
     allowed_collisions: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = Field(default_factory=list)

@@ -54,7 +54,7 @@ def installed(home) -> Path:
         (["plan", "02_shelf", "--bud"], ["--budget"]),
         (["robots", "show", "pan"], ["panda"]),
         (["workspace", "srra", "pu"], ["puma560"]),
-        (["ik", "bax"], ["baxter", "baxter_left"]),
+        (["ik", "bax"], ["baxter", "baxter_left", "baxter_report"]),
         (["plan", "bi"], []),  # a folder of that name is there: bash offers it
     ],
 )

@@ -105,7 +105,15 @@ def test_the_table_names_branches(optiplan):
         (("ur5", "--pose", FAR, "--frame", "nose"), "unknown frame 'nose'; choose from: "),
         (("ur6", "--pose", FAR), "unknown robot"),
         (("delbot", "--pose", FAR, "--group", "leg"), "leg"),
-        (("ur5",), "--pose"),
+        (("ur5",), "found none; expected one of --pose, --quaternion, --matrix"),
+        (("ur5", "--pose", FAR, "--matrix", "1"), "found --pose and --matrix; expected one of"),
+        (("ur5", "--quaternion", "1,2,3,0,0,1"), "seven numbers with commas between them: X,Y,Z,QX,QY,QZ,QW"),
+        (("ur5", "--quaternion", "1,2,3,0,0,1,1"), "found length 1.41421; expected unit length"),
+        (("ur5", "--matrix", "1,0,0,0"), "12 or 16 numbers"),
+        (("ur5", "--matrix", "nowhere.txt"), "'nowhere.txt'; expected 12 or 16 numbers"),
+        (("ur5", "--matrix", "1,0,0,0,0,1,0,0,0,0,2,0"), "found RᵀR off from the identity by 3"),
+        (("ur5", "--matrix", "1,0,0,0,0,1,0,0,0,0,-1,0"), "a reflection"),
+        (("ur5", "--matrix", "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,2"), "last row 0, 0, 0, 2"),
     ],
 )
 def test_bad_input_is_told(optiplan, arguments, words):
@@ -119,3 +127,44 @@ def test_help_teaches(optiplan):
     assert code == 0
     for words in ("fixed", "metres and radians", "optiplan ik ur5", "--all", "Exit code"):
         assert words in out
+
+
+PUMA_T1 = "1,0,0,0.4,0,-1,0,0.2,0,0,-1,0.67183"  # a lecture's pose of the PUMA 560, z from its foot
+
+
+@pytest.mark.parametrize(
+    "pose",
+    [
+        ("--quaternion", "0.4,0.2,0.67183,1,0,0,0"),  # the scalar last, as in problem files
+        ("--matrix", PUMA_T1),
+        ("--matrix", PUMA_T1 + ",0,0,0,1"),
+        ("--matrix", "file"),
+    ],
+)
+def test_a_pose_as_quaternion_as_matrix_and_as_a_file(optiplan_json, tmp_path, pose):
+    expected = optiplan_json("ik", "puma560", "--pose", "0.4,0.2,0.67183,3.141592653589793,0,0")[1]["solutions"]
+    if pose[1] == "file":
+        (tmp_path / "pose.txt").write_text("[[1, 0, 0, 0.4],\n [0 -1 0 0.2];\n 0, 0, -1, 0.67183\n]")
+        pose = ("--matrix", tmp_path / "pose.txt")
+    code, data = optiplan_json("ik", "puma560", *pose)
+    assert code == 0
+    assert data["solutions"][0]["q"] == pytest.approx(expected[0]["q"], abs=1e-9)
+
+
+def test_a_rotation_with_four_digits_is_replaced_by_the_nearest(optiplan_json):
+    """As of the worked example of the SRRA report: its entries are off by up to 7.5e-5."""
+    R = pin.rpy.rpyToMatrix(0.3, -0.7, 1.1)
+    rows = np.column_stack([np.round(R, 4), [0.5, 0.4, 0.3]])
+    code, data = optiplan_json("ik", "srra", "--matrix", ",".join(map(str, rows.ravel())))
+    assert code == 0
+    X = reached("srra", data["frame"], data["solutions"][0]["q"])
+    assert X.translation == pytest.approx([0.5, 0.4, 0.3], abs=1e-9)
+    assert X.rotation == pytest.approx(R, abs=1e-4)
+    assert X.rotation.T @ X.rotation == pytest.approx(np.eye(3), abs=1e-12)
+
+
+def test_a_matrix_of_many_digits_is_no_file_name(optiplan):
+    digits = ",".join(["0.3333333333333333333333333333333"] * 12)
+    code, _, err = optiplan("ik", "ur5", "--matrix", digits)
+    assert code == 2
+    assert "expected a rotation" in err

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from optiplan.kinematics.mecanum import WHEELS, Mecanum
+from optiplan.errors import InputError
+from optiplan.kinematics.mecanum import WHEELS, Mecanum, wheel_matrix
 from optiplan.robot.robot import load_robot
 
 DELBOT = Mecanum(radius=0.03, half_wheelbase=0.291909, half_track=0.2726)
@@ -78,3 +79,19 @@ def test_delbots_wheels_stand_where_the_matrix_has_them():
     x = sorted(item.placement.translation[0] for item in wheels)
     assert x == pytest.approx([-0.287692, -0.287692, 0.296126, 0.296126], abs=1e-9)
     assert (x[3] - x[0]) / 2 == pytest.approx(DELBOT.half_wheelbase, abs=1e-5)
+
+
+def test_a_robot_file_may_say_which_joints_stand_for_wheels(tmp_path):
+    base = load_robot("delbot", group="base")
+    q = np.array([1.0, -2.0, np.pi / 2])  # heading along y of the world
+    assert wheel_matrix(base, q) @ [0.0, 0.3, 0.0] == pytest.approx(DELBOT.wheel_rates(np.array([0.3, 0.0, 0.0])))
+    assert load_robot("delbot", group="arm").mecanum is None
+    assert wheel_matrix(load_robot("ur5"), np.zeros(6)) is None
+    text = (base.source.parent / "robot.yaml").read_text()
+    (tmp_path / "robot.yaml").write_text(text.replace("[base_x, base_y, base_yaw], r", "[x, base_yaw, base_yaw], r"))
+    with pytest.raises(InputError) as caught:
+        load_robot(str(tmp_path / "robot.yaml"))
+    sliding = "expected one of: base_x, base_y, finger_left, finger_right"
+    told = "\n".join(map(str, caught.value.issues))
+    assert f"mecanum.joints[0]: unknown joint 'x'; {sliding}" in told
+    assert f"mecanum.joints[1]: the revolute joint 'base_yaw'; {sliding}" in told

@@ -93,13 +93,10 @@ def test_lecture_example3_ik(puma):
     assert kept == ["run", "run"]
 
 
-def test_lecture_example5(tmp_path):
+def test_lecture_example5():
     """Two links: |det J| = a1 a2 |sin theta2| is largest at theta2 = ±pi/2, whatever theta1; det J at +pi/2 only."""
     expected = entry("lecture.example5")
-    rows = "".join(f"    - {{name: link_{i}, joint: revolute, a: {a}}}\n" for i, a in ((1, 1.0), (2, 0.7)))
-    table = f"dh:\n  convention: standard\n  unit: rad\n  radius: 0.05\n  rows:\n{rows}"
-    (tmp_path / "robot.yaml").write_text(f"version: 1\nname: two_links\n{table}")
-    arm = load_robot(str(tmp_path / "robot.yaml"))
+    arm = load_robot("two_links")
     tool, grid = ToolKinematics(arm), np.linspace(-np.pi, np.pi, 721)
     for theta1 in (0.0, 0.9, -2.3):
         J = tool.evaluate(np.stack([np.full_like(grid, theta1), grid], axis=1))[1][:, :2]

@@ -8,22 +8,21 @@ from optiplan.kinematics.ik.numeric import IkOptions, IkResult, solve_ik
 from optiplan.kinematics.jacobians import geometric_jacobian
 from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.robot import Robot, load_robot
-from tests.reference.baxter import NAMES, report_arm
+from tests.reference.baxter import NAMES, free_report_arm
 from tests.reference.entries import entry
 from tests.reference.poses import pose, rot, tool_pose
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory) -> Robot:
+def arm() -> Robot:
     """The report's arm within the report's limits."""
-    limits = entry("sclerp.baxter.limits_seed")
-    return report_arm(tmp_path_factory.mktemp("arm"), limits["lower"], limits["upper"])
+    return load_robot("baxter_report")
 
 
 @pytest.fixture(scope="module")
 def free_arm(tmp_path_factory) -> Robot:
     """The same with joints that turn three times round."""
-    return report_arm(tmp_path_factory.mktemp("free"), [-9.4] * 7, [9.4] * 7)
+    return free_report_arm(tmp_path_factory.mktemp("free"), 9.4)
 
 
 @pytest.fixture(scope="module")

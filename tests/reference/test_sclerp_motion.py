@@ -14,25 +14,17 @@ from optiplan.planners.registry import make_planner
 from optiplan.planners.sclerp.bounded_least_squares import bounded_least_squares
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import Screw
-from optiplan.planners.sclerp.schemes import (
-    REFLECTION,
-    aim,
-    b_matrix,
-    chase,
-    reflected,
-    report_J1,
-    report_screw,
-    spatial_J1,
-)
+from optiplan.planners.sclerp.schemes import REFLECTION, aim, b_matrix, chase, reflected, spatial_J1
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.problem import PoseGoal, Problem
 from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.robot import load_robot
 from optiplan.verify.verify import verify
-from tests.reference.baxter import report_arm
+from tests.reference.baxter import free_report_arm
 from tests.reference.entries import entry, matches
 from tests.reference.poses import rot
+from tests.reference.sclerp_misprints import PRINTED, printed_aim, printed_scheme, report_J1, report_screw
 
-LITERAL = SclerpOptions(scheme="literal")
 RUNS = [run["id"] for run in entry("sclerp.runs").value]
 CONVERGING = [run["id"] for run in entry("sclerp.runs").value if run["converged"]]
 WEIGHT = 0.1
@@ -42,10 +34,7 @@ WEIGHT = 0.1
 @pytest.fixture(scope="module")
 def arms(tmp_path_factory):
     """The report's arm within its limits, and the same with joints that turn for ever."""
-    limits = entry("sclerp.baxter.limits_seed")
-    folder = tmp_path_factory.mktemp("arms")
-    within = report_arm(folder / "within", limits["lower"], limits["upper"])
-    return within, report_arm(folder / "free", [-1e6] * 7, [1e6] * 7)
+    return load_robot("baxter_report"), free_report_arm(tmp_path_factory.mktemp("free"), 1e6)
 
 
 @pytest.fixture(scope="module")
@@ -60,8 +49,8 @@ def literal(tool):
     @cache
     def run(name):
         expected = item("sclerp.runs", name)
-        options = replace(LITERAL, tolerance=0.001, iterations=expected["max_iterations"])
-        return chase(tool, np.zeros(7), goal(name), options)
+        options = replace(PRINTED, tolerance=0.001, iterations=expected["max_iterations"])
+        return printed_scheme(tool, np.zeros(7), goal(name), options)
 
     return run
 
@@ -102,7 +91,7 @@ def test_sclerp_runs(tool, literal, name):
     assert found.converged
     assert abs(found.iterations - expected["iterations_tol_0_001"]) <= 2
     X = poses(tool, found.Q)
-    k = until(X, goal(name), LITERAL.tolerance)
+    k = until(X, goal(name), PRINTED.tolerance)
     assert abs(k - expected["iterations_tol_0_003"]) <= 2
     X, hits = X[: k + 1], found.hits[:k]
     error = np.abs(X[-1] - goal(name).homogeneous).max()
@@ -128,19 +117,19 @@ def test_runs_that_fail_do(literal, name):
     expected, found = item("sclerp.runs", name), literal(name)
     assert not found.converged
     assert found.iterations == expected["max_iterations"]
-    assert found.error > 10.0 * LITERAL.tolerance
+    assert found.error > 10.0 * PRINTED.tolerance
     assert abs(int(found.hits.any(axis=1).argmax()) - expected["first_limit_iteration"]) <= 2
     assert set(expected["limited_joint_indices_from_0"]) <= set(np.flatnonzero(found.hits.any(axis=0)).tolist())
 
 
 def test_sclerp_parameters(tool, literal):
     expected = entry("sclerp.parameters")
-    for value, key in ((LITERAL.tau, "tau"), (LITERAL.beta, "beta"), (REFLECTION, "limit_reflection")):
+    for value, key in ((PRINTED.tau, "tau"), (PRINTED.beta, "beta"), (REFLECTION, "limit_reflection")):
         expected.check(value, key)
-    expected.check(LITERAL.tolerance, "stop_max_abs_element_error")
+    expected.check(PRINTED.tolerance, "stop_max_abs_element_error")
     for letter in "bcd":
         name = entry(f"sclerp.printed.{letter}")["run"]
-        k = until(poses(tool, literal(name).Q), goal(name), LITERAL.tolerance)
+        k = until(poses(tool, literal(name).Q), goal(name), PRINTED.tolerance)
         stopped = np.abs(poses(tool, literal(name).Q[k : k + 1]) - goal(name).homogeneous).max()
         assert round(stopped, 4) == 0.0030 > expected["stop_claimed"]
 
@@ -165,16 +154,15 @@ def test_sclerp_J1(arms):
 
     limits = entry("sclerp.baxter.limits_seed")
     free, rng = Tool(arms[1], arms[1].tool_frame), np.random.default_rng(0)
-    starts, goals, converged = [], [], {}
+    starts, goals = [], []
     for _ in range(expected["random_starts_converged"]["of"]):
         starts.append(rng.uniform(limits["lower"], limits["upper"]))
         goals.append(free.pose(starts[-1] + rng.normal(0.0, 0.35, 7)))
-    for scheme in ("literal", "corrected"):
-        options = SclerpOptions(scheme=scheme, iterations=1500)
-        found = [chase(free, q, X, options) for q, X in zip(starts, goals, strict=True)]
-        converged[scheme] = [run.iterations for run in found if run.converged]
-    for scheme, key in (("literal", "report"), ("corrected", "corrected")):
-        expected.check(len(converged[scheme]), "random_starts_converged", key)
+    options, converged = replace(PRINTED, iterations=1500), {}
+    for key, scheme in (("report", printed_scheme), ("corrected", chase)):
+        found = [scheme(free, q, X, options) for q, X in zip(starts, goals, strict=True)]
+        converged[key] = [run.iterations for run in found if run.converged]
+        expected.check(len(converged[key]), "random_starts_converged", key)
     median = np.median(converged["corrected"])  # of another 40 starts than the table's, which are not recorded
     assert abs(median - expected["median_iterations_corrected"]) <= 20
 
@@ -223,9 +211,8 @@ def test_sclerp_pure_translation_u():
     assert entry("sclerp.pure_translation_u").tolerance == 0.0
     A, B = map(DualQuaternion.from_pose, (X, X_G))
     assert np.abs(report_screw(A, B, 0.1).position - X.translation).max() < 1e-15
-    twists = {scheme: aim(X, B, SclerpOptions(scheme=scheme)) for scheme in ("literal", "corrected")}
-    assert np.abs(twists["literal"]).max() < 1e-15
-    assert np.allclose(twists["corrected"], [0.01, 0, 0, 0, 0, 0], atol=1e-15)
+    assert np.abs(printed_aim(X, B, 0.1)).max() < 1e-15
+    assert np.allclose(aim(X, B, 0.1), [0.01, 0, 0, 0, 0, 0], atol=1e-15)
     u, t = np.array([1.0, 0, 0]), X.actInv(X_G.translation)
     assert np.allclose(X.rotation.T @ u, t / 0.1)  # what u should have been
     assert np.array_equal(np.cross(0.1 * u, u), np.zeros(3))  # m = p x u / 2 says nothing
@@ -234,7 +221,7 @@ def test_sclerp_pure_translation_u():
 def at_stop(tool, literal, name):
     found = literal(name)
     X = poses(tool, found.Q)
-    return X[until(X, goal(name), LITERAL.tolerance)]
+    return X[until(X, goal(name), PRINTED.tolerance)]
 
 
 def test_sclerp_printed_b(tool, literal):

@@ -12,15 +12,17 @@ from tests.robot.robots import TWO, chain, joint, write_robot
 SHIPPED = {
     "baxter": 14,
     "baxter_left": 7,
+    "baxter_report": 7,
     "delbot": 9,
     "panda": 7,
     "planar2r": 2,
     "puma560": 6,
     "srra": 6,
+    "two_links": 2,
     "ur3": 6,
     "ur5": 6,
 }
-OWN = {"delbot", "planar2r", "puma560", "srra"}
+OWN = {"baxter_report", "delbot", "planar2r", "puma560", "srra", "two_links"}
 """Robots whose files were all written here."""
 
 

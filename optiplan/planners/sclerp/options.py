@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-Scheme = Literal["literal", "corrected", "damped", "qp"]
+Scheme = Literal["corrected", "damped", "qp"]
 JointLimits = Literal["reflect", "clip", "qp"]
 
 
@@ -12,9 +12,9 @@ class SclerpOptions:
     """Options of `sclerp`.
 
     Attributes:
-        scheme: `literal` is the report's, `corrected` the same without its errors, `damped` that with damped least
-            squares instead of the pseudo-inverse. These three aim at the goal anew at every step. `qp` keeps to the
-            screw between start and goal instead, and finds every step as a quadratic program.
+        scheme: `corrected` is the report's without its misprints, `damped` that with damped least squares instead of
+            the pseudo-inverse. These two aim at the goal anew at every step. `qp` keeps to the screw between start and
+            goal instead, and finds every step as a quadratic program.
         limits: what happens to a joint that a step carries past its limit: `reflect` (back by 110 % of the overshoot,
             the report's way), `clip` (to the limit), `qp` (it does not happen: the step is the best within position
             and velocity limits). By default `reflect`, and `qp` for the scheme of that name, which has no other.

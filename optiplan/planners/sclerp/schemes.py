@@ -1,4 +1,4 @@
-"""The report's resolved-rate scheme for screw motion, as printed and with its errors mended.
+"""The report's resolved-rate scheme for screw motion, put right: a baseline of the comparison.
 
 At every step the pose C is looked up that lies the share τ along the screw from the tool's pose A to the goal; the
 change of position and quaternion from A to C becomes a twist, the twist joint rates, and β of these are taken.
@@ -6,7 +6,6 @@ change of position and quaternion from A to C becomes a twist, the twist joint r
 Source: a course report on screw linear interpolation for Baxter; what is wrong in it: docs/reports.md.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -61,7 +60,7 @@ def chase(
         error = float(np.abs(X_WG.homogeneous - X_WT.homogeneous).max())
         if error <= options.tolerance or len(hits) == options.iterations or stop():
             break
-        q = q + _joint_step(tool, q, J, options.beta * aim(X_WT, goal, options), options)
+        q = q + _joint_step(tool, q, J, options.beta * aim(X_WT, goal, options.tau), options)
         hits.append(np.asarray((q >= limits.upper) | (q <= limits.lower)))
         if options.joint_limits == "reflect":
             q = reflected(q, limits.lower, limits.upper)
@@ -71,17 +70,16 @@ def chase(
     return Chase(np.array(Q), error, error <= options.tolerance, np.array(hits, dtype=bool).reshape(-1, len(q)))
 
 
-def aim(X_WT: pin.SE3, goal: DualQuaternion, options: SclerpOptions) -> Array:
+def aim(X_WT: pin.SE3, goal: DualQuaternion, tau: float) -> Array:
     """Spatial twist (6,), m and rad, that should carry the tool the share τ along the screw to the goal's pose.
 
     (v, w) = [[I, 2 p̂ J1], [0, 2 J1]] (Δp, ΔQ), with p the tool's position, Q its quaternion and Δ their changes.
     """
-    A, literal = DualQuaternion.from_pose(X_WT), options.scheme == "literal"
-    C = report_screw(A, goal, options.tau) if literal else A.towards(goal, options.tau)
+    A = DualQuaternion.from_pose(X_WT)
+    C = A.towards(goal, tau)
     change = C.real - A.real if A.real @ C.real >= 0.0 else -C.real - A.real
-    J1 = report_J1(A.real) if literal else spatial_J1(A.real)
     p = X_WT.translation
-    return np.asarray(rates_to_twist(p, J1) @ np.concatenate([C.position - p, change]))
+    return np.asarray(rates_to_twist(p, spatial_J1(A.real)) @ np.concatenate([C.position - p, change]))
 
 
 def rates_to_twist(p: Array, J1: Array) -> Array:
@@ -106,34 +104,6 @@ def spatial_J1(Q: Array) -> Array:
     """J1 (3, 4) with the angular velocity in world axes w = 2 J1 Q̇, for a unit quaternion Q (4,), scalar first."""
     q0, q1, q2, q3 = Q
     return np.array([[-q1, q0, -q3, q2], [-q2, q3, q0, -q1], [-q3, -q2, q1, q0]])
-
-
-def report_J1(Q: Array) -> Array:
-    """J1 as the report prints it: 2 J1 Q̇ is the angular velocity in *body* axes, right only where Q turns about w."""
-    q0, q1, q2, q3 = Q
-    return np.array([[-q1, q0, q3, -q2], [-q2, -q3, q0, q1], [-q3, q2, -q1, q0]])
-
-
-def report_screw(A: DualQuaternion, B: DualQuaternion, tau: float) -> DualQuaternion:
-    """The pose at the share τ from A to B as the report has it: right but for pure translations.
-
-    With t and (θ, u) translation and rotation of A⁻¹ B: d = t · u, m = ½ (t x u + (t - d u) cot(θ/2)), and
-    (A⁻¹ B)^τ = (cos τθ/2, sin(τθ/2) u) + ε (-τd/2 sin τθ/2, τd/2 cos(τθ/2) u + sin(τθ/2) m). For θ = 0, tested exactly,
-    u is the direction of p_B - p_A in *world* axes, although t is in those of A, and m = ½ t x u.
-    """
-    D = (A.conjugate * B).shorter()
-    t, sine = D.position, math.hypot(*D.real[1:])
-    half = math.atan2(sine, D.real[0])
-    if half == 0.0:
-        way = B.position - A.position
-        u = way / max(float(np.linalg.norm(way)), 1e-300)
-        d, m = float(t @ u), 0.5 * pin.skew(t) @ u
-    else:
-        u = D.real[1:] / sine
-        d = float(t @ u)
-        m = 0.5 * (pin.skew(t) @ u + (t - d * u) / math.tan(half))
-    c, s, e = math.cos(tau * half), math.sin(tau * half), 0.5 * tau * d
-    return A * DualQuaternion(np.array([c, *(s * u)]), np.array([-e * s, *(e * c * u + s * m)]))
 
 
 def reflected(q: Array, low: Array, high: Array) -> Array:

@@ -15,9 +15,9 @@ from optiplan.planners.sclerp.qp_stepping import Screw
 from optiplan.planners.sclerp.schemes import chase
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
 from tests.planners import cases
-from tests.reference.baxter import report_arm
 from tests.reference.entries import entry
 
 
@@ -30,10 +30,9 @@ def plan(problem, seconds=30.0, **options):
 
 
 @pytest.fixture(scope="module")
-def stuck(tmp_path_factory):
+def stuck():
     """The report's run that ends at a joint limit: 45° about z, from the stretched arm to (0.5, 0.3, 0.5)."""
-    limits = entry("sclerp.baxter.limits_seed")
-    arm = report_arm(tmp_path_factory.mktemp("arm"), limits["lower"], limits["upper"])
+    arm = load_robot("baxter_report")
     X_WG = next(np.array(item["goal"]) for item in entry("sclerp.runs").value if item["id"] == "b_z+45_503050")
     goal = PoseGoal(arm.tool_frame, pin.SE3(X_WG), 1e-6, 1e-6)
     return Problem("b_z+45", arm, Scene(()), np.zeros(7), (goal,), arm.limits)
@@ -102,16 +101,13 @@ def test_too_few_joints_for_the_screw_is_told():
     assert plan(cases.planar()).failure.kind == "unsupported"
 
 
-@pytest.mark.parametrize("scheme", ["literal", "corrected", "damped"])
+@pytest.mark.parametrize("scheme", ["corrected", "damped"])
 def test_the_other_schemes_end_where_their_tolerance_says(scheme):
     problem = cases.pose()
     options = {"scheme": scheme, "limits": "qp", "beta": 1.0, "tolerance": 1e-5, "iterations": 300}
     result = run(problem, "sclerp", options, Budget(30.0), silent)
-    if scheme == "literal":  # not from R = I, so its J1 is wrong
-        assert result.failure is not None
-    else:
-        assert result.verified, result.failure
-        assert result.info["error"] <= 1e-5
+    assert result.verified, result.failure
+    assert result.info["error"] <= 1e-5
 
 
 @pytest.mark.parametrize("limits", ["reflect", "clip", "qp"])
@@ -160,3 +156,8 @@ def test_damping_bounds_the_joint_rates_at_a_singularity():
 def test_options_out_of_range_are_input_errors(name, value):
     with pytest.raises(InputError, match=name):
         make_planner("sclerp", {name: value})
+
+
+def test_a_scheme_that_is_gone_is_told_with_the_choices():
+    with pytest.raises(InputError, match="scheme: 'literal'; expected one of: corrected, damped, qp"):
+        make_planner("sclerp", {"scheme": "literal"})
