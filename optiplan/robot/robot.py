@@ -14,7 +14,7 @@ from optiplan import cache
 from optiplan.arrays import Array
 from optiplan.config.document import Document, read_yaml, validate
 from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError
-from optiplan.files import bound, read_bytes, reading
+from optiplan.files import bound, read_bytes, reading, write_text
 from optiplan.resources import robots_dir
 from optiplan.robot.description_files import read_sources
 from optiplan.robot.dh.table import DhTable
@@ -256,7 +256,7 @@ def _wanted(spec: RobotSpec, planned: Group, locked: Mapping[str, float]) -> dic
 
 def write_srdf(robot: Robot, path: Path) -> None:
     """Write the pairs of links that are not checked as an SRDF."""
-    path.write_text(srdf_text(robot.name, srdf_words(robot.allowed)), encoding="utf-8")
+    write_text(path, srdf_text(robot.name, srdf_words(robot.allowed)))
 
 
 def _bodies(reduced: Reduced, spec: RobotSpec, document: Document) -> LinkGeometry:

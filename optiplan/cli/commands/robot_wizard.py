@@ -14,7 +14,8 @@ import typer
 from optiplan.cli.output import messages, print_json, results
 from optiplan.cli.printing.robot_table import describe, show_robot
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
-from optiplan.problem.write import problem_text, write_text
+from optiplan.files import write_text
+from optiplan.problem.write import problem_text
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.urdf.reader import read_urdf
 from optiplan.robot.urdf.srdf import srdf_text
