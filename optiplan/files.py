@@ -28,14 +28,14 @@ Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
-class _Reading:
+class _Session:
     """Real paths of the folders allowed (None: all), and what was read so far."""
 
     folders: tuple[Path, ...] | None = None
     contents: dict[Path, bytes] = field(default_factory=dict)
 
 
-_current: ContextVar[_Reading | None] = ContextVar("reading", default=None)
+_current: ContextVar[_Session | None] = ContextVar("reading", default=None)
 
 
 @contextmanager
@@ -46,11 +46,11 @@ def reading(folders: Iterable[Path | str] | None = None) -> Iterator[None]:
         folders: None allows all. Inside an outer `reading` the outer one's folders and contents hold, and further ones
             narrow them.
     """
-    outer = _current.get() or _Reading()
+    outer = _current.get() or _Session()
     allowed = outer.folders if folders is None else tuple(Path(os.path.realpath(folder)) for folder in folders)
     if folders is not None and outer.folders is not None:
         allowed = tuple(folder for folder in allowed or () if _inside(folder, outer.folders))
-    token = _current.set(_Reading(allowed, outer.contents))
+    token = _current.set(_Session(allowed, outer.contents))
     try:
         yield
     finally:
@@ -90,7 +90,7 @@ def read_bytes(path: Path, most: int = MOST) -> bytes:
         OSError: there is none, it cannot be read, is no regular file, larger than `most` bytes, or in no allowed
             folder; `strerror` says which.
     """
-    current = _current.get() or _Reading()
+    current = _current.get() or _Session()
     where = _check(path)
     if where not in current.contents:
         handle = os.open(where, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0))

@@ -38,7 +38,7 @@ class PieceOptions:
 
 
 @dataclass(frozen=True)
-class Pieces:
+class ConvexPieces:
     """Convex pieces by their vertices, each (k, 3) in m, and how far (m) they reach beyond the mesh at most."""
 
     vertices: tuple[Array, ...]
@@ -65,7 +65,7 @@ def measured(solid: MeshSolid, bodies: Sequence[Array], tolerance: float = Piece
     return over_cover(solid, np.concatenate([points[hull.simplices] for points, hull in hulls]), tolerance)
 
 
-def cut(solid: MeshSolid, options: PieceOptions = PieceOptions()) -> Pieces | None:
+def cut(solid: MeshSolid, options: PieceOptions = PieceOptions()) -> ConvexPieces | None:
     """Cut a mesh into convex pieces, each the hull of the part within a box; None where `options.most` is too few.
 
     A piece that reaches too far beyond the mesh is cut by the plane, across one of three axes, that leaves the least
@@ -90,7 +90,7 @@ def cut(solid: MeshSolid, options: PieceOptions = PieceOptions()) -> Pieces | No
     pieces = _join(solid, done, options)
     if not 0 < len(pieces) <= options.most:
         return None
-    return Pieces(tuple(pieces), measured(solid, pieces, options.tolerance))
+    return ConvexPieces(tuple(pieces), measured(solid, pieces, options.tolerance))
 
 
 def _close(solid: MeshSolid, points: Array, options: PieceOptions) -> bool:

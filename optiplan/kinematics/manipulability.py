@@ -9,7 +9,7 @@ from optiplan.arrays import Array
 from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
 from optiplan.robot.robot import Robot
 
-Part = Literal["full", "translation", "rotation"]
+JacobianRows = Literal["full", "translation", "rotation"]
 """Which rows of the Jacobian are measured: all six, the three of the velocity, the three of the angular velocity."""
 ROWS = {"full": slice(0, 6), "translation": slice(0, 3), "rotation": slice(3, 6)}
 
@@ -91,7 +91,7 @@ class Measures:
     smallest: Array
 
 
-def scaled(J: Array, part: Part = "full", length: float = 1.0) -> Array:
+def scaled(J: Array, part: JacobianRows = "full", length: float = 1.0) -> Array:
     """The rows of J (…, 6, n) that `part` names, those of the velocity divided by `length`, m.
 
     Metres and radians cannot be compared: what the full Jacobian measures depends on this length, 1 m unless given.

@@ -9,7 +9,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.robot.robot import Limits
-from optiplan.trajectory.profiles.laws import Bounds, Law, Pieces
+from optiplan.trajectory.profiles.laws import Bounds, Law, LawPieces
 from optiplan.trajectory.timing.compose import shifted
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -22,7 +22,7 @@ _SAME = 1e-12  # share of the duration: breakpoints nearer than that are one
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class JointMove:
     """q moves by `step` (n,), rad or m, while s runs from 0 to 1 by `law`, from the time `begin` for `duration`, s.
 
     `joint` is the one that moves farthest, by `distance`.
@@ -77,7 +77,7 @@ class RestToRest:
         share = self._weights / self._weights.sum()
         return max(SHORTEST, float((times / share).max(initial=0.0)))
 
-    def parts(self, duration: float | None = None) -> list[Part]:
+    def parts(self, duration: float | None = None) -> list[JointMove]:
         """What moves when, in that duration (s) or as fast as can be."""
         fastest = self._fastest
         times = np.array([part.duration for part in fastest])
@@ -88,7 +88,7 @@ class RestToRest:
         elif duration is not None:
             times = np.full(len(fastest), duration)
         return [
-            Part(part.step, part.law, part.bounds, float(b), float(T))
+            JointMove(part.step, part.law, part.bounds, float(b), float(T))
             for part, b, T in zip(fastest, begin, times, strict=True)
         ]
 
@@ -113,7 +113,7 @@ class RestToRest:
         return np.array([part.distance if self.share_by_distance else part.duration for part in self._fastest])
 
     @cached_property
-    def _fastest(self) -> list[Part]:
+    def _fastest(self) -> list[JointMove]:
         """The parts as if each had the robot to itself, in its shortest time."""
         d = self.goal - self.start
         if not d.any():
@@ -123,7 +123,7 @@ class RestToRest:
         for step in [d] if self.how == "synchronised" else each:
             bounds, law = _bounds(step, self.limits), self.law(float(np.abs(step).max()))
             floor = SHORTEST / (len(each) if self.how == "sequential" else 1)
-            found.append(Part(step, law, bounds, 0.0, max(law.shortest(bounds), floor)))
+            found.append(JointMove(step, law, bounds, 0.0, max(law.shortest(bounds), floor)))
         return found
 
 
@@ -141,7 +141,7 @@ def _bounds(step: Array, limits: Limits) -> Bounds:
     return Bounds(v, a, j if np.isinf(j) else min(j, a / (_BRIEFEST * max(1.0 / v, 2.0 / a**0.5))))
 
 
-def _within(curve: Pieces, begin: float, T: float) -> Pieces:
+def _within(curve: LawPieces, begin: float, T: float) -> LawPieces:
     """The curve from `begin` on, 0 before it and 1 after it, over [0, T]."""
     breakpoints, coefficients = curve.breakpoints + begin, curve.coefficients
     still = np.zeros((1, coefficients.shape[1]))
@@ -150,10 +150,10 @@ def _within(curve: Pieces, begin: float, T: float) -> Pieces:
     if breakpoints[-1] < T * (1.0 - _SAME):
         still = np.eye(1, coefficients.shape[1])
         breakpoints, coefficients = np.append(breakpoints, T), np.vstack([coefficients, still])
-    return Pieces(breakpoints, coefficients)
+    return LawPieces(breakpoints, coefficients)
 
 
-def _on(edges: Array, curve: Pieces) -> Array:
+def _on(edges: Array, curve: LawPieces) -> Array:
     """Coefficients (m, degree + 1) of the curve on the m pieces between `edges`, none of which it bends within."""
     piece = np.searchsorted(curve.breakpoints[1:-1], 0.5 * (edges[1:] + edges[:-1]), side="right")
     moved: Array = shifted(curve.coefficients[piece][:, :, None], edges[:-1] - curve.breakpoints[piece])

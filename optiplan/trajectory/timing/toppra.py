@@ -78,12 +78,12 @@ def _speeds(rows: Rows) -> Array | None:
             both_ends = canlinear_colloc_to_interpolate(rows.A, rows.B, rows.G, F, g, None, None, grid, True)
             return *both_ends[:5], None, squared
 
-    class Line(AbstractGeometricPath):  # type: ignore[misc]
+    class ScalarPath(AbstractGeometricPath):  # type: ignore[misc]
         dof, path_interval, waypoints = 1, rows.s[[0, -1]], None
 
         def __call__(self, s: Any, order: int = 0) -> Array:
             return np.zeros((*np.shape(s), 1))
 
-    instance = TOPPRA([Given()], Line(), gridpoints=rows.s, solver_wrapper="seidel")
+    instance = TOPPRA([Given()], ScalarPath(), gridpoints=rows.s, solver_wrapper="seidel")
     answer = instance.compute_parameterization(0.0, 0.0)[1]
     return None if answer is None or np.isnan(answer).any() else np.asarray(answer)

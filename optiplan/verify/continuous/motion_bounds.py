@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.verify.continuous.bodies import Bodies, Index, Placed
+from optiplan.verify.continuous.bodies import Bodies, Index, PlacedBody
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Asked:
 
     rows: Index
     pairs: Index
-    placed: Placed
+    placed: PlacedBody
     direction: Array
     point: Array
 
