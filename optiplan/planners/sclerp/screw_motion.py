@@ -16,7 +16,7 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness
 from optiplan.planners.sclerp.interpolation import on_screw, through
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.qp_stepping import Screw, Walk, Walker
+from optiplan.planners.sclerp.qp_stepping import ScrewMotion, Walk, Walker
 from optiplan.planners.sclerp.schemes import Chase, chase
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.trajectory.trajectory import Trajectory
@@ -72,7 +72,7 @@ def attempt(model: CollisionModel, task: Task, options: SclerpOptions, budget: B
 
 
 def _walked(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
-    walker = Walker(task.tool, Screw(task.tool.pose(task.start), task.X_WG), options, task.goal)
+    walker = Walker(task.tool, ScrewMotion(task.tool.pose(task.start), task.X_WG), options, task.goal)
     walk = walker.walk(task.start, options.iterations, lambda: budget.over)
     task.info.update(iterations=len(walk.s) - 1, programs=walk.programs)
     if not walk.complete:
