@@ -108,7 +108,7 @@ def _step(tracker: Tracker, s: float, state: Array, end: float) -> tuple[Array |
     new = _state(tracker, end, q)
     if _aimed(tracker, end):
         dq = tracker.arrive(q, 2.0 * (q - state[0]) / h - state[1])
-        new = np.array([q, dq, tracker.bend(end, q, dq)])
+        new = np.array([q, dq, tracker.joint_curvature(end, q, dq)])
     piece = _piece(state, new, h)
     errors = [np.abs(tracker.error(s + u * h, (u * h) ** np.arange(6) @ piece)).max() for u in _BETWEEN]
     return new, float(max(errors)) / (_SHARE * _TOLERANCE)
@@ -132,7 +132,7 @@ def _aimed(tracker: Tracker, end: float) -> bool:
 
 def _state(tracker: Tracker, s: float, q: Array) -> Array:
     dq = tracker.rate(s, q)
-    return np.array([q, dq, tracker.bend(s, q, dq)])
+    return np.array([q, dq, tracker.joint_curvature(s, q, dq)])
 
 
 def _piece(a: Array, b: Array, h: float) -> Array:

@@ -120,8 +120,8 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
     take very long (Gomes, Selman and Kautz, "Boosting combinatorial search through randomization", AAAI 1998).
     """
     start, goals = ends
-    patience, near, levers = float(_PATIENCE), bool(np.isfinite(options.detour)), check.by_levers()
-    measures = [check, levers, check.finer(), levers.finer()] if near else [check]
+    patience, near, moment_arms = float(_PATIENCE), bool(np.isfinite(options.detour)), check.by_moment_arms()
+    measures = [check, moment_arms, check.finer(), moment_arms.finer()] if near else [check]
     while True:
         seed = int(rng.integers(1, 2**31))
         if near:

@@ -174,14 +174,14 @@ class PairBounds:
         a, b = self.pairs[pairs].T
         return np.asarray(np.linalg.norm(centre[b] - centre[a], axis=1) + self._radius[a] + self._radius[b])
 
-    def levers(self, stroke: Array) -> Array:
+    def moment_arms(self, stroke: Array) -> Array:
         """Metres that a pair's bodies travel against each other at most for each rad or m of each joint: (P, n).
 
         Holds at: every configuration with |q_j| <= stroke_j (n,), so that along a straight motion by d the distance of
-        pair p changes by at most sum_j levers[p, j] |d_j|.
+        pair p changes by at most sum_j moment_arms[p, j] |d_j|.
         """
         corners = np.einsum("gij,gkj->gki", self.placement[:, :3, :3], self._corners) + self.placement[:, None, :3, 3]
-        bodies = [self.kinematics.levers(int(j), x, stroke) for j, x in zip(self.joint, corners, strict=True)]
+        bodies = [self.kinematics.moment_arms(int(j), x, stroke) for j, x in zip(self.joint, corners, strict=True)]
         both = np.array(bodies).reshape(-1, len(self.kinematics.revolute))[self.pairs] * self.moves  # (P, 2, J)
         return self.kinematics.planned_bound(both.sum(axis=1))
 

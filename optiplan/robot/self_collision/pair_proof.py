@@ -113,7 +113,7 @@ class PairProof:
         self._turns: Flags = alone & (self.bounds.kinematics.revolute @ follows > 0.5)
         self.middle, self.half = joint_box(self._turns, *limits)
         finite = np.where(np.isfinite(self.half), self.half, 0.0)
-        self._arms = self.bounds.levers(np.abs(self.middle) + finite)
+        self._arms = self.bounds.moment_arms(np.abs(self.middle) + finite)
         self._shapes = [item.geometry for item in geometry.geometryObjects]
         surface = np.array([isinstance(shape, coal.BVHModelBase) for shape in self._shapes], dtype=bool)
         self._hulls = [hull_of_mesh(s) if mesh else s for s, mesh in zip(self._shapes, surface, strict=True)]

@@ -73,12 +73,12 @@ def through_corners(waypoints: Array, hit: Flags, deviation: float, limits: Limi
     leg = np.diff(waypoints, axis=0) / length[:, None]
     points, shares = [waypoints[0]], []
     for i in range(1, len(waypoints) - 1):
-        bend = 0.5 * np.abs(leg[i] - leg[i - 1]).max()  # |t - u| = |t - w|
-        if not hit[i] or bend < 1e-9:  # a straight line hits it anyway
+        half_turn = 0.5 * np.abs(leg[i] - leg[i - 1]).max()  # |t - u| = |t - w|
+        if not hit[i] or half_turn < 1e-9:  # a straight line hits it anyway
             points.append(waypoints[i])
             shares.append(deviation)
             continue
-        aside = min(0.5 * deviation / bend, 0.25 * length[i - 1], 0.25 * length[i])
+        aside = min(0.5 * deviation / half_turn, 0.25 * length[i - 1], 0.25 * length[i])
         step = aside * 0.5 * (leg[i - 1] + leg[i])
         points += [waypoints[i] - step, waypoints[i] + step]
         shares += [0.5 * deviation] * 2

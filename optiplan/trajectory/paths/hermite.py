@@ -110,6 +110,8 @@ def _peaks(f: Array) -> Array:
     at = np.abs(f).argmax(axis=2)
     inner = np.clip(at, 1, f.shape[2] - 2)
     low, middle, high = (np.take_along_axis(f, (inner + k)[:, :, None], 2)[:, :, 0] for k in (-1, 0, 1))
-    bend = np.sign(middle) * (low - 2.0 * middle + high)
-    gain = np.divide((high - low) ** 2, -8.0 * bend, out=np.zeros_like(bend), where=(bend < 0.0) & (at == inner))
+    curvature = np.sign(middle) * (low - 2.0 * middle + high)
+    gain = np.divide(
+        (high - low) ** 2, -8.0 * curvature, out=np.zeros_like(curvature), where=(curvature < 0.0) & (at == inner)
+    )
     return np.take_along_axis(np.abs(f), at[:, :, None], 2)[:, :, 0] + gain

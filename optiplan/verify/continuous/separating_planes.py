@@ -12,7 +12,7 @@ from optiplan.geometry.mesh_hulls import exact_queries
 from optiplan.verify.continuous.bodies import Bodies, Flags, Index, PlacedBody
 
 _LOOSE = 1e-7  # m that a plane may lose against the measured distance before another one is sought
-TRUST = 1e-6  # m, and fraction of the distance: how far a distance that no plane confirms is believed
+TRUST = 1e-6  # m, and fraction of the distance: subtracted from a distance that no plane confirms
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,14 +23,14 @@ class Distances:
         measured: (K,) m, what coal measured; negative is depth of penetration.
         normals: (K, 3) unit vectors from a to b; NaN where coal gives none.
         bound: (K,) m, a lower bound of the distance: from the plane, or where bodies are not convex from coal.
-        believed: (K,) whether `bound` rests on coal alone.
+        gjk_only: (K,) whether `bound` rests on coal alone.
         hulls: (K,) whether a plane between the hulls answered; then `measured` is no distance but `bound` again.
     """
 
     measured: Array
     normals: Array
     bound: Array
-    believed: Flags
+    gjk_only: Flags
     hulls: Flags
 
 
@@ -67,13 +67,13 @@ class PairDistances:
         if normals is None or bound is None:
             return self._exact(Q, rows, pairs, placed)
         hulls: Flags = bound > enough
-        measured, believed = bound.copy(), np.zeros(len(rows), dtype=bool)
+        measured, gjk_only = bound.copy(), np.zeros(len(rows), dtype=bool)
         asked = np.flatnonzero(~hulls)
         if len(asked):
             found = self._exact(Q, rows[asked], pairs[asked], PlacedBody(placed.bodies[asked], placed.poses[asked]))
             measured[asked], normals[asked], bound[asked] = found.measured, found.normals, found.bound
-            believed[asked] = found.believed
-        return Distances(measured, normals, bound, believed, hulls)
+            gjk_only[asked] = found.gjk_only
+        return Distances(measured, normals, bound, gjk_only, hulls)
 
     def _between_hulls(self, Q: Array, rows: Index, pairs: Index, placed: PlacedBody) -> tuple[Array, Array]:
         """Normals (K, 3) of planes between the hulls of pairs with a mesh, and gaps (K,), m; -inf for other pairs."""
@@ -100,8 +100,8 @@ class PairDistances:
             normals[loose[better]], plane[loose[better]] = other[better], gap[better]
         measured = np.where(flat, plane, measured)
         coal_says = measured - np.maximum(TRUST, TRUST * measured)
-        believed = ~self._convex[pairs] & (coal_says > plane)
-        return Distances(measured, normals, np.where(believed, coal_says, plane), believed, np.zeros_like(believed))
+        gjk_only = ~self._convex[pairs] & (coal_says > plane)
+        return Distances(measured, normals, np.where(gjk_only, coal_says, plane), gjk_only, np.zeros_like(gjk_only))
 
     def witness(self, q: Array, pair: int) -> tuple[float, Array]:
         """Distance, m, and nearest points (2, 3) on a and b of a pair, in the world, m, at q (n,)."""
