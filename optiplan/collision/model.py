@@ -7,7 +7,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.collision.containment import Containment
 from optiplan.collision.geometry_model import geometry_of
 from optiplan.collision.standing_links import overlapping
@@ -16,7 +16,7 @@ from optiplan.geometry.mesh_hulls import SETTLED, Outline, exact_queries, is_fla
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import build_geometry
 from optiplan.robot.robot import Robot
-from optiplan.robot.self_collision.pair_bounds import Index, PairBounds
+from optiplan.robot.self_collision.pair_bounds import PairBounds
 
 
 @dataclass(frozen=True, slots=True)

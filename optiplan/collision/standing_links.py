@@ -4,8 +4,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
-from optiplan.robot.self_collision.pair_bounds import Flags, Index
+from optiplan.arrays import Array, Flags, Index
 
 STANDS = 5e-3
 """Depth, m, to which a link that nothing moves may be sunk into an obstacle that it stands on.

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.bench.report.pairs import PlannerPair, pairs
-from optiplan.bench.results.arrays import Flags, Indices, Runs, load_runs
+from optiplan.bench.results.arrays import Indices, Runs, load_runs
 from optiplan.bench.results.database import Store
 from optiplan.bench.statistics.intervals_and_tests import Interval, median_interval, performance_ratios, share_intervals
 

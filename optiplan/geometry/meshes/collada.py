@@ -5,8 +5,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from optiplan.arrays import Array
 from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, strip
-from optiplan.geometry.meshes.triangles import Array, MeshError, Soup, Triangles, floats, triangulate, whole
+from optiplan.geometry.meshes.triangles import MeshError, Soup, Triangles, floats, triangulate, whole
 
 
 def read_dae(content: bytes) -> Soup:

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from optiplan.arrays import Array
 from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, strip
-from optiplan.geometry.meshes.triangles import Array, MeshError, Soup, floats, triangulate
+from optiplan.geometry.meshes.triangles import MeshError, Soup, floats, triangulate
 
 HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp", "KHR_animation_")
 """Extensions of glTF that do not change triangles."""

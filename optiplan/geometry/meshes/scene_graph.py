@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, Array, MeshError, Soup, Triangles
+from optiplan.arrays import Array
+from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, MeshError, Soup, Triangles
 
 MOST_NODES = 100_000
 """Nodes of a scene, instances counted."""

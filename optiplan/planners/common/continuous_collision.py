@@ -9,14 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.collision.model import CollisionModel, Contact
 from optiplan.planners.common.failures import contact_witness
 from optiplan.trajectory.trajectory import Trajectory
-
-Index = npt.NDArray[np.intp]
 
 Curve = Callable[[Array, Array], tuple[Array, Array]]
 """(middles (N,), half widths (N,)) of intervals -> (Q (N, n), D (N, n)): the middle configurations and bounds on how

@@ -2,14 +2,10 @@
 
 import coal
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
-
-Index = npt.NDArray[np.intp]
-Flags = npt.NDArray[np.bool_]
 
 
 class PairBounds:

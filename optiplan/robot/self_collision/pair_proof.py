@@ -7,10 +7,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
 from optiplan.geometry.mesh_hulls import hull_of_mesh
-from optiplan.robot.self_collision.pair_bounds import Flags, Index, PairBounds
+from optiplan.robot.self_collision.pair_bounds import PairBounds
 
 GAP = 1e-4
 """Distance, m, beyond which bodies count as apart: a hundred times what coal's distances may be off by."""

@@ -7,14 +7,11 @@ min(f, g) |w - u|, largest in the middle, where f = g.
 """
 
 import numpy as np
-import numpy.typing as npt
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.paths.corner_blends import blend_path
 from optiplan.trajectory.trajectory import Trajectory
-
-Flags = npt.NDArray[np.bool_]
 
 BEZIER = 0.1875
 """f = g in the middle of the quintic Bézier blend of `blend_path`, over its size d."""

@@ -11,8 +11,6 @@ from optiplan.trajectory.trajectory import Trajectory
 _SAME = 1e-12  # share of the duration: breakpoints of path and law that are nearer in time are one
 _OUTSIDE = 1e-9  # share of the path's length, and of the law's speed, that rounding may cost
 
-Index = np.ndarray[tuple[int], np.dtype[np.intp]]
-
 
 def compose(path: Trajectory, law: Trajectory) -> Trajectory:
     """The motion q(s(t)): the same curve as the path to rounding, at all times.

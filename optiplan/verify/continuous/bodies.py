@@ -4,14 +4,11 @@ from dataclasses import dataclass
 
 import coal
 import numpy as np
-import numpy.typing as npt
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
 from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
 
-Index = npt.NDArray[np.intp]
-Flags = npt.NDArray[np.bool_]
 _KNOWN = (coal.Box, coal.Sphere, coal.Capsule, coal.Cylinder, coal.Halfspace)
 
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.containment import Containment
 from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.bodies import Bodies, Flags, Index
+from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.intervals import Intervals, blocks, boxes, middles, step_sizes
 from optiplan.verify.continuous.motion_bounds import Boxes, DistanceQuery, Motion, SeparationRate
 from optiplan.verify.continuous.separating_planes import Distances, PairDistances

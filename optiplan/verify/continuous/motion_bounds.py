@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optiplan.arrays import Array
-from optiplan.verify.continuous.bodies import Bodies, Index, PlacedBody
+from optiplan.arrays import Array, Index
+from optiplan.verify.continuous.bodies import Bodies, PlacedBody
 
 
 @dataclass(frozen=True, eq=False)

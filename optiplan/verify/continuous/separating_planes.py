@@ -6,10 +6,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.mesh_hulls import exact_queries
-from optiplan.verify.continuous.bodies import Bodies, Flags, Index, PlacedBody
+from optiplan.verify.continuous.bodies import Bodies, PlacedBody
 
 _LOOSE = 1e-7  # m that a plane may lose against the measured distance before another one is sought
 TRUST = 1e-6  # m, and fraction of the distance: subtracted from a distance that no plane confirms

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.problem.problem import Problem
 from optiplan.robot.mimic_joints import unfold
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.bodies import Flags, Index
 from optiplan.verify.continuous.intervals import derivative_bounds
 from optiplan.verify.continuous.torque_bounds import TorqueBounds
 from optiplan.verify.report import Check, VerifyPolicy
