@@ -13,10 +13,8 @@ import numpy.typing as npt
 from optiplan import cache
 from optiplan.arrays import Array
 from optiplan.geometry.convex_hulls import FLAT, Hull, covering_hull, thickened_hull
+from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.geometry.over_cover import MeshSolid
-
-Triangles = npt.NDArray[np.int64]
-"""Vertex indices of triangles, shape (k, 3)."""
 
 COVER_VERSION = 1
 """Counted up when meshes are measured or cut in another way, so that what is kept is made again."""

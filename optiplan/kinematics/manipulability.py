@@ -47,11 +47,11 @@ class ToolKinematics:
         poses = self.kinematics.poses(Q)
         X_WT = poses[:, self._joint] @ self._X_JT
         axis, point = self.kinematics.axes(poses)
-        turns = self.kinematics.revolute[None, :, None]
+        revolute = self.kinematics.revolute[None, :, None]
         J = np.zeros((len(Q), 6, axis.shape[1]))
-        linear = np.where(turns > 0.5, np.cross(axis, X_WT[:, None, :3, 3] - point), axis)
+        linear = np.where(revolute > 0.5, np.cross(axis, X_WT[:, None, :3, 3] - point), axis)
         J[:, :3] = (self._moves[None, :, None] * linear).transpose(0, 2, 1)
-        J[:, 3:] = (self._moves[None, :, None] * turns * axis).transpose(0, 2, 1)
+        J[:, 3:] = (self._moves[None, :, None] * revolute * axis).transpose(0, 2, 1)
         return X_WT, J
 
     def hessians(self, Q: Array) -> Array:

@@ -77,12 +77,13 @@ class Robot:
     def revolute(self) -> npt.NDArray[np.bool_]:
         """Which planned joints turn, (n,); the others slide."""
         own = [self.model.getJointId(name) - 1 for name in self.joint_names]
-        return np.asarray(self._turns()[own])
+        return np.asarray(self._revolute_joints()[own])
 
     @cached_property
     def whole_turns(self) -> npt.NDArray[np.bool_]:
         """Which planned joints, (n,), leave every link where it was after a whole turn: followers turn wholly too."""
-        sliding = {name for name, turns in zip(self.model.names[1:], self._turns(), strict=True) if not turns}
+        names = self.model.names[1:]
+        sliding = {name for name, revolute in zip(names, self._revolute_joints(), strict=True) if not revolute}
         broken = {
             mimic.source
             for name, mimic in self.followers.items()
@@ -90,7 +91,7 @@ class Robot:
         }
         return np.asarray(self.revolute & np.array([name not in broken for name in self.joint_names]))
 
-    def _turns(self) -> npt.NDArray[np.bool_]:
+    def _revolute_joints(self) -> npt.NDArray[np.bool_]:
         """Which joints of the model turn, followers too: (J,)."""
         return np.asarray(np.linalg.norm(screws(self.model)[:, 3:], axis=1) > 0.5)
 

@@ -79,16 +79,16 @@ class DaskCluster:
         Raises:
             ClusterError: the scheduler is gone, no worker comes, or one comes with other versions.
         """
-        waiting, looked, room, alone = iter(tasks), 0.0, 0, time.monotonic()
+        waiting, looked, workers, alone = iter(tasks), 0.0, 0, time.monotonic()
         try:
             while not self._stop.is_set():
                 now = time.monotonic()
                 if now - looked > LOOK:
-                    looked, room = now, self._look()
-                    alone = now if room else alone
+                    looked, workers = now, self._look()
+                    alone = now if workers else alone
                 if now - alone > WAIT:
                     raise ClusterError(f"no worker at {self.address} for {WAIT:g} s")
-                while len(self._flying) < AHEAD * max(room, 1):
+                while len(self._flying) < AHEAD * max(workers, 1):
                     task = next(waiting, None)
                     if task is None:
                         break

@@ -28,7 +28,7 @@ _FARTHEST = 0.3  # rad or m: a joint in one step
 _ASTRAY = 0.05  # rad or m: a joint, by the correction
 _MOST_KNOTS = 3000
 _DOING = "following the tool's path"
-_STILL = 1e-9  # rad or m: rounding, which is not to be timed as a motion
+_NO_MOTION = 1e-9  # rad or m: rounding, which is not to be timed as a motion
 
 
 @dataclass
@@ -75,7 +75,7 @@ def follow(
     ending = first_ending(model, tracker, followed, budget)
     if ending is not None:
         return out_of_time(budget, _DOING) if budget.over else ending
-    still = max(np.abs(bound - start[1]).max() for bound in followed.extrema(0)) < _STILL
+    still = max(np.abs(bound - start[1]).max() for bound in followed.extrema(0)) < _NO_MOTION
     return Trajectory(followed.joint_names, np.array([0.0, 1.0]), start[1][None, None]) if still else followed
 
 

@@ -11,11 +11,12 @@ import numpy.typing as npt
 from optiplan.arrays import Array
 from optiplan.collision.clearance_test import PairMargins
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.planners.common.gravity import Gravity
 from optiplan.robot.robot import Limits
 
 _FIRST = 0.1  # m; a motion is cut to begin with so that no pair travels farther within half a part
-_TOLERANCE = 4e-6  # m; twice what coal's distances are trusted to
+_MARGIN = 4 * DISTANCE_ERROR  # m; added to the travel that a part is free for
 _LEAST = 1e-6  # m of travel; a part not proved free by then counts as blocked
 _MOST = 1000  # queries, some 20 ms; a motion that takes more slides along an obstacle and counts as blocked
 _HEAVY_STEP = 0.05  # rad or m, largest joint, between looks at gravity, whose reserve covers what is between
@@ -102,7 +103,7 @@ class MotionCheck:
             queries += len(middles)
             if queries > _MOST or farthest * half < _LEAST < farthest:
                 return False
-            self._margins.set(travel * half + _TOLERANCE)
+            self._margins.set(travel * half + _MARGIN)
             near = []
             for middle in middles:
                 q = a + middle * d

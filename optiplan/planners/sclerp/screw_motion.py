@@ -21,7 +21,7 @@ from optiplan.planners.sclerp.schemes import Chase, chase
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.trajectory.trajectory import Trajectory
 
-_SAME = 1e-6  # rad or m
+_GOAL_TOLERANCE = 1e-6  # rad or m
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ def _walked(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | 
     if not walk.complete:
         return _stopped(task, walker, walk, options)
     end = walk.Q[-1]
-    if task.goal is not None and task.exact and np.abs(end - task.goal).max() > _SAME:
+    if task.goal is not None and task.exact and np.abs(end - task.goal).max() > _GOAL_TOLERANCE:
         j = int(np.argmax(np.abs(end - task.goal)))
         name = task.tool.robot.joint_names[j]
         words = f"the screw ends in another configuration, '{name}' at {end[j]:.4g} instead of {task.goal[j]:.4g}"

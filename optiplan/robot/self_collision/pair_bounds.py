@@ -131,8 +131,8 @@ class PairBounds:
             pairs: (K,).
         """
         direction, point = self.kinematics.axes(poses)
-        turns, D = self.kinematics.revolute > 0.5, self.kinematics.joint_reach(D)  # (J,), (K, J)
-        stroke = np.where(turns, 2.0 * np.sin(0.5 * np.minimum(D, np.pi)), D)
+        revolute, D = self.kinematics.revolute > 0.5, self.kinematics.joint_reach(D)  # (J,), (K, J)
+        stroke = np.where(revolute, 2.0 * np.sin(0.5 * np.minimum(D, np.pi)), D)
         total = np.zeros_like(D)
         for side in (0, 1):
             bodies = self.pairs[pairs, side]
@@ -141,7 +141,7 @@ class PairBounds:
             step = stroke * self.moves[pairs, side]
             own = np.zeros(len(pairs))
             for j in reversed(range(D.shape[1])):
-                moved = step[:, j] * ((arm[:, j] + own) if turns[j] else 1.0)
+                moved = step[:, j] * ((arm[:, j] + own) if revolute[j] else 1.0)
                 total[:, j] += moved
                 own = own + moved
         return np.asarray(total @ (np.abs(self.kinematics.coupling) > 0.0))  # each joint has one leader

@@ -11,14 +11,13 @@ from optiplan.arrays import Array
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.profiles.laws import Bounds, Law, LawPieces
 from optiplan.trajectory.timing.compose import shifted
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
 
 How = Literal["synchronised", "independent", "sequential"]
 
 SHORTEST = 1e-3  # s: a trajectory needs some duration, even one that goes nowhere
 _LEAST = 1e-9  # rad or m: smaller distances get no larger bounds on s, so that these stay finite
 _BRIEFEST = 1e-8  # share of the duration that a phase of a law takes at least
-_SAME = 1e-12  # share of the duration: breakpoints nearer than that are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +97,7 @@ class RestToRest:
         T = max((part.begin + part.duration for part in parts), default=duration or SHORTEST)
         curves = [_within(part.law.pieces(part.duration, part.bounds), part.begin, T) for part in parts]
         edges = np.unique(np.concatenate([[0.0, T], *(curve.breakpoints for curve in curves)]))
-        edges = edges[np.concatenate([[True], np.diff(edges) > _SAME * T])]
+        edges = edges[np.concatenate([[True], np.diff(edges) > SAME_TIME * T])]
         edges[-1] = T
         size = max((curve.coefficients.shape[1] for curve in curves), default=1)
         q = np.zeros((len(edges) - 1, size, len(self.start)))
@@ -145,9 +144,9 @@ def _within(curve: LawPieces, begin: float, T: float) -> LawPieces:
     """The curve from `begin` on, 0 before it and 1 after it, over [0, T]."""
     breakpoints, coefficients = curve.breakpoints + begin, curve.coefficients
     still = np.zeros((1, coefficients.shape[1]))
-    if breakpoints[0] > _SAME * T:
+    if breakpoints[0] > SAME_TIME * T:
         breakpoints, coefficients = np.append(0.0, breakpoints), np.vstack([still, coefficients])
-    if breakpoints[-1] < T * (1.0 - _SAME):
+    if breakpoints[-1] < T * (1.0 - SAME_TIME):
         still = np.eye(1, coefficients.shape[1])
         breakpoints, coefficients = np.append(breakpoints, T), np.vstack([coefficients, still])
     return LawPieces(breakpoints, coefficients)

@@ -50,8 +50,8 @@ def slowness(law: Trajectory, between: Rows) -> Array:
     squares = law(law.breakpoints, 1)[:, :1] ** 2
     squared, sdd = 0.5 * (squares[1:] + squares[:-1]), 2.0 * law.coefficients[:, 2]
     motion = between.A * sdd + between.B * squared
-    room = np.maximum(between.bound - np.sign(motion) * between.G, 1e-3 * between.bound)
-    worst: Array = np.maximum(np.sqrt(squared[:, 0]) / between.speed, np.sqrt((np.abs(motion) / room).max(axis=1)))
+    available = np.maximum(between.bound - np.sign(motion) * between.G, 1e-3 * between.bound)
+    worst: Array = np.maximum(np.sqrt(squared[:, 0]) / between.speed, np.sqrt((np.abs(motion) / available).max(axis=1)))
     return worst
 
 

@@ -8,11 +8,12 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.geometry.mesh_hulls import exact_queries
 from optiplan.verify.continuous.bodies import Bodies, PlacedBody
 
 _LOOSE = 1e-7  # m that a plane may lose against the measured distance before another one is sought
-TRUST = 1e-6  # m, and fraction of the distance: subtracted from a distance that no plane confirms
+_MARGIN = DISTANCE_ERROR  # m, and fraction of the distance: subtracted from a distance that no plane confirms
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +100,7 @@ class PairDistances:
             better = gap > plane[loose]
             normals[loose[better]], plane[loose[better]] = other[better], gap[better]
         measured = np.where(flat, plane, measured)
-        coal_says = measured - np.maximum(TRUST, TRUST * measured)
+        coal_says = measured - np.maximum(_MARGIN, _MARGIN * measured)
         gjk_only = ~self._convex[pairs] & (coal_says > plane)
         return Distances(measured, normals, np.where(gjk_only, coal_says, plane), gjk_only, np.zeros_like(gjk_only))
 
