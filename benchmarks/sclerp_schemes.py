@@ -32,7 +32,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.qp_stepping import Screw
+from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import chase
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.planners.sclerp.screw_motion import Task, attempt
@@ -99,7 +99,7 @@ def errors(tool: Tool, Q: Array, X_WG: pin.SE3) -> dict[str, float]:
     """What is left to the goal at the end of Q (N, n), and the largest distance from the screw, m and rad."""
     X = BatchKinematics(tool.robot.model).poses(Q)[:, -1]  # the tool is where the last joint is
     left = pin.SE3(X[-1]).actInv(X_WG)
-    screw = Screw(pin.SE3(X[0]), X_WG)
+    screw = ScrewMotion(pin.SE3(X[0]), X_WG)
     on = np.array([screw.pose(s).homogeneous for s in FINE])
     worst = np.zeros(2)
     for pose in X:
@@ -116,7 +116,7 @@ def errors(tool: Tool, Q: Array, X_WG: pin.SE3) -> dict[str, float]:
     }
 
 
-def nearest(screw: Screw, s: float, X: pin.SE3) -> pin.SE3:
+def nearest(screw: ScrewMotion, s: float, X: pin.SE3) -> pin.SE3:
     """The pose of the screw nearest to X, from a guess s: the part of what is left along the screw's twist is taken."""
     along = pin.log6(screw.X_W0.actInv(screw.X_W1)).vector
     weight = np.repeat([1.0, ANGLE], 3) ** 2

@@ -6,9 +6,11 @@ fit, the file is none: it is made again, so that a damaged cache costs time and 
 
 import hashlib
 import os
-import tempfile
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
+
+from optiplan.files import write_bytes
 
 MARK = b"\noptiplan-cache "
 """Stands between content and checksum; a shared library may be followed by it and still be loaded."""
@@ -54,19 +56,8 @@ def load(name: str) -> bytes | None:
 
 def store(name: str, content: bytes) -> None:
     """Write a cached file whole or not at all; a cache that cannot be written is no error."""
-    path, temporary = cache_dir() / name, None
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.write(_seal(content))
-            file.flush()
-            os.fsync(file.fileno())  # else a crash of the machine can leave the name with nothing behind it
-        os.replace(temporary, path)
-    except OSError:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
+    with suppress(OSError):
+        write_bytes(cache_dir() / name, content + _seal(content))
 
 
 def _seal(content: bytes) -> bytes:

@@ -1,11 +1,15 @@
-"""Files that a user names are opened here and nowhere else: regular files, of bounded size, in the folders allowed.
+"""Read files that a user names, and write files whole or not at all.
+
+Files to read are opened here and nowhere else: regular files, of bounded size, in the folders allowed.
 
 While `reading` is open, every file is read once and keeps what was read: two looks at one file within one load see the
 same bytes, whatever happens to the file in between, so that a hash is of what was used.
 """
 
+import errno
 import os
 import stat
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -24,14 +28,14 @@ Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
-class _Reading:
+class _Session:
     """Real paths of the folders allowed (None: all), and what was read so far."""
 
     folders: tuple[Path, ...] | None = None
     contents: dict[Path, bytes] = field(default_factory=dict)
 
 
-_current: ContextVar[_Reading | None] = ContextVar("reading", default=None)
+_current: ContextVar[_Session | None] = ContextVar("reading", default=None)
 
 
 @contextmanager
@@ -42,11 +46,11 @@ def reading(folders: Iterable[Path | str] | None = None) -> Iterator[None]:
         folders: None allows all. Inside an outer `reading` the outer one's folders and contents hold, and further ones
             narrow them.
     """
-    outer = _current.get() or _Reading()
+    outer = _current.get() or _Session()
     allowed = outer.folders if folders is None else tuple(Path(os.path.realpath(folder)) for folder in folders)
     if folders is not None and outer.folders is not None:
         allowed = tuple(folder for folder in allowed or () if _inside(folder, outer.folders))
-    token = _current.set(_Reading(allowed, outer.contents))
+    token = _current.set(_Session(allowed, outer.contents))
     try:
         yield
     finally:
@@ -86,7 +90,7 @@ def read_bytes(path: Path, most: int = MOST) -> bytes:
         OSError: there is none, it cannot be read, is no regular file, larger than `most` bytes, or in no allowed
             folder; `strerror` says which.
     """
-    current = _current.get() or _Reading()
+    current = _current.get() or _Session()
     where = _check(path)
     if where not in current.contents:
         handle = os.open(where, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0))
@@ -99,6 +103,46 @@ def read_bytes(path: Path, most: int = MOST) -> bytes:
     if len(content) > most:
         raise OSError(0, f"more than {most / 2**20:g} MiB", str(path))
     return content
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Yield a temporary path beside `path` to write to, and rename it to `path` once what is there is on the disk.
+
+    No reader ever sees half a file. After an exception the old file is as it was, and nothing else is left. Missing
+    folders are made.
+
+    Raises:
+        OSError: `path` is a folder, or it cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    # The name ends as the path does, since that tells some writers the format.
+    temporary = path.with_name(f".{os.getpid()}-{threading.get_ident()}-{path.name[-200:]}")
+    try:
+        yield temporary
+        flush(temporary)  # else a crash of the machine can leave the name with nothing behind it
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def flush(path: Path) -> None:
+    """Have the disk hold what was written to a file."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all, as `replacing`."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 text whole or not at all, as `replacing`."""
+    write_bytes(path, text.encode())
 
 
 def _check(path: Path) -> Path:

@@ -9,7 +9,7 @@ import pytest
 
 from optiplan import files
 from optiplan.errors import InputError
-from optiplan.files import read_bytes, reading
+from optiplan.files import read_bytes, reading, replacing, write_text
 from optiplan.problem.load import check_file, load_problem, problem_from_dict
 
 DEVICES = [Path(name) for name in ("/dev/zero", "/proc/self/environ", "/proc/self/mem", "/sys/power/state")]
@@ -130,3 +130,14 @@ def test_what_a_robot_names_is_held_to_the_folders_too(inside, name):
 def test_the_problem_itself_is_held_to_the_folders(inside):
     (issue,) = check_file(inside.parent / "outside" / "bin.yaml", folders=[inside])
     assert "outside the folders" in issue.found
+
+
+def test_a_file_is_replaced_whole_or_not_at_all(tmp_path):
+    path = tmp_path / "made" / "file.txt"
+    write_text(path, "old")
+    with pytest.raises(UnicodeEncodeError), replacing(path) as temporary:
+        temporary.write_text("half \udc80", encoding="utf-8")
+    assert [file.name for file in path.parent.iterdir()] == ["file.txt"]
+    assert path.read_text() == "old"
+    with pytest.raises(IsADirectoryError):
+        write_text(tmp_path, "a folder")

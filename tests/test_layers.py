@@ -117,3 +117,12 @@ def code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
     has_docstring = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant)
     doc = (first.end_lineno or 0) - first.lineno + 1 if has_docstring else 0
     return (node.end_lineno or 0) - node.lineno + 1 - doc
+
+
+def test_a_class_name_is_used_once():
+    places: dict[str, list[str]] = {}
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name, []).append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    assert not {name: where for name, where in places.items() if len(where) > 1}

@@ -7,16 +7,17 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.collision.containment import Containment
 from optiplan.collision.geometry_model import geometry_of
 from optiplan.collision.standing_links import overlapping
 from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
+from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.geometry.mesh_hulls import SETTLED, Outline, exact_queries, is_flat
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import build_geometry
 from optiplan.robot.robot import Robot
-from optiplan.robot.self_collision.pair_bounds import Index, PairBounds
+from optiplan.robot.self_collision.pair_bounds import PairBounds
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,8 @@ class CollisionModel:
 
     Bodies are the robot's links, then attachments, then obstacles. Links are checked against each other as the robot
     says. A link that no planned joint moves may stand on an obstacle, but not in it: such a pair is measured once, and
-    is among `pairs` only where the two overlap by more than `standing.STANDS`, so that no configuration is free.
+    is among `pairs` only where the two overlap by more than `standing_links.STANDING_OVERLAP`: no configuration is
+    free.
 
     Attributes:
         geometry: the bodies; `names[i]` is the link, attachment or obstacle of body i.
@@ -286,5 +288,5 @@ def _normals(distances: Array, vectors: Array) -> Array:
     """
     gap = vectors[:, 1] - vectors[:, 0]
     length = np.linalg.norm(gap, axis=1, keepdims=True)
-    apart = (distances > 1e-6)[:, None] & (length > 0.0)
+    apart = (distances > DISTANCE_ERROR)[:, None] & (length > 0.0)
     return np.where(apart, gap / np.where(apart, length, 1.0), vectors[:, 2])

@@ -4,10 +4,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
-from optiplan.robot.self_collision.pair_bounds import Flags, Index
+from optiplan.arrays import Array, Flags, Index
 
-STANDS = 5e-3
+STANDING_OVERLAP = 5e-3
 """Depth, m, to which a link that nothing moves may be sunk into an obstacle that it stands on.
 
 Makers' meshes reach below the plane that the robot is screwed to, that of the UR5 by 3 mm.
@@ -15,7 +14,7 @@ Makers' meshes reach below the plane that the robot is screwed to, that of the U
 
 
 def overlapping(geometry: pin.GeometryModel, pairs: Index) -> list[tuple[int, int]]:
-    """Of pairs (K, 2) of bodies that stand still in the world those that overlap by more than `STANDS`.
+    """Of pairs (K, 2) of bodies that stand still in the world those that overlap by more than `STANDING_OVERLAP`.
 
     The depth in a mesh is not known, and neither is inside from outside: a pair with a mesh is kept where the two
     touch, and where their boxes overlap, for the verifier to look whether one holds the other.
@@ -32,7 +31,7 @@ def overlapping(geometry: pin.GeometryModel, pairs: Index) -> list[tuple[int, in
         one, other = bodies[first], bodies[second]
         mesh = any(isinstance(body.geometry, coal.BVHModelBase) for body in (one, other))
         ends = (one.geometry, _transform(one.placement), other.geometry, _transform(other.placement))
-        if mesh or coal.distance(*ends, request, coal.DistanceResult()) < -STANDS:
+        if mesh or coal.distance(*ends, request, coal.DistanceResult()) < -STANDING_OVERLAP:
             found.append((first, second))
     return found
 

@@ -4,6 +4,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
+
 
 def prime_box_support() -> None:
     """Ask coal for the support of a rotated box, once for each instance of its template.
@@ -22,7 +24,7 @@ def prime_box_support() -> None:
     for swept in (False, True):
         difference = coal.MinkowskiDiff()
         difference.set(box, ball, turned, coal.Transform3s(), swept)
-        coal.GJK(100, 1e-6).evaluate(difference, np.array([1.0, 0.0, 0.0]), np.zeros(2, dtype=np.int32))
+        coal.GJK(100, DISTANCE_ERROR).evaluate(difference, np.array([1.0, 0.0, 0.0]), np.zeros(2, dtype=np.int32))
 
 
 prime_box_support()

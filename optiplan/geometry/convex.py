@@ -13,10 +13,8 @@ import numpy.typing as npt
 from optiplan import cache
 from optiplan.arrays import Array
 from optiplan.geometry.convex_hulls import FLAT, Hull, covering_hull, thickened_hull
+from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.geometry.over_cover import MeshSolid
-
-Triangles = npt.NDArray[np.int64]
-"""Vertex indices of triangles, shape (k, 3)."""
 
 COVER_VERSION = 1
 """Counted up when meshes are measured or cut in another way, so that what is kept is made again."""
@@ -47,7 +45,7 @@ class CoacdOptions:
 
 
 @dataclass(frozen=True)
-class Pieces:
+class CoacdPieces:
     """Convex pieces by their vertices, each of shape (k, 3) in m; `growth` (m) is what containing the mesh added."""
 
     vertices: tuple[Array, ...]
@@ -147,7 +145,7 @@ def _cover(vertices: Array, triangles: Triangles) -> Cover:
     return Cover("convex_pieces", pieces.vertices, pieces.over_cover, beyond)
 
 
-def pieces_of(mesh: coal.BVHModelBase, identity: bytes, options: CoacdOptions = CoacdOptions()) -> Pieces:
+def pieces_of(mesh: coal.BVHModelBase, identity: bytes, options: CoacdOptions = CoacdOptions()) -> CoacdPieces:
     """Convex pieces that together contain every triangle of a mesh; cached on disk.
 
     CoACD's pieces cut corners of the mesh. So each triangle, divided where it spans several pieces, goes to the piece
@@ -185,7 +183,7 @@ def faces_of(points: Array) -> Array:
     return np.asarray(ConvexHull(points).equations)
 
 
-def _cut(vertices: Array, triangles: Triangles, options: CoacdOptions) -> Pieces:
+def _cut(vertices: Array, triangles: Triangles, options: CoacdOptions) -> CoacdPieces:
     import coacd
     from trimesh.remesh import subdivide_to_size
 
@@ -195,7 +193,7 @@ def _cut(vertices: Array, triangles: Triangles, options: CoacdOptions) -> Pieces
     rough = [np.asarray(piece[0]) for piece in coacd.run_coacd(coacd.Mesh(vertices, triangles), seed=0, **settings)]
     bodies = [faces_of(piece) for piece in rough]
     if _filling(bodies, vertices) > enough:
-        return Pieces((_corners(vertices),), 0.0)
+        return CoacdPieces((_corners(vertices),), 0.0)
     inside, _ = _best(bodies, vertices, triangles)
     spanning = triangles[inside > 1e-9]
     fine_vertices, fine = (
@@ -206,7 +204,7 @@ def _cut(vertices: Array, triangles: Triangles, options: CoacdOptions) -> Pieces
     for index, piece in enumerate(rough):
         added = fine_vertices[np.unique(fine[owner == index])]
         grown.append(_corners(np.vstack([piece, added])))
-    return Pieces(tuple(grown), float(worst.max(initial=0.0)))
+    return CoacdPieces(tuple(grown), float(worst.max(initial=0.0)))
 
 
 def _filling(bodies: list[Array], vertices: Array) -> float:
@@ -252,14 +250,14 @@ def _unpack_cover(content: bytes, vertices: Array) -> Cover:
         return Cover(kind, tuple(pieces), beyond, hull)
 
 
-def _pack(pieces: Pieces) -> bytes:
+def _pack(pieces: CoacdPieces) -> bytes:
     buffer = io.BytesIO()
     sizes = np.array([len(piece) for piece in pieces.vertices])
     np.savez_compressed(buffer, points=np.vstack(pieces.vertices), sizes=sizes, growth=pieces.growth)
     return buffer.getvalue()
 
 
-def _unpack(content: bytes) -> Pieces:
+def _unpack(content: bytes) -> CoacdPieces:
     with np.load(io.BytesIO(content)) as data:
         parts = np.split(data["points"], np.cumsum(data["sizes"])[:-1])
-        return Pieces(tuple(parts), float(data["growth"]))
+        return CoacdPieces(tuple(parts), float(data["growth"]))

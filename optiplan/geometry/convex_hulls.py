@@ -6,8 +6,8 @@ from typing import Any
 import coal
 import numpy as np
 
-from optiplan.arrays import Array
-from optiplan.geometry.over_cover import Index, MeshSolid
+from optiplan.arrays import Array, Index
+from optiplan.geometry.over_cover import MeshSolid
 
 FLAT = 1e-5
 """Thickness (m) given to meshes that have none, on either side."""

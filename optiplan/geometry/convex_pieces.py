@@ -13,7 +13,7 @@ from optiplan.geometry.over_cover import MeshSolid, over_cover
 _STEP = 1e-4
 """m; how far parts of a flat step of the surface may lie apart."""
 
-_SAME = 1e-7
+_PLANE_TOLERANCE = 1e-7
 """m; corners this near to a plane lie in it."""
 
 _SAMPLE = 400
@@ -38,7 +38,7 @@ class PieceOptions:
 
 
 @dataclass(frozen=True)
-class Pieces:
+class ConvexPieces:
     """Convex pieces by their vertices, each (k, 3) in m, and how far (m) they reach beyond the mesh at most."""
 
     vertices: tuple[Array, ...]
@@ -65,7 +65,7 @@ def measured(solid: MeshSolid, bodies: Sequence[Array], tolerance: float = Piece
     return over_cover(solid, np.concatenate([points[hull.simplices] for points, hull in hulls]), tolerance)
 
 
-def cut(solid: MeshSolid, options: PieceOptions = PieceOptions()) -> Pieces | None:
+def cut(solid: MeshSolid, options: PieceOptions = PieceOptions()) -> ConvexPieces | None:
     """Cut a mesh into convex pieces, each the hull of the part within a box; None where `options.most` is too few.
 
     A piece that reaches too far beyond the mesh is cut by the plane, across one of three axes, that leaves the least
@@ -90,7 +90,7 @@ def cut(solid: MeshSolid, options: PieceOptions = PieceOptions()) -> Pieces | No
     pieces = _join(solid, done, options)
     if not 0 < len(pieces) <= options.most:
         return None
-    return Pieces(tuple(pieces), measured(solid, pieces, options.tolerance))
+    return ConvexPieces(tuple(pieces), measured(solid, pieces, options.tolerance))
 
 
 def _close(solid: MeshSolid, points: Array, options: PieceOptions) -> bool:
@@ -160,10 +160,10 @@ def _clipped(triangles: Array, axis: int, place: float, sign: float) -> Array:
     """
     height = sign * (triangles[:, :, axis] - place)
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, axis]
-    within = (np.abs(height) <= _SAME).all(axis=1) & (sign * normal >= 0.0)
-    own = (height < -_SAME).any(axis=1) | within
+    within = (np.abs(height) <= _PLANE_TOLERANCE).all(axis=1) & (sign * normal >= 0.0)
+    own = (height < -_PLANE_TOLERANCE).any(axis=1) | within
     triangles, height = triangles[own], height[own]
-    above = height > _SAME
+    above = height > _PLANE_TOLERANCE
     count = above.sum(axis=1)
     kept = [triangles[count == 0]]
     for many in (1, 2):  # corners above the plane: the odd one out comes first

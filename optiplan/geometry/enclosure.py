@@ -83,8 +83,8 @@ class Enclosure:
         around = [
             (piece, round(winding_number(piece.corners, points[0]))) for piece in self._closed if piece.holds(points[0])
         ]
-        around = [(piece, turns) for piece, turns in around if turns]
-        if any(not piece.sense for piece, _ in around) or sum(turns for _, turns in around) != 0:
+        around = [(piece, winding) for piece, winding in around if winding]
+        if any(not piece.sense for piece, _ in around) or sum(winding for _, winding in around) != 0:
             return True
         ordered = sorted((piece for piece, _ in around), key=lambda piece: float(np.ptp(piece.corners, (0, 1)).max()))
         if not all(inner.within(outer) for inner, outer in pairwise(ordered)):

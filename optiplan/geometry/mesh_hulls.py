@@ -9,13 +9,14 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.cache import digest
+from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.geometry.convex_hulls import convex_hull, thickened_hull
 
 _KEPT = 256
 """Hulls kept in memory."""
 
-_TRUST = 2e-6
-"""m; twice what coal's distances are trusted to."""
+_MARGIN = 2 * DISTANCE_ERROR
+"""m; subtracted from a distance of hulls, so that it is a lower bound."""
 
 SETTLED = 0.01
 """m; bodies whose hulls are farther apart are asked no nearer: the hulls' distance, a lower bound, stands for theirs.
@@ -60,7 +61,7 @@ class Outline:
 
     def distance(self, pair: int) -> float:
         """Lower bound, m, of the distance of a pair where `place` put the bodies; negative where hulls meet."""
-        return float(self.query(pair).min_distance) - _TRUST
+        return float(self.query(pair).min_distance) - _MARGIN
 
     def query(self, pair: int) -> coal.DistanceResult:
         """Nearest points of a pair of hulls where `place` put the bodies; the pair's next query overwrites them."""

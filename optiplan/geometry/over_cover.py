@@ -4,12 +4,8 @@ from functools import cached_property
 
 import coal
 import numpy as np
-import numpy.typing as npt
 
-from optiplan.arrays import Array
-
-Index = npt.NDArray[np.intp]
-Flags = npt.NDArray[np.bool_]
+from optiplan.arrays import Array, Flags, Index
 
 _GRID = 64
 """Columns along each axis that triangles are sorted into."""

@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pinocchio as pin
 
+LARGEST_COORDINATE = 1e6
+"""m; nothing that an arm can meet, and beyond it distances lose the micrometres that they are trusted to."""
+
 
 @dataclass(frozen=True)
 class Box:

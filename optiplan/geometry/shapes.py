@@ -9,12 +9,9 @@ from optiplan.arrays import Array
 from optiplan.geometry.convex_hulls import convex_hull
 from optiplan.geometry.meshes.reading import known, open_mesh, read_mesh
 from optiplan.geometry.meshes.triangles import Soup, Triangles
-from optiplan.geometry.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
+from optiplan.geometry.scene import LARGEST_COORDINATE, Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
-__all__ = ["FARTHEST", "build_geometry", "convex_hull"]
-
-FARTHEST = 1e6
-"""Largest coordinate of a mesh, m: beyond it distances lose the micrometres that they are trusted to."""
+__all__ = ["build_geometry", "convex_hull"]
 
 
 def build_geometry(shape: Shape) -> coal.CollisionGeometry:
@@ -71,8 +68,8 @@ def check_reach(vertices: Array) -> None:
     Raises:
         ValueError: says so.
     """
-    if not (np.abs(vertices) <= FARTHEST).all():  # written so that NaN is refused too
-        raise ValueError(f"a vertex that is no number or beyond {FARTHEST:g} m")
+    if not (np.abs(vertices) <= LARGEST_COORDINATE).all():  # written so that NaN is refused too
+        raise ValueError(f"a vertex that is no number or beyond {LARGEST_COORDINATE:g} m")
 
 
 def triangle_mesh(vertices: Array, triangles: Triangles) -> coal.BVHModelBase:

@@ -9,7 +9,7 @@ from optiplan.arrays import Array
 from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
 from optiplan.robot.robot import Robot
 
-Part = Literal["full", "translation", "rotation"]
+JacobianRows = Literal["full", "translation", "rotation"]
 """Which rows of the Jacobian are measured: all six, the three of the velocity, the three of the angular velocity."""
 ROWS = {"full": slice(0, 6), "translation": slice(0, 3), "rotation": slice(3, 6)}
 
@@ -47,11 +47,11 @@ class ToolKinematics:
         poses = self.kinematics.poses(Q)
         X_WT = poses[:, self._joint] @ self._X_JT
         axis, point = self.kinematics.axes(poses)
-        turns = self.kinematics.revolute[None, :, None]
+        revolute = self.kinematics.revolute[None, :, None]
         J = np.zeros((len(Q), 6, axis.shape[1]))
-        linear = np.where(turns > 0.5, np.cross(axis, X_WT[:, None, :3, 3] - point), axis)
+        linear = np.where(revolute > 0.5, np.cross(axis, X_WT[:, None, :3, 3] - point), axis)
         J[:, :3] = (self._moves[None, :, None] * linear).transpose(0, 2, 1)
-        J[:, 3:] = (self._moves[None, :, None] * turns * axis).transpose(0, 2, 1)
+        J[:, 3:] = (self._moves[None, :, None] * revolute * axis).transpose(0, 2, 1)
         return X_WT, J
 
     def hessians(self, Q: Array) -> Array:
@@ -91,7 +91,7 @@ class Measures:
     smallest: Array
 
 
-def scaled(J: Array, part: Part = "full", length: float = 1.0) -> Array:
+def scaled(J: Array, part: JacobianRows = "full", length: float = 1.0) -> Array:
     """The rows of J (…, 6, n) that `part` names, those of the velocity divided by `length`, m.
 
     Metres and radians cannot be compared: what the full Jacobian measures depends on this length, 1 m unless given.

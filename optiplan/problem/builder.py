@@ -26,7 +26,7 @@ from optiplan.geometry.scene import (
     Sphere,
 )
 from optiplan.geometry.shapes import build_geometry
-from optiplan.problem.partial import Draft, Part
+from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.problem import JointGoal, PoseGoal, Via
 from optiplan.problem.schema import (
     AlternativeSpec,
@@ -91,25 +91,25 @@ class Compiler:
         part = self.draft.start
         return None if part is None else self.configuration(robot, part.place, part.value)
 
-    def goal(self, robot: Robot) -> list[Part[JointGoal | PoseGoal]]:
+    def goal(self, robot: Robot) -> list[LocatedValue[JointGoal | PoseGoal]]:
         """The alternatives that can be used."""
-        ends: list[Part[JointGoal | PoseGoal]] = []
+        ends: list[LocatedValue[JointGoal | PoseGoal]] = []
         for part in self.draft.goal:
             end = self._alternative(robot, part)
             if end is not None:
-                ends.append(Part(part.place, end))
+                ends.append(LocatedValue(part.place, end))
         return ends
 
-    def vias(self, robot: Robot) -> list[Part[Via]]:
+    def vias(self, robot: Robot) -> list[LocatedValue[Via]]:
         """The vias that can be used."""
-        vias: list[Part[Via]] = []
+        vias: list[LocatedValue[Via]] = []
         for part in self.draft.vias:
             at, velocity = self._passed(robot, part), self._velocity(robot, part)
             if at is not None:
-                vias.append(Part(part.place, Via(at, velocity, part.value.time)))
+                vias.append(LocatedValue(part.place, Via(at, velocity, part.value.time)))
         return vias
 
-    def _passed(self, robot: Robot, part: Part[ViaSpec]) -> JointGoal | PoseGoal | None:
+    def _passed(self, robot: Robot, part: LocatedValue[ViaSpec]) -> JointGoal | PoseGoal | None:
         spec = part.value
         tolerance = HIT if spec.tolerance is None else spec.tolerance
         if spec.pose is None:
@@ -121,7 +121,7 @@ class Compiler:
         pose = PoseGoalSpec(**spec.pose.model_dump(exclude={"tolerance"}), tolerance=both)
         return self._pose_goal(robot, (*part.place, "pose"), pose)
 
-    def _velocity(self, robot: Robot, part: Part[ViaSpec]) -> Array | None:
+    def _velocity(self, robot: Robot, part: LocatedValue[ViaSpec]) -> Array | None:
         if part.value.velocity is None:
             return None
         place, v, limit = (*part.place, "velocity"), np.array(part.value.velocity, float), robot.limits.velocity
@@ -133,7 +133,7 @@ class Compiler:
             self.report((*place, int(j)), found, f"a value in [{-limit[j]:.10g}, {limit[j]:.10g}]")
         return v
 
-    def _alternative(self, robot: Robot, part: Part[AlternativeSpec]) -> JointGoal | PoseGoal | None:
+    def _alternative(self, robot: Robot, part: LocatedValue[AlternativeSpec]) -> JointGoal | PoseGoal | None:
         if part.value.pose is None:
             q = self.configuration(robot, part.place, part.value)
             return None if q is None else JointGoal(q)

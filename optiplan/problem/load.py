@@ -15,7 +15,7 @@ from optiplan.files import reading
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.hashing import meshes_of, problem_hash
-from optiplan.problem.partial import Draft, Part
+from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.problem import Goal, JointGoal, Objective, PoseGoal, Problem, Via
 from optiplan.problem.schema import ProblemSpec
 from optiplan.problem.to_data import goal_data, scene_data, via_data
@@ -30,7 +30,7 @@ DECIDES_COLLISIONS = ("robot", "group", "locked", "scene.allowed_collisions", "s
 
 
 @dataclass(frozen=True)
-class _Reading:
+class _Loaded:
     """What a file gave: the problem if there are no issues."""
 
     problem: Problem | None
@@ -42,8 +42,8 @@ class _Places:
     """Where the motion begins, ends and passes, as far as that can be used."""
 
     start: Array | None
-    goal: Sequence[Part[JointGoal | PoseGoal]]
-    vias: Sequence[Part[Via]]
+    goal: Sequence[LocatedValue[JointGoal | PoseGoal]]
+    vias: Sequence[LocatedValue[Via]]
 
 
 def load_problem(path: Path | str, folders: Iterable[Path | str] | None = None, **overrides: Any) -> Problem:
@@ -102,13 +102,13 @@ def _with_robots(folders: Iterable[Path | str] | None) -> list[Path | str] | Non
     return None if folders is None else [*folders, robots_dir()]
 
 
-def _problem(reading: _Reading) -> Problem:
+def _problem(reading: _Loaded) -> Problem:
     if reading.problem is None:
         raise InputError(reading.issues)
     return reading.problem
 
 
-def _read(document: Document, base: Path, robots: RobotLoader = load_robot) -> _Reading:
+def _read(document: Document, base: Path, robots: RobotLoader = load_robot) -> _Loaded:
     spec, issues = _schema(document)
     compiler = Compiler(document, base, Draft.of_data(document.data) if spec is None else Draft.of_spec(spec))
     robot = compiler.robot(robots)
@@ -120,9 +120,9 @@ def _read(document: Document, base: Path, robots: RobotLoader = load_robot) -> _
     if robot is not None and not any(issue.field.startswith(DECIDES_COLLISIONS) for issue in issues):
         issues += _collisions(document, CollisionModel(robot, scene), compiler.draft, places)
     if issues or spec is None or robot is None or places.start is None:
-        return _Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
+        return _Loaded(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
     goal, vias = tuple(part.value for part in places.goal), tuple(part.value for part in places.vias)
-    return _Reading(_assemble(spec, document, base, (robot, scene, places.start, goal, vias)), ())
+    return _Loaded(_assemble(spec, document, base, (robot, scene, places.start, goal, vias)), ())
 
 
 def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:

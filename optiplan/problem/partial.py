@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Part(Generic[T]):
+class LocatedValue(Generic[T]):
     """A value of the schema and its place in the file."""
 
     place: Place
@@ -36,12 +36,12 @@ class Draft:
     robot: str | None
     group: str | None
     locked: Mapping[str, float]
-    start: Part[StartSpec] | None
-    goal: tuple[Part[AlternativeSpec], ...]
-    vias: tuple[Part[ViaSpec], ...]
-    obstacles: tuple[Part[ObstacleSpec], ...]
-    attached: tuple[Part[AttachedSpec], ...]
-    allowed: tuple[Part[tuple[str, ...]], ...]
+    start: LocatedValue[StartSpec] | None
+    goal: tuple[LocatedValue[AlternativeSpec], ...]
+    vias: tuple[LocatedValue[ViaSpec], ...]
+    obstacles: tuple[LocatedValue[ObstacleSpec], ...]
+    attached: tuple[LocatedValue[AttachedSpec], ...]
+    allowed: tuple[LocatedValue[tuple[str, ...]], ...]
 
     @classmethod
     def of_spec(cls, spec: ProblemSpec) -> "Draft":
@@ -51,7 +51,7 @@ class Draft:
             robot=spec.robot,
             group=spec.group,
             locked=spec.locked,
-            start=Part(("start",), spec.start),
+            start=LocatedValue(("start",), spec.start),
             goal=_alternatives(spec.goal),
             vias=_parts(("via",), spec.via),
             obstacles=_parts(("scene", "obstacles"), scene.obstacles),
@@ -72,7 +72,7 @@ class Draft:
             robot=_fit(Name, root.get("robot")),
             group=_fit(Name, root.get("group")),
             locked=_fit(dict[str, Number], root.get("locked", {})) or {},
-            start=None if start is None else Part(("start",), start),
+            start=None if start is None else LocatedValue(("start",), start),
             goal=_alternatives(whole) if whole else _fits(("goal", "any_of"), AlternativeSpec, ends),
             vias=_fits(("via",), ViaSpec, root.get("via")),
             obstacles=_fits(("scene", "obstacles"), ObstacleSpec, scene.get("obstacles")),
@@ -85,14 +85,14 @@ def _mapping(value: Any) -> dict[Any, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def _alternatives(goal: GoalSpec) -> tuple[Part[AlternativeSpec], ...]:
+def _alternatives(goal: GoalSpec) -> tuple[LocatedValue[AlternativeSpec], ...]:
     if goal.any_of is None:
-        return (Part(("goal",), goal),)
+        return (LocatedValue(("goal",), goal),)
     return _parts(("goal", "any_of"), goal.any_of)
 
 
-def _parts(place: Place, values: tuple[T, ...]) -> tuple[Part[T], ...]:
-    return tuple(Part((*place, i), value) for i, value in enumerate(values))
+def _parts(place: Place, values: tuple[T, ...]) -> tuple[LocatedValue[T], ...]:
+    return tuple(LocatedValue((*place, i), value) for i, value in enumerate(values))
 
 
 def _fit(kind: Any, raw: Any) -> Any:
@@ -102,6 +102,6 @@ def _fit(kind: Any, raw: Any) -> Any:
         return None
 
 
-def _fits(place: Place, kind: Any, raw: Any) -> tuple[Part[Any], ...]:
+def _fits(place: Place, kind: Any, raw: Any) -> tuple[LocatedValue[Any], ...]:
     values = [_fit(kind, item) for item in raw] if isinstance(raw, list) else []
-    return tuple(Part((*place, i), value) for i, value in enumerate(values) if value is not None)
+    return tuple(LocatedValue((*place, i), value) for i, value in enumerate(values) if value is not None)

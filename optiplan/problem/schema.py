@@ -200,7 +200,7 @@ def _timed(vias: tuple[ViaSpec, ...]) -> tuple[ViaSpec, ...]:
     return vias
 
 
-class LimitsSpec(Strict):
+class LimitScalesSpec(Strict):
     """Fractions of the robot's own limits; `jerk: none` lifts the jerk limits, so that the acceleration may jump."""
 
     velocity: Fraction = 1.0
@@ -247,7 +247,7 @@ class ProblemSpec(Strict):
     scene: SceneSpec = SceneSpec()
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(_timed)] = ()
     path_constraints: Annotated[tuple[Any, ...], _empty("path constraints")] = ()
-    limits: LimitsSpec = LimitsSpec()
+    limits: LimitScalesSpec = LimitScalesSpec()
     objective: ObjectiveSpec = ObjectiveSpec()
     planner: Annotated[PlannerSpec, BeforeValidator(_named, json_schema_input_type=str | PlannerSpec)] = PlannerSpec()
     seed: Annotated[Whole, Field(ge=0)] = 0

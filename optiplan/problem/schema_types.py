@@ -7,14 +7,12 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from optiplan.config.document import Number, Strict
 from optiplan.geometry.poses import unit
+from optiplan.geometry.scene import LARGEST_COORDINATE
 
-FARTHEST = 1e6
-"""Largest length and coordinate, m: nothing that an arm can meet, and squares of it are still exact enough."""
-
-Length = Annotated[float, Field(strict=True, gt=0.0, le=FARTHEST, allow_inf_nan=False)]
+Length = Annotated[float, Field(strict=True, gt=0.0, le=LARGEST_COORDINATE, allow_inf_nan=False)]
 """A number > 0, m."""
 
-Coordinate = Annotated[float, Field(strict=True, ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(strict=True, ge=-LARGEST_COORDINATE, le=LARGEST_COORDINATE, allow_inf_nan=False)]
 """A number of either sign, m (or rad, or of a unit vector)."""
 
 NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]

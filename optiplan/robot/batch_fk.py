@@ -40,9 +40,9 @@ class BatchKinematics:
         """Which planned joints (..., n) take part where the joints `moved` (..., J) do."""
         return np.asarray((moved @ np.abs(self.coupling)) > 0.0) if self._follows else moved
 
-    def planned_bound(self, levers: Array) -> Array:
+    def planned_bound(self, moment_arms: Array) -> Array:
         """Bounds (..., n) for each rad or m of a planned joint, from those for each of any joint (..., J): |A|^T l."""
-        return levers @ np.abs(self.coupling) if self._follows else levers
+        return moment_arms @ np.abs(self.coupling) if self._follows else moment_arms
 
     def of_planned(self, gradient: Array) -> Array:
         """Gradients (..., n) in the planned joints, from those in all joints (..., J): A^T g."""
@@ -63,7 +63,7 @@ class BatchKinematics:
         axis = np.where(self.revolute[:, None] > 0.5, self._screws[:, 3:], self._screws[:, :3])
         return (poses[:, 1:, :3, :3] @ axis[:, :, None])[..., 0], poses[:, 1:, :3, 3].copy()
 
-    def levers(self, joint: int, points: Array, stroke: Array) -> Array:
+    def moment_arms(self, joint: int, points: Array, stroke: Array) -> Array:
         """Bounds, m, on how far points (K, 3) fixed to a joint travel for each rad or m of each joint: (J,).
 
         Holds at: every configuration with |q_j| <= stroke_j; `stroke` (n,) matters for prismatic joints only, m. Seen

@@ -189,8 +189,8 @@ def reduce_to(planned: Sequence[str], wanted: Mapping[str, float], urdf: UrdfSou
 def _refuse_broken_turns(followers: Mapping[str, Mimic], urdf: UrdfSource) -> None:
     """A joint without end counts turns modulo one; what follows it at half its angle would not be where it was."""
     for name, mimic in followers.items():
-        turns = urdf.joint_types[name] != "prismatic" and float(mimic.multiplier).is_integer()
-        if urdf.joint_types[mimic.source] == "continuous" and not turns:
+        revolute = urdf.joint_types[name] != "prismatic" and float(mimic.multiplier).is_integer()
+        if urdf.joint_types[mimic.source] == "continuous" and not revolute:
             found = f"<mimic> of '{mimic.source}', which turns without end, by {mimic.multiplier:g}"
             expected = f"a whole multiplier of a joint that turns, or limits for '{mimic.source}' (type revolute)"
             raise urdf.error(name, found, expected)

@@ -11,6 +11,9 @@ from optiplan.robot.joint_groups import Group, Reduced
 from optiplan.robot.spec import LimitsSpec
 
 DEFAULTS = {"velocity": 1.0, "acceleration": 10.0, "jerk": 500.0, "torque": np.inf}
+ORDERS = ("position", "velocity", "acceleration", "jerk")
+"""Limited quantities by the order of the derivative."""
+
 UNITS = {"velocity": "rad/s", "acceleration": "rad/s²", "jerk": "rad/s³", "torque": "N·m"}
 
 
@@ -62,16 +65,16 @@ def build_limits(spec: LimitsSpec, document: Document, reduced: Reduced, group: 
         else:
             values[key] = _from_yaml(key, given, document, issues, group)
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    for name in (name for name, room in zip(names, upper - lower, strict=True) if room < 0):
+    for name in (name for name, width in zip(names, upper - lower, strict=True) if width < 0):
         issues.append(document.issue(("urdf",), f"joint {name} with a lower limit above the upper", "lower <= upper"))
     if not issues:
         _narrow_positions(reduced, names, (lower, upper), notes)
-    for name in (name for name, room in zip(names, upper - lower, strict=True) if room < 0 and not issues):
+    for name in (name for name, width in zip(names, upper - lower, strict=True) if width < 0 and not issues):
         found = f"joint {name}, which the limits of the joints that follow it leave no position"
         issues.append(document.issue(("urdf",), found, "limits that overlap"))
     if issues:
         raise InputError(issues)
-    stuck = [name for name, room in zip(names, upper - lower, strict=True) if room <= 0]
+    stuck = [name for name, width in zip(names, upper - lower, strict=True) if width <= 0]
     if stuck:
         notes.append(f"the URDF's position limits leave no room to {', '.join(stuck)}")
     return Limits(lower, upper, values["velocity"], values["acceleration"], values["jerk"], values["torque"]), notes

@@ -14,7 +14,7 @@ from optiplan import cache
 from optiplan.arrays import Array
 from optiplan.config.document import Document, read_yaml, validate
 from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError
-from optiplan.files import bound, read_bytes, reading
+from optiplan.files import bound, read_bytes, reading, write_text
 from optiplan.resources import robots_dir
 from optiplan.robot.description_files import read_sources
 from optiplan.robot.dh.table import DhTable
@@ -79,12 +79,13 @@ class Robot:
     def revolute(self) -> npt.NDArray[np.bool_]:
         """Which planned joints turn, (n,); the others slide."""
         own = [self.model.getJointId(name) - 1 for name in self.joint_names]
-        return np.asarray(self._turns()[own])
+        return np.asarray(self._revolute_joints()[own])
 
     @cached_property
     def whole_turns(self) -> npt.NDArray[np.bool_]:
         """Which planned joints, (n,), leave every link where it was after a whole turn: followers turn wholly too."""
-        sliding = {name for name, turns in zip(self.model.names[1:], self._turns(), strict=True) if not turns}
+        names = self.model.names[1:]
+        sliding = {name for name, revolute in zip(names, self._revolute_joints(), strict=True) if not revolute}
         broken = {
             mimic.source
             for name, mimic in self.followers.items()
@@ -92,7 +93,7 @@ class Robot:
         }
         return np.asarray(self.revolute & np.array([name not in broken for name in self.joint_names]))
 
-    def _turns(self) -> npt.NDArray[np.bool_]:
+    def _revolute_joints(self) -> npt.NDArray[np.bool_]:
         """Which joints of the model turn, followers too: (J,)."""
         return np.asarray(np.linalg.norm(screws(self.model)[:, 3:], axis=1) > 0.5)
 
@@ -258,7 +259,7 @@ def _wanted(spec: RobotSpec, planned: Group, locked: Mapping[str, float]) -> dic
 
 def write_srdf(robot: Robot, path: Path) -> None:
     """Write the pairs of links that are not checked as an SRDF."""
-    path.write_text(srdf_text(robot.name, srdf_words(robot.allowed)), encoding="utf-8")
+    write_text(path, srdf_text(robot.name, srdf_words(robot.allowed)))
 
 
 def _bodies(reduced: Reduced, spec: RobotSpec, document: Document) -> LinkGeometry:

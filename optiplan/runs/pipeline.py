@@ -27,7 +27,7 @@ LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "topp
 _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
 
-STILL = 1e-4
+SMALLEST_BOUND = 1e-4
 """s: a lower bound below it is rounding of one configuration, not a way from one to another."""
 
 
@@ -119,7 +119,7 @@ class Run:
 
 def share_of(duration: float | None, bound: float | None) -> float | None:
     """Duration / bound; None without either or when the robot need not move."""
-    return None if duration is None or not bound or bound < STILL else duration / bound
+    return None if duration is None or not bound or bound < SMALLEST_BOUND else duration / bound
 
 
 def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budget, progress: Progress) -> Run:

@@ -1,16 +1,16 @@
 """The run folder: `run.json` and `trajectory.json`, both or none, never half of one."""
 
 import json
-import os
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue
-from optiplan.files import read_bytes
+from optiplan.files import flush, read_bytes, replacing
 from optiplan.runs.pipeline import Run
 from optiplan.trajectory.sample_file import Samples, read_samples, samples_from_dict
 from optiplan.trajectory.trajectory import Trajectory
@@ -54,7 +54,6 @@ def save_run(run: Run, folder: Path) -> None:
     if run.trajectory is not None:
         files[TRAJECTORY] = run.trajectory.to_dict(rate=RATE)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         _write_all(folder, files)
     except OSError as error:
         raise _unusable(folder, error, "a folder that can be written") from error
@@ -140,30 +139,16 @@ def _read_record(path: Path) -> dict[str, Any]:
 
 
 def _write_all(folder: Path, files: Mapping[str, Mapping[str, Any]]) -> None:
-    try:
-        for name, data in files.items():
-            _write_aside(folder, name, data)
+    """Write the files of a run, all or none; `run.json` is the last to be renamed into place."""
+    with ExitStack() as stack:
+        for name in (RUN, TRAJECTORY):  # the stack is left in reverse order
+            if name in files:
+                temporary = stack.enter_context(replacing(folder / name))
+                text = json.dumps(jsonable(files[name]), allow_nan=False, indent=1 if name == RUN else None)
+                temporary.write_text(text + "\n", encoding="utf-8")
+                flush(temporary)  # before the older run is taken away
         for name in (RUN, TRAJECTORY):
             (folder / name).unlink(missing_ok=True)
-        for name in (TRAJECTORY, RUN):
-            if name in files:
-                _aside(folder, name).replace(folder / name)
-    finally:
-        for name in files:
-            _aside(folder, name).unlink(missing_ok=True)
-
-
-def _write_aside(folder: Path, name: str, data: Mapping[str, Any]) -> None:
-    """Write to a temporary name in the same folder, down to the disk."""
-    text = json.dumps(jsonable(data), allow_nan=False, indent=1 if name == RUN else None)
-    with _aside(folder, name).open("w", encoding="utf-8") as file:
-        file.write(text + "\n")
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def _aside(folder: Path, name: str) -> Path:
-    return folder / f".{name}.{os.getpid()}"
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -11,6 +11,9 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.trajectory import bspline, polynomial
 
+SAME_TIME = 1e-12
+"""Share of the duration: breakpoints that are nearer in time are one."""
+
 _MOST_DEGREE = 31  # powers of time beyond that leave no digits
 _OUTSIDE = 1e-9  # s; how far outside [0, duration] rounding may put a time
 

@@ -9,11 +9,11 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.trajectory import Trajectory, defect
 from optiplan.verify.continuous.polynomial_bounds import prove_bounds
 from optiplan.verify.report import Check, VerifyPolicy
 
-_ORDERS = ("position", "velocity", "acceleration", "jerk")
 _UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
 ROUNDING = 1e-9
 """On top of the tolerances of goals and vias, m or rad."""
@@ -97,7 +97,7 @@ def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Chec
     value = np.abs(np.stack([trajectory(ends, 1), trajectory(ends, 2)]))  # (order, end, n)
     allowed = np.stack([policy.rest_tolerance * limits.velocity, _acceleration_step(problem, policy)])[:, None]
     order, end, j = _worst(value, np.broadcast_to(allowed, value.shape))
-    detail = f"{_ORDERS[order + 1]} at the {'end' if end else 'start'}"
+    detail = f"{ORDERS[order + 1]} at the {'end' if end else 'start'}"
     worst, limit, time = float(value[order, end, j]), float(allowed[order, 0, j]), float(ends[end])
     passed, name = bool((value <= allowed).all()), problem.robot.joint_names[j]
     detail += "" if passed or order == 0 else _LIFTED
@@ -121,7 +121,7 @@ def continuity(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -
     i = int(np.argmax(jumps[order, :, j]))
     time, name = float(trajectory.breakpoints[i + 1]), problem.robot.joint_names[j]
     worst, limit = float(total[order, j]), float(allowed[order, j])
-    passed, detail = bool((total <= allowed).all()), f"sum of all steps of {_ORDERS[order]}"
+    passed, detail = bool((total <= allowed).all()), f"sum of all steps of {ORDERS[order]}"
     detail += "" if passed or order < 2 else _LIFTED
     return Check("continuity", "exact", passed, worst, limit, _UNITS[order], time, name, detail)
 
@@ -155,7 +155,7 @@ def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: 
     magnitude = np.maximum(np.abs(e.low), np.abs(e.high))
     time = np.where(np.abs(e.low) > np.abs(e.high), e.t_low, e.t_high)
     allowed = limits * (1.0 + policy.limit_tolerance)
-    check = _largest(problem, Check(_ORDERS[order], "exact", False, unit=_UNITS[order]), magnitude, allowed, time)
+    check = _largest(problem, Check(ORDERS[order], "exact", False, unit=_UNITS[order]), magnitude, allowed, time)
     between = _Between(order, -allowed, allowed, policy.limit_tolerance * limits)
     found = _proved(replace(check, passed=True), problem, trajectory, between)
     return found if found.passed or found.detail or order < 3 else replace(found, detail=_LIFTED.removeprefix("; "))

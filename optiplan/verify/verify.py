@@ -96,7 +96,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
         "pairs": len(model.pairs),
         "intervals": proof.intervals,
         "queries": proof.queries,
-        "believed": proof.believed,
+        "believed": proof.gjk_only,
         "proved_clearance": proof.clearance if proof.proved and model.pairs else None,
         "met_clearance": None if near is None else near.distance,
         "contact": proof.contact,
@@ -117,7 +117,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
 def _words(proof: Proof) -> str:
     """The proof in one sentence."""
     work = f"{proof.intervals} intervals, {proof.queries} distance queries"
-    trust = f", {proof.believed} of them of non-convex meshes, as measured less 1e-6 m" if proof.believed else ""
+    trust = f", {proof.gjk_only} of them of non-convex meshes, as measured less 1e-6 m" if proof.gjk_only else ""
     if proof.proved:
         met = "" if proof.nearest is None else f" (smallest met: {1e3 * proof.nearest.distance:.3g} mm)"
         return f"proved clear by more than {1e3 * proof.clearance:.3g} mm at all times{met}: {work}{trust}"

@@ -9,8 +9,8 @@ from pathlib import Path
 from string import Template
 
 from optiplan.errors import OptiPlanError
+from optiplan.files import write_text
 from optiplan.problem.problem import Problem
-from optiplan.problem.write import write_text
 from optiplan.viewer.runs import RunLike
 from optiplan.viewer.scene import SceneData, build_scene
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics, ellipsoids, scaled
 from optiplan.problem.problem import Problem
-from optiplan.runs.pipeline import STILL
+from optiplan.runs.pipeline import SMALLEST_BOUND
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.surfaces import packed
@@ -63,8 +63,8 @@ class Poses:
         longest first; those of the force ellipsoid are their reciprocals, on the same axes.
         """
         drawn = ellipsoids(scaled(self._kinematics.evaluate(Q)[1], "translation"))
-        turns = np.array([pin.Quaternion(axes).coeffs() for axes in drawn.axes])
-        return np.hstack([turns, drawn.velocity])
+        quaternions = np.array([pin.Quaternion(axes).coeffs() for axes in drawn.axes])
+        return np.hstack([quaternions, drawn.velocity])
 
 
 def show_run(problem: Problem, poses: Poses, run: ViewedRun) -> dict[str, Any]:
@@ -113,7 +113,7 @@ def _facts(problem: Problem, trajectory: Trajectory, report: Mapping[str, Any] |
     ends = trajectory(np.array([0.0, trajectory.duration]))
     bound = lower_bound(ends[0], ends[1], problem.limits)
     facts = [("duration", f"{trajectory.duration:.3f} s")]
-    if bound >= STILL:
+    if bound >= SMALLEST_BOUND:
         name = "× lower bound" if problem.one_end else "× bound of this end configuration"
         facts.append((name, f"{trajectory.duration / bound:.3f}"))
     for check in (report or {}).get("checks", ()):

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.files import replacing
 from optiplan.viewer.surfaces import packed
 from optiplan.workspace.sampling import Workspace
 from optiplan.workspace.voxels import DIRECTIONS
@@ -28,7 +29,6 @@ LABELS = {
 
 def save_workspaces(found: Sequence[Workspace], folder: Path) -> list[Path]:
     """Write `NAME.npz` and `NAME.ply` of each robot, and `workspace.html` and `workspace.png` of all together."""
-    folder.mkdir(parents=True, exist_ok=True)
     writers: list[tuple[str, Callable[[Path], object]]] = []
     for stem, one in zip(_stems(found), found, strict=True):
         writers += [(f"{stem}.npz", _npz(one)), (f"{stem}.ply", _ply(one))]
@@ -36,12 +36,8 @@ def save_workspaces(found: Sequence[Workspace], folder: Path) -> list[Path]:
     writers += [("workspace.html", lambda path: path.write_text(page, encoding="utf-8"))]
     writers += [("workspace.png", lambda path: draw_section(found, path))]
     for name, write in writers:
-        aside = folder / f".part-{name}"  # the ending tells some writers the format
-        try:
-            write(aside)
-            aside.replace(folder / name)
-        finally:
-            aside.unlink(missing_ok=True)
+        with replacing(folder / name) as temporary:
+            write(temporary)
     return [folder / name for name, _ in writers]
 
 

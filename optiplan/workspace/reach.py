@@ -38,15 +38,15 @@ def sampling_range(robot: Robot) -> tuple[Array, Array]:
     """
     lower, upper = robot.limits.lower, robot.limits.upper
     endless = ~(np.isfinite(lower) & np.isfinite(upper))
-    turns = robot.revolute
-    if (endless & ~turns).any():
-        names = ", ".join(np.array(robot.joint_names)[endless & ~turns])
+    revolute = robot.revolute
+    if (endless & ~revolute).any():
+        names = ", ".join(np.array(robot.joint_names)[endless & ~revolute])
         raise OptiPlanError(
             f"{robot.name}: found sliding joints without limits: {names}; expected limits, or a group without them"
         )
     middle = np.zeros(robot.n)
     middle[~endless] = 0.5 * (lower + upper)[~endless]
-    wide = turns & (endless | (upper - lower > 2.0 * np.pi))
+    wide = revolute & (endless | (upper - lower > 2.0 * np.pi))
     return np.where(wide, middle - np.pi, lower), np.where(wide, middle + np.pi, upper)
 
 

@@ -49,7 +49,7 @@ class WorkspaceOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class WorkspaceSamples:
     """N configurations and what holds there.
 
     Attributes:
@@ -81,7 +81,7 @@ class Workspace:
     robot: Robot
     options: WorkspaceOptions
     reach: Reach
-    samples: Samples
+    samples: WorkspaceSamples
     voxels: VoxelMap
     rings: Coverage
 
@@ -129,18 +129,18 @@ def configurations(robot: Robot, options: WorkspaceOptions, start: int, stop: in
 
 
 @dataclass(frozen=True, eq=False)
-class _Sampling(ChunkedWork[Samples]):
+class _Sampling(ChunkedWork[WorkspaceSamples]):
     robot: Robot
     options: WorkspaceOptions
     size: int
     length: float
 
-    def prepare(self) -> Callable[[int], Samples]:
+    def prepare(self) -> Callable[[int], WorkspaceSamples]:
         robot, options = self.robot, self.options
         tool = ToolKinematics(robot)
         checked = CollisionModel(robot, _scene(robot, options.floor)) if options.collision else None
 
-        def sample(chunk: int) -> Samples:
+        def sample(chunk: int) -> WorkspaceSamples:
             start = chunk * CHUNK
             Q = configurations(robot, options, start, min(start + CHUNK, self.size))
             X_WT, J = tool.evaluate(Q)
@@ -149,7 +149,7 @@ class _Sampling(ChunkedWork[Samples]):
                 error = tool_error(J, options.resolution)
                 found = {**found, "error_worst": error.position_worst, "error_rms": error.position_rms}
             free = np.ones(len(Q), bool) if checked is None else np.array([not checked.collides(q) for q in Q])
-            return Samples(Q, X_WT[:, :3, 3], X_WT[:, :3, 2], free, found)
+            return WorkspaceSamples(Q, X_WT[:, :3, 3], X_WT[:, :3, 2], free, found)
 
         return sample
 
@@ -162,10 +162,10 @@ def _scene(robot: Robot, floor: float | None) -> Scene:
     return Scene((Obstacle("floor", HalfSpace((0.0, 0.0, 1.0), floor), pin.SE3.Identity()),), allowed=standing)
 
 
-def _join(parts: list[Samples]) -> Samples:
+def _join(parts: list[WorkspaceSamples]) -> WorkspaceSamples:
     def column(name: str) -> Array:
         return np.concatenate([getattr(part, name) for part in parts])
 
     free = np.concatenate([part.free for part in parts])
     values = {name: np.concatenate([part.values[name] for part in parts]) for name in parts[0].values}
-    return Samples(column("q"), column("position"), column("axis"), free, values)
+    return WorkspaceSamples(column("q"), column("position"), column("axis"), free, values)

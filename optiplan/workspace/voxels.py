@@ -4,12 +4,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.workspace.reach import Reach
 
-Index = npt.NDArray[np.intp]
 DIRECTIONS = 32
 """Directions of the tool's z axis that are told apart in a voxel."""
 

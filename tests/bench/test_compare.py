@@ -51,7 +51,7 @@ def test_longer_motions_are_a_regression_and_shorter_ones_not(compared):
     (change,) = found.of("regression")
     assert (change.planner, change.quantity, change.better, change.worse) == ("one", "duration", 0, 20)
     assert change.ratio == pytest.approx((1.05, 1.05, 1.05))
-    assert change.corrected == pytest.approx(6 * 2.0 / 2**20)
+    assert 6 * 2.0 / 2**20 < change.corrected < 1e-4  # 20 equal ratios: the normal approximation, not the exact share
     assert found.of("improvement") == []
 
 

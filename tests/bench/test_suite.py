@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from optiplan.bench.results.records import Task
+from optiplan.bench.results.records import BenchTask
 from optiplan.bench.sources.base import READERS, Found
 from optiplan.bench.suite.schema import read_suite
 from optiplan.bench.suite.suite import differences, load_suite
@@ -69,7 +69,7 @@ def test_every_run_is_a_task_problem_by_problem(load, problems):
     assert [task.problem.id for task in tasks] == ["problems/12_planar"] * 8 + ["problems/17_puma560"] * 8
     assert (tasks[1].planner.label, tasks[1].planner.name, tasks[1].planner.options) == ("few", "quintic", {"goals": 1})
     assert (tasks[0].budget, tasks[0].wall, tasks[0].memory) == (1.0, 9.0, 500.0)
-    assert Task.from_dict(tasks[1].to_dict()) == tasks[1]
+    assert BenchTask.from_dict(tasks[1].to_dict()) == tasks[1]
 
 
 def test_labels_of_the_suite_go_before_those_of_its_sources(load, problems):

@@ -41,7 +41,7 @@ def test_levers_bound_the_change_of_every_distance(name):
     model = CollisionModel(load_robot(name), scene())
     limits = model.robot.limits
     stroke = np.minimum(np.maximum(np.abs(limits.lower), np.abs(limits.upper)), 10.0)
-    levers = model.bounds.levers(stroke)
+    moment_arms = model.bounds.moment_arms(stroke)
     rng = np.random.default_rng(1)
     tightest = 0.0
     for _ in range(40):
@@ -52,7 +52,7 @@ def test_levers_bound_the_change_of_every_distance(name):
         for end in ends:
             model.place(end)
             gaps.append(np.array([model.pair_gap(pair) for pair in range(len(model.pairs))]))
-        change, bound = np.abs(gaps[1] - gaps[0]), levers @ np.abs(ends[1] - ends[0])
+        change, bound = np.abs(gaps[1] - gaps[0]), moment_arms @ np.abs(ends[1] - ends[0])
         apart = np.minimum(*gaps) > 0.0  # depths of penetration are not trusted
         assert (change[apart] <= bound[apart] + 1e-6).all()
         tightest = max(tightest, (change[apart] / (bound[apart] + 1e-12)).max())

@@ -3,7 +3,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from optiplan.problem.write import problem_text, write_text
+from optiplan.files import write_text
+from optiplan.problem.write import problem_text
 
 number = st.floats(allow_nan=False, allow_infinity=False) | st.integers(-(2**60), 2**60)
 words = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]))

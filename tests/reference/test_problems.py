@@ -7,7 +7,7 @@ import pytest
 
 from optiplan.kinematics.manipulability import ToolKinematics, measures
 from optiplan.planners.base import Budget
-from optiplan.planners.sclerp.qp_stepping import Screw
+from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.load import load_problem
 from optiplan.resources import problems_dir
@@ -47,7 +47,7 @@ def test_the_goal_is_the_reports_and_the_tool_keeps_to_the_screw(name):
     tool = Tool(problem.robot, problem.robot.tool_frame)
     entry("sclerp.baxter.home").check(tool.pose(problem.start).homogeneous)
     assert np.abs(tool.pose(trajectory.end).homogeneous - np.array(expected["goal"])).max() <= 1e-6
-    screw = Screw(tool.pose(problem.start), problem.goal[0].X_WG)
+    screw = ScrewMotion(tool.pose(problem.start), problem.goal[0].X_WG)
     on = np.array([screw.pose(s).translation for s in np.linspace(0.0, 1.0, 2001)])
     way = np.linalg.norm(np.diff(on, axis=0), axis=1).max()
     for q in trajectory(np.linspace(0.0, trajectory.duration, 60)):

@@ -13,7 +13,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
 from optiplan.planners.sclerp.bounded_least_squares import bounded_least_squares
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.qp_stepping import Screw
+from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import REFLECTION, aim, b_matrix, chase, reflected, spatial_J1
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.problem import PoseGoal, Problem
@@ -70,7 +70,7 @@ def poses(tool, Q):
 
 def screw_deviation(X, ends):
     """Largest distance, m, and angle, rad, of poses X (N, 4, 4) from the nearest of 401 poses of the screw."""
-    screw = Screw(*ends)
+    screw = ScrewMotion(*ends)
     on = np.array([screw.pose(s).homogeneous for s in np.linspace(0.0, 1.0, 401)])
     distance = np.linalg.norm(X[:, None, :3, 3] - on[:, :3, 3], axis=2)
     trace = X[:, :3, :3].reshape(-1, 9) @ on[:, :3, :3].reshape(-1, 9).T
@@ -278,7 +278,7 @@ TRACKED = ("max_track_position", "max_track_rotation", "final_position_error", "
 def bounded_steps(tool, X_G):
     """(position, rotation) errors at worst and at the end, and the least distance from a limit."""
     low, high = tool.robot.limits.lower, tool.robot.limits.upper
-    q, screw, errors, margin = np.zeros(7), Screw(tool.pose(np.zeros(7)), X_G), [], 9.0
+    q, screw, errors, margin = np.zeros(7), ScrewMotion(tool.pose(np.zeros(7)), X_G), [], 9.0
     for s in np.linspace(0.0, 1.0, 401)[1:]:
         target, bounds = screw.pose(s), (np.maximum(low, q - 0.05), np.minimum(high, q + 0.05))
         for _ in range(4):
@@ -312,7 +312,7 @@ def test_quadratic_programs_keep_to_the_screw_and_within_limits_at_all_times(arm
     tool = Tool(arm, arm.tool_frame)
     X = poses(tool, trajectory(np.linspace(0.0, trajectory.duration, 150)))
     assert np.abs(X[-1] - goal(name).homogeneous).max() <= 1e-6
-    assert off_screw(X, Screw(tool.pose(np.zeros(7)), goal(name))) <= 1e-6
+    assert off_screw(X, ScrewMotion(tool.pose(np.zeros(7)), goal(name))) <= 1e-6
 
 
 def off_screw(X, screw):

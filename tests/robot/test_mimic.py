@@ -166,7 +166,7 @@ def distances(model: CollisionModel, q: np.ndarray) -> np.ndarray:
 def test_no_pair_comes_nearer_than_its_bounds_allow(model, robot):
     rng = np.random.default_rng(3)
     stroke = np.maximum(np.abs(robot.limits.lower), np.abs(robot.limits.upper))
-    levers = model.bounds.levers(stroke)
+    moment_arms = model.bounds.moment_arms(stroke)
     for q in samples(robot, 10):
         reach = rng.uniform(0.01, 0.4, robot.n)
         travel = model.travel(q[None], reach[None])[0]
@@ -177,7 +177,7 @@ def test_no_pair_comes_nearer_than_its_bounds_allow(model, robot):
             then = distances(model, moved)
             apart = (now > 0) & (then > 0)
             assert (np.abs(then - now)[apart] <= travel[apart] + 1e-6).all()
-            assert (np.abs(then - now)[apart] <= (levers @ np.abs(moved - q))[apart] + 1e-6).all()
+            assert (np.abs(then - now)[apart] <= (moment_arms @ np.abs(moved - q))[apart] + 1e-6).all()
 
 
 def test_which_planned_joints_move_a_pair(model):

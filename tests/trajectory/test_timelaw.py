@@ -144,8 +144,8 @@ def test_the_tool_keeps_its_acceleration_in_sharp_corners_of_a_slow_motion(panda
     assert motion.duration > 20.0
     pairs = zip(motion.breakpoints, np.diff(motion.breakpoints), strict=False)
     t = np.concatenate([a + h * np.linspace(1e-6, 1.0 - 1e-6, 21) for a, h in pairs])
-    bend = tool_motion(panda, tool.frame, [motion(t, order) for order in range(3)])[1]
-    assert np.linalg.norm(bend[:, :3], axis=1).max() < 1.001 * tool.linear_acceleration
+    acceleration = tool_motion(panda, tool.frame, [motion(t, order) for order in range(3)])[1]
+    assert np.linalg.norm(acceleration[:, :3], axis=1).max() < 1.001 * tool.linear_acceleration
 
 
 def test_without_a_jerk_limit_the_default_is_toppra():
@@ -213,11 +213,11 @@ def test_tool_limits_hold_and_are_met(panda, reach, method, limit):
     free = time_path(reach, panda, panda.limits, TimingOptions(method))
     assert motion.duration > 1.1 * free.duration
     t = np.linspace(0.0, motion.duration, 5000)
-    twist, bend = tool_motion(panda, tool.frame, [motion(t, order) for order in range(3)])
+    twist, acceleration = tool_motion(panda, tool.frame, [motion(t, order) for order in range(3)])
     found = {
         "linear": np.linalg.norm(twist[:, :3], axis=1).max(),
         "angular": np.linalg.norm(twist[:, 3:], axis=1).max(),
-        "linear_acceleration": np.linalg.norm(bend[:, :3], axis=1).max(),
+        "linear_acceleration": np.linalg.norm(acceleration[:, :3], axis=1).max(),
     }
     ((name, value),) = limit.items()
     assert 0.98 * value < found[name] <= value
@@ -233,11 +233,11 @@ def test_tool_motion_is_the_derivative_of_the_pose(panda):
         return data.oMf[frame].copy()
 
     back, here, ahead = (pose(t) for t in (-h, 0.0, h))
-    twist, bend = tool_motion(panda, panda.tool_frame, [x[None] for x in (q, v, a)])
+    twist, acceleration = tool_motion(panda, panda.tool_frame, [x[None] for x in (q, v, a)])
     assert twist[0, :3] == pytest.approx((ahead.translation - back.translation) / (2 * h), abs=1e-7)
     assert twist[0, 3:] == pytest.approx(pin.log3(ahead.rotation @ back.rotation.T) / (2 * h), abs=1e-7)
     second = (ahead.translation - 2.0 * here.translation + back.translation) / h**2
-    assert bend[0, :3] == pytest.approx(second, abs=1e-4)
+    assert acceleration[0, :3] == pytest.approx(second, abs=1e-4)
 
 
 def test_rows_are_the_limits_of_the_motion(panda, reach):
@@ -253,8 +253,8 @@ def test_rows_are_the_limits_of_the_motion(panda, reach):
     value = rows.A * sdd + rows.B * sd**2 + rows.G
     assert value[:, :n] == pytest.approx(a)
     assert value[:, n : 2 * n] == pytest.approx(tau)
-    twist, bend = tool_motion(panda, tool.frame, [q, v, a])
-    size = np.linalg.norm(bend[:, :3], axis=1)
+    twist, acceleration = tool_motion(panda, tool.frame, [q, v, a])
+    size = np.linalg.norm(acceleration[:, :3], axis=1)
     largest = np.abs(value[:, 2 * n :]).max(axis=1)
     assert (largest <= size + 1e-9).all()
     assert (largest >= size * np.cos(np.pi / 16.0) - 1e-9).all()

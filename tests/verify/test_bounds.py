@@ -13,7 +13,7 @@ from optiplan.geometry.enclosure import winding_number
 from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
 from optiplan.verify.continuous.bodies import Bodies, support, vertices_of
 from optiplan.verify.continuous.intervals import Intervals, boxes, step_sizes
-from optiplan.verify.continuous.motion_bounds import Asked, Motion
+from optiplan.verify.continuous.motion_bounds import DistanceQuery, Motion
 from optiplan.verify.continuous.separating_planes import PairDistances
 from tests.verify.motions import smooth
 
@@ -70,8 +70,10 @@ def test_approach_bounds_the_gap_over_the_whole_interval(model, panda, seed, wid
     placed = bodies.place(poses, rows, pairs)
     asked_of = PairDistances(model, bodies)
     found = asked_of.query(b.q, rows, pairs, placed)
-    near = Motion(bodies).approach(b, Asked(rows, pairs, placed, *bodies.kinematics.axes(poses)), found.normals)
-    low = np.maximum(found.bound - near.travel, near.linear - near.bend)
+    near = Motion(bodies).separation_rate(
+        b, DistanceQuery(rows, pairs, placed, *bodies.kinematics.axes(poses)), found.normals
+    )
+    low = np.maximum(found.bound - near.travel, near.linear - near.curvature_loss)
     for t in np.linspace(0.0, trajectory.breakpoints[1], 9):
         q = trajectory(np.array([t]))
         later = bodies.place(bodies.kinematics.poses(q), rows, pairs)
@@ -122,7 +124,7 @@ def test_plane_bounds_meet_the_measured_distance(model, panda, seed):
     placed = bodies.place(bodies.kinematics.poses(q), rows, pairs)
     found = PairDistances(model, bodies).query(q, rows, pairs, placed)
     apart = found.measured > 1e-6
-    assert not found.believed.any()
+    assert not found.gjk_only.any()
     assert (found.bound <= found.measured + 1e-8)[apart].all()
     assert (found.bound >= found.measured - 1e-6)[apart].all()
     assert (found.bound <= 1e-6)[~apart].all()

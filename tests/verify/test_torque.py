@@ -29,12 +29,12 @@ def test_the_second_derivative_is_never_larger_than_its_bound(name):
     for _ in range(20):
         q = rng.uniform(np.maximum(robot.limits.lower, -1.0), np.minimum(robot.limits.upper, 1.0), (2, robot.n))
         motion = quintic(robot.joint_names, q[0], q[1], 1.0)
-        terms, bend = bounds.over(np.abs([motion(np.array([0.4]), order) for order in range(5)]))
+        terms, curvature = bounds.over(np.abs([motion(np.array([0.4]), order) for order in range(5)]))
         tau = torques(robot, motion, np.array([0.4 - h, 0.4, 0.4 + h]))
         second = (tau[0] - 2.0 * tau[1] + tau[2]) / h**2
-        assert (np.abs(second) <= bend[0] * 1.001 + 1e-3).all()
+        assert (np.abs(second) <= curvature[0] * 1.001 + 1e-3).all()
         assert (np.abs(tau[1]) <= terms[0] + 1e-9).all()
-        loose.append(bend[0] / np.maximum(np.abs(second), 1e-9))
+        loose.append(curvature[0] / np.maximum(np.abs(second), 1e-9))
     robot.model.armature[:] = 0.0
     assert np.min(loose) < 100.0  # a bound that means something
 
@@ -55,8 +55,8 @@ def test_joints_that_follow_others_count():
         t = np.array([0.4 - h, 0.4, 0.4 + h])
         states = [motion(t, order) @ A.T + (b if order == 0 else 0.0) for order in range(3)]
         tau = np.array([A.T @ pin.rnea(model, data, *(x[k] for x in states)) for k in range(3)])
-        terms, bend = bounds.over(np.abs([motion(t[1:2], order) for order in range(5)]))
-        assert np.abs(tau[0] - 2.0 * tau[1] + tau[2])[0] / h**2 <= 1.001 * bend[0, 0] + 1e-3
+        terms, curvature = bounds.over(np.abs([motion(t[1:2], order) for order in range(5)]))
+        assert np.abs(tau[0] - 2.0 * tau[1] + tau[2])[0] / h**2 <= 1.001 * curvature[0, 0] + 1e-3
         assert np.abs(tau[1]) <= terms[0] + 1e-9
 
 
@@ -66,11 +66,11 @@ def test_one_joint_by_hand():
     joint = model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "j")
     model.appendBodyToJoint(joint, pin.Inertia(2.0, np.array([0.0, 0.5, 0.0]), np.eye(3) * 0.1), pin.SE3.Identity())
     q = np.array([0.3, 0.2, 0.7, 0.5, 11.0])  # bounds on q, q', …
-    terms, bend = TorqueBounds(model).over(q.reshape(5, 1, 1))
+    terms, curvature = TorqueBounds(model).over(q.reshape(5, 1, 1))
     weight = 2.0 * 9.81 * 0.5
     assert terms[0, 0] >= weight + (0.1 + 0.5) * 0.7
     least = 0.6 * 11.0 + weight * (0.7 + 0.2**2)
-    assert least <= bend[0, 0] <= 2.0 * least
+    assert least <= curvature[0, 0] <= 2.0 * least
 
 
 @pytest.fixture(scope="module")

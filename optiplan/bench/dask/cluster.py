@@ -11,7 +11,7 @@ from typing import Any
 
 from optiplan.bench.dask import station
 from optiplan.bench.dask.file_transfer import Packer
-from optiplan.bench.results.records import BenchProblem, Outcome, Row, Task, empty_row, failure
+from optiplan.bench.results.records import BenchProblem, BenchTask, Outcome, Row, empty_row, failure
 from optiplan.errors import OptiPlanError
 
 CONNECT = 10.0
@@ -54,7 +54,7 @@ class DaskCluster:
         self._packer = Packer()
         self._packed: tuple[str, BenchProblem] | None = None
         self._done: queue.Queue[Any] = queue.Queue()
-        self._flying: dict[Any, tuple[Task, station.Bill]] = {}
+        self._flying: dict[Any, tuple[BenchTask, station.Bill]] = {}
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # other versions of Dask: below we say so ourselves
@@ -73,22 +73,22 @@ class DaskCluster:
         """Threads of all workers that are there now."""
         return sum(self._client.nthreads().values())
 
-    def outcomes(self, tasks: Iterable[Task]) -> Generator[Outcome, None, None]:
+    def outcomes(self, tasks: Iterable[BenchTask]) -> Generator[Outcome, None, None]:
         """As `Workforce` says.
 
         Raises:
             ClusterError: the scheduler is gone, no worker comes, or one comes with other versions.
         """
-        waiting, looked, room, alone = iter(tasks), 0.0, 0, time.monotonic()
+        waiting, looked, workers, alone = iter(tasks), 0.0, 0, time.monotonic()
         try:
             while not self._stop.is_set():
                 now = time.monotonic()
                 if now - looked > LOOK:
-                    looked, room = now, self._look()
-                    alone = now if room else alone
+                    looked, workers = now, self._look()
+                    alone = now if workers else alone
                 if now - alone > WAIT:
                     raise ClusterError(f"no worker at {self.address} for {WAIT:g} s")
-                while len(self._flying) < AHEAD * max(room, 1):
+                while len(self._flying) < AHEAD * max(workers, 1):
                     task = next(waiting, None)
                     if task is None:
                         break
@@ -122,7 +122,7 @@ class DaskCluster:
             if words:
                 raise _mismatch(worker, words)
 
-    def _send(self, task: Task, bill: station.Bill) -> None:
+    def _send(self, task: BenchTask, bill: station.Bill) -> None:
         packed = replace(task, problem=self._pack(task.problem))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that a bundle is large

@@ -13,8 +13,8 @@ from importlib import metadata
 
 from optiplan.bench.dask.file_transfer import Freight, keep, lacking, unpack
 from optiplan.bench.execution.code_version import own_digest
-from optiplan.bench.execution.slot import Slot
-from optiplan.bench.results.records import Outcome, Task
+from optiplan.bench.execution.slot import WorkerSlot
+from optiplan.bench.results.records import BenchTask, Outcome
 from optiplan.runs.pipeline import versions
 
 Bill = Mapping[str, Freight]
@@ -39,7 +39,7 @@ class Other:
 class _Seat:
     """A thread of a worker and its slot; the lock is held while a task runs."""
 
-    slot: Slot
+    slot: WorkerSlot
     lock: threading.Lock = field(default_factory=threading.Lock)
 
 
@@ -77,7 +77,7 @@ def differences(theirs: Mapping[str, str]) -> tuple[str, ...]:
     )
 
 
-def carry_out(session: str, expected: Mapping[str, str], task: Task, bill: Bill) -> Outcome | Wanted | Other:
+def carry_out(session: str, expected: Mapping[str, str], task: BenchTask, bill: Bill) -> Outcome | Wanted | Other:
     """Run a packed task in this thread's slot.
 
     Args:
@@ -124,5 +124,5 @@ def _seat(session: str) -> _Seat:
         shift = _shifts.setdefault(session, _Shift())
         if thread not in shift.seats:
             name = f"{platform.node()}/{os.getpid()}/{len(shift.seats)}"
-            shift.seats[thread] = _Seat(Slot(name, shift.stop))
+            shift.seats[thread] = _Seat(WorkerSlot(name, shift.stop))
         return shift.seats[thread]

@@ -6,8 +6,8 @@ from collections.abc import Generator, Iterable, Iterator
 from typing import Protocol
 
 from optiplan.bench.execution.machine import cores
-from optiplan.bench.execution.slot import Slot, Stopped
-from optiplan.bench.results.records import Outcome, Task
+from optiplan.bench.execution.slot import Stopped, WorkerSlot
+from optiplan.bench.results.records import BenchTask, Outcome
 
 PATIENCE = 5.0
 """s that a slot has to end its run."""
@@ -16,7 +16,7 @@ PATIENCE = 5.0
 class Workforce(Protocol):
     """Whoever carries out tasks: slots on this machine, or machines elsewhere."""
 
-    def outcomes(self, tasks: Iterable[Task]) -> Generator[Outcome, None, None]:
+    def outcomes(self, tasks: Iterable[BenchTask]) -> Generator[Outcome, None, None]:
         """One outcome for every task, in any order; a task is taken from `tasks` only when a slot is free for it."""
         ...
 
@@ -41,7 +41,7 @@ class LocalPool:
         pinned: list[int | None] = list(cores()) if pin else [None] * workers
         self._stop = threading.Event()
         self._lock = threading.Lock()
-        self._slots = [Slot(f"local/{index}", self._stop, pinned[index]) for index in range(workers)]
+        self._slots = [WorkerSlot(f"local/{index}", self._stop, pinned[index]) for index in range(workers)]
         self._done: queue.Queue[Outcome | BaseException | None] = queue.Queue(4 * workers + 4)
 
     @property
@@ -49,7 +49,7 @@ class LocalPool:
         """Seconds that the slots waited for new workers, in all."""
         return sum(slot.starting for slot in self._slots)
 
-    def outcomes(self, tasks: Iterable[Task]) -> Generator[Outcome, None, None]:
+    def outcomes(self, tasks: Iterable[BenchTask]) -> Generator[Outcome, None, None]:
         """As `Workforce` says.
 
         Raises:
@@ -78,7 +78,7 @@ class LocalPool:
         """As `Workforce` says."""
         self._stop.set()
 
-    def _serve(self, slot: Slot, tasks: Iterator[Task]) -> None:
+    def _serve(self, slot: WorkerSlot, tasks: Iterator[BenchTask]) -> None:
         """One slot's thread."""
         try:
             while not self._stop.is_set():

@@ -14,7 +14,7 @@ import numpy as np
 from optiplan.bench.execution import machine
 from optiplan.bench.execution.code_version import own_digest, planner_code
 from optiplan.bench.execution.robot_cache import RobotShelf
-from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row, Task, empty_row, failure
+from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask, Outcome, Row, empty_row, failure
 from optiplan.errors import OptiPlanError
 from optiplan.planners.base import Budget
 from optiplan.problem.load import problem_from_dict
@@ -47,7 +47,7 @@ class Executor:
         self._warm: set[tuple[str, ...]] = set()
         self._codes: dict[str, str] = {}
 
-    def __call__(self, task: Task, phase: Phase) -> Outcome:
+    def __call__(self, task: BenchTask, phase: Phase) -> Outcome:
         """The outcome; whatever goes wrong inside is one, too."""
         began, cpu = time.perf_counter(), processor_time()
         row = {**empty_row(task), "started_at": machine.now(), "optiplan": own_digest()}

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from optiplan.bench.execution import machine
-from optiplan.bench.results.records import Outcome, Row, Task, empty_row, failure
+from optiplan.bench.results.records import BenchTask, Outcome, Row, empty_row, failure
 from optiplan.errors import OptiPlanError
 
 POLL = 0.05
@@ -51,7 +51,7 @@ class _Death:
     signal: int | None = None
 
 
-class Slot:
+class WorkerSlot:
     """Blocking: `run` returns when the task is done. A worker is started when needed and serves many tasks.
 
     To be used by one thread from beginning to end: workers die with the thread that started them.
@@ -65,7 +65,7 @@ class Slot:
         self._stop = stop or threading.Event()
         self._worker: _Worker | None = None
 
-    def run(self, task: Task) -> Outcome:
+    def run(self, task: BenchTask) -> Outcome:
         """Carry out a task.
 
         Raises:
@@ -83,7 +83,7 @@ class Slot:
             self._worker.kill()
             self._worker = None
 
-    def _attempt(self, task: Task) -> tuple[Outcome, _Death | None]:
+    def _attempt(self, task: BenchTask) -> tuple[Outcome, _Death | None]:
         worker = self._ready()
         began, started, phase, peak = time.perf_counter(), machine.now(), "load", 0.0
         worker.begin(task)
@@ -108,7 +108,7 @@ class Slot:
                 columns |= {"wall_time": time.perf_counter() - began, "memory": peak, "load": machine.load()}
                 return Outcome(Row(**columns, output=worker.output(), started_at=started)), death
 
-    def _death(self, worker: "_Worker", task: Task, state: tuple[str, float, float]) -> _Death | None:
+    def _death(self, worker: "_Worker", task: BenchTask, state: tuple[str, float, float]) -> _Death | None:
         """Why the worker has ended or has to end; None when all is well."""
         _, deadline, peak = state
         if worker.gone:
@@ -176,7 +176,7 @@ class _Worker:
         others = [pid for pid in machine.descendants(self._process.pid) if pid != self.pid]
         return [self.pid, *others]
 
-    def begin(self, task: Task) -> None:
+    def begin(self, task: BenchTask) -> None:
         """Send a task; what was printed before it is forgotten."""
         self._drain()
         self._tail = b""

@@ -26,7 +26,7 @@ def main() -> None:
     from optiplan.bench.execution.run_task import Executor  # takes half a second: after the line above
 
     libc, execute, ours = ctypes.CDLL(None), Executor(), os.getpid()
-    from optiplan.bench.results.records import Task
+    from optiplan.bench.results.records import BenchTask
 
     def send(message: dict[str, object]) -> None:
         if os.getpid() != ours:  # a planner forked, and both came back from it: one answer is enough
@@ -40,7 +40,7 @@ def main() -> None:
     send({"phase": "ready", "pid": ours})
     while True:
         try:
-            task = Task.from_dict(json.loads(connection.recv_bytes()))
+            task = BenchTask.from_dict(json.loads(connection.recv_bytes()))
         except EOFError:
             return
         limit_memory(task.memory)

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from optiplan.arrays import Array
-from optiplan.bench.report.pairs import Pair, pairs
-from optiplan.bench.results.arrays import Flags, Indices, Runs, load_runs
+from optiplan.arrays import Array, Flags
+from optiplan.bench.report.pairs import PlannerPair, pairs
+from optiplan.bench.results.arrays import Indices, Runs, load_runs
 from optiplan.bench.results.database import Store
 from optiplan.bench.statistics.intervals_and_tests import Interval, median_interval, performance_ratios, share_intervals
 
@@ -63,7 +63,7 @@ class PlannerNumbers(NamedTuple):
     cut_short: int
 
 
-class Part(NamedTuple):
+class SubsetSummary(NamedTuple):
     """Some of the problems (a set, a difficulty): success and median planning time (s; nan without) by planner."""
 
     name: str
@@ -87,12 +87,12 @@ class Analysis(NamedTuple):
 
     runs: Runs
     planners: tuple[PlannerNumbers, ...]
-    sets: tuple[Part, ...]
-    difficulties: tuple[Part, ...]
+    sets: tuple[SubsetSummary, ...]
+    difficulties: tuple[SubsetSummary, ...]
     common: int
     time_ratios: Array
     duration_ratios: Array
-    pairs: tuple[Pair, ...]
+    pairs: tuple[PlannerPair, ...]
 
 
 def analyse(store: Store, seed: int = 0) -> Analysis:
@@ -161,7 +161,7 @@ def _spread(values: Array, problems: Indices, seed: int) -> Spread:
     return Spread(len(values), median_interval(values, seed, problems[known]), tuple(map(float, percentiles)))
 
 
-def _parts(runs: Runs, names: Sequence[str], seed: int) -> tuple[Part, ...]:
+def _parts(runs: Runs, names: Sequence[str], seed: int) -> tuple[SubsetSummary, ...]:
     """Numbers by name of a problem's part: those of `USUAL` in its order, the others as they come."""
     order = sorted(dict.fromkeys(names), key=lambda name: USUAL.index(name) if name in USUAL else len(USUAL))
     part = np.array([order.index(name) for name in names], dtype=np.int64)
@@ -174,7 +174,7 @@ def _parts(runs: Runs, names: Sequence[str], seed: int) -> tuple[Part, ...]:
             times.append(_median(runs.plan_time[good]))
             ratios.append(_median(runs.ratio[good]))
         success = tuple(_success(runs, of_run == number, seed))
-        found.append(Part(name, int((part == number).sum()), success, tuple(times), tuple(ratios)))
+        found.append(SubsetSummary(name, int((part == number).sum()), success, tuple(times), tuple(ratios)))
     return tuple(found)
 
 

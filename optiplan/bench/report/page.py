@@ -15,7 +15,7 @@ from optiplan.bench.report.headline import Card, cards, facts, warnings
 from optiplan.bench.report.scenes import write_scenes
 from optiplan.bench.report.settings import settings
 from optiplan.bench.results.database import Store
-from optiplan.problem.write import write_text
+from optiplan.files import write_text
 
 FILE = "report.html"
 

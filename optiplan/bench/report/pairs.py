@@ -35,7 +35,7 @@ class Paired(NamedTuple):
     rank: float
 
 
-class Pair(NamedTuple):
+class PlannerPair(NamedTuple):
     """Two planners compared.
 
     Attributes:
@@ -54,7 +54,7 @@ class Pair(NamedTuple):
     duration: Paired
 
 
-def pairs(runs: Runs, grid: Grid, seed: int) -> tuple[Pair, ...]:
+def pairs(runs: Runs, grid: Grid, seed: int) -> tuple[PlannerPair, ...]:
     """Every two planners."""
     problem = grid.tasks[:, 0]
     logs = [np.log(costs) for costs in (grid.plan_time, grid.duration)]
@@ -64,7 +64,7 @@ def pairs(runs: Runs, grid: Grid, seed: int) -> tuple[Pair, ...]:
         one, other = grid.verified[:, a], grid.verified[:, b]
         compared = [paired(log[:, a] - log[:, b], problem, seed) for log in logs]
         found.append(
-            Pair(
+            PlannerPair(
                 runs.planners[a],
                 runs.planners[b],
                 len(np.unique(problem[one & other])),

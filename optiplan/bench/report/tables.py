@@ -5,9 +5,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from optiplan.bench.report.analysis import PERCENTILES, Analysis, Part, Spread
+from optiplan.bench.report.analysis import PERCENTILES, Analysis, Spread, SubsetSummary
 from optiplan.bench.report.figures import COLOURS, line_of
-from optiplan.bench.report.pairs import TIE, Pair, Paired
+from optiplan.bench.report.pairs import TIE, Paired, PlannerPair
 from optiplan.bench.statistics.intervals_and_tests import Interval, holm
 
 NOTHING = "–"
@@ -147,7 +147,7 @@ def percentiles(analysis: Analysis, field: str) -> str:
     return table(heads, rows)
 
 
-def parts(analysis: Analysis, found: Sequence[Part]) -> str:
+def parts(analysis: Analysis, found: Sequence[SubsetSummary]) -> str:
     """Success, median planning time and ratio of every planner on parts of the problems, side by side."""
     heads = [Head("planner", words=True)]
     heads += [Head(f"{part.name} ({part.problems})", f"{part.name}: {part.problems} problems") for part in found]
@@ -157,7 +157,7 @@ def parts(analysis: Analysis, found: Sequence[Part]) -> str:
     return table(heads, rows)
 
 
-def _part(part: Part, k: int) -> Cell:
+def _part(part: SubsetSummary, k: int) -> Cell:
     share, seconds, ratio = part.success[k], part.plan_time[k], part.ratio[k]
     if math.isnan(share.value):
         return Cell(NOTHING, kind="none")
@@ -197,7 +197,7 @@ def pair_table(analysis: Analysis) -> str:
     return table(heads, [_pair(numbers, pair, chances) for pair, chances in rows])
 
 
-def _pair(numbers: dict[str, int], pair: Pair, corrected: tuple[float, ...]) -> list[Cell]:
+def _pair(numbers: dict[str, int], pair: PlannerPair, corrected: tuple[float, ...]) -> list[Cell]:
     """A row; `corrected`: of planning time by sign and rank, of duration likewise."""
     names = [planner(numbers[label], label) for label in (pair.first, pair.second)]
     counts = [Cell(str(value), value) for value in (pair.problems, pair.only_first, pair.only_second)]

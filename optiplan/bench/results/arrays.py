@@ -6,10 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.bench.results.database import Store
 
-Flags = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int64]
 
 COLUMNS = (

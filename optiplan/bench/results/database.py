@@ -20,6 +20,7 @@ from optiplan.bench.execution.machine import now
 from optiplan.bench.results.records import COLUMNS, BenchPlanner, BenchProblem, Key, Outcome
 from optiplan.bench.results.tables import ADDED, SCHEMA, SCHEMA_VERSION, VIEW
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
+from optiplan.files import replacing
 from optiplan.trajectory.trajectory import Trajectory
 
 FILE = "results.sqlite"
@@ -74,19 +75,16 @@ class Store:
         Raises:
             InputError, StoreError: as `Store`, or the folder cannot be written.
         """
-        fresh = folder / f".{FILE}.new"
         try:
             folder.mkdir(parents=True, exist_ok=True)
             lock = _locked(folder)
             try:
                 if (folder / FILE).exists():
                     raise _unusable(folder, f"a {FILE} is there already", "a folder without results")
-                fresh.unlink(missing_ok=True)
-                with closing(sqlite3.connect(fresh)) as db, db:
+                with replacing(folder / FILE) as fresh, closing(sqlite3.connect(fresh)) as db, db:
                     db.executescript(SCHEMA)
                     rows = {"schema_version": SCHEMA_VERSION, "created_at": now(), **meta}
                     db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in rows.items()])
-                fresh.rename(folder / FILE)
             finally:
                 os.close(lock)
         except (OSError, sqlite3.Error) as error:

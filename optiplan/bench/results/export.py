@@ -3,13 +3,13 @@
 import csv
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from optiplan.bench.results.database import Store
 from optiplan.errors import OptiPlanError
-from optiplan.problem.write import problem_text, write_text
+from optiplan.files import replacing, write_text
+from optiplan.problem.write import problem_text
 
 FORMATS = ("csv", "parquet")
 TABLES = ("runs", "problems", "planners", "sessions")
@@ -42,12 +42,11 @@ def export(store: Store, folder: Path, kind: str) -> list[Path]:
         OptiPlanError: pyarrow is not installed.
         OSError: a file cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     write = _write_csv if kind == "csv" else _write_parquet
     written = []
     for table in TABLES:
         path = folder / f"{table}.{kind}"
-        with _whole(path) as temporary:
+        with replacing(path) as temporary:
             write(store, table, temporary)
         written.append(path)
     return written
@@ -75,16 +74,6 @@ def columns_of(store: Store, table: str) -> dict[str, str]:
     return {
         row["name"]: RATED.get(row["name"], row["type"]) for row in store.query(f"PRAGMA table_info({_from(table)})")
     }
-
-
-@contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        yield temporary
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _batches(store: Store, table: str) -> Iterator[list[Any]]:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from optiplan.bench.execution.robot_cache import RobotShelf
 from optiplan.bench.execution.run_task import packed, result_columns
 from optiplan.bench.results.database import Store
-from optiplan.bench.results.records import BenchPlanner, Outcome, Row, Task, empty_row, failure
+from optiplan.bench.results.records import BenchPlanner, BenchTask, Outcome, Row, empty_row, failure
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
@@ -64,7 +64,7 @@ def read_results(file: Path, label: str, beside: Store, folder: Path) -> Importe
         StoreError: the folder cannot be written.
     """
     planner = BenchPlanner(label, EXTERNAL, {"file": str(file)})
-    tasks: dict[tuple[str, int], tuple[Task, Entry]] = {}
+    tasks: dict[tuple[str, int], tuple[BenchTask, Entry]] = {}
     issues: list[Issue] = []
     ids = [row["id"] for row in beside.query("SELECT id FROM problems ORDER BY position")]
     for entry in _entries(file):
@@ -78,7 +78,7 @@ def read_results(file: Path, label: str, beside: Store, folder: Path) -> Importe
             found = f"{entry.place}: '{problem}', seed {seed} a second time"
             issues.append(Issue(str(file), None, "problem", found, "one entry for each problem and seed"))
         else:
-            tasks[problem, seed] = Task(beside.problem(problem), planner, seed, 0, 1.0, 1.0, 1.0), entry
+            tasks[problem, seed] = BenchTask(beside.problem(problem), planner, seed, 0, 1.0, 1.0, 1.0), entry
     if issues:
         raise InputError(issues)
     done = list(_outcomes(file, tasks))
@@ -106,7 +106,7 @@ def _entries(file: Path) -> list[Entry]:
     return found
 
 
-def _outcomes(file: Path, tasks: Mapping[Any, tuple[Task, Entry]]) -> Iterator[Outcome]:
+def _outcomes(file: Path, tasks: Mapping[Any, tuple[BenchTask, Entry]]) -> Iterator[Outcome]:
     """What every entry amounts to.
 
     Raises:
@@ -173,7 +173,7 @@ def _judged(row: Row, problem: Problem, samples: Samples) -> Outcome:
     return Outcome(replace(row, **told | columns), blob)
 
 
-def _told(task: Task, item: Mapping[str, Any]) -> Row:
+def _told(task: BenchTask, item: Mapping[str, Any]) -> Row:
     """An entry's own numbers as a row, which is planned and timed at most."""
     duration, seconds = _finite(item.get("motion_time")), _finite(item.get("solve_time"))
     turned = _finite(item.get("eef_orientation_path_length"))

@@ -12,6 +12,7 @@ from typing import Any
 
 import optiplan
 from optiplan.bench.results.database import Store
+from optiplan.files import write_text
 
 STATUS = (
     "Unknown status",
@@ -57,11 +58,10 @@ def write_logs(store: Store, folder: Path) -> list[Path]:
     Raises:
         OSError: a file cannot be written.
     """
-    (folder / "ompl").mkdir(parents=True, exist_ok=True)
     written = []
     for (name,) in store.query("SELECT DISTINCT set_name FROM runs ORDER BY 1"):
         path = folder / "ompl" / f"{name}.log"
-        path.write_text("\n".join(_lines(store, name)) + "\n", encoding="utf-8")
+        write_text(path, "\n".join(_lines(store, name)) + "\n")
         written.append(path)
     return written
 

@@ -41,7 +41,7 @@ class BenchPlanner:
 
 
 @dataclass(frozen=True)
-class Task:
+class BenchTask:
     """One run to be made.
 
     Attributes:
@@ -74,7 +74,7 @@ class Task:
         return vars(self) | {"problem": vars(self.problem), "planner": vars(self.planner)}
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "Task":
+    def from_dict(cls, data: Mapping[str, Any]) -> "BenchTask":
         """What `to_dict` gave."""
         metrics = None if data["metrics"] is None else tuple(data["metrics"])
         parts = {"problem": BenchProblem(**data["problem"]), "planner": BenchPlanner(**data["planner"])}
@@ -129,7 +129,7 @@ class Row:
 COLUMNS = tuple(item.name for item in fields(Row))
 
 
-def empty_row(task: Task) -> dict[str, Any]:
+def empty_row(task: BenchTask) -> dict[str, Any]:
     """The columns of a row that are known before the run."""
     problem, planner, seed, repetition = task.key
     row = {"problem": problem, "planner": planner, "seed": seed, "repetition": repetition}

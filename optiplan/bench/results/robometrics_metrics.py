@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.bench.results.database import Store
+from optiplan.files import write_text
 
 
 def write_metrics(store: Store, folder: Path) -> list[Path]:
     """Write `robometrics/<planner>.json` below the folder, the first seed and repetition of each run."""
-    (folder / "robometrics").mkdir(parents=True, exist_ok=True)
     written = []
     for (label,) in store.query("SELECT label FROM planners ORDER BY position"):
         sets: dict[str, list[dict[str, Any]]] = {}
@@ -25,7 +25,7 @@ def write_metrics(store: Store, folder: Path) -> list[Path]:
         for row in store.query(f"{sql} {first}", (label,)):
             sets.setdefault(row["set_name"], []).append(_metrics(row))
         path = folder / "robometrics" / f"{label.replace(':', '_').replace('/', '_')}.json"
-        path.write_text(json.dumps(sets, indent=1), encoding="utf-8")
+        write_text(path, json.dumps(sets, indent=1))
         written.append(path)
     return written
 

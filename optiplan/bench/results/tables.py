@@ -1,6 +1,6 @@
 """The tables of `results.sqlite`, what changed between versions, and the view that rates runs; see docs/bench.md."""
 
-from optiplan.runs.pipeline import STILL
+from optiplan.runs.pipeline import SMALLEST_BOUND
 
 SCHEMA_VERSION = 2
 """Counted up with every change of a table that readers can notice."""
@@ -38,7 +38,7 @@ WITH known AS (
     UNION ALL SELECT problem, goal_bound FROM runs WHERE goal_bound IS NOT NULL),
 bounds AS (SELECT problem, min(bound) AS bound FROM known GROUP BY problem)
 SELECT {{columns}}, bounds.bound AS problem_bound,
-    CASE WHEN bounds.bound >= {STILL} THEN runs.duration / bounds.bound END AS ratio
+    CASE WHEN bounds.bound >= {SMALLEST_BOUND} THEN runs.duration / bounds.bound END AS ratio
 FROM runs LEFT JOIN bounds ON bounds.problem = runs.problem
 """
 """`rated`: the runs with one bound for each problem, the least over the end configurations that verified runs reached

@@ -16,7 +16,7 @@ from optiplan import cache
 from optiplan.arrays import Array
 from optiplan.bench.execution.robot_cache import RobotShelf
 from optiplan.bench.sources.base import Found, Place
-from optiplan.bench.sources.tabletop_scenes import Arm, Draft, Generator
+from optiplan.bench.sources.tabletop_scenes import Arm, DrawnScene, Generator
 from optiplan.collision.model import CollisionModel
 from optiplan.config.messages import choices
 from optiplan.errors import InputError
@@ -149,7 +149,7 @@ def _problem(
 
 
 def _start(
-    blank: dict[str, Any], draft: Draft, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotShelf]
+    blank: dict[str, Any], draft: DrawnScene, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotShelf]
 ) -> dict[str, Any] | None:
     """Where the motion starts: the scene's pose, or the first of the robot's configurations that is free; or None."""
     _, robot, shelf = robots

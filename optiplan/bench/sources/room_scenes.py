@@ -13,7 +13,7 @@ from optiplan.bench.sources.tabletop_scenes import (
     BOARD,
     DOWN,
     Arm,
-    Draft,
+    DrawnScene,
     Levels,
     Obstacle,
     box,
@@ -33,7 +33,7 @@ class Slot:
     height: float = 0.6
     beyond: float = 0.18
 
-    def draw(self, rng: np.random.Generator, arm: Arm) -> Draft:
+    def draw(self, rng: np.random.Generator, arm: Arm) -> DrawnScene:
         """Four parts of a wall around the slot."""
         R, x, y = arm.reach, rng.uniform(0.45, 0.52), rng.uniform(-0.2, 0.2)
         z, half = rng.uniform(-0.1, 0.1), 0.9
@@ -46,7 +46,7 @@ class Slot:
             size = R * np.array([BOARD, self.width, abs(sign * 0.7 - edge)])
             obstacles.append(box(f"bar_{k}", size, arm.at(x, y, (edge + sign * 0.7) / 2.0)))
         tip = arm.at(x + self.beyond, y, z + rng.uniform(-0.3, 0.3) * self.height)
-        return Draft(obstacles, None, pointing(tip, AHEAD, rng.uniform(-np.pi, np.pi)))
+        return DrawnScene(obstacles, None, pointing(tip, AHEAD, rng.uniform(-np.pi, np.pi)))
 
 
 @dataclass(frozen=True)
@@ -57,14 +57,14 @@ class Clutter:
     bodies: int = 20
     size: float = 0.2
 
-    def draw(self, rng: np.random.Generator, arm: Arm) -> Draft:
+    def draw(self, rng: np.random.Generator, arm: Arm) -> DrawnScene:
         """Bodies in the shell from a third of the reach to the whole of it, and two poses in it."""
         obstacles = []
         for k in range(self.bodies):
             center, size = self._point(rng, arm, 0.4, 1.05), arm.reach * rng.uniform(0.3, 1.0, 3) * self.size
             obstacles.append(self._body(f"body_{k}", size, center, rng))
         start, goal = (self._pose(rng, arm) for _ in range(2))
-        return Draft(obstacles, start, goal)
+        return DrawnScene(obstacles, start, goal)
 
     def _body(self, name: str, size: Array, center: Array, rng: np.random.Generator) -> Obstacle:
         kind = int(rng.integers(3))
@@ -98,7 +98,7 @@ class Machine:
     opening: float = 0.4
     depth: float = 0.22
 
-    def draw(self, rng: np.random.Generator, arm: Arm) -> Draft:
+    def draw(self, rng: np.random.Generator, arm: Arm) -> DrawnScene:
         """A pedestal under the base, a machine with walls, a lid with an opening, a part inside."""
         R, base = arm.reach, arm.shoulder[2]
         lid = -base / R - rng.uniform(0.02, 0.06)  # just below the base plate, which is at height 0
@@ -112,7 +112,7 @@ class Machine:
             away = (self.opening + rim) / 2.0
             obstacles.append(box(f"machine_lid_{k}", size, arm.at(x + dx * away, y + dy * away, lid)))
         goal = pointing(arm.at(x, y, lid - self.depth), DOWN, rng.uniform(-np.pi, np.pi))
-        return Draft(obstacles, None, goal)
+        return DrawnScene(obstacles, None, goal)
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class Aisle:
     gap: float = 0.45
     pallets: int = 1
 
-    def draw(self, rng: np.random.Generator, arm: Arm) -> Draft:
+    def draw(self, rng: np.random.Generator, arm: Arm) -> DrawnScene:
         """Racks on both sides from x = 0.9 m on, pallets in the way, and a place in a rack."""
         del arm  # an aisle is as wide as it is, whoever drives in it
         obstacles, middle, deep = [], 0.9 + self.length / 2.0, 0.5
@@ -146,4 +146,4 @@ class Aisle:
         x = 0.9 + self.length * rng.uniform(0.55, 0.8)
         z = 0.15 + (shelf + 0.5) * (self.gap + 0.03)
         place = np.array([x, sign * (self.width / 2.0 + 0.1), z])
-        return Draft(obstacles, None, pointing(place, np.array([0.0, sign, 0.0]), rng.uniform(-np.pi, np.pi)))
+        return DrawnScene(obstacles, None, pointing(place, np.array([0.0, sign, 0.0]), rng.uniform(-np.pi, np.pi)))

@@ -37,7 +37,7 @@ class Arm:
 
 
 @dataclass(frozen=True, eq=False)
-class Draft:
+class DrawnScene:
     """One scene: obstacles as in a problem file, tool poses X_WT; the start None is the robot's own first one."""
 
     obstacles: list[Obstacle]
@@ -50,7 +50,7 @@ class Generator(Protocol):
 
     LEVELS: ClassVar[Levels]
 
-    def draw(self, rng: np.random.Generator, arm: Arm) -> Draft:
+    def draw(self, rng: np.random.Generator, arm: Arm) -> DrawnScene:
         """One scene; same random numbers, same scene."""
         ...
 
@@ -104,7 +104,7 @@ class Shelf:
     depth: float = 0.35
     front: float = 0.55
 
-    def draw(self, rng: np.random.Generator, arm: Arm) -> Draft:
+    def draw(self, rng: np.random.Generator, arm: Arm) -> DrawnScene:
         """Boards and walls, then two compartments."""
         R, height = arm.reach, self.rows * (self.gap + BOARD)
         low, middle = rng.uniform(-0.62, -0.4), self.front + rng.uniform(0.0, 0.1) + self.depth / 2.0
@@ -117,7 +117,7 @@ class Shelf:
             obstacles.append(box(f"wall_{k}", size, arm.at(middle, y, low + height / 2.0)))
         cells = rng.choice(self.rows * self.columns, 2, replace=False)
         start, goal = (self._inside(int(cell), low, middle, rng, arm) for cell in cells)
-        return Draft(obstacles, start, goal)
+        return DrawnScene(obstacles, start, goal)
 
     def _inside(self, cell: int, low: float, middle: float, rng: np.random.Generator, arm: Arm) -> pin.SE3:
         row, column = divmod(cell, self.columns)
@@ -137,7 +137,7 @@ class Cage:
     height: float = 0.7
     bar: float = 0.012
 
-    def draw(self, rng: np.random.Generator, arm: Arm) -> Draft:
+    def draw(self, rng: np.random.Generator, arm: Arm) -> DrawnScene:
         """Bars around the goal, a lid of bars, and a start over it."""
         R, x = arm.reach, rng.uniform(0.5, 0.6)
         y, low = rng.uniform(-0.25, 0.25), -0.45
@@ -158,7 +158,7 @@ class Cage:
         inside = arm.at(x + rng.uniform(-0.1, 0.1), y + rng.uniform(-0.1, 0.1), low + rng.uniform(0.2, 0.45))
         tilt = np.array([1.0, 0.0, -rng.uniform(0.0, 1.5)])
         goal = pointing(inside, tilt / np.linalg.norm(tilt), rng.uniform(-np.pi, np.pi))
-        return Draft(obstacles, None, goal)
+        return DrawnScene(obstacles, None, goal)
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ class OpenBox:
     opening: float = 0.36
     height: float = 0.3
 
-    def draw(self, rng: np.random.Generator, arm: Arm) -> Draft:
+    def draw(self, rng: np.random.Generator, arm: Arm) -> DrawnScene:
         """Two boxes, one on either side."""
         obstacles, poses = [], []
         for k, sign in enumerate(rng.permutation([-1.0, 1.0])):
@@ -177,7 +177,7 @@ class OpenBox:
             obstacles += enclosure(f"box_{k}", (x, y, low), (self.opening + BOARD, self.height), arm)
             depth = low + rng.uniform(0.35, 0.75) * self.height
             poses.append(pointing(arm.at(x, y, depth), DOWN, rng.uniform(-np.pi, np.pi)))
-        return Draft(obstacles, poses[0], poses[1])
+        return DrawnScene(obstacles, poses[0], poses[1])
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ class Table:
     objects: int = 8
     height: float = 0.35
 
-    def draw(self, rng: np.random.Generator, arm: Arm) -> Draft:
+    def draw(self, rng: np.random.Generator, arm: Arm) -> DrawnScene:
         """The board, the things, two places between them."""
         R, top = arm.reach, -0.42
         obstacles = [box("table", R * np.array([0.7, 1.4, BOARD]), arm.at(0.65, 0.0, top - BOARD / 2.0))]
@@ -201,7 +201,7 @@ class Table:
             else:
                 obstacles.append(pillar(f"thing_{k}", R * wide, R * tall, arm.at(x, y, top + tall / 2.0)))
         start, goal = (self._place(sign, top, rng, arm) for sign in rng.permutation([-1.0, 1.0]))
-        return Draft(obstacles, start, goal)
+        return DrawnScene(obstacles, start, goal)
 
     def _place(self, side: float, top: float, rng: np.random.Generator, arm: Arm) -> pin.SE3:
         x, y, z = rng.uniform(0.42, 0.7), side * rng.uniform(0.2, 0.55), top + rng.uniform(0.04, 0.15)
@@ -216,7 +216,7 @@ class UnderTable:
     room: float = 0.5
     width: float = 0.9
 
-    def draw(self, rng: np.random.Generator, arm: Arm) -> Draft:
+    def draw(self, rng: np.random.Generator, arm: Arm) -> DrawnScene:
         """The board, the floor, a pose on each side of the board."""
         R, top = arm.reach, rng.uniform(0.0, 0.1)
         obstacles = [
@@ -226,4 +226,4 @@ class UnderTable:
         over = arm.at(rng.uniform(0.5, 0.65), rng.uniform(-0.3, 0.3), top + rng.uniform(0.1, 0.2))
         under = arm.at(rng.uniform(0.55, 0.7), rng.uniform(-0.2, 0.2), top - rng.uniform(0.45, 0.6) * self.room)
         start = pointing(over, DOWN, rng.uniform(-np.pi, np.pi))
-        return Draft(obstacles, start, pointing(under, AHEAD, rng.uniform(-np.pi, np.pi)))
+        return DrawnScene(obstacles, start, pointing(under, AHEAD, rng.uniform(-np.pi, np.pi)))

@@ -21,8 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from optiplan.arrays import Flags
 from optiplan.bench.report.pairs import paired
-from optiplan.bench.results.arrays import Flags, Indices, Runs, load_runs
+from optiplan.bench.results.arrays import Indices, Runs, load_runs
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.imported import CLAIMED
 from optiplan.bench.results.records import Key

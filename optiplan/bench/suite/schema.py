@@ -94,7 +94,7 @@ class SourceSpec(Strict):
         return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
 
-class PlannerSpec(Strict):
+class SuitePlannerSpec(Strict):
     """A planner's `name`, options of that planner beside it, and a `label` where a name alone is not unique."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -113,7 +113,7 @@ class PlannerSpec(Strict):
         return dict(self.model_extra or {})
 
 
-class LimitsSpec(Strict):
+class RunLimitsSpec(Strict):
     """Hard limits of one run: `wall` clock, s (default: the budget and 60 s), resident `memory`, MB of 1e6 bytes."""
 
     wall: Positive | None = None
@@ -132,14 +132,14 @@ class SuiteSpec(Strict):
     name: Annotated[Name, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
     problems: Annotated[tuple[SourceSpec, ...], Field(min_length=1)]
     planners: Annotated[
-        tuple[Annotated[PlannerSpec, BeforeValidator(_named)], ...],
+        tuple[Annotated[SuitePlannerSpec, BeforeValidator(_named)], ...],
         Field(min_length=1),
         _each_once(lambda planner: f"the planner '{planner.shown}' (give one a label:)"),
     ]
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1), _each_once(lambda seed: f"the seed {seed}")] = (0,)
     repetitions: Count = 1
     budget: Positive
-    limits: LimitsSpec = LimitsSpec()
+    limits: RunLimitsSpec = RunLimitsSpec()
     metrics: tuple[Name, ...] | None = None
     difficulty: dict[Name, tuple[Name, ...]] = Field(default_factory=dict)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from optiplan.bench.execution.code_version import own_code, own_digest, planner_code
 from optiplan.bench.execution.robot_cache import RobotShelf
-from optiplan.bench.results.records import BenchPlanner, BenchProblem, Task
+from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask
 from optiplan.bench.sources.base import Found, Place, read_source
 from optiplan.bench.suite.schema import SuiteSpec, read_suite
 from optiplan.config.document import Document, validate
@@ -49,7 +49,7 @@ class Suite:
         """Number of runs."""
         return len(self.problems) * len(self.planners) * len(self.spec.seeds) * self.spec.repetitions
 
-    def tasks(self) -> Iterator[Task]:
+    def tasks(self) -> Iterator[BenchTask]:
         """Every run, problem by problem: planners meet a problem under like load, and workers keep it loaded.
 
         The runs of one problem come in a random order, drawn from the problem's id: the same every time, and no planner
@@ -61,7 +61,7 @@ class Suite:
             runs = list(product(range(spec.repetitions), spec.seeds, self.planners))
             order = np.random.default_rng(list(hashlib.sha256(problem.id.encode()).digest())).permutation(len(runs))
             for repetition, seed, planner in (runs[k] for k in order):
-                yield Task(problem, planner, seed, repetition, *hard, spec.metrics)
+                yield BenchTask(problem, planner, seed, repetition, *hard, spec.metrics)
 
     @cached_property
     def parts(self) -> dict[str, Any]:

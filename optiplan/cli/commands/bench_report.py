@@ -36,6 +36,7 @@ def report(
     from optiplan.bench.report.markdown import markdown as table
     from optiplan.bench.report.page import write_page
     from optiplan.bench.results.database import Store
+    from optiplan.files import write_text
 
     with Store(folder) as store:
         analysis = analyse(store)
@@ -43,8 +44,7 @@ def report(
     if figures is not None:
         written += write_figures(analysis, figures)
     if markdown is not None:
-        markdown.parent.mkdir(parents=True, exist_ok=True)
-        markdown.write_text(table(analysis), encoding="utf-8")
+        write_text(markdown, table(analysis))
         written.append(markdown)
     if as_json:
         print_json({"written": [str(path) for path in written]})

@@ -18,7 +18,7 @@ from optiplan.errors import InputError, Issue
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.registry import PLANNERS, planner_entry
 from optiplan.problem.problem import JointGoal, Problem
-from optiplan.runs.pipeline import STILL, Run, attempt
+from optiplan.runs.pipeline import SMALLEST_BOUND, Run, attempt
 from optiplan.runs.run_folder import save_run
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.verify.report import jsonable
@@ -115,7 +115,7 @@ def bound_of(runs: Sequence[Run]) -> Bound:
     if not listed and not reached:
         return Bound(None, "not known: no goal configuration is listed, and none was reached")
     seconds = float(lower_bounds(problem.start, np.array([*listed, *reached]), problem.limits).min())
-    if seconds < STILL:
+    if seconds < SMALLEST_BOUND:
         return Bound(None, "none: the robot need not move")
     if len(listed) == len(problem.goal):
         words = "of the goal" if len(listed) == 1 else f"the least over the {len(listed)} goals of the problem"

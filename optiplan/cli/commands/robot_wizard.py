@@ -14,7 +14,9 @@ import typer
 from optiplan.cli.output import messages, print_json, results
 from optiplan.cli.printing.robot_table import describe, show_robot
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
-from optiplan.problem.write import problem_text, write_text
+from optiplan.files import write_text
+from optiplan.problem.write import problem_text
+from optiplan.robot.limits import UNITS
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.urdf.reader import read_urdf
 from optiplan.robot.urdf.srdf import srdf_text
@@ -22,8 +24,6 @@ from optiplan.robot.urdf.srdf import srdf_text
 YAML_NAME, SRDF_NAME = "robot.yaml", "robot.srdf"
 MOST_ASKED = 8
 """Joints outside the group whose position is asked for; of a hand with forty, all keep theirs."""
-
-UNITS = {"velocity": "rad/s", "acceleration": "rad/s²", "jerk": "rad/s³", "torque": "N·m"}
 
 
 @dataclass(frozen=True)

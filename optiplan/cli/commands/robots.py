@@ -96,7 +96,7 @@ def srdf(
 
       optiplan robots srdf my/robot.yaml my/robot.srdf
     """
-    from optiplan.problem.write import write_text
+    from optiplan.files import write_text
     from optiplan.robot.robot import load_robot
     from optiplan.robot.self_collision.pairs import srdf_words
     from optiplan.robot.urdf.srdf import srdf_text
@@ -124,7 +124,7 @@ def export(
       optiplan robots export srra --to urdf srra.urdf
     """
     from optiplan.errors import UnknownChoiceError
-    from optiplan.problem.write import write_text
+    from optiplan.files import write_text
     from optiplan.robot.robot import load_robot
     from optiplan.robot.urdf.export import export_urdf
 

@@ -12,7 +12,7 @@ from rich.table import Table
 from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_to_data
 from optiplan.kinematics.jacobians import analytic_jacobian, frame_pose, geometric_jacobian
-from optiplan.kinematics.manipulability import ROWS, Part, ellipsoids, measures
+from optiplan.kinematics.manipulability import ROWS, JacobianRows, ellipsoids, measures
 from optiplan.kinematics.mecanum import WHEELS, wheel_matrix
 from optiplan.kinematics.singularities import NAMES, singularity_model
 from optiplan.kinematics.symbolic.text import LEGEND, symbolic_text
@@ -54,7 +54,7 @@ def describe(robot: Robot, q: Array, velocity: Array | None = None) -> dict[str,
         "analytic_jacobian": analytic,
         "analytic_jacobian_reason": reason,
         "rank": rank,
-        "measures": {part: _measures(J[ROWS[part]]) for part in get_args(Part)},
+        "measures": {part: _measures(J[ROWS[part]]) for part in get_args(JacobianRows)},
         "ellipsoids": {part: _ellipsoid(J[ROWS[part]]) for part in ("translation", "rotation")},
         "singularities": _singularities(robot, q),
     }

@@ -5,8 +5,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from optiplan.geometry.meshes.scene_graph import TURNS, Part, Placed, fan, strip
-from optiplan.geometry.meshes.triangles import Array, MeshError, Soup, Triangles, floats, triangulate, whole
+from optiplan.arrays import Array
+from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, strip
+from optiplan.geometry.meshes.triangles import MeshError, Soup, Triangles, floats, triangulate, whole
 
 
 def read_dae(content: bytes) -> Soup:
@@ -34,19 +35,19 @@ class _Collada:
     def __init__(self, root: ET.Element) -> None:
         self.root = root
         self.ids = {name: element for element in root.iter() if (name := element.get("id")) is not None}
-        self.read: dict[str, Part] = {}
+        self.read: dict[str, MeshPart] = {}
 
-    def scene(self) -> Placed:
+    def scene(self) -> PlacedMesh:
         """All that <scene> shows."""
         shown = self.root.find("scene/instance_visual_scene")
         if shown is None:
             raise MeshError("a COLLADA file without a <scene>")
-        found = Placed()
+        found = PlacedMesh()
         for node in reversed(self.target(shown, "visual_scene").findall("node")):
             self.place(node, found)
         return found
 
-    def place(self, root: ET.Element, found: Placed) -> None:
+    def place(self, root: ET.Element, found: PlacedMesh) -> None:
         """Place what a node and those below it hold."""
         stack = [(root, np.eye(4), 0)]
         while stack:
@@ -71,7 +72,7 @@ class _Collada:
             raise MeshError(f"<{item.tag}> of '{name[:60]}', which is no <{tag}> of the file")
         return element
 
-    def geometry(self, item: ET.Element) -> Part:
+    def geometry(self, item: ET.Element) -> MeshPart:
         """Triangles of the geometry that an instance refers to."""
         name = item.get("url", "")
         if name not in self.read:
@@ -81,7 +82,7 @@ class _Collada:
             self.read[name] = self.mesh(mesh)
         return self.read[name]
 
-    def mesh(self, mesh: ET.Element) -> Part:
+    def mesh(self, mesh: ET.Element) -> MeshPart:
         """Triangles of a <mesh>."""
         vertices, triangles = [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
         for group in mesh:

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.geometry.meshes.scene_graph import TURNS, Part, Placed, fan, strip
-from optiplan.geometry.meshes.triangles import Array, MeshError, Soup, floats, triangulate
+from optiplan.arrays import Array
+from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, strip
+from optiplan.geometry.meshes.triangles import MeshError, Soup, floats, triangulate
 
 HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp", "KHR_animation_")
 """Extensions of glTF that do not change triangles."""
@@ -36,11 +37,11 @@ class _Gltf:
 
     def __init__(self, document: dict[str, Any], data: bytes) -> None:
         self.document, self.data = document, data
-        self.read: dict[int, Part] = {}
+        self.read: dict[int, MeshPart] = {}
 
-    def scene(self) -> Placed:
+    def scene(self) -> PlacedMesh:
         """All that the default scene shows."""
-        found = Placed()
+        found = PlacedMesh()
         roots = self.entry("scenes", self.document.get("scene", 0)).get("nodes", ())
         stack = [(int(node), np.eye(4), 0) for node in reversed(roots)]
         while stack:
@@ -63,7 +64,7 @@ class _Gltf:
         found: dict[str, Any] = entries[index]
         return found
 
-    def mesh(self, index: int) -> Part:
+    def mesh(self, index: int) -> MeshPart:
         """Triangles of one mesh."""
         if index not in self.read:
             vertices, triangles = [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
@@ -75,7 +76,7 @@ class _Gltf:
             self.read[index] = np.concatenate(vertices), np.concatenate(triangles)
         return self.read[index]
 
-    def primitive(self, primitive: dict[str, Any]) -> Part:
+    def primitive(self, primitive: dict[str, Any]) -> MeshPart:
         """Triangles, a strip or a fan."""
         if primitive.get("targets"):
             raise MeshError("a GLB file with morph targets, a shape that moves")

@@ -11,11 +11,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from optiplan.arrays import Array
 from optiplan.geometry.meshes.collada import read_dae
 from optiplan.geometry.meshes.gltf import read_glb
 from optiplan.geometry.meshes.ply import read_ply
 from optiplan.geometry.meshes.stl_obj import read_obj, read_stl
-from optiplan.geometry.meshes.triangles import Array, MeshError, Soup, Triangles
+from optiplan.geometry.meshes.triangles import MeshError, Soup, Triangles
 
 READERS: Mapping[str, Callable[[bytes], Soup]] = {
     ".stl": read_stl,

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, Array, MeshError, Soup, Triangles
+from optiplan.arrays import Array
+from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, MeshError, Soup, Triangles
 
 MOST_NODES = 100_000
 """Nodes of a scene, instances counted."""
@@ -17,14 +18,14 @@ TURNS = {
 }
 """From axes with that one up (right, up and inward as COLLADA has them) to those with z up, x right and y inward."""
 
-Part = tuple[Array, Triangles]
+MeshPart = tuple[Array, Triangles]
 
 
-class Placed:
+class PlacedMesh:
     """Placed geometries of a scene, with the limits of how much there may be."""
 
     def __init__(self) -> None:
-        self.parts: list[Part] = []
+        self.parts: list[MeshPart] = []
         self.nodes = self.triangles = 0
 
     def enter(self, depth: int) -> None:
@@ -34,7 +35,7 @@ class Placed:
             what = f"nodes {DEEPEST} deep within each other" if depth > DEEPEST else f"more than {MOST_NODES} nodes"
             raise MeshError(f"{what}: a scene that contains itself, or is too large")
 
-    def add(self, X: Array, part: Part) -> None:
+    def add(self, X: Array, part: MeshPart) -> None:
         """Place a geometry at X, (4, 4)."""
         vertices, triangles = part
         self.triangles += len(triangles)

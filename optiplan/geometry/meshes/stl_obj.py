@@ -8,7 +8,8 @@ import re
 
 import numpy as np
 
-from optiplan.geometry.meshes.triangles import Array, MeshError, Soup, floats, plain, triangulate
+from optiplan.arrays import Array
+from optiplan.geometry.meshes.triangles import MeshError, Soup, floats, plain, triangulate
 
 FREE_FORM = frozenset("bevel call cstype csh curv curv2 deg end hole parm scrv sp step surf trim vp".split())
 """Statements of OBJ files that make surfaces of another kind than polygons."""

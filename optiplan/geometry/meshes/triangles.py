@@ -7,7 +7,8 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from optiplan.arrays import Array
+
 Triangles = npt.NDArray[np.int64]
 Number = TypeVar("Number", int, float)
 

@@ -15,17 +15,13 @@ UR-5/UR-10 arms", 2013.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.kinematics.ik.arm_recognition import ArmGeometry, recognise
 from optiplan.kinematics.ik.closed_form_branches import SIGNS, Places, branch_names, spherical_wrist, three_parallel
 from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.robot import Robot
-
-Flags = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.intp]
 
 ACCURACY = 1e-9
 """A branch is valid when forward kinematics meets the pose this well, m and rad."""
@@ -96,7 +92,7 @@ class ClosedForm:
             self._refine(X[rows], SIGNS[:, columns], (q, error, measures), (rows, columns))
         return q, error, measures
 
-    def _refine(self, X: Array, signs: Array, result: tuple[Array, Array, Array], at: tuple[Indices, Indices]) -> None:
+    def _refine(self, X: Array, signs: Array, result: tuple[Array, Array, Array], at: tuple[Index, Index]) -> None:
         """Aim beside the pose by what the true arm differs from the ideal one, on the same branch.
 
         A robot file gives its angles with so many digits, so F(q) = F_ideal(q) E(q) with E near the identity. Solving

@@ -59,8 +59,8 @@ def spherical_wrist(g: ArmGeometry, places: Places, signs: Array) -> tuple[Array
     """
     pan, r = _pan(g, places.point, signs[0])
     way = places.point[..., 2] + 1j * r - g.shoulder
-    lift, bend, sine = _two_links(g, way, signs[0] * signs[1])
-    forward = lift + bend
+    lift, elbow, sine = _two_links(g, way, signs[0] * signs[1])
+    forward = lift + elbow
     v = _turned(places.six, pan, forward) @ g.wrist
     m = _turned(places.five, pan, forward) @ g.wrist
     across = np.hypot(v[..., 0], v[..., 1])
@@ -69,7 +69,7 @@ def spherical_wrist(g: ArmGeometry, places: Places, signs: Array) -> tuple[Array
     c4, s4 = np.cos(q4), np.sin(q4)
     along = c4 * m[..., 0] + s4 * m[..., 1]
     q6 = np.arctan2(np.sin(t) * m[..., 2] - np.cos(t) * along, c4 * m[..., 1] - s4 * m[..., 0])
-    q = _wrap([pan, lift, g.signs[0] * bend, q4, t - g.zero, q6])
+    q = _wrap([pan, lift, g.signs[0] * elbow, q4, t - g.zero, q6])
     return q, _measures(g, r, sine, across)
 
 
@@ -90,8 +90,8 @@ def three_parallel(g: ArmGeometry, places: Places, signs: Array) -> tuple[Array,
     shift = _shift(g, way, total, np.where(across > _NOISE, np.nan, signs[2]))
     shift = np.where(across < _LOOSE, shift, 0.0)
     total, q6 = total + shift, q6 - np.sign(v[..., 1]) * shift
-    lift, bend, sine = _two_links(g, way - np.exp(1j * total) * g.hand, signs[0] * signs[1])
-    q = _wrap([pan, lift, g.signs[0] * bend, g.signs[1] * (total - lift - bend), t - g.zero, q6])
+    lift, elbow, sine = _two_links(g, way - np.exp(1j * total) * g.hand, signs[0] * signs[1])
+    q = _wrap([pan, lift, g.signs[0] * elbow, g.signs[1] * (total - lift - elbow), t - g.zero, q6])
     return q, _measures(g, r, sine, across)
 
 
@@ -108,8 +108,8 @@ def _two_links(g: ArmGeometry, way: Complex, sign: Array) -> tuple[Array, Array,
     upper, fore = abs(g.upper), abs(g.fore)
     cosine = (way.real**2 + way.imag**2 - upper**2 - fore**2) / (2.0 * upper * fore)
     beta = np.arccos(np.clip(cosine, -1.0, 1.0))
-    bend = sign * beta - np.angle(g.fore) + np.angle(g.upper)
-    return np.angle(way) - np.angle(g.upper + np.exp(1j * bend) * g.fore), bend, np.sin(beta)
+    elbow = sign * beta - np.angle(g.fore) + np.angle(g.upper)
+    return np.angle(way) - np.angle(g.upper + np.exp(1j * elbow) * g.fore), elbow, np.sin(beta)
 
 
 def _shift(g: ArmGeometry, way: Complex, total: Array, side: Array) -> Array:

@@ -55,7 +55,7 @@ class Descent:
         low, high = self._low + slack, self._high - slack
         return np.asarray(((q <= low) & (step < 0.0)) | ((q >= high) & (step > 0.0)))
 
-    def room(self, q: Array, direction: Array) -> float:
+    def distance_to_limits(self, q: Array, direction: Array) -> float:
         """The largest t with q + t direction within the limits, when q (n,) is."""
         bound = np.where(direction > 0.0, self._high, self._low)
         moving = np.abs(direction) > 0.0

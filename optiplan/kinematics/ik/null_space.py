@@ -73,7 +73,7 @@ def improve(descent: Descent, limits: Limits, q: Array, preference: Preference) 
             break
         # A quadratic cost asks for a step as long as its gradient at most; this saves the last, futile ones.
         step = min(length, norm * 2.0) if preference.aim == "reference" else length
-        reach = min(step / norm, descent.room(q, direction))
+        reach = min(step / norm, descent.distance_to_limits(q, direction))
         trial = descent.descend(q + direction * reach, _CORRECTIONS)
         J_trial = descent.jacobian(trial)
         trial_cost, trial_gradient = preference.cost(trial, J_trial, limits)

@@ -14,7 +14,7 @@ from optiplan.kinematics.ik.numeric import IkOptions, IkResult, pose_error, rand
 from optiplan.robot.robot import Robot
 
 MEASURES = ("shoulder", "elbow", "wrist")
-_SAME = 1e-7  # rad: branches that differ by less have merged
+_BRANCH_TOLERANCE = 1e-7  # rad: branches that differ by less have merged
 _STARTS = 200
 _NUMERIC = "numeric"
 
@@ -105,7 +105,7 @@ def _branches(robot: Robot, near: Array, all_of: Solutions) -> list[Solution]:
     result: list[Solution] = []
     for k in np.flatnonzero(all_of.valid[0]):
         q = all_of.q[0, k]
-        if any(np.abs(np.exp(1j * q) - np.exp(1j * other.q)).max() < _SAME for other in result):
+        if any(np.abs(np.exp(1j * q) - np.exp(1j * other.q)).max() < _BRANCH_TOLERANCE for other in result):
             continue
         position, angle = all_of.error[0, k]
         solution = _solution(robot, q, near, all_of.branches[k], (float(position), float(angle)))

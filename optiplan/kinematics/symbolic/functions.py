@@ -165,7 +165,7 @@ class SymbolicRobot:
             raise UnknownChoiceError("frame", frame, [item.name for item in model.frames])
         return model.frames[model.getFrameId(frame)]
 
-    def _poses(self, q: Any) -> list[expressions.Pair]:
+    def _poses(self, q: Any) -> list[expressions.Placement]:
         """X_WJ of the world and of all joints, where those that follow others stand at A q + b."""
         positions = self._plain.A @ q + self._plain.b if self._follows else q
         return expressions.world_poses(self._tree, positions)

@@ -27,7 +27,7 @@ _NOISE = 1e-15  # a rotation by pi/2 leaves 6e-17 where a zero is meant; a zero 
 
 Expression = Any
 """A CasADi SX matrix; CasADi ships no types."""
-Pair = tuple[Expression, Expression]
+Placement = tuple[Expression, Expression]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,28 +86,28 @@ def _read_joint(model: pin.Model, data: pin.Data, index: int) -> Joint:
     )
 
 
-def joint_transforms(tree: tuple[Joint, ...], q: Expression) -> list[Pair]:
+def joint_transforms(tree: tuple[Joint, ...], q: Expression) -> list[Placement]:
     """X_PJ(q) of each joint in its parent, as (R, p)."""
     return [_transform(joint, q[joint.q]) for joint in tree]
 
 
-def world_poses(tree: tuple[Joint, ...], q: Expression) -> list[Pair]:
+def world_poses(tree: tuple[Joint, ...], q: Expression) -> list[Placement]:
     """X_WJ of the world (first) and of each joint, as (R, p): X_WJ = X_WP X_PJ(q)."""
     casadi = _casadi()
-    poses: list[Pair] = [(casadi.SX.eye(3), casadi.SX.zeros(3))]
+    poses: list[Placement] = [(casadi.SX.eye(3), casadi.SX.zeros(3))]
     for joint, (R, p) in zip(tree, joint_transforms(tree, q), strict=True):
         R_WP, p_WP = poses[joint.parent]
         poses.append((R_WP @ R, p_WP + R_WP @ p))
     return poses
 
 
-def frame_pose(poses: list[Pair], frame: pin.Frame) -> Pair:
+def frame_pose(poses: list[Placement], frame: pin.Frame) -> Placement:
     """X_WF of a frame fixed to a joint, as (R, p)."""
     R, p = poses[frame.parentJoint]
     return R @ _clean(frame.placement.rotation), p + R @ _clean(frame.placement.translation)
 
 
-def frame_jacobian(tree: tuple[Joint, ...], poses: list[Pair], joint: int, p_F: Expression) -> Expression:
+def frame_jacobian(tree: tuple[Joint, ...], poses: list[Placement], joint: int, p_F: Expression) -> Expression:
     """J (6, nv) of a point p_F (3,) fixed to `joint`: rows are its linear velocity and the angular one, in world axes.
 
     The column of a unit screw (l, w) given in the frame of joint j is (R l + R w x (p_F - p_j), R w), R = R_Wj.
@@ -124,7 +124,7 @@ def frame_jacobian(tree: tuple[Joint, ...], poses: list[Pair], joint: int, p_F: 
     return J
 
 
-def centre_of_mass(tree: tuple[Joint, ...], poses: list[Pair]) -> Expression:
+def centre_of_mass(tree: tuple[Joint, ...], poses: list[Placement]) -> Expression:
     """p_WC (3,) = sum of m_i p_i / sum of m_i."""
     moment = sum(joint.mass * (p + R @ joint.lever) for joint, (R, p) in zip(tree, poses[1:], strict=True))
     return moment / sum(joint.mass for joint in tree)
@@ -141,9 +141,9 @@ def inverse_dynamics(
     casadi = _casadi()
     still = casadi.SX.zeros(3)
     transforms = joint_transforms(tree, q)
-    velocities: list[Pair] = [(still, still)]
-    accelerations: list[Pair] = [(casadi.SX(-_clean(gravity)), still)]
-    forces: list[Pair] = [(still, still)]
+    velocities: list[Placement] = [(still, still)]
+    accelerations: list[Placement] = [(casadi.SX(-_clean(gravity)), still)]
+    forces: list[Placement] = [(still, still)]
     for joint, X in zip(tree, transforms, strict=True):
         own = _split(joint.screws @ v[joint.v])
         velocity = _add(_to_child(X, velocities[joint.parent]), own)
@@ -194,7 +194,7 @@ def determinant(A: Expression) -> Expression:
     return minors[(1 << size) - 1]
 
 
-def _transform(joint: Joint, q: Expression) -> Pair:
+def _transform(joint: Joint, q: Expression) -> Placement:
     """X_PJ(q) = X_PJ(0) exp([S] q), as (R, p)."""
     casadi = _casadi()
     if joint.kind == "prismatic":
@@ -210,20 +210,20 @@ def _transform(joint: Joint, q: Expression) -> Pair:
     return joint.R @ turn, p
 
 
-def _to_child(X: Pair, motion: Pair) -> Pair:
+def _to_child(X: Placement, motion: Placement) -> Placement:
     """A motion of the parent's frame, seen from the child's: (R^T (l + w x p), R^T w)."""
     R, p = X
     return R.T @ (motion[0] + _casadi().cross(motion[1], p)), R.T @ motion[1]
 
 
-def _force_to_parent(X: Pair, force: Pair) -> Pair:
+def _force_to_parent(X: Placement, force: Placement) -> Placement:
     """A force of the child's frame, seen from the parent's: (R f, R n + p x R f)."""
     R, p = X
     push = R @ force[0]
     return push, R @ force[1] + _casadi().cross(p, push)
 
 
-def _momentum(joint: Joint, motion: Pair) -> Pair:
+def _momentum(joint: Joint, motion: Placement) -> Placement:
     """I (l, w) = (f, I_C w + c x f) with f = m (l - c x w)."""
     casadi = _casadi()
     lever = casadi.SX(_clean(joint.lever))
@@ -231,17 +231,17 @@ def _momentum(joint: Joint, motion: Pair) -> Pair:
     return push, _clean(joint.inertia) @ motion[1] + casadi.cross(lever, push)
 
 
-def _cross_force(motion: Pair, force: Pair) -> Pair:
+def _cross_force(motion: Placement, force: Placement) -> Placement:
     """(l, w) x* (f, n) = (w x f, w x n + l x f)."""
     casadi = _casadi()
     return casadi.cross(motion[1], force[0]), casadi.cross(motion[1], force[1]) + casadi.cross(motion[0], force[0])
 
 
-def _add(a: Pair, b: Pair) -> Pair:
+def _add(a: Placement, b: Placement) -> Placement:
     return a[0] + b[0], a[1] + b[1]
 
 
-def _split(vector: Expression) -> Pair:
+def _split(vector: Expression) -> Placement:
     return vector[:3], vector[3:]
 
 

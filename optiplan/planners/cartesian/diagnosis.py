@@ -27,7 +27,8 @@ _NEAR = 0.05  # as a sine: a singularity nearer than this has a part in a path t
 _BEYOND = 1e-3  # of s: where to look whether the pose can be reached at all
 _SINGULAR = 1e-3  # smallest singular value, 1 or m: above it, a path does not end for it
 _SEEDS = 60
-_SAME = 1e-6  # rad or m
+_GOAL_TOLERANCE = 1e-6  # rad or m
+_OUT_OF_RANGE = 1e-6  # share of the twist: what joints leave out of it beyond that is no rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +130,7 @@ def _stuck(tracker: Tracker, s: float, q: Array) -> Ending:
     branch = _other_branch(tracker, q)
     if branch is not None and tracker.redundant and 1.0 - s < _BEYOND and smallest > _SINGULAR:
         return branch
-    if len(q) < len(J) and smallest > _NEAR and np.linalg.norm(missing) > _SAME * np.linalg.norm(twist):
+    if len(q) < len(J) and smallest > _NEAR and np.linalg.norm(missing) > _OUT_OF_RANGE * np.linalg.norm(twist):
         words = f"{len(q)} joints cannot move the tool in the way that the path asks for"
         return Ending(s, q, "unsupported", "reach", words, more)
     names = _singular(tracker.robot, q)
@@ -143,7 +144,7 @@ def _stuck(tracker: Tracker, s: float, q: Array) -> Ending:
 
 def _other_branch(tracker: Tracker, end: Array) -> Ending | None:
     goal = tracker.aim.goal
-    if goal is None or np.abs(end - goal).max() <= _SAME:
+    if goal is None or np.abs(end - goal).max() <= _GOAL_TOLERANCE:
         return None
     j = int(np.argmax(np.abs(end - goal)))
     name = tracker.robot.joint_names[j]

@@ -74,7 +74,7 @@ class Tracker:
             return np.asarray(self.scale * task)
         return np.asarray(self.scale * (task + free @ self._drift(s, q, float(np.linalg.norm(task)))))
 
-    def bend(self, s: float, q: Array, dq: Array) -> Array:
+    def joint_curvature(self, s: float, q: Array, dq: Array) -> Array:
         """d²q/ds² (n,) along the flow of `rate`, whose value at q is dq (n,).
 
         What the tool asks for is exact; the drift of a redundant arm is differenced along the flow.

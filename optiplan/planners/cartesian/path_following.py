@@ -28,7 +28,7 @@ _FARTHEST = 0.3  # rad or m: a joint in one step
 _ASTRAY = 0.05  # rad or m: a joint, by the correction
 _MOST_KNOTS = 3000
 _DOING = "following the tool's path"
-_STILL = 1e-9  # rad or m: rounding, which is not to be timed as a motion
+_NO_MOTION = 1e-9  # rad or m: rounding, which is not to be timed as a motion
 
 
 @dataclass
@@ -75,7 +75,7 @@ def follow(
     ending = first_ending(model, tracker, followed, budget)
     if ending is not None:
         return out_of_time(budget, _DOING) if budget.over else ending
-    still = max(np.abs(bound - start[1]).max() for bound in followed.extrema(0)) < _STILL
+    still = max(np.abs(bound - start[1]).max() for bound in followed.extrema(0)) < _NO_MOTION
     return Trajectory(followed.joint_names, np.array([0.0, 1.0]), start[1][None, None]) if still else followed
 
 
@@ -108,7 +108,7 @@ def _step(tracker: Tracker, s: float, state: Array, end: float) -> tuple[Array |
     new = _state(tracker, end, q)
     if _aimed(tracker, end):
         dq = tracker.arrive(q, 2.0 * (q - state[0]) / h - state[1])
-        new = np.array([q, dq, tracker.bend(end, q, dq)])
+        new = np.array([q, dq, tracker.joint_curvature(end, q, dq)])
     piece = _piece(state, new, h)
     errors = [np.abs(tracker.error(s + u * h, (u * h) ** np.arange(6) @ piece)).max() for u in _BETWEEN]
     return new, float(max(errors)) / (_SHARE * _TOLERANCE)
@@ -132,7 +132,7 @@ def _aimed(tracker: Tracker, end: float) -> bool:
 
 def _state(tracker: Tracker, s: float, q: Array) -> Array:
     dq = tracker.rate(s, q)
-    return np.array([q, dq, tracker.bend(s, q, dq)])
+    return np.array([q, dq, tracker.joint_curvature(s, q, dq)])
 
 
 def _piece(a: Array, b: Array, h: float) -> Array:

@@ -9,20 +9,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.collision.model import CollisionModel, Contact
+from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.planners.common.failures import contact_witness
 from optiplan.trajectory.trajectory import Trajectory
-
-Index = npt.NDArray[np.intp]
 
 Curve = Callable[[Array, Array], tuple[Array, Array]]
 """(middles (N,), half widths (N,)) of intervals -> (Q (N, n), D (N, n)): the middle configurations and bounds on how
 far every joint moves away from them within the interval."""
 
-_TOLERANCE = 2e-6  # m; coal's distances are good to 1e-6
+_MARGIN = 2 * DISTANCE_ERROR  # m; subtracted from every distance
 _MOST_CUTS = 12
 _FIRST_STEP = 0.1  # rad or m, summed over joints: length of an interval to begin with
 _RESOLUTION = 1e-6  # s
@@ -148,7 +146,7 @@ def _gaps(
                 break
             model.place(Q[row])
             placed = row
-        gap[k] = model.pair_gap(pair) - _TOLERANCE
+        gap[k] = model.pair_gap(pair) - _MARGIN
         if gap[k] <= 0.0 and (worst is None or gap[k] < gap[worst]):
             worst = k
     return gap, None if worst is None else (int(rows[worst]), model.distance(Q[rows[worst]], int(pairs[worst])))

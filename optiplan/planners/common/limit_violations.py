@@ -7,14 +7,13 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.planners.base import Failure
-from optiplan.robot.limits import UNITS
+from optiplan.robot.limits import ORDERS, UNITS
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.trajectory import Trajectory
 
 _ROUNDING = 5e-7  # share of a limit, and rad or m: short pieces late in a long motion have few digits left
-_STILL = 1e-6  # share of the acceleration limit: smaller steps are rounding
+_ACCELERATION_STEP = 1e-6  # share of the acceleration limit: smaller steps are rounding
 _SAMPLES = 1000
-_ORDERS = ("position", "velocity", "acceleration", "jerk")
 
 
 @dataclass(frozen=True)
@@ -42,12 +41,12 @@ def excess(trajectory: Trajectory, limits: Limits) -> Excess | None:
         j = int(np.argmax(beyond))
         found.append((float(beyond[j]), Excess(j, "position", float(value[j]), float(limit[j]), float(t[j]))))
     for order in (1, 2, 3):
-        e, limit = trajectory.extrema_at(order), getattr(limits, _ORDERS[order])
+        e, limit = trajectory.extrema_at(order), getattr(limits, ORDERS[order])
         value = np.maximum(e.high, -e.low)
         t = np.where(e.high >= -e.low, e.t_high, e.t_low)
         j = int(np.argmax(value / limit))
         share = float(value[j] / limit[j]) ** (1.0 / order) - 1.0
-        found.append((share, Excess(j, _ORDERS[order], float(value[j]), float(limit[j]), float(t[j]))))
+        found.append((share, Excess(j, ORDERS[order], float(value[j]), float(limit[j]), float(t[j]))))
     most, where = max(found, key=lambda entry: entry[0])
     return where if most > _ROUNDING else None
 
@@ -56,7 +55,7 @@ def acceleration_steps(trajectory: Trajectory, limits: Limits) -> bool:
     """Whether the acceleration of a joint with a jerk limit jumps, from and to rest included."""
     ends = trajectory(np.array([0.0, trajectory.duration]), 2)
     steps = np.abs(np.vstack([ends, trajectory.jumps(2)])).max(axis=0)
-    return bool((np.isfinite(limits.jerk) & (steps > _STILL * limits.acceleration)).any())
+    return bool((np.isfinite(limits.jerk) & (steps > _ACCELERATION_STEP * limits.acceleration)).any())
 
 
 def beyond_limits(over: Excess, trajectory: Trajectory, shortest: float | None) -> Failure:

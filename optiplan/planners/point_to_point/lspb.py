@@ -14,7 +14,7 @@ from optiplan.planners.common.limit_violations import rounded_up
 from optiplan.planners.point_to_point.base import PointToPoint, Profile, ProfileOptions, require_size
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.profiles.laws import Law, Trapezoid
-from optiplan.trajectory.profiles.synchronisation import Part, RestToRest
+from optiplan.trajectory.profiles.synchronisation import JointMove, RestToRest
 
 _ABOVE = 1.0 + 1e-9  # a bound and its rounding
 _SHAPES = ("velocity", "blend_time", "acceleration")
@@ -81,7 +81,7 @@ class Lspb(PointToPoint[LspbOptions]):
             None if o.acceleration is None else o.acceleration / distance,
         )
 
-    def _issue(self, part: Part, profile: RestToRest) -> Issue | None:
+    def _issue(self, part: JointMove, profile: RestToRest) -> Issue | None:
         """What does not go with the part's distance and duration, or with its direction."""
         o, D, T = self.options, part.distance, part.duration
         speeds = f"more than {D / T:.3g} and at most {2.0 * D / T:.3g} rad/s (D/T < |V| <= 2 D/T)"

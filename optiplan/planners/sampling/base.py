@@ -48,7 +48,7 @@ class SampledOptions:
 
 
 @dataclass(frozen=True)
-class Task:
+class PlanTask:
     """What `Planner.plan` is given."""
 
     problem: Problem
@@ -65,7 +65,7 @@ class How:
     improve: Searcher | None = None
 
 
-def plan_sampled(task: Task, options: SampledOptions, how: How) -> PlanResult:
+def plan_sampled(task: PlanTask, options: SampledOptions, how: How) -> PlanResult:
     """A search between the start and all goal configurations; its path is shortened, smoothed and timed."""
     problem, budget, watch = task.problem, task.budget, Stopwatch()
     with watch.stage("set-up"):
@@ -93,7 +93,7 @@ def plan_sampled(task: Task, options: SampledOptions, how: How) -> PlanResult:
     return PlanResult(trajectory, None, watch.seconds, _info(path, budget, smooth is not None))
 
 
-def _smooth(task: Task, model: CollisionModel, path: SampledPath) -> Trajectory | None:
+def _smooth(task: PlanTask, model: CollisionModel, path: SampledPath) -> Trajectory | None:
     limits = task.problem.limits
     curve = smooth_path(model, path.waypoints, limits.velocity, task.budget)
     timing = TimingOptions(stop=lambda: task.budget.over)

@@ -11,11 +11,12 @@ import numpy.typing as npt
 from optiplan.arrays import Array
 from optiplan.collision.clearance_test import PairMargins
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.planners.common.gravity import Gravity
 from optiplan.robot.robot import Limits
 
 _FIRST = 0.1  # m; a motion is cut to begin with so that no pair travels farther within half a part
-_TOLERANCE = 4e-6  # m; twice what coal's distances are trusted to
+_MARGIN = 4 * DISTANCE_ERROR  # m; added to the travel that a part is free for
 _LEAST = 1e-6  # m of travel; a part not proved free by then counts as blocked
 _MOST = 1000  # queries, some 20 ms; a motion that takes more slides along an obstacle and counts as blocked
 _HEAVY_STEP = 0.05  # rad or m, largest joint, between looks at gravity, whose reserve covers what is between
@@ -30,7 +31,7 @@ class MotionCheck:
     """Proves straight segments between configurations free: the distance of every pair exceeds its travel.
 
     Half a part of the motion, of length |d| per joint, moves the bodies of pair p against each other by at most
-    t_p = sum_j levers[p, j] |d_j|. The part is free when every pair is farther apart than t_p in the middle of it
+    t_p = sum_j moment_arms[p, j] |d_j|. The part is free when every pair is farther apart than t_p in the middle of it
     (`PairMargins.near`, one query); else the part is cut in two, unless its middle is seen to collide. There is no
     fixed step. With `gravity`, configurations in which the motors cannot hold the arm count as blocked too.
 
@@ -39,7 +40,7 @@ class MotionCheck:
 
     Attributes:
         model: of the robot in its scene.
-        limits: of its joints; `levers` hold within the position limits.
+        limits: of its joints; `moment_arms` hold within the position limits.
         units: (n,) rad or m, what a search counts as one: the way of each joint in a second at full speed.
     """
 
@@ -47,7 +48,7 @@ class MotionCheck:
         self.model, self.limits, self._gravity = model, limits, gravity
         self.units = limits.velocity
         stroke = np.minimum(np.maximum(np.abs(limits.lower), np.abs(limits.upper)), _UNBOUNDED)
-        self._levers, self._margins = model.bounds.levers(stroke), PairMargins(model)
+        self._moment_arms, self._margins = model.bounds.moment_arms(stroke), PairMargins(model)
 
     def blocked(self, q: Array) -> bool:
         """Whether q (n,) collides, or is too heavy to hold."""
@@ -69,13 +70,13 @@ class MotionCheck:
         """The robot's configuration (n,) of a configuration of this check."""
         return q
 
-    def by_levers(self) -> "MotionCheck":
+    def by_moment_arms(self) -> "MotionCheck":
         """The same check, where one unit of a joint moves some point of the robot by up to `_UNIT`.
 
         A slow joint is far in time and near in space; what is free depends on space.
         """
         twin = copy(self)
-        twin.units = _UNIT / np.maximum(self._levers.max(axis=0, initial=0.0), _SHORT_LEVER)
+        twin.units = _UNIT / np.maximum(self._moment_arms.max(axis=0, initial=0.0), _SHORT_LEVER)
         return twin
 
     def finer(self) -> "MotionCheck":
@@ -94,7 +95,7 @@ class MotionCheck:
         return any(self._gravity.too_much(a + d * (k / parts)) for k in range(1, parts))
 
     def _apart(self, a: Array, d: Array) -> bool:
-        travel = self._levers @ np.abs(d)  # (P,), along all of the motion
+        travel = self._moment_arms @ np.abs(d)  # (P,), along all of the motion
         farthest = float(travel.max(initial=0.0))
         parts = max(1, int(np.ceil(0.5 * farthest / _FIRST)))
         half, queries, middles = 0.5 / parts, 0, _middles(parts)
@@ -102,7 +103,7 @@ class MotionCheck:
             queries += len(middles)
             if queries > _MOST or farthest * half < _LEAST < farthest:
                 return False
-            self._margins.set(travel * half + _TOLERANCE)
+            self._margins.set(travel * half + _MARGIN)
             near = []
             for middle in middles:
                 q = a + middle * d

@@ -6,7 +6,7 @@ from math import inf
 
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, PlanResult, Progress
-from optiplan.planners.sampling.base import How, SampledOptions, Task, plan_sampled
+from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import Search
 from optiplan.planners.sampling.ompl_space import Ends, search_bounds
@@ -45,7 +45,7 @@ class Prm:
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        return plan_sampled(Task(problem, budget, progress), self.options, How(self.search, detour=inf))
+        return plan_sampled(PlanTask(problem, budget, progress), self.options, How(self.search, detour=inf))
 
     def search(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
         """Ask the roadmap of this scene, and let it grow until it knows a way; a `search.Searcher`.

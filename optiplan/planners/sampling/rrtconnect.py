@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from optiplan.planners.base import Budget, PlanResult, Progress
-from optiplan.planners.sampling.base import How, SampledOptions, Task, plan_sampled
+from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
 from optiplan.planners.sampling.ompl_search import SearchOptions, search
 from optiplan.problem.problem import Problem
 
@@ -29,4 +29,4 @@ class RrtConnect:
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         searcher = partial(search, options=SearchOptions("rrtconnect", self.options.reach))
-        return plan_sampled(Task(problem, budget, progress), self.options, How(searcher))
+        return plan_sampled(PlanTask(problem, budget, progress), self.options, How(searcher))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from optiplan.planners.base import Budget, PlanResult, Progress
-from optiplan.planners.sampling.base import How, SampledOptions, Task, plan_sampled
+from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
 from optiplan.planners.sampling.ompl_search import Kind, SearchOptions, search
 from optiplan.problem.problem import Problem
 
@@ -35,7 +35,7 @@ class RrtStar:
         """Plan within the budget; see `planners.base.Planner`."""
         options = SearchOptions(self.kind, self.options.reach, self.options.iterations)
         how = How(improve=partial(search, options=options))
-        return plan_sampled(Task(problem, budget, progress), self.options, how)
+        return plan_sampled(PlanTask(problem, budget, progress), self.options, how)
 
 
 class InformedRrtStar(RrtStar):

@@ -26,7 +26,7 @@ _FRESH = 4  # goals asked for between two rounds
 _SHORT = 0.5  # s: ends nearer than this to each other are searched as if they were so far apart
 _STALE, _GAIN = 3, 0.01  # rounds that gain less than this share end the search for shorter paths
 _IMPROVING = 0.7  # share of the budget for it; the rest is for timing
-_SAME = 1e-9  # rad or m
+_POINT_TOLERANCE = 1e-9  # rad or m
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def sample_path(
             path, more = _improved(check, path, (start, free_goals), improving, rng)
             info = {"states": info["states"] + more["states"], "cut_short": info["cut_short"] or more["cut_short"]}
     distances = [np.abs(q - path[-1]).max() for q in goals]
-    index = int(np.argmin(distances)) if min(distances) < _SAME else -1
+    index = int(np.argmin(distances)) if min(distances) < _POINT_TOLERANCE else -1
     return SampledPath(path, index, float(path_time(path, limits.velocity).sum()), info)
 
 
@@ -147,12 +147,12 @@ def _ways(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Search
     The searcher measures by time and by space, with long and then with short steps, in turn. After each of its rounds
     `otherwise` takes one of about the same time; it measures by space.
     """
-    levers, patience = check.by_levers(), float(_PATIENCE)
-    measures = (check, levers, check.finer(), levers.finer()) if np.isfinite(options.detour) else (check,)
+    moment_arms, patience = check.by_moment_arms(), float(_PATIENCE)
+    measures = (check, moment_arms, check.finer(), moment_arms.finer()) if np.isfinite(options.detour) else (check,)
     for measure in cycle(measures):
         yield options.searcher, measure, patience
         if options.otherwise is not None:
-            yield options.otherwise, levers, CHEAP * patience
+            yield options.otherwise, moment_arms, CHEAP * patience
         patience *= _GROWTH
 
 
@@ -193,7 +193,7 @@ def _near_the_ends(check: MotionCheck, ends: Ends, longest: Array, options: Samp
     slack = np.maximum(0.5 * (longest[:, None] * velocity - apart), 0.0)
     low = np.maximum((np.minimum(start, goals) - slack).min(axis=0), limits.lower)
     high = np.minimum((np.maximum(start, goals) + slack).max(axis=0), limits.upper)
-    joints = (apart.max(axis=0) > _SAME) | (options.improve is not None)
+    joints = (apart.max(axis=0) > _POINT_TOLERANCE) | (options.improve is not None)
     part = PartialCheck(check, start, joints, (low, high))
     within = (start[joints], goals[:, joints])
     found = options.searcher(part, within, options.budget, seed, patience=_PATIENCE)

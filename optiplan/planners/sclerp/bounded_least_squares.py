@@ -31,10 +31,10 @@ def bounded_least_squares(A: Array, b: Array, bounds: tuple[Array, Array], towar
         step = np.zeros(len(x))
         if free.any():
             step[free] = np.linalg.solve(H[np.ix_(free, free)], (g - H @ x)[free])
-        room = _room(x, step, low, high)
-        k = int(np.argmin(room))
-        if room[k] < 1.0:
-            x = x + room[k] * step
+        step_share = _step_shares(x, step, low, high)
+        k = int(np.argmin(step_share))
+        if step_share[k] < 1.0:
+            x = x + step_share[k] * step
             x[k] = high[k] if step[k] > 0.0 else low[k]
             held[k] = True
             continue
@@ -48,10 +48,10 @@ def bounded_least_squares(A: Array, b: Array, bounds: tuple[Array, Array], towar
     return np.asarray(x)
 
 
-def _room(x: Array, step: Array, low: Array, high: Array) -> Array:
+def _step_shares(x: Array, step: Array, low: Array, high: Array) -> Array:
     """Share of the step that each component may take before its bound, (n,); infinite where it does not move."""
     bound = np.where(step > 0.0, high, low)
     moving = step != 0.0
-    room = np.full(len(x), np.inf)
-    room[moving] = np.maximum((bound - x)[moving] / step[moving], 0.0)
-    return room
+    step_share = np.full(len(x), np.inf)
+    step_share[moving] = np.maximum((bound - x)[moving] / step[moving], 0.0)
+    return step_share

@@ -26,7 +26,7 @@ _LATE = 0.02  # of the screw; so near to its end a goal that is still far away i
 
 
 @dataclass(frozen=True, eq=False)
-class Screw:
+class ScrewMotion:
     """X(s) = X_W0 exp(s log(X_W0⁻¹ X_W1)), by dual quaternions; s from 0 to 1."""
 
     X_W0: pin.SE3
@@ -66,7 +66,7 @@ class Walk:
 class Walker:
     """Steps along one screw; `goal` (n,) is where a redundant arm is led to."""
 
-    def __init__(self, tool: Tool, screw: Screw, options: SclerpOptions, goal: Array | None = None) -> None:
+    def __init__(self, tool: Tool, screw: ScrewMotion, options: SclerpOptions, goal: Array | None = None) -> None:
         self.tool, self.screw, self.goal, self.tau = tool, screw, goal, options.tau
         self.low, self.high = tool.robot.limits.lower, tool.robot.limits.upper
         velocity = tool.robot.limits.velocity

@@ -16,12 +16,12 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness
 from optiplan.planners.sclerp.interpolation import on_screw, through
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.qp_stepping import Screw, Walk, Walker
+from optiplan.planners.sclerp.qp_stepping import ScrewMotion, Walk, Walker
 from optiplan.planners.sclerp.schemes import Chase, chase
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.trajectory.trajectory import Trajectory
 
-_SAME = 1e-6  # rad or m
+_GOAL_TOLERANCE = 1e-6  # rad or m
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +72,13 @@ def attempt(model: CollisionModel, task: Task, options: SclerpOptions, budget: B
 
 
 def _walked(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
-    walker = Walker(task.tool, Screw(task.tool.pose(task.start), task.X_WG), options, task.goal)
+    walker = Walker(task.tool, ScrewMotion(task.tool.pose(task.start), task.X_WG), options, task.goal)
     walk = walker.walk(task.start, options.iterations, lambda: budget.over)
     task.info.update(iterations=len(walk.s) - 1, programs=walk.programs)
     if not walk.complete:
         return _stopped(task, walker, walk, options)
     end = walk.Q[-1]
-    if task.goal is not None and task.exact and np.abs(end - task.goal).max() > _SAME:
+    if task.goal is not None and task.exact and np.abs(end - task.goal).max() > _GOAL_TOLERANCE:
         j = int(np.argmax(np.abs(end - task.goal)))
         name = task.tool.robot.joint_names[j]
         words = f"the screw ends in another configuration, '{name}' at {end[j]:.4g} instead of {task.goal[j]:.4g}"

@@ -17,7 +17,7 @@ from optiplan.problem.goals import GoalOptions, goal_configurations
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 
-_SAME = 1e-9  # rad or m: points nearer than that are one
+_POINT_TOLERANCE = 1e-9  # rad or m: points nearer than that are one
 _CHOICES = 16  # configurations that reach a via
 
 
@@ -46,7 +46,7 @@ def via_times(problem: Problem, planner: str, duration: float | None) -> Array:
 
 def distinct(chain: Array, times: Array) -> npt.NDArray[np.bool_]:
     """Which points of a chain (k, n) to go through, (k,): equal neighbours are one, unless times tell them apart."""
-    apart = np.abs(np.diff(chain, axis=0)).max(axis=1) > _SAME
+    apart = np.abs(np.diff(chain, axis=0)).max(axis=1) > _POINT_TOLERANCE
     return np.concatenate([[True], apart | bool(len(times))])
 
 

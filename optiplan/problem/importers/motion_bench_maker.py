@@ -13,10 +13,11 @@ from ruamel.yaml.error import YAMLError
 
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue
+from optiplan.files import write_text
 from optiplan.problem.importers.moveit import convert, merged_state
 from optiplan.problem.importers.moveit_objects import CannotConvert
 from optiplan.problem.schema import ProblemSpec
-from optiplan.problem.write import problem_text, write_text
+from optiplan.problem.write import problem_text
 from optiplan.robot.robot import Robot, load_robot, robot_names
 
 FILE_NAME = re.compile(r"(?P<before>.*?)(?P<kind>scene|request)(?P<after>.*)\.ya?ml", re.IGNORECASE)

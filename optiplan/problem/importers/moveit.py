@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_to_data
-from optiplan.problem.importers.moveit_objects import Bodies, CannotConvert, Frames, joint_state, numbers, pose
+from optiplan.problem.importers.moveit_objects import CannotConvert, Frames, SceneConverter, joint_state, numbers, pose
 from optiplan.robot.robot import Robot
 
 CLAMP = 1e-3
@@ -42,7 +42,7 @@ def convert(scene: Mapping[str, Any], request: Mapping[str, Any], robot: Robot, 
     state = merged_state(scene, request)
     start = _planned(robot, state, "the start state", notes)
     frames = Frames(robot, np.array(start), scene, request)
-    bodies = Bodies(robot, frames, prefix)
+    bodies = SceneConverter(robot, frames, prefix)
     for state_message in (request.get("start_state"), scene.get("robot_state")):
         bodies.add_attached(state_message)
     bodies.add_world(scene)

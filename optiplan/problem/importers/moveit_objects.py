@@ -97,7 +97,7 @@ def _parent(transform: Data) -> str:
     return str((transform.get("header") or {}).get("frame_id") or "").removeprefix("/")
 
 
-class Bodies:
+class SceneConverter:
     """The obstacles and attached objects of one scene, in the form of a problem file."""
 
     def __init__(self, robot: Robot, frames: Frames, prefix: str) -> None:

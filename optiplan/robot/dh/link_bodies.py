@@ -7,11 +7,11 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.robot.dh.spec import BodySpec, DhSpec, LinkSpec, PoseSpec, RoundSpec
+from optiplan.robot.dh.spec import BodySpec, DhPoseSpec, DhRoundSpec, DhSpec, LinkSpec
 from optiplan.robot.dh.table import DhTable
 
 
-def body_pose(body: PoseSpec, spec: DhSpec) -> pin.SE3:
+def body_pose(body: DhPoseSpec, spec: DhSpec) -> pin.SE3:
     """Pose X_LB of a body in its link."""
     return pin.SE3(pin.rpy.rpyToMatrix(*map(spec.angle, body.rpy)), np.array(body.position))
 
@@ -52,7 +52,7 @@ def _capsule(start: Array, end: Array, radius: float, turn: Callable[[float], fl
     x, y, z = (end - start) / length
     rpy = [0.0, math.acos(max(-1.0, min(1.0, z))), math.atan2(y, x)]  # Rz(yaw) Ry(pitch) takes z to the direction
     position = [float(value) for value in (start + end) / 2]
-    capsule = RoundSpec(radius=radius, length=length)
+    capsule = DhRoundSpec(radius=radius, length=length)
     return BodySpec(capsule=capsule, position=position, rpy=[turn(angle) for angle in rpy])
 
 

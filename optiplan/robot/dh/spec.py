@@ -14,27 +14,27 @@ Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Range = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
-class RoundSpec(Strict):
+class DhRoundSpec(Strict):
     """A cylinder, or a capsule whose `length` is that of the cylindrical part; along z, centred; m."""
 
     radius: Length
     length: Length
 
 
-class PoseSpec(Strict):
+class DhPoseSpec(Strict):
     """`position`, m, and `rpy` about fixed axes, in the unit of the table."""
 
     position: Vector = Field(default_factory=lambda: [0.0, 0.0, 0.0])
     rpy: Vector = Field(default_factory=lambda: [0.0, 0.0, 0.0])
 
 
-class BodySpec(PoseSpec):
+class BodySpec(DhPoseSpec):
     """One primitive, posed in the frame of its link."""
 
     box: Annotated[list[Length], Field(min_length=3, max_length=3)] | None = None
     sphere: Length | None = None
-    cylinder: RoundSpec | None = None
-    capsule: RoundSpec | None = None
+    cylinder: DhRoundSpec | None = None
+    capsule: DhRoundSpec | None = None
 
     @model_validator(mode="after")
     def _one(self) -> Self:
@@ -88,7 +88,7 @@ class BaseSpec(LinkSpec):
     name: Name = "base_link"
 
 
-class JoinedSpec(LinkSpec, PoseSpec):
+class JoinedSpec(LinkSpec, DhPoseSpec):
     """A link beside the table, and the joint that holds it: in the pose, before the joint moves, of `parent`."""
 
     name: Name
@@ -106,7 +106,7 @@ class JoinedSpec(LinkSpec, PoseSpec):
         return self
 
 
-class DhSpec(PoseSpec):
+class DhSpec(DhPoseSpec):
     """A robot as a table; `position` and `rpy` pose the table's first frame in the link `parent`.
 
     `radius` (m) of the capsules that stand for links without `geometry`: along the offsets of their rows.

@@ -19,7 +19,7 @@ from optiplan.config.document import Document, Place
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue
 from optiplan.robot.dh.link_bodies import body_pose, default_bodies, inertia_of
-from optiplan.robot.dh.spec import BodySpec, DhSpec, LinkSpec, PoseSpec
+from optiplan.robot.dh.spec import BodySpec, DhPoseSpec, DhSpec, LinkSpec
 from optiplan.robot.dh.table import JointKind, along_x, along_z
 
 PLACE: Place = ("dh",)
@@ -91,7 +91,7 @@ def _before_and_after(spec: DhSpec) -> tuple[list[int], list[int]]:
 
 
 @dataclass(frozen=True)
-class Joint:
+class UrdfJoint:
     """A joint of the URDF; `limits` in the unit of the table."""
 
     name: str
@@ -118,12 +118,12 @@ class _Writer:
             before, after = (start @ z, x) if table.convention == "standard" else (start @ x @ z, np.eye(4))
             name = joints[i] or f"{row.name}_fixed"
             if row.joint is None or np.array_equal(after, np.eye(4)):
-                self._joint(Joint(name, row.joint, spec.limits), (parent, row.name), before @ after)
+                self._joint(UrdfJoint(name, row.joint, spec.limits), (parent, row.name), before @ after)
             else:
                 middle = f"{row.name}_joint_frame"
                 ET.SubElement(self.root, "link", name=middle)
-                self._joint(Joint(name, row.joint, spec.limits), (parent, middle), before)
-                self._joint(Joint(f"{row.name}_fixed"), (middle, row.name), after)
+                self._joint(UrdfJoint(name, row.joint, spec.limits), (parent, middle), before)
+                self._joint(UrdfJoint(f"{row.name}_fixed"), (middle, row.name), after)
             geometry = bodies[i] if spec.geometry is None else spec.geometry
             self.link(row.name, spec.model_copy(update={"geometry": geometry}), (*PLACE, "rows", i))
             parent, start = row.name, np.eye(4)
@@ -131,7 +131,7 @@ class _Writer:
     def joined(self, index: int) -> None:
         """A link beside the table and its joint."""
         spec = self.spec.links[index]
-        joint = Joint(spec.joint_name or f"{spec.name}_joint", spec.joint, spec.limits, spec.axis)
+        joint = UrdfJoint(spec.joint_name or f"{spec.name}_joint", spec.joint, spec.limits, spec.axis)
         self._joint(joint, (spec.parent, spec.name), self._pose(spec))
         self.link(spec.name, spec, (*PLACE, "links", index))
 
@@ -169,11 +169,11 @@ class _Writer:
                 _origin(cap, X_LB * pin.SE3(np.eye(3), np.array([0.0, 0.0, end * body.capsule.length])))
                 ET.SubElement(ET.SubElement(cap, "geometry"), "sphere", radius=repr(body.capsule.radius))
 
-    def _pose(self, spec: PoseSpec) -> Array:
+    def _pose(self, spec: DhPoseSpec) -> Array:
         pose: Array = body_pose(spec, self.spec).homogeneous
         return pose
 
-    def _joint(self, joint: Joint, links: tuple[str, str], X_PJ: Array) -> None:
+    def _joint(self, joint: UrdfJoint, links: tuple[str, str], X_PJ: Array) -> None:
         endless = joint.kind == "revolute" and joint.limits is None
         kind = "continuous" if endless else joint.kind or "fixed"
         element = ET.SubElement(self.root, "joint", name=joint.name, type=kind)

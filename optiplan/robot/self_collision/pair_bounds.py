@@ -2,14 +2,10 @@
 
 import coal
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
-
-Index = npt.NDArray[np.intp]
-Flags = npt.NDArray[np.bool_]
 
 
 class PairBounds:
@@ -135,8 +131,8 @@ class PairBounds:
             pairs: (K,).
         """
         direction, point = self.kinematics.axes(poses)
-        turns, D = self.kinematics.revolute > 0.5, self.kinematics.joint_reach(D)  # (J,), (K, J)
-        stroke = np.where(turns, 2.0 * np.sin(0.5 * np.minimum(D, np.pi)), D)
+        revolute, D = self.kinematics.revolute > 0.5, self.kinematics.joint_reach(D)  # (J,), (K, J)
+        stroke = np.where(revolute, 2.0 * np.sin(0.5 * np.minimum(D, np.pi)), D)
         total = np.zeros_like(D)
         for side in (0, 1):
             bodies = self.pairs[pairs, side]
@@ -145,7 +141,7 @@ class PairBounds:
             step = stroke * self.moves[pairs, side]
             own = np.zeros(len(pairs))
             for j in reversed(range(D.shape[1])):
-                moved = step[:, j] * ((arm[:, j] + own) if turns[j] else 1.0)
+                moved = step[:, j] * ((arm[:, j] + own) if revolute[j] else 1.0)
                 total[:, j] += moved
                 own = own + moved
         return np.asarray(total @ (np.abs(self.kinematics.coupling) > 0.0))  # each joint has one leader
@@ -174,14 +170,14 @@ class PairBounds:
         a, b = self.pairs[pairs].T
         return np.asarray(np.linalg.norm(centre[b] - centre[a], axis=1) + self._radius[a] + self._radius[b])
 
-    def levers(self, stroke: Array) -> Array:
+    def moment_arms(self, stroke: Array) -> Array:
         """Metres that a pair's bodies travel against each other at most for each rad or m of each joint: (P, n).
 
         Holds at: every configuration with |q_j| <= stroke_j (n,), so that along a straight motion by d the distance of
-        pair p changes by at most sum_j levers[p, j] |d_j|.
+        pair p changes by at most sum_j moment_arms[p, j] |d_j|.
         """
         corners = np.einsum("gij,gkj->gki", self.placement[:, :3, :3], self._corners) + self.placement[:, None, :3, 3]
-        bodies = [self.kinematics.levers(int(j), x, stroke) for j, x in zip(self.joint, corners, strict=True)]
+        bodies = [self.kinematics.moment_arms(int(j), x, stroke) for j, x in zip(self.joint, corners, strict=True)]
         both = np.array(bodies).reshape(-1, len(self.kinematics.revolute))[self.pairs] * self.moves  # (P, 2, J)
         return self.kinematics.planned_bound(both.sum(axis=1))
 

@@ -7,10 +7,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
 from optiplan.geometry.mesh_hulls import hull_of_mesh
-from optiplan.robot.self_collision.pair_bounds import Flags, Index, PairBounds
+from optiplan.robot.self_collision.pair_bounds import PairBounds
 
 GAP = 1e-4
 """Distance, m, beyond which bodies count as apart: a hundred times what coal's distances may be off by."""
@@ -63,13 +63,13 @@ class _Boxes:
         return _Boxes(np.tile(self.pair, 2), middle, np.tile(half, (2, 1)))
 
 
-def joint_box(turns: Flags, lower: Array, upper: Array) -> tuple[Array, Array]:
+def joint_box(revolute: Flags, lower: Array, upper: Array) -> tuple[Array, Array]:
     """Middle and half width, (n,), of all configurations within limits; one turn where there are none or more.
 
     The half width of a sliding joint without limits is infinite.
     """
-    whole = turns & ~(upper - lower + 2.0 * BEYOND < 2.0 * np.pi)
-    endless = ~turns & ~np.isfinite(upper - lower)
+    whole = revolute & ~(upper - lower + 2.0 * BEYOND < 2.0 * np.pi)
+    endless = ~revolute & ~np.isfinite(upper - lower)
     low, high = np.where(whole | endless, 0.0, lower), np.where(whole | endless, 0.0, upper)
     half = 0.5 * (high - low) + BEYOND
     return 0.5 * (low + high), np.where(whole, np.pi, np.where(endless, np.inf, half))
@@ -113,7 +113,7 @@ class PairProof:
         self._turns: Flags = alone & (self.bounds.kinematics.revolute @ follows > 0.5)
         self.middle, self.half = joint_box(self._turns, *limits)
         finite = np.where(np.isfinite(self.half), self.half, 0.0)
-        self._arms = self.bounds.levers(np.abs(self.middle) + finite)
+        self._arms = self.bounds.moment_arms(np.abs(self.middle) + finite)
         self._shapes = [item.geometry for item in geometry.geometryObjects]
         surface = np.array([isinstance(shape, coal.BVHModelBase) for shape in self._shapes], dtype=bool)
         self._hulls = [hull_of_mesh(s) if mesh else s for s, mesh in zip(self._shapes, surface, strict=True)]
@@ -139,10 +139,10 @@ class PairProof:
             spent += np.bincount(group[boxes.pair], minlength=len(groups))
             found = [self._open(boxes.take(slice(k, k + CHUNK)), outside) for k in range(0, len(boxes.pair), CHUNK)]
             boxes = _Boxes.join([part[0] for part in found])
-            steps, room = (np.concatenate([part[k] for part in found]) for k in (1, 2))
+            steps, margin = (np.concatenate([part[k] for part in found]) for k in (1, 2))
             of = group[boxes.pair]
-            failed[of[~(room > 0.0)]] = True
-            wanted = np.bincount(of, weights=_parts(steps, room), minlength=len(groups))
+            failed[of[~(margin > 0.0)]] = True
+            wanted = np.bincount(of, weights=_parts(steps, margin), minlength=len(groups))
             given_up: Flags = (wanted > HOPELESS * most) | (spent > most) | (spent.sum() > self._most)
             failed[of[given_up[of]]] = True
             left = ~failed[of]
@@ -195,9 +195,9 @@ class PairProof:
         travel, apart = steps.sum(axis=1), self.bounds.distances_of(placed, boxes.pair)
         outside[boxes.pair[apart > 0.0]] = True
         left = np.flatnonzero(~(apart - travel > GAP))
-        room = self.distances(placed[left], boxes.pair[left], travel[left] + GAP) - GAP
-        still = ~(room > travel[left])
-        return boxes.take(left[still]), steps[left[still]], room[still]
+        margin = self.distances(placed[left], boxes.pair[left], travel[left] + GAP) - GAP
+        still = ~(margin > travel[left])
+        return boxes.take(left[still]), steps[left[still]], margin[still]
 
     def _stroke(self, half: Array) -> Array:
         """How far each joint moves a point 1 m from its axis at most, half (K, n): the chord, or the way it slides.
@@ -207,8 +207,8 @@ class PairProof:
         return np.where(self._turns, 2.0 * np.sin(0.5 * np.minimum(half, np.pi)), half)
 
 
-def _parts(steps: Array, room: Array) -> Array:
+def _parts(steps: Array, margin: Array) -> Array:
     """How many parts a box seems to need: each of k joints may take up room / k of what its steps (K, n) add up to."""
     moving = (steps > 0.0).sum(axis=1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        return np.asarray(np.fmax(moving * steps / room[:, None], 1.0).prod(axis=1))
+        return np.asarray(np.fmax(moving * steps / margin[:, None], 1.0).prod(axis=1))

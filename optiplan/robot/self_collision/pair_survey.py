@@ -12,9 +12,8 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan import cache
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry.convex import triangles_of, vertices_of
-from optiplan.robot.self_collision.pair_bounds import Flags, Index
 from optiplan.robot.self_collision.pair_proof import GAP, PairProof
 from optiplan.robot.urdf.srdf import LinkPair, link_pair
 

@@ -7,14 +7,11 @@ min(f, g) |w - u|, largest in the middle, where f = g.
 """
 
 import numpy as np
-import numpy.typing as npt
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.paths.corner_blends import blend_path
 from optiplan.trajectory.trajectory import Trajectory
-
-Flags = npt.NDArray[np.bool_]
 
 BEZIER = 0.1875
 """f = g in the middle of the quintic Bézier blend of `blend_path`, over its size d."""
@@ -73,12 +70,12 @@ def through_corners(waypoints: Array, hit: Flags, deviation: float, limits: Limi
     leg = np.diff(waypoints, axis=0) / length[:, None]
     points, shares = [waypoints[0]], []
     for i in range(1, len(waypoints) - 1):
-        bend = 0.5 * np.abs(leg[i] - leg[i - 1]).max()  # |t - u| = |t - w|
-        if not hit[i] or bend < 1e-9:  # a straight line hits it anyway
+        half_turn = 0.5 * np.abs(leg[i] - leg[i - 1]).max()  # |t - u| = |t - w|
+        if not hit[i] or half_turn < 1e-9:  # a straight line hits it anyway
             points.append(waypoints[i])
             shares.append(deviation)
             continue
-        aside = min(0.5 * deviation / bend, 0.25 * length[i - 1], 0.25 * length[i])
+        aside = min(0.5 * deviation / half_turn, 0.25 * length[i - 1], 0.25 * length[i])
         step = aside * 0.5 * (leg[i - 1] + leg[i])
         points += [waypoints[i] - step, waypoints[i] + step]
         shares += [0.5 * deviation] * 2

@@ -89,14 +89,14 @@ class Hermite:
         """Largest share of any limit that the motion takes in the durations T (N,): (N,), good to about 1e-8."""
         c = np.swapaxes(hermite(self.start, self.end, T), 1, 2)  # (N, n, 2k)
         lower, upper = self.limits.lower, self.limits.upper
-        room = np.where(np.isfinite(upper - lower), np.maximum(0.5 * (upper - lower), 1e-9), np.inf)
-        centre = np.where(np.isfinite(room), lower + room, 0.0)
+        half_width = np.where(np.isfinite(upper - lower), np.maximum(0.5 * (upper - lower), 1e-9), np.inf)
+        centre = np.where(np.isfinite(half_width), lower + half_width, 0.0)
         tau = np.linspace(0.0, 1.0, _SAMPLES)
         ratio = np.zeros(len(T))
         for order in range(4):
             value = c @ (tau ** np.arange(c.shape[2])[:, None])  # (N, n, samples)
             if order == 0:
-                share = (value - centre[:, None]) / room[:, None]
+                share = (value - centre[:, None]) / half_width[:, None]
             else:
                 limit = (self.limits.velocity, self.limits.acceleration, self.limits.jerk)[order - 1]
                 share = value / (T[:, None] ** order * limit)[:, :, None]
@@ -110,6 +110,8 @@ def _peaks(f: Array) -> Array:
     at = np.abs(f).argmax(axis=2)
     inner = np.clip(at, 1, f.shape[2] - 2)
     low, middle, high = (np.take_along_axis(f, (inner + k)[:, :, None], 2)[:, :, 0] for k in (-1, 0, 1))
-    bend = np.sign(middle) * (low - 2.0 * middle + high)
-    gain = np.divide((high - low) ** 2, -8.0 * bend, out=np.zeros_like(bend), where=(bend < 0.0) & (at == inner))
+    curvature = np.sign(middle) * (low - 2.0 * middle + high)
+    gain = np.divide(
+        (high - low) ** 2, -8.0 * curvature, out=np.zeros_like(curvature), where=(curvature < 0.0) & (at == inner)
+    )
     return np.take_along_axis(np.abs(f), at[:, :, None], 2)[:, :, 0] + gain

@@ -10,10 +10,9 @@ import numpy.typing as npt
 
 from optiplan.arrays import Array
 from optiplan.trajectory.paths.via_splines import heuristic_velocities
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
 
 _ROUNDING = 1e-9  # share of a limit
-_SAME = 1e-12  # share of the duration: edges of blends that are nearer in time are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ class Blends:
         """The segment and the joint whose blends do not fit, the one that lacks most, and by how many s; or None."""
         lacking = np.where(np.isnan(self.linear), np.inf, -self.linear)
         i, j = np.unravel_index(int(lacking.argmax()), lacking.shape)
-        return (int(i), int(j), float(lacking[i, j])) if lacking[i, j] > _SAME * self.times[-1] else None
+        return (int(i), int(j), float(lacking[i, j])) if lacking[i, j] > SAME_TIME * self.times[-1] else None
 
 
 def blends_by_acceleration(points: Array, times: Array, acceleration: Array) -> Blends:
@@ -116,7 +115,7 @@ def run_blends(start: Array, blends: Blends, joint_names: tuple[str, ...]) -> Tr
     begin[0], end[0] = 0.0, 2.0 * half[0]
     begin[-1], end[-1] = T - 2.0 * half[-1], T
     edges = np.unique(np.concatenate([[0.0], np.clip(np.append(begin, end), 0.0, T)]))
-    edges = np.append(edges[:-1][np.diff(edges) > _SAME * T], T)
+    edges = np.append(edges[:-1][np.diff(edges) > SAME_TIME * T], T)
     middle = 0.5 * (edges[1:] + edges[:-1])[:, None, None]
     a = np.where((begin < middle) & (middle < end), blends.accelerations, 0.0).sum(axis=1)  # (m, n)
     h = np.diff(edges)[:, None]

@@ -25,7 +25,7 @@ class Bounds:
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class LawPieces:
     """s(t) = sum_k coefficients[i, k] (t - t_i)^k on piece i: breakpoints (m + 1,), s; coefficients (m, degree + 1)."""
 
     breakpoints: Array
@@ -36,10 +36,10 @@ class Pieces:
         """Length in time, s."""
         return float(self.breakpoints[-1])
 
-    def stretched(self, duration: float) -> "Pieces":
+    def stretched(self, duration: float) -> "LawPieces":
         """The same curve in another duration, s."""
         rate = self.duration / duration
-        return Pieces(self.breakpoints / rate, self.coefficients * rate ** np.arange(self.coefficients.shape[1]))
+        return LawPieces(self.breakpoints / rate, self.coefficients * rate ** np.arange(self.coefficients.shape[1]))
 
 
 class Law(Protocol):
@@ -49,7 +49,7 @@ class Law(Protocol):
         """The shortest duration within the bounds, s, or the one that comes nearest to meeting them."""
         ...
 
-    def pieces(self, duration: float, bounds: Bounds) -> Pieces:
+    def pieces(self, duration: float, bounds: Bounds) -> LawPieces:
         """The curve of that duration, s; it keeps the bounds when the duration is not too short for them."""
         ...
 
@@ -77,9 +77,9 @@ class PolynomialLaw:
         v, a, j = self.peaks()
         return float(max(v / bounds.velocity, (a / bounds.acceleration) ** 0.5, np.cbrt(j / bounds.jerk)))
 
-    def pieces(self, duration: float, bounds: Bounds) -> Pieces:
+    def pieces(self, duration: float, bounds: Bounds) -> LawPieces:
         """See `Law`; the curve is the same whatever the bounds."""
-        return Pieces(np.array([0.0, 1.0]), np.array([self.shape])).stretched(duration)
+        return LawPieces(np.array([0.0, 1.0]), np.array([self.shape])).stretched(duration)
 
 
 CUBIC = PolynomialLaw((0.0, 0.0, 3.0, -2.0))
@@ -134,7 +134,7 @@ class Trapezoid:
             b = max(min(T / 3.0, T - 1.0 / bounds.velocity), _least_blend(T, bounds.acceleration))
         return min(b, T / 2.0)
 
-    def pieces(self, duration: float, bounds: Bounds) -> Pieces:
+    def pieces(self, duration: float, bounds: Bounds) -> LawPieces:
         """See `Law`."""
         T, b = duration, self.blend(duration, bounds)
         V = 1.0 / (T - b)
@@ -160,7 +160,7 @@ class BangBang:
         """See `Law`."""
         return Trapezoid().shortest(bounds)
 
-    def pieces(self, duration: float, bounds: Bounds) -> Pieces:
+    def pieces(self, duration: float, bounds: Bounds) -> LawPieces:
         """See `Law`."""
         between = 1.0 < bounds.velocity * duration < 2.0
         law = Trapezoid(velocity=bounds.velocity) if between else Trapezoid(acceleration=4.0 / duration**2)
@@ -178,12 +178,12 @@ class SCurve:
         """See `Law`."""
         return self._fastest(bounds).duration
 
-    def pieces(self, duration: float, bounds: Bounds) -> Pieces:
+    def pieces(self, duration: float, bounds: Bounds) -> LawPieces:
         """See `Law`."""
         return self._fastest(bounds).stretched(duration)
 
     @staticmethod
-    def _fastest(bounds: Bounds) -> Pieces:
+    def _fastest(bounds: Bounds) -> LawPieces:
         """Ruckig's phases, in units in which the motion takes about 1 and its largest acceleration is 1.
 
         Ruckig's tolerances are absolute, so that bounds of very different sizes would fail in s and seconds.
@@ -213,9 +213,9 @@ def _ruckig(distance: float, velocity: float, acceleration: float, jerk: float) 
     return answer.profiles[0][0]
 
 
-def _without_empty(breakpoints: Array, coefficients: Array) -> Pieces:
+def _without_empty(breakpoints: Array, coefficients: Array) -> LawPieces:
     """Pieces whose share of the time is nothing but rounding are left out."""
     kept = np.diff(breakpoints) > 1e-12 * breakpoints[-1]
     ends = np.append(breakpoints[:-1][kept], breakpoints[-1])
     ends[0] = 0.0
-    return Pieces(ends, coefficients[kept])
+    return LawPieces(ends, coefficients[kept])

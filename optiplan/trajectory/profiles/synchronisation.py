@@ -9,20 +9,19 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.robot.robot import Limits
-from optiplan.trajectory.profiles.laws import Bounds, Law, Pieces
+from optiplan.trajectory.profiles.laws import Bounds, Law, LawPieces
 from optiplan.trajectory.timing.compose import shifted
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
 
 How = Literal["synchronised", "independent", "sequential"]
 
 SHORTEST = 1e-3  # s: a trajectory needs some duration, even one that goes nowhere
 _LEAST = 1e-9  # rad or m: smaller distances get no larger bounds on s, so that these stay finite
 _BRIEFEST = 1e-8  # share of the duration that a phase of a law takes at least
-_SAME = 1e-12  # share of the duration: breakpoints nearer than that are one
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class JointMove:
     """q moves by `step` (n,), rad or m, while s runs from 0 to 1 by `law`, from the time `begin` for `duration`, s.
 
     `joint` is the one that moves farthest, by `distance`.
@@ -77,7 +76,7 @@ class RestToRest:
         share = self._weights / self._weights.sum()
         return max(SHORTEST, float((times / share).max(initial=0.0)))
 
-    def parts(self, duration: float | None = None) -> list[Part]:
+    def parts(self, duration: float | None = None) -> list[JointMove]:
         """What moves when, in that duration (s) or as fast as can be."""
         fastest = self._fastest
         times = np.array([part.duration for part in fastest])
@@ -88,7 +87,7 @@ class RestToRest:
         elif duration is not None:
             times = np.full(len(fastest), duration)
         return [
-            Part(part.step, part.law, part.bounds, float(b), float(T))
+            JointMove(part.step, part.law, part.bounds, float(b), float(T))
             for part, b, T in zip(fastest, begin, times, strict=True)
         ]
 
@@ -98,7 +97,7 @@ class RestToRest:
         T = max((part.begin + part.duration for part in parts), default=duration or SHORTEST)
         curves = [_within(part.law.pieces(part.duration, part.bounds), part.begin, T) for part in parts]
         edges = np.unique(np.concatenate([[0.0, T], *(curve.breakpoints for curve in curves)]))
-        edges = edges[np.concatenate([[True], np.diff(edges) > _SAME * T])]
+        edges = edges[np.concatenate([[True], np.diff(edges) > SAME_TIME * T])]
         edges[-1] = T
         size = max((curve.coefficients.shape[1] for curve in curves), default=1)
         q = np.zeros((len(edges) - 1, size, len(self.start)))
@@ -113,7 +112,7 @@ class RestToRest:
         return np.array([part.distance if self.share_by_distance else part.duration for part in self._fastest])
 
     @cached_property
-    def _fastest(self) -> list[Part]:
+    def _fastest(self) -> list[JointMove]:
         """The parts as if each had the robot to itself, in its shortest time."""
         d = self.goal - self.start
         if not d.any():
@@ -123,7 +122,7 @@ class RestToRest:
         for step in [d] if self.how == "synchronised" else each:
             bounds, law = _bounds(step, self.limits), self.law(float(np.abs(step).max()))
             floor = SHORTEST / (len(each) if self.how == "sequential" else 1)
-            found.append(Part(step, law, bounds, 0.0, max(law.shortest(bounds), floor)))
+            found.append(JointMove(step, law, bounds, 0.0, max(law.shortest(bounds), floor)))
         return found
 
 
@@ -141,19 +140,19 @@ def _bounds(step: Array, limits: Limits) -> Bounds:
     return Bounds(v, a, j if np.isinf(j) else min(j, a / (_BRIEFEST * max(1.0 / v, 2.0 / a**0.5))))
 
 
-def _within(curve: Pieces, begin: float, T: float) -> Pieces:
+def _within(curve: LawPieces, begin: float, T: float) -> LawPieces:
     """The curve from `begin` on, 0 before it and 1 after it, over [0, T]."""
     breakpoints, coefficients = curve.breakpoints + begin, curve.coefficients
     still = np.zeros((1, coefficients.shape[1]))
-    if breakpoints[0] > _SAME * T:
+    if breakpoints[0] > SAME_TIME * T:
         breakpoints, coefficients = np.append(0.0, breakpoints), np.vstack([still, coefficients])
-    if breakpoints[-1] < T * (1.0 - _SAME):
+    if breakpoints[-1] < T * (1.0 - SAME_TIME):
         still = np.eye(1, coefficients.shape[1])
         breakpoints, coefficients = np.append(breakpoints, T), np.vstack([coefficients, still])
-    return Pieces(breakpoints, coefficients)
+    return LawPieces(breakpoints, coefficients)
 
 
-def _on(edges: Array, curve: Pieces) -> Array:
+def _on(edges: Array, curve: LawPieces) -> Array:
     """Coefficients (m, degree + 1) of the curve on the m pieces between `edges`, none of which it bends within."""
     piece = np.searchsorted(curve.breakpoints[1:-1], 0.5 * (edges[1:] + edges[:-1]), side="right")
     moved: Array = shifted(curve.coefficients[piece][:, :, None], edges[:-1] - curve.breakpoints[piece])

@@ -6,12 +6,9 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.trajectory import polynomial
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
 
-_SAME = 1e-12  # share of the duration: breakpoints of path and law that are nearer in time are one
 _OUTSIDE = 1e-9  # share of the path's length, and of the law's speed, that rounding may cost
-
-Index = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 
 def compose(path: Trajectory, law: Trajectory) -> Trajectory:
@@ -30,7 +27,7 @@ def compose(path: Trajectory, law: Trajectory) -> Trajectory:
     """
     _check(path, law)
     t = np.union1d(law.breakpoints, _crossings(path, law))
-    t = t[np.concatenate([[True], np.diff(t) > _SAME * law.duration])]
+    t = t[np.concatenate([[True], np.diff(t) > SAME_TIME * law.duration])]
     t[-1] = law.duration
     middle = 0.5 * (t[:-1] + t[1:])
     own = np.searchsorted(law.breakpoints[1:-1], middle, side="right")

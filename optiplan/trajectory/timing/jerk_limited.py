@@ -82,9 +82,9 @@ def smooth_law(
 
 def _start(path: Trajectory, limits: Limits, rows: Rows) -> Trajectory | None:
     before = np.nextafter(rows.s, 0.0)
-    bend = np.maximum(np.abs(path(rows.s, 3)), np.abs(path(before, 3)))
+    third = np.maximum(np.abs(path(rows.s, 3)), np.abs(path(before, 3)))
     with np.errstate(divide="ignore"):
-        careful = np.cbrt(_JERK_SHARE / (bend / limits.jerk).max(axis=1))
+        careful = np.cbrt(_JERK_SHARE / (third / limits.jerk).max(axis=1))
     return fastest_law(replace(rows, speed=np.minimum(rows.speed, careful)))
 
 

@@ -4,15 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.robot.robot import Limits
 from optiplan.trajectory import bspline
 from optiplan.trajectory.timing.path_constraints import Rows
 from optiplan.trajectory.trajectory import Trajectory
 
 _INSIDE = np.array([0.0, 0.5, 1.0])  # where each span is sampled: the jerk on both sides of a knot
-
-Index = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 
 class Block(NamedTuple):

@@ -19,14 +19,14 @@ from optiplan.arrays import Array
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.trajectory import Trajectory
 
-_STILL = 1e-60  # m or rad: stands for "no distance", so that the formulas above need no branch
+_ZERO_DISTANCE = 1e-60  # m or rad: stands for "no distance", so that the formulas above need no branch
 _REST = 1e-3  # s: a trajectory needs some duration, even one that goes nowhere
 _ACCELERATION = np.array([0.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0, 0.0])  # around the seven phases, over its peak
 
 
 def _phases(distance: Array, velocity: Array, acceleration: Array, jerk: Array) -> tuple[Array, Array, Array]:
     """The times t_j, t_a, t_v (s) of the module's curve, element by element; all arrays of one shape."""
-    D = np.maximum(distance, _STILL)
+    D = np.maximum(distance, _ZERO_DISTANCE)
     t_j = np.minimum(np.minimum(acceleration / jerk, np.sqrt(velocity / jerk)), np.cbrt(D / (2.0 * jerk)))
     with np.errstate(invalid="ignore"):
         a = np.where(np.isinf(jerk), acceleration, jerk * t_j)

@@ -81,12 +81,12 @@ def rows_at(path: Trajectory, robot: Robot, limits: Limits, tool: ToolSpeed | No
         A, B, G = (x[:, limited] for x in _torques(robot, *Q))
         blocks.append((A, B, G, limits.torque[limited]))
     if tool is not None:
-        twist, bend = tool_motion(robot, tool.frame, Q)
+        twist, acceleration = tool_motion(robot, tool.frame, Q)
         with np.errstate(divide="ignore"):
             for part, limit in ((twist[:, :3], tool.linear), (twist[:, 3:], tool.angular)):
                 speed = np.minimum(speed, limit / np.linalg.norm(part, axis=1))
         if np.isfinite(tool.linear_acceleration):
-            blocks.append(_tool_rows(twist[:, :3], bend[:, :3], tool.linear_acceleration))
+            blocks.append(_tool_rows(twist[:, :3], acceleration[:, :3], tool.linear_acceleration))
     A, B, G = (np.hstack([block[k] for block in blocks]) for k in range(3))
     return Rows(s, speed, A, B, G, np.concatenate([block[3] for block in blocks]))
 
@@ -99,9 +99,9 @@ def tool_scale(robot: Robot, tool: ToolSpeed | None, trajectory: Trajectory) -> 
     if tool is None:
         return 0.0
     t = sample_times(trajectory)
-    twist, bend = tool_motion(robot, tool.frame, [trajectory(t, order) for order in range(3)])
+    twist, acceleration = tool_motion(robot, tool.frame, [trajectory(t, order) for order in range(3)])
     speed, turn = np.linalg.norm(twist[:, :3], axis=1).max(), np.linalg.norm(twist[:, 3:], axis=1).max()
-    force = np.linalg.norm(bend[:, :3], axis=1).max()
+    force = np.linalg.norm(acceleration[:, :3], axis=1).max()
     share = max(speed / tool.linear, turn / tool.angular, np.sqrt(force / tool.linear_acceleration))
     return float(share) / (1.0 - _RESERVE)
 
@@ -115,12 +115,12 @@ def tool_motion(robot: Robot, frame: str, Q: list[Array]) -> tuple[Array, Array]
         Q: configurations and their first and second derivative in anything, (k, n) each.
     """
     data, index, axes = robot.model.createData(), robot.frame_id(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    twist, bend = np.empty((2, len(Q[0]), 6))
+    twist, acceleration = np.empty((2, len(Q[0]), 6))
     for i, (q, v, a) in enumerate(zip(*Q, strict=True)):
         pin.forwardKinematics(robot.model, data, q, v, a)
         twist[i] = pin.getFrameVelocity(robot.model, data, index, axes).vector
-        bend[i] = pin.getFrameClassicalAcceleration(robot.model, data, index, axes).vector
-    return twist, bend
+        acceleration[i] = pin.getFrameClassicalAcceleration(robot.model, data, index, axes).vector
+    return twist, acceleration
 
 
 def _torques(robot: Robot, Q: Array, D: Array, DD: Array) -> tuple[Array, Array, Array]:
@@ -132,7 +132,7 @@ def _torques(robot: Robot, Q: Array, D: Array, DD: Array) -> tuple[Array, Array,
     return A - G, B - G, G
 
 
-def _tool_rows(forward: Array, bend: Array, limit: float) -> tuple[Array, Array, Array, Array]:
+def _tool_rows(forward: Array, acceleration: Array, limit: float) -> tuple[Array, Array, Array, Array]:
     """Directions in the plane of J q' and the path's curvature, in which every component keeps within the limit.
 
     Their polygon lies inside the circle's tangents, outside the circle by 1 / cos(pi / 16) = 2 % at most: the exact
@@ -140,8 +140,8 @@ def _tool_rows(forward: Array, bend: Array, limit: float) -> tuple[Array, Array,
     """
     length = np.linalg.norm(forward, axis=1, keepdims=True)
     e1 = forward / np.where(length > 0.0, length, 1.0)
-    along = (bend * e1).sum(axis=1, keepdims=True)
-    across = np.linalg.norm(bend - along * e1, axis=1, keepdims=True)
+    along = (acceleration * e1).sum(axis=1, keepdims=True)
+    across = np.linalg.norm(acceleration - along * e1, axis=1, keepdims=True)
     angle = np.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
     A, B = np.cos(angle) * length, np.cos(angle) * along + np.sin(angle) * across
     return A, B, np.zeros_like(A), np.full(_DIRECTIONS, limit)

@@ -50,8 +50,8 @@ def slowness(law: Trajectory, between: Rows) -> Array:
     squares = law(law.breakpoints, 1)[:, :1] ** 2
     squared, sdd = 0.5 * (squares[1:] + squares[:-1]), 2.0 * law.coefficients[:, 2]
     motion = between.A * sdd + between.B * squared
-    room = np.maximum(between.bound - np.sign(motion) * between.G, 1e-3 * between.bound)
-    worst: Array = np.maximum(np.sqrt(squared[:, 0]) / between.speed, np.sqrt((np.abs(motion) / room).max(axis=1)))
+    available = np.maximum(between.bound - np.sign(motion) * between.G, 1e-3 * between.bound)
+    worst: Array = np.maximum(np.sqrt(squared[:, 0]) / between.speed, np.sqrt((np.abs(motion) / available).max(axis=1)))
     return worst
 
 
@@ -78,12 +78,12 @@ def _speeds(rows: Rows) -> Array | None:
             both_ends = canlinear_colloc_to_interpolate(rows.A, rows.B, rows.G, F, g, None, None, grid, True)
             return *both_ends[:5], None, squared
 
-    class Line(AbstractGeometricPath):  # type: ignore[misc]
+    class ScalarPath(AbstractGeometricPath):  # type: ignore[misc]
         dof, path_interval, waypoints = 1, rows.s[[0, -1]], None
 
         def __call__(self, s: Any, order: int = 0) -> Array:
             return np.zeros((*np.shape(s), 1))
 
-    instance = TOPPRA([Given()], Line(), gridpoints=rows.s, solver_wrapper="seidel")
+    instance = TOPPRA([Given()], ScalarPath(), gridpoints=rows.s, solver_wrapper="seidel")
     answer = instance.compute_parameterization(0.0, 0.0)[1]
     return None if answer is None or np.isnan(answer).any() else np.asarray(answer)

@@ -4,19 +4,16 @@ from dataclasses import dataclass
 
 import coal
 import numpy as np
-import numpy.typing as npt
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
 from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
 
-Index = npt.NDArray[np.intp]
-Flags = npt.NDArray[np.bool_]
 _KNOWN = (coal.Box, coal.Sphere, coal.Capsule, coal.Cylinder, coal.Halfspace)
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedBody:
     """Poses of K bodies or pairs, world frame: X_WB of shape (K, 2, 4, 4), sides a and b."""
 
     bodies: Index
@@ -67,12 +64,12 @@ class Bodies:
         found = [isinstance(shape, kind) for shape in self.shapes]
         return np.array([(found[a], found[b]) for a, b in self.pairs], dtype=bool).reshape(-1, 2)
 
-    def place(self, joint_poses: Array, rows: Index, pairs: Index) -> Placed:
+    def place(self, joint_poses: Array, rows: Index, pairs: Index) -> PlacedBody:
         """Poses of both bodies of pair pairs[k] where the joints are at joint_poses[rows[k]], (N, n + 1, 4, 4)."""
         bodies = self.pairs[pairs]
-        return Placed(bodies, joint_poses[rows[:, None], self.joints[bodies]] @ self.placements[bodies])
+        return PlacedBody(bodies, joint_poses[rows[:, None], self.joints[bodies]] @ self.placements[bodies])
 
-    def support(self, placed: Placed, side: int, directions: Array) -> Array:
+    def support(self, placed: PlacedBody, side: int, directions: Array) -> Array:
         """h(n) = max of n . x over the body of one side, in the world; directions n (K, 3), result (K,), m."""
         bodies, poses = placed.bodies[:, side], placed.poses[:, side]
         local = np.einsum("kji,kj->ki", poses[:, :3, :3], directions)

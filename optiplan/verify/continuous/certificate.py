@@ -4,13 +4,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.containment import Containment
 from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.bodies import Bodies, Flags, Index
+from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.intervals import Intervals, blocks, boxes, middles, step_sizes
-from optiplan.verify.continuous.motion_bounds import Approach, Asked, Boxes, Motion
+from optiplan.verify.continuous.motion_bounds import Boxes, DistanceQuery, Motion, SeparationRate
 from optiplan.verify.continuous.separating_planes import Distances, PairDistances
 from optiplan.verify.report import VerifyPolicy
 
@@ -48,7 +48,7 @@ class Proof:
         reason: why not, else empty.
         intervals: how many different intervals of time were looked at.
         queries: exact distance queries made.
-        believed: how many of them no separating plane confirmed (non-convex meshes): coal's word less 1e-6 m.
+        gjk_only: how many of them no separating plane confirmed (non-convex meshes): coal's distance less 1e-6 m.
         clearance: the smallest clearance proved of all intervals, m: no pair ever comes nearer.
         nearest: the smallest distance measured, an upper bound of the true minimum; None if no query was needed.
         contact: whether bodies do come too near at the time of `nearest`, rather than only nothing being proved.
@@ -58,7 +58,7 @@ class Proof:
     reason: str = ""
     intervals: int = 0
     queries: int = 0
-    believed: int = 0
+    gjk_only: int = 0
     clearance: float = np.inf
     nearest: Moment | None = None
     contact: bool = False
@@ -70,9 +70,9 @@ def certify(model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy)
     On an interval with middle m and half width h, where a plane with normal w separates a pair by the gap g at m, the
     pair is clear if the larger of two lower bounds of its distance exceeds the clearance asked for by 1e-9 m:
         g - travel              how far the bodies can move in any direction;
-        linear - bend           the gap along w to first order in time, less what acceleration can take from it,
-    see `motion.Approach`. Where that fails the interval is divided for this pair alone. Bounding volumes answer most
-    pairs, exact queries confirmed by separating planes the rest.
+        linear - curvature_loss the gap along w to first order in time, less what acceleration can take from it,
+    see `motion_bounds.SeparationRate`. Where that fails the interval is divided for this pair alone. Bounding volumes
+    answer most pairs, exact queries confirmed by separating planes the rest.
 
     Holds at: all times of the closed interval [0, duration].
     """
@@ -213,9 +213,9 @@ class _Search:
         poses = self.bodies.kinematics.poses(b.q)
         placed = self.bodies.place(poses, rows, items.pair)
         found = self.distances.query(b.q, rows, items.pair, placed, max(_HULLS, _ROOM * self.target()))
-        asked = Asked(rows, items.pair, placed, *self.bodies.kinematics.axes(poses))
-        near = self.motion.approach(b, asked, found.normals)
-        margin = np.maximum(found.bound - near.travel, near.linear - near.bend) - ROUNDING
+        query = DistanceQuery(rows, items.pair, placed, *self.bodies.kinematics.axes(poses))
+        near = self.motion.separation_rate(b, query, found.normals)
+        margin = np.maximum(found.bound - near.travel, near.linear - near.curvature_loss) - ROUNDING
         best = np.maximum(found.bound, found.measured)
         times = middles(self.trajectory, unique)[rows]
         for kind in (~found.hulls, found.hulls):  # what hulls answered is no distance measured
@@ -232,8 +232,8 @@ class _Search:
     def target(self) -> float:
         """What must be proved, m: the clearance asked for, and most of the smallest distance, to tell a true figure."""
         nearest = self.proof.nearest
-        asked = self.policy.clearance
-        return asked if nearest is None else asked + _TOLD * max(nearest.distance - asked, 0.0)
+        clearance = self.policy.clearance
+        return clearance if nearest is None else clearance + _TOLD * max(nearest.distance - clearance, 0.0)
 
     def count(self, unique: Intervals, found: Distances) -> None:
         """Keep the books."""
@@ -242,7 +242,7 @@ class _Search:
             proof,
             intervals=proof.intervals + len(unique.piece),
             queries=proof.queries + len(found.bound),
-            believed=proof.believed + int(found.believed.sum()),
+            gjk_only=proof.gjk_only + int(found.gjk_only.sum()),
         )
 
     def limit(self, items: Intervals) -> Intervals:
@@ -277,10 +277,10 @@ class _Search:
             self.proof = replace(self.proof, nearest=nearest)
 
 
-def _halvings(found: Distances, near: Approach, still: Index, target: float) -> Index:
+def _halvings(found: Distances, near: SeparationRate, still: Index, target: float) -> Index:
     """How often to halve each item: the least of 1 to 4 times after which the bounds, scaled, would prove it."""
     parts = 2.0 ** np.arange(1, 4)[:, None]
     bound, linear = found.bound[still], np.maximum(near.linear[still], -1e9)
-    plane = bound + (linear - bound) / parts - near.bend[still] / parts**2
+    plane = bound + (linear - bound) / parts - near.curvature_loss[still] / parts**2
     enough: Flags = np.maximum(bound - near.travel[still] / parts, plane) > 1.1 * target + ROUNDING
     return np.asarray(4 - enough.sum(axis=0), dtype=np.intp)

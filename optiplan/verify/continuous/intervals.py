@@ -6,9 +6,8 @@ from math import comb, perm
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.bodies import Index
 from optiplan.verify.continuous.motion_bounds import Boxes
 
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optiplan.arrays import Array
-from optiplan.verify.continuous.bodies import Bodies, Index, Placed
+from optiplan.arrays import Array, Index
+from optiplan.verify.continuous.bodies import Bodies, PlacedBody
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Boxes:
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class DistanceQuery:
     """K questions: pair pairs[k] on interval rows[k], where `placed` has its bodies.
 
     `direction` and `point`, both (N, J, 3), are all joints' axes in the world at the middles of all N intervals.
@@ -36,24 +36,24 @@ class Asked:
 
     rows: Index
     pairs: Index
-    placed: Placed
+    placed: PlacedBody
     direction: Array
     point: Array
 
 
 @dataclass(frozen=True, eq=False)
-class Approach:
+class SeparationRate:
     """Bounds for K pairs on their intervals, all (K,), m.
 
     Attributes:
         travel: change of distance, whatever the direction.
         linear: lower bound of the gap along the normal, were every point to keep its velocity of the middle.
-        bend: how far acceleration can take the gap below that.
+        curvature_loss: how far acceleration can take the gap below that.
     """
 
     travel: Array
     linear: Array
-    bend: Array
+    curvature_loss: Array
 
 
 class Motion:
@@ -63,7 +63,7 @@ class Motion:
         self._bodies = bodies
         self._revolute = bodies.kinematics.revolute > 0.5
 
-    def approach(self, boxes: Boxes, asked: Asked, normals: Array) -> Approach:
+    def separation_rate(self, boxes: Boxes, query: DistanceQuery, normals: Array) -> SeparationRate:
         """Bounds for K pairs on their intervals, with unit normals w (K, 3) from a to b at the middle.
 
         For a point x of a body let f(s) = w . x(middle + s). Then |f(s) - f(0) - f'(0) s| <= F s^2 / 2 with
@@ -74,22 +74,22 @@ class Motion:
         maximum over the body is a support function, convex in s: so its maximum for |s| <= h is at s = h or -h.
         """
         boxes = self._of_all_joints(boxes)
-        rows, half = asked.rows, boxes.half[asked.rows]
-        travel, bend, gap = np.zeros(len(rows)), np.zeros(len(rows)), np.zeros((2, len(rows)))
+        rows, half = query.rows, boxes.half[query.rows]
+        travel, curvature_loss, gap = np.zeros(len(rows)), np.zeros(len(rows)), np.zeros((2, len(rows)))
         for side, sign in ((0, 1.0), (1, -1.0)):
-            lever, moved = self._levers(boxes, asked, side)
+            lever, moved = self._moment_arms(boxes, query, side)
             travel += moved
-            moves = self._bodies.moves[asked.pairs, side]
+            moves = self._bodies.moves[query.pairs, side]
             speed, acceleration = boxes.speed[rows] * moves, boxes.acceleration[rows] * moves
             before = np.cumsum(speed, axis=1) - speed
             curve = lever * (acceleration + speed * (speed + 2.0 * before))
-            bend += 0.5 * half**2 * curve.sum(axis=1) + (boxes.jump[rows] * moves * lever).sum(axis=1)
-            omega, u = self._twist(boxes.v[rows] * moves, asked.direction[rows], asked.point[rows])
+            curvature_loss += 0.5 * half**2 * curve.sum(axis=1) + (boxes.jump[rows] * moves * lever).sum(axis=1)
+            omega, u = self._twist(boxes.v[rows] * moves, query.direction[rows], query.point[rows])
             turn, shift = _cross(normals, omega), np.einsum("ki,ki->k", normals, u)
             for end, s in ((0, half), (1, -half)):
                 direction = sign * (normals + s[:, None] * turn)
-                gap[end] -= self._bodies.support(asked.placed, side, direction) + sign * s * shift
-        return Approach(travel, np.nan_to_num(gap.min(axis=0), nan=-np.inf), bend)
+                gap[end] -= self._bodies.support(query.placed, side, direction) + sign * s * shift
+        return SeparationRate(travel, np.nan_to_num(gap.min(axis=0), nan=-np.inf), curvature_loss)
 
     def _of_all_joints(self, boxes: Boxes) -> Boxes:
         """The same of all J joints: a follower moves by its multiplier times what its leader does."""
@@ -99,16 +99,16 @@ class Motion:
         q, v = kinematics.joint_rates(boxes.q) + kinematics.offset, kinematics.joint_rates(boxes.v)
         return Boxes(boxes.half, q, v, reach, speed, acceleration, jump)
 
-    def _levers(self, boxes: Boxes, asked: Asked, side: int) -> tuple[Array, Array]:
+    def _moment_arms(self, boxes: Boxes, query: DistanceQuery, side: int) -> tuple[Array, Array]:
         """L (K, J), the farthest any point of the body gets from each axis on the interval, m; and its travel (K,), m.
 
         Joints are moved one after another, from the tip to the base. When joint j turns, about its axis at the middle,
         the body has travelled t already: its points are within R_j + t of the axis and move by at most D_j (R_j + t).
         """
-        bodies, poses, rows = asked.placed.bodies[:, side], asked.placed.poses[:, side], asked.rows
-        moves = self._bodies.moves[asked.pairs, side]
+        bodies, poses, rows = query.placed.bodies[:, side], query.placed.poses[:, side], query.rows
+        moves = self._bodies.moves[query.pairs, side]
         centre = np.einsum("kij,kj->ki", poses[:, :3, :3], self._bodies.centre[bodies]) + poses[:, :3, 3]
-        arm = _cross(asked.direction[rows], centre[:, None] - asked.point[rows])
+        arm = _cross(query.direction[rows], centre[:, None] - query.point[rows])
         # A half-space has no farthest point, and must not move: then its levers are multiplied by zero.
         radius = np.where(moves.any(axis=1), self._bodies.radius[bodies], 0.0)
         lever = np.where(self._revolute, np.sqrt(np.einsum("kji,kji->kj", arm, arm)) + radius[:, None], 1.0)

@@ -5,8 +5,7 @@ from math import comb
 
 import numpy as np
 
-from optiplan.arrays import Array
-from optiplan.verify.continuous.bodies import Flags, Index
+from optiplan.arrays import Array, Flags, Index
 
 _UNIT = 2.0**-53  # rounding of one operation
 _MOST_HALVINGS = 40

@@ -6,13 +6,14 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.geometry.mesh_hulls import exact_queries
-from optiplan.verify.continuous.bodies import Bodies, Flags, Index, Placed
+from optiplan.verify.continuous.bodies import Bodies, PlacedBody
 
 _LOOSE = 1e-7  # m that a plane may lose against the measured distance before another one is sought
-TRUST = 1e-6  # m, and fraction of the distance: how far a distance that no plane confirms is believed
+_MARGIN = DISTANCE_ERROR  # m, and fraction of the distance: subtracted from a distance that no plane confirms
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,14 +24,14 @@ class Distances:
         measured: (K,) m, what coal measured; negative is depth of penetration.
         normals: (K, 3) unit vectors from a to b; NaN where coal gives none.
         bound: (K,) m, a lower bound of the distance: from the plane, or where bodies are not convex from coal.
-        believed: (K,) whether `bound` rests on coal alone.
+        gjk_only: (K,) whether `bound` rests on coal alone.
         hulls: (K,) whether a plane between the hulls answered; then `measured` is no distance but `bound` again.
     """
 
     measured: Array
     normals: Array
     bound: Array
-    believed: Flags
+    gjk_only: Flags
     hulls: Flags
 
 
@@ -58,7 +59,7 @@ class PairDistances:
         self._convex: Flags = np.logical_and(*bodies.kind(coal.ShapeBase).T)
         self._planes: Flags = bodies.kind(coal.Halfspace)
 
-    def query(self, Q: Array, rows: Index, pairs: Index, placed: Placed, enough: float = np.inf) -> Distances:
+    def query(self, Q: Array, rows: Index, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
         """Distance k of pair pairs[k] at Q[rows[k]], where `placed` has its bodies; rows ascend, Q (N, n).
 
         Meshes are asked only where a plane between their hulls proves no more than `enough`, m.
@@ -67,24 +68,24 @@ class PairDistances:
         if normals is None or bound is None:
             return self._exact(Q, rows, pairs, placed)
         hulls: Flags = bound > enough
-        measured, believed = bound.copy(), np.zeros(len(rows), dtype=bool)
+        measured, gjk_only = bound.copy(), np.zeros(len(rows), dtype=bool)
         asked = np.flatnonzero(~hulls)
         if len(asked):
-            found = self._exact(Q, rows[asked], pairs[asked], Placed(placed.bodies[asked], placed.poses[asked]))
+            found = self._exact(Q, rows[asked], pairs[asked], PlacedBody(placed.bodies[asked], placed.poses[asked]))
             measured[asked], normals[asked], bound[asked] = found.measured, found.normals, found.bound
-            believed[asked] = found.believed
-        return Distances(measured, normals, bound, believed, hulls)
+            gjk_only[asked] = found.gjk_only
+        return Distances(measured, normals, bound, gjk_only, hulls)
 
-    def _between_hulls(self, Q: Array, rows: Index, pairs: Index, placed: Placed) -> tuple[Array, Array]:
+    def _between_hulls(self, Q: Array, rows: Index, pairs: Index, placed: PlacedBody) -> tuple[Array, Array]:
         """Normals (K, 3) of planes between the hulls of pairs with a mesh, and gaps (K,), m; -inf for other pairs."""
         normals, gap = np.full((len(rows), 3), np.nan), np.full(len(rows), -np.inf)
         asked = np.flatnonzero(~self._convex[pairs] & ~self._planes[pairs].any(axis=1))
         if len(asked):
             normals[asked] = self._measure(self._outlined, Q, rows[asked], pairs[asked])[1]
-            gap[asked] = self._gap(Placed(placed.bodies[asked], placed.poses[asked]), normals[asked])
+            gap[asked] = self._gap(PlacedBody(placed.bodies[asked], placed.poses[asked]), normals[asked])
         return normals, gap
 
-    def _exact(self, Q: Array, rows: Index, pairs: Index, placed: Placed) -> Distances:
+    def _exact(self, Q: Array, rows: Index, pairs: Index, placed: PlacedBody) -> Distances:
         """What the bodies themselves answer."""
         measured, normals = self._measure(self._placed, Q, rows, pairs)
         for side, sign in ((0, 1.0), (1, -1.0)):
@@ -95,13 +96,13 @@ class PairDistances:
         loose = np.flatnonzero(self._convex[pairs] & ~flat & (plane < measured - _LOOSE))
         if len(loose):
             other = self._measure(self._again, Q, rows[loose], pairs[loose])[1]
-            gap = self._gap(Placed(placed.bodies[loose], placed.poses[loose]), other)
+            gap = self._gap(PlacedBody(placed.bodies[loose], placed.poses[loose]), other)
             better = gap > plane[loose]
             normals[loose[better]], plane[loose[better]] = other[better], gap[better]
         measured = np.where(flat, plane, measured)
-        coal_says = measured - np.maximum(TRUST, TRUST * measured)
-        believed = ~self._convex[pairs] & (coal_says > plane)
-        return Distances(measured, normals, np.where(believed, coal_says, plane), believed, np.zeros_like(believed))
+        coal_says = measured - np.maximum(_MARGIN, _MARGIN * measured)
+        gjk_only = ~self._convex[pairs] & (coal_says > plane)
+        return Distances(measured, normals, np.where(gjk_only, coal_says, plane), gjk_only, np.zeros_like(gjk_only))
 
     def witness(self, q: Array, pair: int) -> tuple[float, Array]:
         """Distance, m, and nearest points (2, 3) on a and b of a pair, in the world, m, at q (n,)."""
@@ -119,7 +120,7 @@ class PairDistances:
             request.gjk_tolerance, request.gjk_max_iterations = tolerance, 500
         return data
 
-    def _gap(self, placed: Placed, normals: Array) -> Array:
+    def _gap(self, placed: PlacedBody, normals: Array) -> Array:
         """-h_b(-n) - h_a(n), m: a lower bound of the distance for each unit normal (K, 3); -inf where it is NaN."""
         gap = -self._bodies.support(placed, 1, -normals) - self._bodies.support(placed, 0, normals)
         return np.nan_to_num(gap, nan=-np.inf)

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.problem.problem import Problem
 from optiplan.robot.mimic_joints import unfold
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.bodies import Flags, Index
 from optiplan.verify.continuous.intervals import derivative_bounds
 from optiplan.verify.continuous.torque_bounds import TorqueBounds
 from optiplan.verify.report import Check, VerifyPolicy
@@ -24,7 +23,7 @@ _CHUNK = 20_000  # intervals bounded at once, to limit memory
 class _Spans:
     """K intervals, each within a piece, with the torques at both ends (2, K, n), N·m (N).
 
-    `begin` and `width` (K,), s, in the time of the piece; `size` and `bend` (K, n) as from `TorqueBounds.over`.
+    `begin` and `width` (K,), s, in the time of the piece; `size` and `curvature` (K, n) as from `TorqueBounds.over`.
     """
 
     piece: Index
@@ -32,12 +31,12 @@ class _Spans:
     width: Array
     torque: Array
     size: Array
-    bend: Array
+    curvature: Array
 
     def take(self, chosen: Flags) -> "_Spans":
         """The intervals chosen by (K,) flags."""
-        torque, size, bend = self.torque[:, chosen], self.size[chosen], self.bend[chosen]
-        return _Spans(self.piece[chosen], self.begin[chosen], self.width[chosen], torque, size, bend)
+        torque, size, curvature = self.torque[:, chosen], self.size[chosen], self.curvature[chosen]
+        return _Spans(self.piece[chosen], self.begin[chosen], self.width[chosen], torque, size, curvature)
 
     def largest(self) -> Array:
         """Upper bound of |tau| on each interval, (K, n): |tau| <= max at the ends + width² / 8 max |tau''| + rounding.
@@ -45,7 +44,7 @@ class _Spans:
         A function with |f''| <= B stays within B w² / 8 of the chord between its ends.
         """
         return np.asarray(
-            np.abs(self.torque).max(axis=0) + self.width[:, None] ** 2 / 8.0 * self.bend + ROUNDING * self.size
+            np.abs(self.torque).max(axis=0) + self.width[:, None] ** 2 / 8.0 * self.curvature + ROUNDING * self.size
         )
 
 
@@ -87,12 +86,12 @@ class _Proof:
 
     def _spans(self, piece: Index, begin: Array, width: Array, torque: Array) -> _Spans:
         """Intervals with the bounds that hold on them."""
-        size, bend = np.empty((2, *torque.shape[1:]))
+        size, curvature = np.empty((2, *torque.shape[1:]))
         for k in range(0, len(piece), _CHUNK):
             part, half = slice(k, k + _CHUNK), 0.5 * width[k : k + _CHUNK, None]
             c = self._trajectory.coefficients[piece[part]]
-            size[part], bend[part] = self._bounds.over(derivative_bounds(c, begin[part, None] + half, half, 5))
-        return _Spans(piece, begin, width, torque, size, bend)
+            size[part], curvature[part] = self._bounds.over(derivative_bounds(c, begin[part, None] + half, half, 5))
+        return _Spans(piece, begin, width, torque, size, curvature)
 
     def _torques(self, piece: Index, local: Array) -> Array:
         """Return tau (K, n) at times `local` (K,) of pieces; the largest and its time are remembered."""

@@ -82,7 +82,7 @@ class TorqueBounds:
             bodies.append(self._next(bodies[self._parents[j]], j, motion[:, :, self._columns[j]]))
         force = np.zeros((len(bodies), 3, motion.shape[1]))
         moment = np.zeros_like(force)
-        size, bend = np.empty((2, *motion.shape[1:]))
+        size, curvature = np.empty((2, *motion.shape[1:]))
         for j in reversed(range(1, len(bodies))):
             column, before = self._columns[j], bodies[self._parents[j]]
             own_force, own_moment = self._own(bodies[j], j)
@@ -90,9 +90,9 @@ class TorqueBounds:
             moment[j] += own_moment
             carried = force[j] if self._slides[j] else moment[j]
             size[:, column] = carried[0] + self._armature[column] * motion[2, :, column]
-            bend[:, column] = product(before.fixed, carried, 2) + self._armature[column] * motion[4, :, column]
+            curvature[:, column] = product(before.fixed, carried, 2) + self._armature[column] * motion[4, :, column]
             self._hand_down(force, moment, (j, before), motion[:, :, column])
-        return size @ self._A, bend @ self._A
+        return size @ self._A, curvature @ self._A
 
     def _next(self, before: _Body, j: int, q: Array) -> _Body:
         """Body j from the one that carries its joint, whose position, velocity … are bounded by q (5, K)."""

@@ -88,7 +88,7 @@ def test_rates_move_the_tool_as_the_path_says():
     for aim in (Aim(), Aim(goal=READY + 0.1)):
         here, robot, h = tracker("panda", path, aim), model("panda").robot, 1e-6
         dq = here.rate(0.0, READY)
-        ddq = here.bend(0.0, READY, dq)
+        ddq = here.joint_curvature(0.0, READY, dq)
 
         def twist(s, q=READY, v=dq, robot=robot):
             return geometric_jacobian(robot, q + s * v, robot.tool_frame) @ v
@@ -106,7 +106,7 @@ def test_second_derivative_is_that_of_the_flow():
         q, dq = STARTS[name], here.rate(0.5, STARTS[name])
         q = here.correct(0.5, q)
         dq = here.rate(0.5, q)
-        ddq = here.bend(0.5, q, dq)
+        ddq = here.joint_curvature(0.5, q, dq)
         ahead, behind = (here.rate(0.5 + x, q + x * dq + 0.5 * x**2 * ddq) for x in (h, -h))
         assert ddq == pytest.approx((ahead - behind) / (2.0 * h), abs=1e-3 * np.abs(ddq).max())
 

@@ -11,7 +11,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.qp_stepping import Screw
+from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import chase
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
@@ -45,7 +45,7 @@ def test_the_screw_that_ends_at_a_limit_says_at_which_joint_where_and_how_far(st
     assert failure.witness["fraction"] == pytest.approx(0.99, abs=0.01)
     assert failure.witness["q"][5] == pytest.approx(failure.witness["limit"], abs=2e-3)
     tool = Tool(stuck.robot, stuck.robot.tool_frame)
-    on_screw = Screw(tool.pose(stuck.start), stuck.goal[0].X_WG).pose(failure.witness["fraction"])
+    on_screw = ScrewMotion(tool.pose(stuck.start), stuck.goal[0].X_WG).pose(failure.witness["fraction"])
     assert np.allclose(failure.witness["pose"]["position"], on_screw.translation, atol=1e-9)
     for word in ("W1", "%", f"{on_screw.translation[0]:.4f}"):
         assert word in failure.detail
@@ -64,7 +64,7 @@ def test_the_tool_stays_on_its_screw(make):
     tool = Tool(problem.robot, problem.robot.tool_frame)
     goal = problem.goal[0]
     X_G = goal.X_WG if isinstance(goal, PoseGoal) else tool.pose(goal.q)
-    screw = Screw(tool.pose(problem.start), X_G)
+    screw = ScrewMotion(tool.pose(problem.start), X_G)
     if isinstance(goal, JointGoal):
         assert result.trajectory.end == pytest.approx(goal.q, abs=1e-9)
     whole = pin.log6(screw.pose(0.0).actInv(X_G)).vector

@@ -5,7 +5,7 @@ import pytest
 from optiplan.geometry.dual_quaternion import screw_between
 from optiplan.planners.sclerp.interpolation import on_screw, spline, through
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.qp_stepping import Screw, Walker
+from optiplan.planners.sclerp.qp_stepping import ScrewMotion, Walker
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from tests.planners import cases
 
@@ -20,7 +20,7 @@ def tool():
 
 @pytest.fixture
 def walker(tool):
-    return Walker(tool, Screw(tool.pose(cases.READY), tool.pose(FAR)), SclerpOptions())
+    return Walker(tool, ScrewMotion(tool.pose(cases.READY), tool.pose(FAR)), SclerpOptions())
 
 
 def test_spatial_jacobian_is_the_derivative_of_the_pose(tool):
