@@ -110,11 +110,11 @@ def test_an_arm_without_a_null_space_stays():
 def test_room_ends_at_the_first_limit():
     robot = load_robot("panda")
     q, direction = robot.configurations["ready"], np.array([0.0, 1.0, 0.0, -2.0, 0.0, 0.0, 0.5])
-    room = Descent(robot, robot.tool_frame).room(q, direction)
+    room = Descent(robot, robot.tool_frame).distance_to_limits(q, direction)
     reached = q + room * direction
     slack = np.minimum(robot.limits.upper - reached, reached - robot.limits.lower)
     assert slack.min() == pytest.approx(0.0, abs=1e-12)
-    assert Descent(robot, robot.tool_frame).room(q, np.zeros(7)) == np.inf
+    assert Descent(robot, robot.tool_frame).distance_to_limits(q, np.zeros(7)) == np.inf
 
 
 def test_a_descent_stops_at_its_target():
