@@ -10,7 +10,7 @@ import sys
 import optiplan as op
 
 problem = op.load_problem("03_table")
-runs = [op.plan(problem, planner, budget=4) for planner in ("trajopt", "rrtconnect", "prm", "quintic")]
+runs = [op.plan(problem, planner, budget=3) for planner in ("trajopt", "rrtconnect", "prm", "quintic")]
 
 print(f"{'planner':12} {'duration':>9} {'planned in':>10} {'clearance':>10}  verdict")
 for run in runs:

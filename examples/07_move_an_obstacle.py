@@ -13,11 +13,11 @@ pillar = op.Cylinder("pillar", radius=0.05, length=1.2, position=(0.45, 0.25, 0.
 floor = op.HalfSpace("floor", offset=-0.01)
 problem = op.Problem("panda", start="ready", goal=goal, scene=[pillar, floor], name="pillar")
 
-before = op.plan(problem, budget=4)
+before = op.plan(problem, budget=3)
 print("before:         ", before)
 
 for distance in (0.3, -0.1):  # m along x: out of the way, then into it
     moved = problem.with_scene(problem.scene.moved("pillar", x=distance))
-    again = op.plan(moved, budget=4, warm_start=before)
+    again = op.plan(moved, budget=3, warm_start=before)
     print(f"moved by {distance:+.2f} m:", again, f"(the old motion: {again.info['warm_start']})")
     assert again.verified

@@ -6,7 +6,7 @@ Run it: python examples/09_many_joints.py
 import optiplan as op
 
 baxter = op.load_problem("18_baxter_dual")
-run = op.plan(baxter, budget=5)
+run = op.plan(baxter, budget=4)
 print(run)
 closest = next(check for check in run.report.checks if check.name == "collision")
 print("  both arms against each other, themselves and the scene:", closest.detail)

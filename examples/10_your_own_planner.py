@@ -32,7 +32,7 @@ def detours(problem: op.Problem, seconds: float, seed: int = 0) -> tuple[op.Run 
 
 pillar = op.Cylinder("pillar", radius=0.05, length=1.2, position=(0.37, 0.25, 0.6))
 problem = op.Problem("panda", start="ready", goal=[1.2, 0.3, 0.2, -1.6, 0.1, 2.0, 0.5], scene=[pillar], name="pillar")
-mine, tried = detours(problem, seconds=4)
+mine, tried = detours(problem, seconds=3)
 print(f"{'detours':11} {mine} ({tried} tried)")
 for planner in ("quintic", "rrtconnect", "trajopt"):
-    print(f"{planner:11} {op.plan(problem, planner, budget=4)}")
+    print(f"{planner:11} {op.plan(problem, planner, budget=3)}")

@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from PIL import Image
 
 ROOT = Path(__file__).parent.parent
 SCRIPTS = sorted((ROOT / "examples").glob("[0-9]*.py"))
@@ -102,13 +101,3 @@ def test_stored_notebook_is_small_and_begins_with_words():
 def kinds(cell):
     """What kinds of output a cell has."""
     return [sorted(output.get("data", {"text": 0})) for output in cell.get("outputs", [])]
-
-
-def test_moving_picture_moves_and_is_small():
-    picture = ROOT / "docs" / "pictures" / "shelf.webp"
-    assert picture.stat().st_size <= 3_000_000
-    with Image.open(picture) as image:
-        assert image.is_animated
-        assert image.n_frames >= 40
-        assert image.size == (800, 500)
-        assert image.info["loop"] == 0
