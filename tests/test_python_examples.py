@@ -21,7 +21,7 @@ SAYS = {
     "02": "proved clearance: ",
     "03": "Run: verified",
     "04": "the motion is not free",
-    "05": "rounded",
+    "05": "refused for velocity",
     "06": "velocity: ",
     "07": "(the old motion: refused)",
     "08": "off the line",
