@@ -1,0 +1,103 @@
+"""Every script of `examples/` runs from an empty folder, and so does its notebook; each says what it shows."""
+
+import ast
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SCRIPTS = sorted((ROOT / "examples").glob("[0-9]*.py"))
+NOTEBOOK = ROOT / "examples" / "notebook.ipynb"
+SECONDS = 120
+"""For one of them; each takes a tenth of that where nothing else runs."""
+
+SAYS = {
+    "01": "Run: verified",
+    "02": "proved clearance: ",
+    "03": "Run: verified",
+    "04": "the motion is not free",
+    "05": "refused for velocity",
+    "06": "velocity: ",
+    "07": "(the old motion: refused)",
+    "08": "off the line",
+    "09": "large-circle, circle",
+    "10": "trajopt     Run: verified",
+}
+"""A part of what each prints, by its number."""
+
+
+def test_there_are_ten_numbered_from_one():
+    assert [path.name[:3] for path in SCRIPTS] == [f"{number:02}_" for number in range(1, 11)]
+
+
+def test_the_first_is_the_smallest():
+    lines = [len(path.read_text().splitlines()) for path in SCRIPTS]
+    assert lines[0] == min(lines) <= 15
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
+def test_says_what_it_shows_and_how_to_run_it(path):
+    told = ast.get_docstring(ast.parse(path.read_text()))
+    assert told is not None
+    assert told.splitlines()[0].endswith(".")
+    assert f"Run it: python examples/{path.name}" in told
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
+def test_uses_the_front_door_alone(path):
+    """A reader needs to know one import of ours."""
+    imported = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Import | ast.ImportFrom)]
+    ours = [ast.unparse(node) for node in imported if "optiplan" in ast.unparse(node)]
+    assert ours == ["import optiplan as op"]
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
+def test_runs(path, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+    ended = subprocess.run(
+        [sys.executable, str(path)], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=SECONDS
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert SAYS[path.name[:2]] in ended.stdout
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def runner():
+    spec = importlib.util.spec_from_file_location("run_notebook", ROOT / "examples" / "run_notebook.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_notebook_runs(runner, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    notebook = json.loads(NOTEBOOK.read_text("utf-8"))
+    stored = [kinds(cell) for cell in notebook["cells"]]
+    names = runner.run_cells(notebook)
+    assert names["run"].verified
+    assert [kinds(cell) for cell in notebook["cells"]] == stored
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failing_cell_is_not_passed_over(runner):
+    cells = [{"cell_type": "code", "source": [line]} for line in ("x = 1\n", "x / 0")]
+    with pytest.raises(ZeroDivisionError):
+        runner.run_cells({"cells": cells})
+
+
+def test_stored_notebook_is_small_and_begins_with_words():
+    text = NOTEBOOK.read_text("utf-8")
+    notebook = json.loads(text)
+    assert len(text) < 100_000
+    assert (notebook["nbformat"], notebook["cells"][0]["cell_type"]) == (4, "markdown")
+
+
+def kinds(cell):
+    """What kinds of output a cell has."""
+    return [sorted(output.get("data", {"text": 0})) for output in cell.get("outputs", [])]
