@@ -1,4 +1,4 @@
-"""The tables of `results.sqlite`, what changed between versions, and the view that rates runs; see docs/bench.md."""
+"""The tables of `results.sqlite`, what changed between versions, and the view that rates runs; see docs/how-to/benchmarks.md."""
 
 from optiplan.runs.run import SMALLEST_BOUND
 
