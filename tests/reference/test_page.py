@@ -1,4 +1,4 @@
-"""Figures of docs/theory/reports.md that no entry holds: each is computed, written as the page writes it, and looked for."""
+"""Figures of docs/theory/reports.md that no entry holds: each is computed, and looked for as the page writes it."""
 
 from collections.abc import Callable
 from pathlib import Path
