@@ -35,7 +35,7 @@ test: $(TEST) ## every test, with the coverage gate of 90 % of lines
 	$(BIN)/python -m pytest -n $${TEST_WORKERS:-2} --dist loadfile --cov=optiplan --cov-report=term:skip-covered --cov-fail-under=90
 
 docs: $(DOCS) ## the documentation as a site, site/index.html; a warning is an error
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "site/index.html is the front page; $(BIN)/mkdocs serve shows changes at once"
 
 lint: $(DEV) ## ruff and mypy --strict

@@ -7,6 +7,7 @@ commands are those of the program, the planners those of the registry, the examp
 import ast
 import re
 from collections.abc import Iterator
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +60,7 @@ def command_line() -> str:
     text = [
         "# Command line",
         "",
-        "Every command takes `--help`. With `--json` one JSON object is printed on stdout and nothing else; messages go "
+        "With `--json` a command prints one JSON object on stdout and nothing else; messages go "
         "to stderr. What a command returns: [exit codes](exit-codes.md).",
         "",
     ]
@@ -69,11 +70,14 @@ def command_line() -> str:
 
 
 def described(text: str) -> list[str]:
-    """The paragraphs of a command's help; commands in it as code."""
+    """The paragraphs of a command's help; commands in it as one block of code."""
     lines: list[str] = []
     for paragraph in re.split(r"\n\s*\n", plain(text)):
         is_code = paragraph.lstrip().startswith("optiplan ")
-        lines += ["```sh", paragraph.strip(), "```", ""] if is_code else [" ".join(paragraph.split()), ""]
+        if is_code and lines[-2:] == ["```", ""]:
+            lines[-2:] = [paragraph.strip(), "```", ""]
+        else:
+            lines += ["```sh", paragraph.strip(), "```", ""] if is_code else [" ".join(paragraph.split()), ""]
     return lines
 
 
@@ -99,7 +103,13 @@ def parameters(command: Any) -> list[str]:
         name = ", ".join(parameter.opts) if is_option else kind
         name += f" {kind if parameter.metavar else parameter.type.name.upper()}" if is_option and not flag else ""
         default = parameter.default
-        shown = "required" if parameter.required else "" if default in (None, False, ()) or callable(default) else f"`{default}`"
+        shown = (
+            "required"
+            if parameter.required
+            else ""
+            if default in (None, False, ()) or callable(default)
+            else f"`{default}`"
+        )
         rows.append(f"| `{name.replace('|', chr(92) + '|')}` | {cell(plain(parameter.help or ''))} | {cell(shown)} |")
     return rows if len(rows) > 2 else []
 
@@ -117,8 +127,17 @@ def planners() -> str:
         text += [f"## {family[0].upper()}{family[1:]}", ""]
         for name, entry in PLANNERS.items():
             if entry.family == family:
-                text += [f"### {name}", "", f"{entry.summary[0].upper()}{entry.summary[1:]}.", "", "| option | type | default | meaning |", "|---|---|---|---|"]
-                text += [f"| `{o.name}` | {cell(o.kind)} | `{o.default}` | {cell(o.meaning)} |" for o in entry.option_list()]
+                text += [
+                    f"### {name}",
+                    "",
+                    f"{entry.summary[0].upper()}{entry.summary[1:]}.",
+                    "",
+                    "| option | type | default | meaning |",
+                    "|---|---|---|---|",
+                ]
+                text += [
+                    f"| `{o.name}` | {cell(o.kind)} | `{o.default}` | {cell(o.meaning)} |" for o in entry.option_list()
+                ]
                 text.append("")
     return "\n".join(text)
 
@@ -128,14 +147,14 @@ def problems() -> str:
     text = [
         "# Example problems",
         "",
-        "They come with the program: `optiplan plan 01_reach` finds them from any folder. Each is verified by the tests.",
+        "They come with the program: `optiplan plan 01_reach` finds them anywhere. Each is verified by the tests.",
         "",
         "| problem | what it shows |",
         "|---|---|",
     ]
     for path in sorted((ROOT / "problems").glob("*.yaml")):
         lines = path.read_text().splitlines()
-        comment = " ".join(line.lstrip("# ") for line in lines[: next(i for i, line in enumerate(lines) if line[:1] != "#")])
+        comment = " ".join(line.lstrip("# ") for line in takewhile(lambda line: line.startswith("#"), lines))
         text.append(f"| [`{path.stem}`](#{path.stem}) | {cell(comment)} |")
     for path in sorted((ROOT / "problems").glob("*.yaml")):
         text += ["", f"## {path.stem}", "", "```yaml", path.read_text().rstrip("\n"), "```"]
