@@ -15,6 +15,7 @@ from tests.test_layers import GROUND, ROOMS
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 TUTORIAL = sorted((DOCS / "tutorial").glob("*.md"))
+RUN = [*TUTORIAL, DOCS / "how-to" / "retime.md"]
 BLOCK = re.compile(
     r"(?:<!-- (?P<mark>[^>]*) -->\n)?```(?P<language>\w+)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)```", re.DOTALL
 )
@@ -44,8 +45,8 @@ def blocks(page: Path) -> list[Block]:
     return [Block(each["language"], each["title"], each["text"], each["mark"]) for each in found]
 
 
-@pytest.mark.parametrize("page", TUTORIAL, ids=lambda page: page.stem)
-def test_tutorial_runs(page, tmp_path, monkeypatch):
+@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
+def test_page_runs(page, tmp_path, monkeypatch):
     """Every file is written, every shell block ends with its exit code, the Python blocks run in one namespace."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
