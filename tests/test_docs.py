@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 import optiplan as op
 from tests.test_layers import GROUND, ROOMS
@@ -76,6 +77,15 @@ def test_tutorial_says_what_it_does_not_run():
     assert len([mark for mark in marks if mark.startswith("not run: ")]) <= 2  # installing, and serving until Ctrl-C
 
 
+@pytest.mark.parametrize("page", sorted((DOCS / "how-to").glob("*.md")), ids=lambda page: page.stem)
+def test_blocks_of_the_how_tos_can_be_read(page):
+    for block in blocks(page):
+        if block.language == "python":
+            compile(block.text, page.name, "exec")
+        elif block.language == "yaml":
+            list(YAML(typ="safe").load_all(block.text))
+
+
 def test_every_public_name_is_in_the_reference():
     """`optiplan.__all__` and the directives of the page are the same names."""
     text = (DOCS / "reference" / "python.md").read_text(encoding="utf-8")
@@ -142,8 +152,6 @@ def test_the_architecture_names_every_room_at_its_level():
 
 
 def test_citation():
-    from ruamel.yaml import YAML
-
     cited = YAML(typ="safe").load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert {"cff-version", "message", "title", "authors"} <= set(cited)
     assert cited["version"] == op.__version__
