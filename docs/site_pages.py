@@ -163,7 +163,12 @@ def problems() -> str:
 
 def examples() -> str:
     """The numbered scripts of `examples/`, the shortest first."""
-    text = ["# Examples in Python", "", "The scripts of the folder `examples/`; each is run by the tests.", ""]
+    text = [
+        "# Examples in Python",
+        "",
+        "The scripts of the folder `examples/`, where a notebook lies beside them; each is run by the tests.",
+        "",
+    ]
     for path in sorted((ROOT / "examples").glob("[0-9]*.py")):
         code = path.read_text()
         summary = (ast.get_docstring(ast.parse(code)) or "").partition("\n")[0]
