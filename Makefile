@@ -1,4 +1,4 @@
-# make demo   plan a shelf problem and look at it      make test   everything that is tested
+# make demo   plan a shelf problem and look at it      make test   everything that is tested      make docs   the pages
 # The only thing needed beforehand: Python >= 3.11 (PYTHON=python3.12 make demo picks one).
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
@@ -11,11 +11,12 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --quiet 
 RUN := $(VENV)/.run-stamp
 TEST := $(VENV)/.test-stamp
 DEV := $(VENV)/.dev-stamp
+DOCS := $(VENV)/.docs-stamp
 DEMO_PROBLEM ?= 02_shelf
 PORT ?= 7000
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help demo test lint format clean
+.PHONY: help demo test docs lint format clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
@@ -33,6 +34,10 @@ endif
 test: $(TEST) ## every test, with the coverage gate of 90 % of lines
 	$(BIN)/python -m pytest -n $${TEST_WORKERS:-2} --dist loadfile --cov=optiplan --cov-report=term:skip-covered --cov-fail-under=90
 
+docs: $(DOCS) ## the documentation as a site, site/index.html; a warning is an error
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo "site/index.html is the front page; $(BIN)/mkdocs serve shows changes at once"
+
 lint: $(DEV) ## ruff and mypy --strict
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -43,7 +48,7 @@ format: $(DEV) ## let ruff lay out the code
 	$(BIN)/ruff format .
 
 clean: ## remove what make has made
-	rm -rf $(VENV) build dist demo *.egg-info .coverage*
+	rm -rf $(VENV) build dist demo site *.egg-info .coverage*
 
 $(BIN)/python:
 	@if [ -z "$(PYTHON)" ]; then echo "Python >= 3.11 is needed; name one with PYTHON=/path/to/python" >&2; exit 1; fi
@@ -69,4 +74,8 @@ $(TEST): $(RUN)
 
 $(DEV): $(RUN)
 	$(PIP) --editable '.[dev]'
+	@touch $@
+
+$(DOCS): $(RUN)
+	$(PIP) --editable '.[docs]'
 	@touch $@

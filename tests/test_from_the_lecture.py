@@ -1,4 +1,4 @@
-"""docs/from-the-lecture.md: every line of the page runs, in the order of the page and in one folder."""
+"""docs/how-to/from-the-lecture.md: every line of the page runs, in the order of the page and in one folder."""
 
 import re
 import shlex
@@ -8,7 +8,7 @@ import pytest
 
 from optiplan.cli.main import run
 
-PAGE = Path(__file__).parents[1] / "docs" / "from-the-lecture.md"
+PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "from-the-lecture.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 
 

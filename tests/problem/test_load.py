@@ -129,7 +129,8 @@ def test_mesh_formats_of_the_docs_are_read(write, tmp_path, suffix):
     (obstacle,) = load_problem(write("{sphere: 0.1}", f"{{mesh: {{file: a.{suffix}}}}}")).scene.obstacles
     box = build_geometry(obstacle.shape).aabb_local
     assert np.allclose(np.sort(box.max_ - box.min_), [0.1, 0.2, 0.3], atol=1e-6)  # z up, whatever the file's own is
-    row = next(line for line in (ROOT / "docs" / "problem.md").read_text().splitlines() if line.startswith("| `mesh`"))
+    page = (ROOT / "docs" / "reference" / "problem-file.md").read_text()
+    row = next(line for line in page.splitlines() if line.startswith("| `mesh`"))
     assert suffix.upper() in row
 
 

@@ -1,4 +1,4 @@
-"""Figures of docs/reports.md that no entry holds: each is computed, written as the page writes it, and looked for."""
+"""Figures of docs/theory/reports.md that no entry holds: each is computed, and looked for as the page writes it."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +12,7 @@ from optiplan.workspace.sampling import WorkspaceOptions, study_workspace
 from tests.reference.entries import entry
 from tests.reference.poses import rot
 
-PAGE = (Path(__file__).parents[2] / "docs" / "reports.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "theory" / "reports.md").read_text(encoding="utf-8")
 
 
 def delbot_jacobian() -> str:

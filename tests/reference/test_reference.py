@@ -10,7 +10,7 @@ import pytest
 from optiplan.config.document import read_yaml
 from tests.reference.entries import HERE, REPORTS, entries
 
-PAGE = Path(HERE).parent.parent / "docs" / "reports.md"
+PAGE = Path(HERE).parent.parent / "docs" / "theory" / "reports.md"
 
 
 def names_of_tests() -> set[str]:

@@ -1,4 +1,4 @@
-"""The report on the SRRA arm: docs/reports.md says in words what these tests say in numbers."""
+"""The report on the SRRA arm: docs/theory/reports.md says in words what these tests say in numbers."""
 
 from dataclasses import replace
 

@@ -125,6 +125,6 @@ def test_motion_of_another_robot_is_not_measured():
 
 
 def test_every_metric_is_documented():
-    text = (Path(__file__).parents[2] / "docs" / "run.md").read_text()
+    text = (Path(__file__).parents[2] / "docs" / "reference" / "run-folder.md").read_text()
     table = text[text.index("key of `metrics`") : text.index("## The comparison")]
     assert {field.name for field in fields(Metrics)} <= set(re.findall(r"`([a-z_]+)`", table))

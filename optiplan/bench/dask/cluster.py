@@ -60,7 +60,7 @@ class DaskCluster:
                 warnings.simplefilter("ignore")  # other versions of Dask: below we say so ourselves
                 self._client: Any = distributed.Client(address, timeout=CONNECT, set_as_default=False)
         except (OSError, ValueError, TypeError, ImportError) as error:
-            expected = "a running one, as of `dask scheduler` (docs/cluster.md)"
+            expected = "a running one, as of `dask scheduler` (docs/how-to/cluster.md)"
             raise ClusterError(f"no Dask scheduler at {address}: {_said(error)}; expected {expected}") from error
         try:
             self._compare()
@@ -180,7 +180,7 @@ class DaskCluster:
         self._client.close(timeout=2)
 
 
-_SAME = "every machine needs the same versions: docs/cluster.md"
+_SAME = "every machine needs the same versions: docs/how-to/cluster.md"
 
 
 def _mismatch(worker: str, words: Iterable[str]) -> ClusterError:

@@ -1,5 +1,6 @@
-"""`results.sqlite`: everything about a suite's runs in one file, one transaction a run; docs/bench.md tells the schema.
+"""`results.sqlite`: everything about a suite's runs in one file, one transaction a run.
 
+docs/how-to/benchmarks.md tells the schema.
 The database is in WAL mode: readers never wait, and after a `kill -9` or on a full disk it holds every run that was
 stored and nothing of any other. `synchronous = NORMAL` leaves the last runs to the operating system for a moment: if
 the machine itself goes down they are made again, and the file is whole all the same.

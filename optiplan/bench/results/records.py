@@ -83,7 +83,7 @@ class BenchTask:
 
 @dataclass(frozen=True)
 class Row:
-    """One row of table `runs`; docs/bench.md says what each column means. Times in s, memory in MB."""
+    """One row of table `runs`; docs/how-to/benchmarks.md says what each column means. Times in s, memory in MB."""
 
     problem: str
     planner: str

@@ -1,4 +1,7 @@
-"""The tables of `results.sqlite`, what changed between versions, and the view that rates runs; see docs/bench.md."""
+"""The tables of `results.sqlite`, what changed between versions, and the view that rates runs.
+
+See docs/how-to/benchmarks.md.
+"""
 
 from optiplan.runs.run import SMALLEST_BOUND
 

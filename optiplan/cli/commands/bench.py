@@ -124,7 +124,7 @@ def export(
 
 @app.command("import-results")
 def import_results(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="results in JSON, see docs/bench.md")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="results in JSON, see docs/how-to/benchmarks.md")],
     beside: Annotated[Path, typer.Argument(metavar="DIR", help="our results on the same problems")],
     out: Annotated[Path, typer.Option(metavar="OUT", help="where these results go, a folder of their own")],
     label: Annotated[str, typer.Option(metavar="NAME", help="what to call the planner")] = "external",

@@ -3,7 +3,7 @@
 At every step the pose C is looked up that lies the share τ along the screw from the tool's pose A to the goal; the
 change of position and quaternion from A to C becomes a twist, the twist joint rates, and β of these are taken.
 
-Source: a course report on screw linear interpolation for Baxter; what is wrong in it: docs/reports.md.
+Source: a course report on screw linear interpolation for Baxter; what is wrong in it: docs/theory/reports.md.
 """
 
 from collections.abc import Callable
