@@ -22,7 +22,7 @@ from optiplan.bench.report.markdown import markdown
 from optiplan.bench.report.page import write_page
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row
-from optiplan.runs.pipeline import versions
+from optiplan.runs.run import versions
 
 PLANNERS, SEEDS = 20, 5
 PROBLEM = {

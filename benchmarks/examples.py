@@ -26,7 +26,8 @@ from rich.progress import track
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import PLANNERS
 from optiplan.problem.load import load_problem
-from optiplan.runs.pipeline import Run, attempt
+from optiplan.runs.pipeline import attempt
+from optiplan.runs.run import Run
 
 OURS, ROUNDING = "trajopt", 1.005
 HEADINGS = ("problem", "trajopt s", "planning s", "shortest other", "its s", "trajopt / it", "others verified", "kept")

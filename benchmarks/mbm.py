@@ -34,7 +34,8 @@ from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot, load_robot
-from optiplan.runs.pipeline import Run, run
+from optiplan.runs.pipeline import run
+from optiplan.runs.run import Run
 from optiplan.trajectory.trajectory import Trajectory
 
 STEP = 0.01  # rad, largest joint step of the second look

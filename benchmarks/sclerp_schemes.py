@@ -76,7 +76,9 @@ def measure(tool: Tool, run: dict[str, Any], scheme: str) -> dict[str, Any]:
 def by_programs(tool: Tool, start: Array, X_WG: pin.SE3, scheme: str) -> dict[str, Any]:
     """The path of `qp`, or where it ends; led to the goal configurations in turn if the scheme's name says so."""
     robot = tool.robot
-    problem = Problem("run", robot, Scene(()), start, (PoseGoal(tool.frame, X_WG),), robot.limits)
+    problem = Problem(
+        name="run", robot=robot, scene=Scene(()), start=start, goal=(PoseGoal(tool.frame, X_WG),), limits=robot.limits
+    )
     model, budget = CollisionModel(robot, Scene(())), Budget(600.0)
     ends: list[Array | None] = [None]
     if scheme == "qp, led":

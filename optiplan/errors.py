@@ -5,8 +5,9 @@ A broken *input* is an exception from this file. "No solution" is a value: see `
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from pathlib import Path
 
 
 class OptiPlanError(Exception):
@@ -50,9 +51,29 @@ class Issue:
         return f"{place}: {self.field}: {self.found}; expected {self.expected}"
 
 
+def described(value: object) -> str:
+    """An argument of the wrong kind, short enough for one line: `the int 3`, `an array of shape (2, 3)`."""
+    shape = getattr(value, "shape", None)
+    if isinstance(shape, tuple) and shape:
+        return f"an array of shape {shape}"
+    text = " ".join(repr(value).split())
+    return "None" if value is None else f"the {type(value).__name__} {text if len(text) <= 60 else text[:59] + '…'}"
+
+
+def wrong_argument(function: str, argument: str, found: str, expected: str) -> "InputError":
+    """The error for one argument of a call from Python: `op.plan: budget: found -1.0; expected …`."""
+    return InputError([Issue(f"op.{function}", None, argument, f"found {found}", expected)])
+
+
 class InputError(OptiPlanError):
-    """A problem, robot, run or scene file that cannot be used; holds *all* issues found, each once, in file order."""
+    """A file or an argument that cannot be used; holds *all* issues found, each once, in file order."""
 
     def __init__(self, issues: Iterable[Issue]) -> None:
         self.issues = tuple(dict.fromkeys(issues))
         super().__init__("\n".join(map(str, self.issues)))
+
+    def about(self, file: str, name: str) -> "InputError":
+        """The same error with issues of a file of that name, which is none, told of `name` instead."""
+        return InputError(
+            replace(issue, file=name) if Path(issue.file).name == file else issue for issue in self.issues
+        )

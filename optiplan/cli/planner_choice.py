@@ -11,6 +11,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
+from optiplan.runs.pipeline import chosen
 
 _LOOK = 2.0  # s, for goal configurations
 
@@ -56,12 +57,11 @@ def choose(path: Path, problem: Problem, planner: str | None) -> tuple[str, Mapp
     Raises:
         InputError: the file's planner is asked for, and what the file says of it is wrong.
     """
-    if planner is not None and planner != problem.planner:
-        return planner, {}
-    issues = planner_issues(path)
-    if issues:
-        raise InputError(issues)
-    return problem.planner, problem.options
+    if planner in (None, problem.planner):
+        issues = planner_issues(path)
+        if issues:
+            raise InputError(issues)
+    return chosen(problem, planner)
 
 
 def placed(path: Path, error: InputError) -> InputError:

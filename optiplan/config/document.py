@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -95,6 +96,17 @@ class Document:
     def issue(self, path: Sequence[str | int], found: str, expected: str) -> Issue:
         """An `Issue` about the value at `path`, with its line."""
         return Issue(str(self.path), self.line(path), field_name(path), found, expected)
+
+
+def plain(value: Any) -> Any:
+    """Lists, mappings, numbers and text, as a YAML file would give them, of numpy arrays, tuples and paths."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return str(value) if isinstance(value, Path) else value
 
 
 def read_yaml(path: Path | str) -> Document:

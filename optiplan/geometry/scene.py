@@ -1,9 +1,16 @@
 """What stands around the robot and what it holds: shapes, obstacles, attached objects, allowed contacts."""
 
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, TypeVar
 
+import numpy as np
 import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.errors import described, wrong_argument
 
 LARGEST_COORDINATE = 1e6
 """m; nothing that an arm can meet, and beyond it distances lose the micrometres that they are trusted to."""
@@ -41,10 +48,14 @@ class Capsule:
 
 @dataclass(frozen=True)
 class HalfSpace:
-    """All points p of the object's frame with normal . p <= offset are solid; `normal` has unit length, offset in m."""
+    """All points p of the object's frame with normal . p <= offset are solid; `normal` has unit length, offset in m.
+
+    `stated` is the normal as it was written down, of a length that is 1 but for rounding.
+    """
 
     normal: tuple[float, float, float]
     offset: float
+    stated: tuple[float, ...] | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -64,34 +75,196 @@ class Mesh:
 Shape = Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Obstacle:
-    """A shape that stands still at `X_WO`, the pose of the object in the world."""
+    """A shape that stands still at `X_WO`, the pose of the object in the world.
+
+    `stated` is that pose as it was written down (`position`, and `rpy` or `quaternion`), so that a file can say it in
+    the same words; None where nobody did.
+    """
 
     name: str
     shape: Shape
     X_WO: pin.SE3
+    stated: Mapping[str, Any] | None = None
+
+    def attached_to(self, link: str, touch: Iterable[str] = ()) -> "Attachment":
+        """The same shape held by a link; its pose is then one in the frame of the link.
+
+        Args:
+            link: name of the link that holds it.
+            touch: names of links that it may touch; it may always touch the one that holds it.
+
+        Example:
+            >>> import optiplan as op
+            >>> op.Box("bar", size=(0.5, 0.06, 0.03), position=(0, 0, 0.1)).attached_to("panda_hand")
+            Attachment: bar, Box(size=(0.5, 0.06, 0.03)), at [0, 0, 0.1] m of panda_hand
+        """
+        return Attachment(self.name, self.shape, link, self.X_WO, frozenset(touch), self.stated)
+
+    def __repr__(self) -> str:
+        """Name, shape and place in one line."""
+        return f"Obstacle: {self.name}, {self.shape}, at {_at(self.X_WO)}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Attachment:
-    """A shape held by a link at `X_LO`; it may touch the links named in `touch` (and always its own link)."""
+    """A shape held by a link at `X_LO`; it may touch the links named in `touch` (and always its own link).
+
+    `stated` is as of an `Obstacle`.
+    """
 
     name: str
     shape: Shape
     link: str
     X_LO: pin.SE3
     touch: frozenset[str] = frozenset()
+    stated: Mapping[str, Any] | None = None
+
+    def __repr__(self) -> str:
+        """Name, shape, place and link in one line."""
+        return f"Attachment: {self.name}, {self.shape}, at {_at(self.X_LO)} of {self.link}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Scene:
-    """Obstacles, attached objects, and pairs of names (links, obstacles, attachments) that may touch."""
+    """Obstacles, attached objects, and pairs of names (links, obstacles, attachments) that may touch.
 
-    obstacles: tuple[Obstacle, ...] = ()
-    attached: tuple[Attachment, ...] = ()
-    allowed: frozenset[frozenset[str]] = frozenset()
+    A scene is never changed: what changes one makes another.
+
+    Args:
+        obstacles: what stands still.
+        attached: what the robot holds.
+        allowed: pairs of names that may touch.
+
+    Raises:
+        InputError: something that is no obstacle, no attached object or no pair of names.
+
+    Example:
+        >>> import optiplan as op
+        >>> scene = op.Scene([op.Box("shelf", size=(0.8, 0.3, 0.02), position=(0.5, 0.0, 0.4))])
+        >>> scene.moved("shelf", z=0.05)
+        Scene: 1 obstacle (shelf)
+    """
+
+    obstacles: tuple[Obstacle, ...]
+    attached: tuple[Attachment, ...]
+    allowed: frozenset[frozenset[str]]
+
+    def __init__(
+        self,
+        obstacles: Iterable[Obstacle] = (),
+        attached: Iterable[Attachment] = (),
+        allowed: Iterable[Iterable[str]] = (),
+    ) -> None:
+        object.__setattr__(self, "obstacles", _all(obstacles, Obstacle, "obstacles"))
+        object.__setattr__(self, "attached", _all(attached, Attachment, "attached"))
+        object.__setattr__(self, "allowed", frozenset(map(_pair, _listed(allowed, "allowed", "pairs of names"))))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of everything in the scene, obstacles first."""
+        bodies: list[Obstacle | Attachment] = [*self.obstacles, *self.attached]
+        return tuple(body.name for body in bodies)
 
     def with_attached(self, *attached: Attachment) -> "Scene":
         """A new scene that holds these as well."""
-        return replace(self, attached=self.attached + attached)
+        return replace(self, attached=(*self.attached, *attached))
+
+    def with_(self, *bodies: Obstacle | Attachment, allowed: Iterable[Iterable[str]] = ()) -> "Scene":
+        """A new scene with these too, and with pairs of names that may touch; a name that is there is replaced.
+
+        Raises:
+            InputError: something that is neither an obstacle nor an attached object.
+        """
+        names = {body.name for body in bodies if isinstance(body, Obstacle | Attachment)}
+        kept: list[Any] = [body for body in self.obstacles if body.name not in names]
+        held = [body for body in self.attached if body.name not in names]
+        held += [body for body in bodies if isinstance(body, Attachment)]
+        kept += [body for body in bodies if not isinstance(body, Attachment)]
+        return Scene(kept, held, [*self.allowed, *_listed(allowed, "allowed", "pairs of names")])
+
+    def without(self, *names: str) -> "Scene":
+        """A new scene without these obstacles and attached objects; pairs that name them may no longer touch.
+
+        Raises:
+            InputError: nothing in the scene is called so.
+        """
+        for name in names:
+            self._known(name)
+        return Scene(
+            [body for body in self.obstacles if body.name not in names],
+            [body for body in self.attached if body.name not in names],
+            [pair for pair in self.allowed if not pair & set(names)],
+        )
+
+    def moved(self, name: str, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Scene":
+        """A new scene with one thing moved *by* (x, y, z), m: an obstacle in the world, what is held in its link.
+
+        Raises:
+            InputError: nothing in the scene is called so, or a distance that is no finite number.
+        """
+        self._known(name)
+        for axis, distance in (("x", x), ("y", y), ("z", z)):
+            if isinstance(distance, bool) or not isinstance(distance, int | float) or not math.isfinite(distance):
+                raise wrong_argument("Scene.moved", axis, repr(distance), "a finite number of metres")
+        by = np.array([x, y, z], float)
+        return Scene(
+            [_moved(body, by) if body.name == name else body for body in self.obstacles],
+            [_moved(body, by) if body.name == name else body for body in self.attached],
+            self.allowed,
+        )
+
+    def _known(self, name: str) -> None:
+        if name not in self.names:
+            expected = f"one of: {', '.join(self.names)}" if self.names else "a scene with something in it"
+            raise wrong_argument("Scene", "name", f"nothing called {name!r}", expected)
+
+    def __repr__(self) -> str:
+        """How much there is, and its names."""
+        parts = [_counted("obstacle", self.obstacles)] if self.obstacles else []
+        parts += [_counted("attached object", self.attached)] if self.attached else []
+        parts += [f"{len(self.allowed)} allowed contacts"] if self.allowed else []
+        return f"Scene: {', '.join(parts) or 'empty'}"
+
+
+Body = TypeVar("Body", Obstacle, Attachment)
+
+
+def _moved(body: Body, by: Array) -> Body:
+    name = "X_WO" if isinstance(body, Obstacle) else "X_LO"
+    X = getattr(body, name)
+    there = X.translation + by
+    stated = None if body.stated is None else {**body.stated, "position": there.tolist()}
+    return replace(body, **{name: pin.SE3(X.rotation, there), "stated": stated})
+
+
+def _all(bodies: Iterable[Any], kind: type[Body], argument: str) -> tuple[Body, ...]:
+    words = {"obstacles": "an obstacle, such as op.Box(…)", "attached": "an attached object: op.Box(…).attached_to(…)"}
+    found = tuple(_listed(bodies, argument, "a list"))
+    for k, body in enumerate(found):
+        if not isinstance(body, kind):
+            raise wrong_argument("Scene", f"{argument}[{k}]", described(body), words[argument])
+    return found
+
+
+def _listed(values: Any, argument: str, expected: str) -> list[Any]:
+    if isinstance(values, str | bytes | Mapping) or not isinstance(values, Iterable):
+        raise wrong_argument("Scene", argument, described(values), f"{expected} in a list")
+    return list(values)
+
+
+def _pair(pair: Any) -> frozenset[str]:
+    names = [] if isinstance(pair, str) or not isinstance(pair, Iterable) else list(pair)
+    if len(set(map(str, names))) != 2 or not all(isinstance(name, str) for name in names):
+        raise wrong_argument("Scene", "allowed", described(pair), "pairs of two names")
+    return frozenset(names)
+
+
+def _counted(what: str, bodies: Sequence[Obstacle | Attachment]) -> str:
+    names = [body.name for body in bodies[:4]] + (["…"] if len(bodies) > 4 else [])
+    return f"{len(bodies)} {what}{'s' if len(bodies) != 1 else ''} ({', '.join(names)})"
+
+
+def _at(X: pin.SE3) -> str:
+    return f"[{', '.join(f'{x:.6g}' for x in X.translation)}] m"

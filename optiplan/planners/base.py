@@ -26,6 +26,10 @@ class Failure:
     detail: str
     witness: Mapping[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Kind and reason in one line."""
+        return f"Failure: {self.kind}: {self.detail}"
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
@@ -61,6 +65,10 @@ class Budget:
         self._cancel = cancel or threading.Event()
         self.seconds = seconds
         self.start()
+
+    def __repr__(self) -> str:
+        """What is left of it."""
+        return f"Budget: {self.remaining:.3g} of {self.seconds:.3g} s left"
 
     def start(self) -> None:
         """Count the seconds from now on."""

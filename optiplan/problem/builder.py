@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -26,8 +27,8 @@ from optiplan.geometry.scene import (
     Sphere,
 )
 from optiplan.geometry.shapes import build_geometry
+from optiplan.problem.ends import JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue
-from optiplan.problem.problem import JointGoal, PoseGoal, Via
 from optiplan.problem.schema import (
     AlternativeSpec,
     MeshSpec,
@@ -38,9 +39,9 @@ from optiplan.problem.schema import (
     ToleranceSpec,
     ViaSpec,
 )
-from optiplan.robot.robot import Robot, load_robot, robot_file
+from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file
 
-RobotLoader = Callable[[str, Path | None, Mapping[str, float] | None, str | None], Robot]
+RobotLoader = Callable[[str | Mapping[str, Any], Path | None, Mapping[str, float] | None, str | None], Robot]
 """`load_robot`, or what stands in for it: reference, folder it is relative to, locked joints, group."""
 
 HIT = 1e-6
@@ -63,8 +64,8 @@ class Compiler:
         if self.draft.robot is None:
             return None
         try:
-            file = robot_file(self.draft.robot, self.base)
-            if not is_file(file):
+            file = None if isinstance(self.draft.robot, Mapping) else robot_file(self.draft.robot, self.base)
+            if file is not None and not is_file(file):
                 found = f"'{self.draft.robot}', but there is no file {file}"
                 self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
                 return None
@@ -80,7 +81,10 @@ class Compiler:
         return None
 
     def _relocated(self, issue: Issue) -> Issue:
-        """What the robot file's reader says of a locked joint of ours is about our file."""
+        """What the robot's reader says of a locked joint of ours, or of a robot that stands here, is about our file."""
+        if isinstance(self.draft.robot, Mapping) and Path(issue.file).name == DESCRIPTION:
+            place = ("robot",) if issue.field == "file" else ("robot", issue.field)
+            return self.document.issue(place, issue.found, issue.expected)
         for name in self.draft.locked:
             if issue.field == f"locked.{name}":
                 return self.document.issue(("locked", name), issue.found, issue.expected)
@@ -179,12 +183,13 @@ class Compiler:
         for part in self.draft.obstacles:
             shape = self._shape((*part.place, "shape"), part.value.shape)
             if shape is not None:
-                obstacles.append(Obstacle(part.value.name, shape, _pose(part.value.pose)))
+                obstacles.append(Obstacle(part.value.name, shape, *stated_pose(part.value.pose)))
         for held in self.draft.attached:
             shape = self._shape((*held.place, "shape"), held.value.shape)
             touch = frozenset(held.value.touch)
             if shape is not None:
-                attached.append(Attachment(held.value.name, shape, held.value.link, _pose(held.value.pose), touch))
+                X_LO, stated = stated_pose(held.value.pose)
+                attached.append(Attachment(held.value.name, shape, held.value.link, X_LO, touch, stated))
         if robot is not None:
             self._names(robot)
         allowed = frozenset(frozenset(pair.value) for pair in self.draft.allowed)
@@ -251,7 +256,9 @@ def primitive(spec: ShapeSpec) -> Shape:
         return Capsule(spec.capsule.radius, spec.capsule.length)
     assert spec.half_space is not None  # the schema holds exactly one shape, and meshes need a folder
     normal = unit(spec.half_space.normal)
-    return HalfSpace((float(normal[0]), float(normal[1]), float(normal[2])), spec.half_space.offset)
+    return HalfSpace(
+        (float(normal[0]), float(normal[1]), float(normal[2])), spec.half_space.offset, spec.half_space.normal
+    )
 
 
 def link_names(robot: Robot) -> Sequence[str]:
@@ -266,3 +273,8 @@ def frame_names(robot: Robot) -> Sequence[str]:
 
 def _pose(spec: PoseSpec) -> pin.SE3:
     return pose_from_data({"position": spec.position, "rpy": spec.rpy, "quaternion": spec.quaternion})
+
+
+def stated_pose(spec: PoseSpec) -> tuple[pin.SE3, dict[str, Any]]:
+    """A pose, and the words in which it was said."""
+    return _pose(spec), spec.model_dump(mode="json", exclude_none=True)

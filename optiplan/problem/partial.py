@@ -33,7 +33,7 @@ class LocatedValue(Generic[T]):
 class Draft:
     """A problem file without the parts that are missing or do not fit."""
 
-    robot: str | None
+    robot: str | Mapping[str, Any] | None
     group: str | None
     locked: Mapping[str, float]
     start: LocatedValue[StartSpec] | None
@@ -69,7 +69,7 @@ class Draft:
         ends = _mapping(goal).get("any_of")
         scene = _mapping(root.get("scene"))
         return cls(
-            robot=_fit(Name, root.get("robot")),
+            robot=_fit(Name | dict[str, Any], root.get("robot")),
             group=_fit(Name, root.get("group")),
             locked=_fit(dict[str, Number], root.get("locked", {})) or {},
             start=None if start is None else LocatedValue(("start",), start),

@@ -1,74 +1,80 @@
 """`Problem`: a planning problem as planners and the verifier read it, complete and frozen."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.geometry.scene import Scene
-from optiplan.robot.robot import Limits, Robot
+from optiplan.config.document import Document, plain
+from optiplan.errors import InputError, described, wrong_argument
+from optiplan.files import reading, write_text
+from optiplan.geometry.scene import Obstacle, Scene
+from optiplan.problem import to_data
+from optiplan.problem.ends import Goal, JointGoal, Objective, PoseGoal, Via
+from optiplan.problem.reading import Parts, read_problem
+from optiplan.problem.statement import End, Pose, Values, ViaPoint
+from optiplan.problem.write import problem_text
+from optiplan.robot.robot import Limits, Robot, load_robot
+
+__all__ = ["Goal", "JointGoal", "Objective", "Pose", "PoseGoal", "Problem", "Via", "ViaPoint"]
+
+_HERE = "<problem>"
+"""Stands for the file of a problem that has none."""
+
+_SAID = {
+    "start": ("start", to_data.start_data),
+    "goal": ("goal", to_data.goal_data),
+    "vias": ("via", to_data.via_data),
+    "scene": ("scene", to_data.scene_data),
+    "limits": ("limits", to_data.limits_data),
+    "objective": ("objective", to_data.objective_data),
+}
+"""Parts of a problem: key of the file, and how the part stands there."""
 
 
-@dataclass(frozen=True, eq=False)
-class JointGoal:
-    """End at this configuration, q of shape (n,), within `tolerance` (rad or m) of each joint."""
-
-    q: Array
-    tolerance: float = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class PoseGoal:
-    """End with `frame` at X_WG: translation error <= `position` (m), rotation angle error <= `orientation` (rad)."""
-
-    frame: str
-    X_WG: pin.SE3
-    position: float = 1e-4
-    orientation: float = 1e-3
-
-
-Goal = tuple[JointGoal | PoseGoal, ...]
-"""Any one of these ends is good."""
-
-
-@dataclass(frozen=True, eq=False)
-class Via:
-    """A point to be passed on the way, after those before it: `at`, within its tolerances.
-
-    Attributes:
-        at: where; a pose is passed in any configuration that reaches it.
-        velocity: (n,) rad/s or m/s, a wish: with what velocity.
-        time: s from the start, a wish: when.
-    """
-
-    at: JointGoal | PoseGoal
-    velocity: Array | None = None
-    time: float | None = None
-
-
-@dataclass(frozen=True)
-class Objective:
-    """Weights of the cost: time * T + jerk * (integral of squared jerk over the motion)."""
-
-    time: float = 1.0
-    jerk: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Problem:
-    """Everything a planner needs; same Problem, options and seed give the same result.
+    """A task: which robot goes from where to where, around what, within which limits; never changed.
 
-    What is derived from a problem by `with_…` is read and checked as a file is, and has a source and a hash of its own.
-    `dataclasses.replace` keeps neither, since they would describe another problem: so planners make parts of problems.
+    What is stated here is read and checked as a problem file is, and gives the same problem with the same hash.
+
+    Args:
+        robot: a `Robot`, the name of one that comes along, or the path of a robot.yaml.
+        start: values of the planned joints (n,), rad or m, or the name of a configuration of the robot.
+        goal: a `Pose`, values of the joints (n,), the name of a configuration, or a list of these: any of them will do.
+        scene: what stands around and what is held: a `Scene`, or a list of obstacles; None: nothing.
+        vias: places to be passed in this order: `ViaPoint`, `Pose`, joint values, names of configurations.
+        limits: fractions in (0, 1] of the robot's own: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
+        objective: weights of duration and of squared jerk; None: the duration alone.
+        name: of the problem.
+        planner: default of the argument of `op.plan`; None: `trajopt`. With options: `{"name": …, …}`.
+        options: of that planner.
+        seed: default of the argument of `op.plan`, >= 0.
+
+    With `limits` that are `Limits`, (n,) arrays, the parts are taken as they are, unchecked, and there is no hash: so
+    planners make parts of problems, by `dataclasses.replace`.
 
     Attributes:
+        start: (n,), rad or m.
+        goal: any one of these ends is good.
         vias: to be passed in this order.
         limits: the robot's limits times the fractions asked for.
-        source: the validated file as plain data (what `run.json` stores); `hash` is its SHA-256 with that of the robot
-            and of every mesh named. Both are empty for problems that were put together by hand.
+        source: the problem as plain data, all defaults filled in; what `save` writes and `run.json` stores.
+        hash: SHA-256 of `source` with the contents of the files of the robot and the meshes.
+
+    Raises:
+        InputError: everything that is wrong with it: what was found and what would be valid.
+
+    Example:
+        >>> import optiplan as op
+        >>> shelf = op.Box("shelf", size=(0.8, 0.3, 0.02), position=(0.5, 0, 0.4))
+        >>> goal = op.Pose((0.5, 0.2, 0.6), rpy=(3.14, 0, 0))
+        >>> op.Problem(op.load_robot("panda"), start="ready", goal=goal, scene=[shelf])
+        Problem: problem, panda, to a pose of panda_hand_tcp; 1 obstacle (shelf)
     """
 
     name: str
@@ -77,14 +83,56 @@ class Problem:
     start: Array
     goal: Goal
     limits: Limits
-    vias: tuple[Via, ...] = ()
-    objective: Objective = Objective()
-    planner: str = "trajopt"
-    options: Mapping[str, Any] = field(default_factory=dict)
-    seed: int = 0
-    source: Mapping[str, Any] = field(default_factory=dict, init=False)
-    hash: str = field(default="", init=False)
-    _reader: "Reader | None" = field(default=None, init=False, repr=False)
+    vias: tuple[Via, ...]
+    objective: Objective
+    planner: str
+    options: Mapping[str, Any]
+    seed: int
+    source: Mapping[str, Any] = field(init=False)
+    hash: str = field(init=False)
+
+    def __init__(
+        self,
+        robot: Robot | str | Path | Mapping[str, Any],
+        start: Values | str | Mapping[str, Any],
+        goal: End | Sequence[End],
+        scene: Scene | Sequence[Obstacle] | Mapping[str, Any] | None = None,
+        *,
+        vias: Sequence[ViaPoint | Via | End] = (),
+        limits: Mapping[str, float | str] | Limits | None = None,
+        objective: Objective | Mapping[str, float] | None = None,
+        name: str = "problem",
+        planner: str | Mapping[str, Any] | None = None,
+        options: Mapping[str, Any] | None = None,
+        seed: int = 0,
+    ) -> None:
+        given = {"start": start, "goal": goal, "scene": scene, "vias": vias, "limits": limits, "objective": objective}
+        labels = {"name": name, "planner": planner or "trajopt", "options": options or {}, "seed": seed}
+        if isinstance(limits, Limits):
+            rest = {"scene": scene or Scene(), "vias": tuple(vias), "objective": objective or Objective()}
+            self._set({"robot": robot, **given, **labels, **rest, "source": {}, "hash": ""})
+        else:
+            self._take(
+                _read(
+                    robot,
+                    {key: value for key, value in given.items() if value is not None or key in ("start", "goal")},
+                    labels,
+                )
+            )
+
+    def _set(self, parts: Mapping[str, Any]) -> None:
+        for name, value in parts.items():
+            object.__setattr__(self, name, value)
+
+    def _take(self, parts: Parts) -> None:
+        self._set({one.name: getattr(parts, one.name) for one in fields(Parts)})
+
+    @classmethod
+    def of(cls, parts: Parts) -> "Problem":
+        """The problem that was read."""
+        problem = object.__new__(cls)
+        problem._take(parts)
+        return problem
 
     @property
     def one_end(self) -> bool:
@@ -95,36 +143,30 @@ class Problem:
         endless = np.isinf(self.robot.limits.lower) & np.isinf(self.robot.limits.upper)
         return len(self.goal) == 1 and isinstance(self.goal[0], JointGoal) and not endless.any()
 
-    def identified(self, source: Mapping[str, Any], digest: str, reader: "Reader") -> "Problem":
-        """The same problem with what it was read from, the hash of that, and what reads it when it is changed."""
-        problem = replace(self)
-        for name, value in (("source", source), ("hash", digest), ("_reader", reader)):
-            object.__setattr__(problem, name, value)
-        return problem
-
     def with_seed(self, seed: int) -> "Problem":
         """The same problem with another seed, which is recorded beside source and hash and changes neither."""
         other = replace(self, seed=seed)
-        return other if self._reader is None else other.identified(self.source, self.hash, self._reader)
+        other._set({"source": self.source, "hash": self.hash})
+        return other
 
-    def with_start(self, start: Array) -> "Problem":
-        """From another configuration (n,), rad or m.
+    def with_start(self, start: Values | str) -> "Problem":
+        """From another configuration (n,), rad or m, or the name of one.
 
         Raises:
             InputError: as for a file: it is outside the limits or in collision.
         """
         return self._with(start=start)
 
-    def with_goal(self, *goal: JointGoal | PoseGoal) -> "Problem":
+    def with_goal(self, *goal: End | Sequence[End]) -> "Problem":
         """To any one of other ends.
 
         Raises:
             InputError: as for a file: none of them can be reached.
             ValueError: a joint goal with a tolerance that no file can state.
         """
-        return self._with(goal=goal)
+        return self._with(goal=goal[0] if len(goal) == 1 else goal)
 
-    def with_vias(self, *vias: Via) -> "Problem":
+    def with_vias(self, *vias: ViaPoint | Via | End) -> "Problem":
         """Past other points, or past none.
 
         Raises:
@@ -132,7 +174,7 @@ class Problem:
         """
         return self._with(vias=vias)
 
-    def with_scene(self, scene: Scene) -> "Problem":
+    def with_scene(self, scene: Scene | Sequence[Obstacle]) -> "Problem":
         """In another scene.
 
         Raises:
@@ -150,13 +192,87 @@ class Problem:
         """
         return self._with(limits=fractions)
 
+    def save(self, path: Path | str) -> None:
+        """Write the problem as a YAML file, which is there whole or not at all; reading it gives the same hash.
+
+        Files of robots and meshes stay where they are and are named by their whole paths.
+
+        Raises:
+            InputError: the file cannot be written, or the problem was put together by hand.
+        """
+        if not self.source:
+            found = "a problem that was put together by hand"
+            raise wrong_argument("Problem.save", "problem", found, "one that was read, or made by op.Problem(…)")
+        try:
+            write_text(Path(path), problem_text(self.source))
+        except OSError as error:
+            found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
+            raise wrong_argument("Problem.save", "path", found, "a file that can be written") from None
+
     def _with(self, **changes: Any) -> "Problem":
-        if self._reader is not None:
-            return self._reader(self, changes)
-        fractions = changes.get("limits")
-        limits = {} if fractions is None else {"limits": self.robot.limits.scaled(**fractions)}
-        return replace(self, **{**changes, **limits})
+        if self.source:
+            data = dict(self.source) | {_SAID[part][0]: _SAID[part][1](value) for part, value in changes.items()}
+            return Problem.of(_checked(data, self.robot)).with_seed(self.seed)
+        if "limits" in changes:
+            changes["limits"] = self.robot.limits.scaled(**changes["limits"])
+        if "goal" in changes and isinstance(changes["goal"], JointGoal | PoseGoal):
+            changes["goal"] = (changes["goal"],)
+        return replace(self, **changes)
+
+    def __repr__(self) -> str:
+        """Name, robot, goal and scene in one line."""
+        around = str(self.scene).removeprefix("Scene: ")
+        past = f" past {len(self.vias)} points" if self.vias else ""
+        return f"Problem: {self.name}, {self.robot.name}, to {self._end()}{past}; {around}"
+
+    def _end(self) -> str:
+        """The goal in words."""
+        if len(self.goal) != 1:
+            return f"any of {len(self.goal)} ends"
+        goal = self.goal[0]
+        return "a configuration" if isinstance(goal, JointGoal) else f"a pose of {goal.frame}"
+
+    def _repr_html_(self) -> str:
+        """A small table for notebooks."""
+        rows = {
+            "robot": f"{self.robot.name}, {self.robot.n} joints",
+            "start": ", ".join(f"{q:.4g}" for q in self.start),
+            "goal": self._end(),
+            "via points": len(self.vias) or "",
+            "scene": str(self.scene).removeprefix("Scene: "),
+            "hash": f"{self.hash:.12}",
+        }
+        cells = "".join(f"<tr><th>{key}</th><td>{html.escape(str(v))}</td></tr>" for key, v in rows.items() if v)
+        return f"<table><caption>Problem: {html.escape(self.name)}</caption>{cells}</table>"
 
 
-Reader = Callable[[Problem, Mapping[str, Any]], Problem]
-"""Reads a problem again with other `start`, `goal`, `vias`, `scene`, or fractions of `limits`."""
+def _read(robot: Any, given: Mapping[str, Any], labels: Mapping[str, Any]) -> Parts:
+    """The parts of a problem that is stated in Python."""
+    if not isinstance(robot, Robot | str | Path | Mapping):
+        expected = "op.load_robot(…), op.Robot.from_urdf(…), the name of a robot or the path of a robot.yaml"
+        raise wrong_argument("Problem", "robot", described(robot), expected)
+    data = {_SAID[part][0]: _SAID[part][1](value) for part, value in given.items()}
+    data |= {"version": 1, "name": labels["name"], "seed": labels["seed"], "robot": robot}
+    data["planner"] = to_data.planner_data(labels["planner"], labels["options"])
+    if not isinstance(robot, Robot):
+        return _checked(data)
+    by = robot.reference
+    data |= {"robot": by.robot, "locked": by.locked} | ({} if by.group is None else {"group": by.group})
+    if robot.tool_frame != by.tool_frame:
+        for pose in to_data.poses(data):
+            pose.setdefault("frame", robot.tool_frame)
+    return _checked(data, robot)
+
+
+def _checked(data: Mapping[str, Any], robot: Robot | None = None) -> Parts:
+    """The parts of a problem of plain data, with this robot, if one is given.
+
+    Raises:
+        InputError: what a file with these would be refused for.
+    """
+    loader = load_robot if robot is None else lambda *_: robot
+    try:
+        with reading(None):
+            return read_problem(Document(Path(_HERE), plain(data), {}), Path.cwd(), loader).whole()
+    except InputError as error:
+        raise error.about(_HERE, "op.Problem") from None

@@ -233,13 +233,14 @@ class PlannerSpec(Strict):
 class ProblemSpec(Strict):
     """A problem file.
 
+    `robot` is the name of one that comes along, the path of a robot.yaml, or what would stand in one (`{urdf: …}`).
     `group` names the planned joints among the robot file's `groups`; `locked` holds values of joints that are not
     planned (fingers), over those of the robot file.
     """
 
     version: Literal[1]
     name: Name | None = None
-    robot: FileName
+    robot: FileName | dict[str, Any]
     group: Name | None = None
     locked: dict[Name, Number] = Field(default_factory=dict)
     start: StartSpec

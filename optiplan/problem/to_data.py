@@ -1,34 +1,64 @@
-"""Parts of a problem as the plain data of a problem file: the inverse of `compile.py`."""
+"""Parts of a problem as the plain data of a problem file: the inverse of `builder.py`."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from optiplan.geometry.poses import pose_to_data
+from optiplan.config.document import plain
+from optiplan.errors import described, wrong_argument
+from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Scene, Shape, Sphere
-from optiplan.problem.problem import Goal, JointGoal, PoseGoal, Via
+from optiplan.problem.ends import Objective
+from optiplan.problem.statement import end_data, is_configuration, via_point_data
 
 
-def goal_data(goal: Goal) -> dict[str, Any]:
-    """`goal:` of a file.
+def start_data(start: Any) -> Any:
+    """`start:` of a file."""
+    if isinstance(start, str) or is_configuration(start):
+        return end_data(start, "Problem", "start")
+    if isinstance(start, Mapping):
+        return plain(start)
+    expected = "values of the joints (n,), or the name of a configuration of the robot"
+    raise wrong_argument("Problem", "start", described(start), expected)
+
+
+def goal_data(goal: Any) -> dict[str, Any]:
+    """`goal:` of a file: one end, or any one of several.
 
     Raises:
+        InputError: something that is no end.
         ValueError: a joint goal has another tolerance than the only one that files know.
     """
-    ends = [_end(one) for one in goal]
+    several = isinstance(goal, Sequence | np.ndarray) and not isinstance(goal, str) and not is_configuration(goal)
+    ends = [
+        end_data(end, "Problem", f"goal[{k}]" if several else "goal")
+        for k, end in enumerate(goal if several else [goal])
+    ]
+    if not ends:
+        raise wrong_argument("Problem", "goal", "an empty list", "at least one end")
     return ends[0] if len(ends) == 1 else {"any_of": ends}
 
 
-def via_data(vias: tuple[Via, ...]) -> list[dict[str, Any]]:
+def via_data(vias: Any) -> list[dict[str, Any]]:
     """`via:` of a file."""
-    return [_via(via) for via in vias]
+    if isinstance(vias, str | Mapping) or not isinstance(vias, Sequence | np.ndarray) or is_configuration(vias):
+        expected = "a list of op.ViaPoint(…), op.Pose(…), configurations (n,) or names of them"
+        raise wrong_argument("Problem", "vias", described(vias), expected)
+    return [via_point_data(via, f"vias[{k}]") for k, via in enumerate(vias)]
 
 
-def scene_data(scene: Scene) -> dict[str, Any]:
-    """`scene:` of a file; meshes keep their paths."""
+def scene_data(scene: Any) -> Any:
+    """`scene:` of a file; meshes keep their paths, poses the words in which they were said."""
+    if isinstance(scene, Mapping):
+        return plain(scene)
+    if not isinstance(scene, Scene):
+        if isinstance(scene, str) or not isinstance(scene, Sequence):
+            raise wrong_argument("Problem", "scene", described(scene), "op.Scene([…]) or a list of obstacles")
+        scene = Scene(scene)
     obstacles = [
-        {"name": body.name, "shape": shape_data(body.shape), "pose": pose_to_data(body.X_WO)}
+        {"name": body.name, "shape": shape_data(body.shape), "pose": _pose(body.X_WO, body.stated)}
         for body in scene.obstacles
     ]
     attached = [
@@ -36,7 +66,7 @@ def scene_data(scene: Scene) -> dict[str, Any]:
             "name": held.name,
             "shape": shape_data(held.shape),
             "link": held.link,
-            "pose": pose_to_data(held.X_LO),
+            "pose": _pose(held.X_LO, held.stated),
             "touch": sorted(held.touch),
         }
         for held in scene.attached
@@ -56,34 +86,45 @@ def shape_data(shape: Shape) -> dict[str, Any]:
             name = "cylinder" if isinstance(shape, Cylinder) else "capsule"
             return {name: {"radius": shape.radius, "length": shape.length}}
         case HalfSpace():
-            return {"half_space": {"normal": list(shape.normal), "offset": shape.offset}}
+            return {"half_space": {"normal": list(shape.stated or shape.normal), "offset": shape.offset}}
         case Mesh():
             return {"mesh": {"file": str(shape.file), "scale": list(shape.scale), "convex": shape.convex}}
 
 
-def _end(one: JointGoal | PoseGoal) -> dict[str, Any]:
-    if isinstance(one, PoseGoal):
-        return {"pose": {**_pose(one.frame, one.X_WG), "tolerance": _tolerance(one)}}
-    if one.tolerance != JointGoal(one.q).tolerance:
-        raise ValueError(f"goal: found a tolerance of {one.tolerance:g}; expected {JointGoal(one.q).tolerance:g}")
-    return {"joints": np.asarray(one.q, dtype=float).tolist()}
+def limits_data(limits: Any) -> Any:
+    """`limits:` of a file: fractions of the robot's own."""
+    if not isinstance(limits, Mapping):
+        expected = "fractions such as {'velocity': 0.5}"
+        raise wrong_argument("Problem", "limits", described(limits), expected)
+    return plain(limits)
 
 
-def _via(via: Via) -> dict[str, Any]:
-    if isinstance(via.at, PoseGoal):
-        data: dict[str, Any] = {"pose": {**_pose(via.at.frame, via.at.X_WG), "tolerance": _tolerance(via.at)}}
-    else:
-        data = {"joints": np.asarray(via.at.q, dtype=float).tolist(), "tolerance": via.at.tolerance}
-    if via.velocity is not None:
-        data["velocity"] = np.asarray(via.velocity, dtype=float).tolist()
-    if via.time is not None:
-        data["time"] = via.time
-    return data
+def objective_data(objective: Any) -> Any:
+    """`objective:` of a file."""
+    if isinstance(objective, Objective):
+        return {"time": objective.time, "jerk": objective.jerk}
+    if not isinstance(objective, Mapping):
+        raise wrong_argument("Problem", "objective", described(objective), "op.Objective(time=…, jerk=…)")
+    return plain(objective)
 
 
-def _pose(frame: str, X_WG: pin.SE3) -> dict[str, Any]:
-    return {"frame": frame, **pose_to_data(X_WG)}
+def planner_data(planner: Any, options: Any) -> Any:
+    """`planner:` of a file."""
+    if options is not None and not isinstance(options, Mapping):
+        raise wrong_argument("Problem", "options", described(options), "options by name, such as {'degree': 5}")
+    if isinstance(planner, Mapping):
+        return {**plain(planner), **plain(options or {})}
+    return {"name": plain(planner), **plain(options or {})}
 
 
-def _tolerance(one: PoseGoal) -> dict[str, float]:
-    return {"position": one.position, "orientation": one.orientation}
+def _pose(X: pin.SE3, stated: Mapping[str, Any] | None) -> dict[str, Any]:
+    """In the words in which it was said, as long as they say the same."""
+    same = stated is not None and (pose_from_data(stated).homogeneous == X.homogeneous).all()
+    return dict(plain(stated)) if same else pose_to_data(X)
+
+
+def poses(data: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The `pose` mappings of goal and vias in the data of a problem, to be read or changed in place."""
+    goal = data["goal"]
+    ends = [*goal.get("any_of", [goal]), *data.get("via", [])]
+    return [end["pose"] for end in ends if isinstance(end.get("pose"), dict)]

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,10 +13,9 @@ import pinocchio as pin
 
 from optiplan import cache
 from optiplan.arrays import Array
-from optiplan.config.document import Document, read_yaml, validate
+from optiplan.config.document import Document, plain, read_yaml, validate
 from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError
 from optiplan.files import bound, read_bytes, reading, write_text
-from optiplan.resources import robots_dir
 from optiplan.robot.description_files import read_sources
 from optiplan.robot.dh.table import DhTable
 from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to
@@ -23,15 +23,25 @@ from optiplan.robot.limits import Limits, build_limits
 from optiplan.robot.link_geometry import LinkGeometry, treat
 from optiplan.robot.mimic_joints import Mimic, screws
 from optiplan.robot.named_configurations import configurations, tool_frame
+from optiplan.robot.reference import (
+    DESCRIPTION,
+    UNKNOWN,
+    Reference,
+    description,
+    referred,
+    robot_file,
+    robot_names,
+    said,
+)
 from optiplan.robot.self_collision.pair_survey import PairSurvey, survey_pairs
 from optiplan.robot.self_collision.pairs import PROVED, declared_pairs, set_pairs, srdf_words, unchecked_pairs
 from optiplan.robot.spec import MecanumSpec, RobotSpec
 from optiplan.robot.urdf.srdf import LinkPair, srdf_text
 
-__all__ = ["Limits", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
+__all__ = ["DESCRIPTION", "Limits", "Reference", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot:
     """A robot reduced to its planned joints; a configuration q is of shape (n,), in the order of `joint_names`.
 
@@ -44,7 +54,12 @@ class Robot:
     that planned joints stand for. `load_robot` with
     `source`, `locked` and `group` builds the same robot again, in another process too: so it is pickled.
     `fingerprint` is the SHA-256 of the contents of `files`, and a robot that comes out of a pickle with another one
-    is refused.
+    is refused. `reference` is what it was loaded by.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.load_robot("panda")
+        Robot: panda, 7 joints, tool frame panda_hand_tcp, configurations: ready
     """
 
     name: str
@@ -69,6 +84,33 @@ class Robot:
     followers: Mapping[str, Mimic] = field(default_factory=dict)
     over_cover: Mapping[str, float] = field(default_factory=dict)
     mecanum: MecanumSpec | None = None
+    reference: Reference = UNKNOWN
+
+    @classmethod
+    def from_urdf(cls, path: Path | str, *, tool_frame: str | None = None, **keys: Any) -> "Robot":
+        """A robot from nothing but its URDF; what is not given is found or assumed, and `notes` says so.
+
+        Args:
+            path: the URDF; meshes are looked for beside it.
+            tool_frame: the link or fixed frame that poses are about; without one, a link behind the last planned joint.
+            keys: what else a robot.yaml can say (docs/problem.md), in its words: `name`, `group` (names of the planned
+                joints, base to tip), `locked` (positions, rad or m, of others), `configurations` (name: values),
+                `limits` (`velocity`, `acceleration`, `jerk`, `torque`), `srdf` (a path), `collision`,
+                `allowed_collisions`, `groups`, `tool_frames`.
+
+        Raises:
+            InputError: the URDF or its meshes cannot be used, or a key says what it cannot.
+
+        Example:
+            >>> import optiplan as op
+            >>> op.Robot.from_urdf("my_arm.urdf", tool_frame="tool0", configurations={"home": [0, -1.5, 1.5, 0, 0, 0]})
+        """
+        given = {"tool_frame": tool_frame, **keys}
+        description = {"urdf": str(Path(path)), **{key: value for key, value in given.items() if value is not None}}
+        try:
+            return load_robot(plain(description))
+        except InputError as error:
+            raise error.about(DESCRIPTION, "op.Robot.from_urdf") from None
 
     @property
     def n(self) -> int:
@@ -159,46 +201,40 @@ class Robot:
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickled as the call that loads it: models of pinocchio and coal do not travel whole."""
         parts = dict(self.locked), self.group, self.fingerprint
-        return _reload, (str(self.source), parts, self.limits, self.tool_frame)
+        by = self.reference.robot
+        return _reload, (by if isinstance(by, Mapping) else str(self.source), parts, self.limits, self.tool_frame)
+
+    def __repr__(self) -> str:
+        """Name, joints, tool frame and named configurations in one line."""
+        named = ", ".join(self.configurations) or "none"
+        return f"Robot: {self.name}, {self.n} joints, tool frame {self.tool_frame}, configurations: {named}"
 
 
-def _reload(source: str, parts: tuple[dict[str, float], str | None, str], limits: Limits, tool_frame: str) -> Robot:
+def _reload(
+    source: str | Mapping[str, Any],
+    parts: tuple[dict[str, float], str | None, str],
+    limits: Limits,
+    tool_frame: str,
+) -> Robot:
     locked, group, fingerprint = parts
     robot = load_robot(source, locked=locked, group=group)
     if robot.fingerprint != fingerprint:
-        raise OptiPlanError(f"robot {source} is not what it was when it was loaded: its files have changed")
+        raise OptiPlanError(f"robot {robot.name} is not what it was when it was loaded: its files have changed")
     return replace(robot, limits=limits, tool_frame=tool_frame)
-
-
-def robot_names() -> list[str]:
-    """Names of the robots that come with OptiPlan."""
-    return sorted(path.parent.name for path in robots_dir().glob("*/robot.yaml"))
-
-
-def robot_file(ref: str, base: Path | None = None) -> Path:
-    """The robot.yaml that `ref` means: a name of `robot_names()`, or a path relative to `base`.
-
-    Raises:
-        UnknownChoiceError: `ref` is neither a name nor a path.
-    """
-    if ref in robot_names():
-        return robots_dir() / ref / "robot.yaml"
-    path = Path(base or ".") / ref
-    if path.is_dir():
-        return path / "robot.yaml"
-    if path.suffix not in (".yaml", ".yml") and not path.is_file():
-        raise UnknownChoiceError("robot", ref, [*robot_names(), "a path to a robot.yaml"])
-    return path
 
 
 @reading()
 def load_robot(
-    ref: str, base: Path | None = None, locked: Mapping[str, float] | None = None, group: str | None = None
+    ref: str | Mapping[str, Any],
+    base: Path | None = None,
+    locked: Mapping[str, float] | None = None,
+    group: str | None = None,
 ) -> Robot:
-    """Load a robot by name or by the path of its robot.yaml, relative to `base`.
+    """Load a robot by name, by the path of its robot.yaml relative to `base`, or by what would stand in one.
 
     Args:
-        ref: a name of `robot_names()` or a path.
+        ref: a name of `robot_names()`, a path, or the keys of a robot.yaml, of which `version` and `name` may be left
+            out; its paths are relative to `base`.
         base: folder that a relative path starts from; the working directory without it.
         locked: positions (rad, m) of joints that are not planned; they go before those of the robot.yaml.
         group: the joints to plan, a name of the robot.yaml's `groups`; its default group without one.
@@ -207,14 +243,16 @@ def load_robot(
         InputError: anything in the robot.yaml or its URDF, SRDF and meshes that cannot be used.
         UnknownChoiceError: `ref` is neither a robot's name nor a path, or there is no such group.
     """
-    document, spec = _described(robot_file(ref, base))
+    document = description(ref, base) if isinstance(ref, Mapping) else read_yaml(robot_file(ref, base).resolve())
+    spec = validate(RobotSpec, document)
     urdf, srdf, srdf_path = read_sources(spec, document)
     planned = planned_joints(spec, document, urdf, group)
     reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
     limits, limit_notes = build_limits(spec.limits, document, reduced, planned)
     treated = _bodies(reduced, spec, document)
     tool, choices = tool_frame(spec, document, reduced, urdf, planned)
-    files = tuple(dict.fromkeys((document.path, urdf.path, *((srdf_path,) if srdf_path else ()), *urdf.meshes)))
+    read = (document.path, urdf.path, srdf_path, *urdf.meshes)
+    files = tuple(dict.fromkeys(path for path in read if path is not None and path.name != DESCRIPTION))
     declared = declared_pairs(spec, document, reduced.model, srdf)
     allowed, pair_notes = unchecked_pairs(
         reduced.model, treated.geometry, (limits.lower, limits.upper), declared, srdf is None
@@ -236,19 +274,15 @@ def load_robot(
         locked=reduced.locked,
         allowed=allowed,
         files=files,
-        fingerprint=cache.digest(read_bytes(path) for path in files),
+        fingerprint=cache.digest([*map(read_bytes, files), *said(document, ref)]),
         dh=None if spec.dh is None else spec.dh.table(),
         group=planned.name,
         groups=spec.groups,
         urdf=urdf.xml,
         followers=reduced.followers,
         mecanum=mecanum_base(spec, document, planned.joints, urdf),
+        reference=Reference(referred(document, ref), group, dict(locked or {}), tool),
     )
-
-
-def _described(path: Path) -> tuple[Document, RobotSpec]:
-    document = read_yaml(path.resolve())
-    return document, validate(RobotSpec, document)
 
 
 def _wanted(spec: RobotSpec, planned: Group, locked: Mapping[str, float]) -> dict[str, float]:

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue
 from optiplan.files import flush, read_bytes, replacing
-from optiplan.runs.pipeline import Run
 from optiplan.trajectory.sample_file import Samples, read_samples, samples_from_dict
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
@@ -21,6 +20,17 @@ SAMPLES = {"t", "q", "v", "a"}
 """Keys of `trajectory.json` that are not read as the motion, but held against it."""
 RATE = 200.0
 """Samples of `trajectory.json`, Hz; for other programs, since the pieces are the motion."""
+
+
+class Saved(Protocol):
+    """What is written of a run."""
+
+    @property
+    def trajectory(self) -> Trajectory | None:
+        """The motion, if there is one."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything else."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +52,7 @@ class StoredRun:
     interpolation: str = ""
 
 
-def save_run(run: Run, folder: Path) -> None:
+def save_run(run: Saved, folder: Path) -> None:
     """Write a run; an older run in the folder is replaced. A run without trajectory leaves `run.json` alone.
 
     `run.json` is taken away first and renamed into place last: a folder that has one is complete.

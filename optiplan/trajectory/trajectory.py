@@ -10,6 +10,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.trajectory import bspline, polynomial
+from optiplan.trajectory.curves_svg import joint_curves
 
 SAME_TIME = 1e-12
 """Share of the duration: breakpoints that are nearer in time are one."""
@@ -18,6 +19,7 @@ _MOST_DEGREE = 31  # powers of time beyond that leave no digits
 _OUTSIDE = 1e-9  # s; how far outside [0, duration] rounding may put a time
 
 _MOST_SAMPLES = 60_000  # in a dictionary
+_CURVE = 160  # samples of a drawing
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Extrema:
     t_high: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """Motion q(t) of n joints for t in [0, duration].
 
@@ -66,6 +68,15 @@ class Trajectory:
         problem = defect(self.joint_names, self.breakpoints, self.coefficients)
         if problem is not None:
             raise ValueError(f"{problem[0]}: found {problem[1]}; expected {problem[2]}")
+
+    def __repr__(self) -> str:
+        """Duration, joints and pieces in one line."""
+        return f"Trajectory: {self.duration:.3f} s, {self.n} joints, {len(self.coefficients)} pieces"
+
+    def _repr_html_(self) -> str:
+        """The curves of the joints, for notebooks."""
+        t = np.linspace(0.0, self.duration, _CURVE)
+        return f"<p>{self!r}</p>{joint_curves(t, self(t), self.joint_names)}"
 
     @classmethod
     def from_bspline(cls, joint_names: Sequence[str], knots: Array, control_points: Array, degree: int) -> "Trajectory":
@@ -110,8 +121,10 @@ class Trajectory:
             c = polynomial.derivative(c)
         return np.swapaxes(c, 1, 2)
 
-    def __call__(self, t: Array, order: int = 0, *, clamp: bool = False) -> Array:
+    def __call__(self, t: float | Sequence[float] | Array, order: int = 0, *, clamp: bool = False) -> Array:
         """Derivative of the given order (0 to 3) at times t (k,), s: array (k, n), rad/s^order or m/s^order.
+
+        At one time t, a number, it is an array (n,).
 
         With `clamp` the motion is q(min(max(t, 0), duration)): before and after, the robot stands at the nearer end,
         with derivatives of 0.
@@ -119,7 +132,9 @@ class Trajectory:
         Raises:
             ValueError: if a time is outside [0, duration] by more than 1e-9 s without `clamp`, or not a number.
         """
-        t = np.atleast_1d(np.asarray(t, dtype=float))
+        if np.ndim(t) == 0:
+            return np.asarray(self(np.array([t], dtype=float), order, clamp=clamp)[0])
+        t = np.asarray(t, dtype=float)
         inside = (t >= -_OUTSIDE) & (t <= self.duration + _OUTSIDE)
         if not (inside.all() or (clamp and not np.isnan(t).any())):
             raise ValueError(f"t: found [{t.min()}, {t.max()}]; expected times in [0, {self.duration}], or clamp=True")

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,7 @@ class Check:
     witness: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
     """The verdict on a trajectory and what it rests on.
 
@@ -99,6 +100,27 @@ class Report:
         """The checks that refused the trajectory."""
         return tuple(check for check in self.checks if not check.passed)
 
+    def __repr__(self) -> str:
+        """The verdict in one line, with the checks that refused."""
+        refused = "; ".join(
+            f"{check.name}: {check.detail or check.place or 'beyond its limit'}" for check in self.failures
+        )
+        verdict = "verified" if self.verified else f"not verified: {refused or 'nothing was checked'}"
+        return f"Report: {verdict} ({len(self.checks)} checks)"
+
+    def _repr_html_(self) -> str:
+        """The verdict and a row a check, for notebooks."""
+        rows = "".join(
+            f"<tr><td>{'✓' if check.passed else '✗'}</td><th>{check.name}</th><td>{check.kind}</td>"
+            f"<td>{_number(check.worst)}</td><td>{_number(check.limit)}</td><td>{check.unit}</td>"
+            f"<td>{escape(check.place)}</td><td>{escape(check.detail)}</td></tr>"
+            for check in self.checks
+        )
+        head = (
+            "<tr><th></th><th>check</th><th>kind</th><th>worst</th><th>limit</th><th>unit</th><th></th><th></th></tr>"
+        )
+        return f"<p><b>{'verified' if self.verified else 'not verified'}</b></p><table>{head}{rows}</table>"
+
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready form: what is not finite becomes null."""
         return {
@@ -112,6 +134,10 @@ class Report:
             "unchecked_pairs": dict(self.unchecked_pairs),
             "links_without_geometry": list(self.links_without_geometry),
         }
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.6g}"
 
 
 def jsonable(value: Any) -> Any:

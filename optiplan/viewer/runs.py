@@ -9,7 +9,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics, ellipsoids, scaled
 from optiplan.problem.problem import Problem
-from optiplan.runs.pipeline import SMALLEST_BOUND
+from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.surfaces import packed

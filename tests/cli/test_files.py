@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from optiplan.cli.files import find_problem
 from optiplan.errors import InputError
+from optiplan.problem.examples import find_problem
 
 
 @pytest.mark.parametrize("name", ["01_reach", "01_reach.yaml", "problems/01_reach.yaml"])

@@ -38,7 +38,15 @@ def tool_pose(name, q):
 def problem(name, start, goal, *obstacles, seed=0, allowed=()):
     arm = robot(name)
     scene = Scene(obstacles, allowed=frozenset(frozenset(pair) for pair in allowed))
-    return Problem("case", arm, scene, np.array(start, dtype=float), tuple(goal), arm.limits, seed=seed)
+    return Problem(
+        name="case",
+        robot=arm,
+        scene=scene,
+        start=np.array(start, dtype=float),
+        goal=tuple(goal),
+        limits=arm.limits,
+        seed=seed,
+    )
 
 
 def free():
@@ -169,7 +177,14 @@ def turntable():
 def endless():
     """An endless joint may turn on: from 3 to -3 rad it is a quarter of a radian across, or six back."""
     arm = turntable()
-    return Problem("endless", arm, Scene(), np.array([3.0, 0.0]), (JointGoal(np.array([-3.0, 1.0])),), arm.limits)
+    return Problem(
+        name="endless",
+        robot=arm,
+        scene=Scene(),
+        start=np.array([3.0, 0.0]),
+        goal=(JointGoal(np.array([-3.0, 1.0])),),
+        limits=arm.limits,
+    )
 
 
 def weak():

@@ -13,7 +13,8 @@ import pytest
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.registry import PLANNERS, make_planner
-from optiplan.runs.pipeline import Run, run
+from optiplan.runs.pipeline import run
+from optiplan.runs.run import Run
 from tests.planners import cases
 
 KINDS = set(re.findall(r"`([a-z-]+)`", (Failure.__doc__ or "").split("detail:")[0]))

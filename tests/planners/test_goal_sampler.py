@@ -135,7 +135,9 @@ def many_joints(robot, q, *obstacles):
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
     goal = PoseGoal("la19", data.oMf[robot.model.getFrameId("la19")].copy())
-    return Problem("many", robot, Scene(obstacles), np.zeros(robot.n), (goal,), robot.limits)
+    return Problem(
+        name="many", robot=robot, scene=Scene(obstacles), start=np.zeros(robot.n), goal=(goal,), limits=robot.limits
+    )
 
 
 def test_joints_that_do_not_move_the_frame_stay(two_arms):

@@ -13,7 +13,8 @@ from optiplan.problem.load import load_problem
 from optiplan.resources import problems_dir
 from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.robot import load_robot
-from optiplan.runs.pipeline import Run, run
+from optiplan.runs.pipeline import run
+from optiplan.runs.run import Run
 from tests.reference.entries import entry, matches
 
 SCREWS = {

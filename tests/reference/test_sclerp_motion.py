@@ -299,7 +299,12 @@ def bounded_steps(tool, X_G):
 def test_quadratic_programs_keep_to_the_screw_and_within_limits_at_all_times(arms, name):
     arm = arms[0]
     problem = Problem(
-        name, arm, Scene(()), np.zeros(7), (PoseGoal(arm.tool_frame, goal(name), 1e-6, 1e-6),), arm.limits
+        name=name,
+        robot=arm,
+        scene=Scene(()),
+        start=np.zeros(7),
+        goal=(PoseGoal(arm.tool_frame, goal(name), 1e-6, 1e-6),),
+        limits=arm.limits,
     )
     options = {"redundancy": "goal"} if name == "b_z+45_503050" else {}
     result = make_planner("sclerp", options).plan(problem, Budget(60.0), lambda stage, fraction: None)

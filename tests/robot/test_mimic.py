@@ -292,7 +292,14 @@ def test_turns_of_a_joint_that_another_follows_by_halves(tmp_path):
 def test_trajopt_plans_within_the_torque_of_the_leader(robot):
     """Its derivatives of inverse dynamics are of the unfolded model; pinocchio refuses them for followers."""
     limits = replace(robot.limits, torque=np.array([6.0, 2.0]))
-    strong = Problem("t", robot, Scene(), np.array([-0.6, -0.9]), (JointGoal(np.array([0.9, 0.8])),), robot.limits)
+    strong = Problem(
+        name="t",
+        robot=robot,
+        scene=Scene(),
+        start=np.array([-0.6, -0.9]),
+        goal=(JointGoal(np.array([0.9, 0.8])),),
+        limits=robot.limits,
+    )
     weak = replace(strong, limits=limits)
     fast, slow = (run(problem, "trajopt", {}, Budget(5.0), lambda *_: None) for problem in (strong, weak))
     assert fast.report is not None
@@ -303,7 +310,14 @@ def test_trajopt_plans_within_the_torque_of_the_leader(robot):
 
 
 def test_the_viewer_moves_the_followers(robot):
-    problem = Problem("t", robot, Scene(), np.zeros(2), (JointGoal(np.array([0.5, 0.5])),), robot.limits)
+    problem = Problem(
+        name="t",
+        robot=robot,
+        scene=Scene(),
+        start=np.zeros(2),
+        goal=(JointGoal(np.array([0.5, 0.5])),),
+        limits=robot.limits,
+    )
     scene = build_scene(problem, [])
     assert scene.bodies == 5
     assert len(unpacked(scene.start)) == 5 * 7

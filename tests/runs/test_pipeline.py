@@ -7,7 +7,8 @@ from optiplan.planners.base import Budget
 from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.registry import PLANNERS
 from optiplan.problem.load import problem_from_dict
-from optiplan.runs.pipeline import run, versions
+from optiplan.runs.pipeline import run
+from optiplan.runs.run import versions
 from optiplan.verify.report import jsonable
 
 FREE = {"version": 1, "robot": "planar2r", "start": {"joints": [0.5, 1.0]}, "goal": {"joints": [-0.5, 1.2]}}

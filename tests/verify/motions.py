@@ -34,7 +34,14 @@ def within_limits(trajectory, limits, fraction=0.999):
 
 def problem_of(robot, trajectory, scene):
     """The problem that this trajectory was made for."""
-    return Problem("test", robot, scene, trajectory.start, (JointGoal(trajectory.end),), robot.limits)
+    return Problem(
+        name="test",
+        robot=robot,
+        scene=scene,
+        start=trajectory.start,
+        goal=(JointGoal(trajectory.end),),
+        limits=robot.limits,
+    )
 
 
 def unchecked(trajectory, **changes):

@@ -38,7 +38,14 @@ def bare(planar: Robot) -> Problem:
     """Two links that have joints and nothing else."""
     robot = copy.copy(planar)
     robot.__dict__.update(name="bare", visual=pin.GeometryModel(), geometry=pin.GeometryModel())
-    return Problem("flat", robot, Scene(), np.zeros(2), (JointGoal(np.array([1.0, -1.0])),), robot.limits)
+    return Problem(
+        name="flat",
+        robot=robot,
+        scene=Scene(),
+        start=np.zeros(2),
+        goal=(JointGoal(np.array([1.0, -1.0])),),
+        limits=robot.limits,
+    )
 
 
 @pytest.fixture(scope="session")
@@ -54,7 +61,14 @@ def shelf(panda: Robot) -> Problem:
     held = Attachment("part", Box((0.03, 0.03, 0.1)), "panda_hand", at(0.0, 0.0, 0.12))
     goal = np.array([0.6, 0.3, -0.2, -1.6, 0.1, 1.9, 0.9])
     start = panda.configurations["ready"]
-    return Problem('a <b>shelf</b> & "more"', panda, Scene(obstacles, (held,)), start, (JointGoal(goal),), panda.limits)
+    return Problem(
+        name='a <b>shelf</b> & "more"',
+        robot=panda,
+        scene=Scene(obstacles, (held,)),
+        start=start,
+        goal=(JointGoal(goal),),
+        limits=panda.limits,
+    )
 
 
 @pytest.fixture(scope="session")

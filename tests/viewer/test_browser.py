@@ -258,7 +258,14 @@ def test_same_address_same_picture(visit, exported):
 
 
 def test_served_page_of_a_planar_robot_without_runs(visit, planar):
-    problem = Problem("flat", planar, Scene(), np.zeros(2), (JointGoal(np.array([1.0, -1.0])),), planar.limits)
+    problem = Problem(
+        name="flat",
+        robot=planar,
+        scene=Scene(),
+        start=np.zeros(2),
+        goal=(JointGoal(np.array([1.0, -1.0])),),
+        limits=planar.limits,
+    )
     with PageServer(render_page(build_scene(problem, [])), port=0) as served:
         threading.Thread(target=served.serve_forever, daemon=True).start()
         page = visit(served.url)

@@ -49,7 +49,9 @@ def test_ellipsoids_hold_what_the_jacobian_says(shelf, motion, panda):
 
 
 def test_ellipsoids_of_a_planar_arm_are_flat(planar):
-    flat = Poses(Problem("flat", planar, Scene(), np.zeros(2), (), planar.limits)).ellipsoids(np.array([[0.3, 1.0]]))
+    flat = Poses(
+        Problem(name="flat", robot=planar, scene=Scene(), start=np.zeros(2), goal=(), limits=planar.limits)
+    ).ellipsoids(np.array([[0.3, 1.0]]))
     assert flat.shape == (1, 7)
     assert flat[0, 6] < 1e-12 < flat[0, 5]
 

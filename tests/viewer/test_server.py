@@ -65,7 +65,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem
 from optiplan.viewer.server import serve
 robot = load_robot("planar2r")
-problem = Problem("p", robot, Scene(), np.zeros(2), (), robot.limits)
+problem = Problem(robot, np.zeros(2), (), Scene(), limits=robot.limits)
 serve(problem, [], port=0, on_ready=lambda url: print(url, flush=True))
 """
     child = subprocess.Popen(

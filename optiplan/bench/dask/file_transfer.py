@@ -58,6 +58,10 @@ class Packer:
             TravelError: a robot that cannot be loaded from its files alone.
         """
         data: dict[str, Any] = deepcopy(dict(problem.data))
+        if isinstance(data["robot"], dict):
+            raise TravelError(
+                f"the robot of {problem.id} stands in the problem itself; give it a robot.yaml of its own"
+            )
         if data["robot"] not in robot_names():
             data["robot"] = self._robot(data["robot"])
         for mesh in meshes_of(data):

@@ -15,7 +15,7 @@ from optiplan.bench.dask.file_transfer import Freight, keep, lacking, unpack
 from optiplan.bench.execution.code_version import own_digest
 from optiplan.bench.execution.slot import WorkerSlot
 from optiplan.bench.results.records import BenchTask, Outcome
-from optiplan.runs.pipeline import versions
+from optiplan.runs.run import versions
 
 Bill = Mapping[str, Freight]
 """Bundles by their digest."""

@@ -1,7 +1,9 @@
 """Robots kept between problems: loading one takes longer than planning an easy problem."""
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from optiplan.robot.robot import Robot, load_robot, robot_file
 
@@ -13,10 +15,15 @@ class RobotShelf:
         self._robots: dict[tuple[object, ...], Robot] = {}
 
     def __call__(
-        self, ref: str, base: Path | None = None, locked: Mapping[str, float] | None = None, group: str | None = None
+        self,
+        ref: str | Mapping[str, Any],
+        base: Path | None = None,
+        locked: Mapping[str, float] | None = None,
+        group: str | None = None,
     ) -> Robot:
         """The robot as `load_robot` gives it, which tells what can go wrong."""
-        key = (robot_file(ref, base), tuple(sorted((locked or {}).items())), group)
+        one = json.dumps([ref, str(base)], sort_keys=True) if isinstance(ref, Mapping) else robot_file(ref, base)
+        key = (one, tuple(sorted((locked or {}).items())), group)
         if key not in self._robots:
             self._robots[key] = load_robot(ref, base, locked, group)
         return self._robots[key]

@@ -19,7 +19,8 @@ from optiplan.errors import OptiPlanError
 from optiplan.planners.base import Budget
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import JointGoal, Problem
-from optiplan.runs.pipeline import Run, processor_time, reserve, run
+from optiplan.runs.pipeline import processor_time, reserve, run
+from optiplan.runs.run import Run
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable

@@ -12,7 +12,7 @@ from optiplan.bench.results.database import FILE, Store
 from optiplan.bench.results.records import Outcome
 from optiplan.bench.suite.suite import Suite, code_differences, differences
 from optiplan.errors import InputError, Issue, OptiPlanError
-from optiplan.runs.pipeline import versions
+from optiplan.runs.run import versions
 
 Watch = Callable[[Outcome], None]
 """Told every outcome once it is stored."""

@@ -22,7 +22,7 @@ from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
-from optiplan.runs.pipeline import Run
+from optiplan.runs.run import Run
 from optiplan.trajectory.sample_file import Samples, read_samples, samples_from_dict
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify

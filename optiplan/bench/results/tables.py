@@ -1,6 +1,6 @@
 """The tables of `results.sqlite`, what changed between versions, and the view that rates runs; see docs/bench.md."""
 
-from optiplan.runs.pipeline import SMALLEST_BOUND
+from optiplan.runs.run import SMALLEST_BOUND
 
 SCHEMA_VERSION = 2
 """Counted up with every change of a table that readers can notice."""

@@ -26,7 +26,7 @@ from optiplan.problem.goals import GoalOptions, goal_configurations
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
-from optiplan.runs.pipeline import versions
+from optiplan.runs.run import versions
 from optiplan.workspace.reach import sampling_range, shoulder_point
 
 GENERATORS: dict[str, str] = {

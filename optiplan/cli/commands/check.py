@@ -5,9 +5,9 @@ from typing import Annotated
 import typer
 
 from optiplan.cli.completion import problem_names
-from optiplan.cli.files import find_problem
 from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
 from optiplan.errors import InputError, Issue
+from optiplan.problem.examples import find_problem
 
 
 def check(

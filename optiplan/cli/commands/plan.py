@@ -9,13 +9,13 @@ from typing import Annotated, Any
 import typer
 
 from optiplan.cli.completion import planner_names, problem_names
-from optiplan.cli.files import find_problem
 from optiplan.cli.output import Exit, interrupts_held, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError
+from optiplan.problem.examples import find_problem
 
 BUDGET = 20.0
-"""Seconds, when none are given."""
+"""Seconds, when none are given; as `op.plan`."""
 PORT = 7000
 """First port that --view tries."""
 PROBLEM = "a problem file, or the name of an example: 01_reach"

@@ -18,7 +18,8 @@ from optiplan.errors import InputError, Issue
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.registry import PLANNERS, planner_entry
 from optiplan.problem.problem import JointGoal, Problem
-from optiplan.runs.pipeline import SMALLEST_BOUND, Run, attempt
+from optiplan.runs.pipeline import attempt
+from optiplan.runs.run import SMALLEST_BOUND, Run
 from optiplan.runs.run_folder import save_run
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.verify.report import jsonable

@@ -1,14 +1,13 @@
 """`optiplan verify`: judge a trajectory again, whoever made it."""
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from optiplan.cli.completion import problem_names
-from optiplan.cli.files import find_problem
 from optiplan.cli.output import Exit, print_json, results, stdout_is_ours
+from optiplan.problem.examples import find_problem
 
 
 def verify(
@@ -43,19 +42,20 @@ def verify(
     from optiplan.cli.printing.report import show_report
     from optiplan.problem.load import load_problem
     from optiplan.runs.run_folder import load_run
+    from optiplan.runs.stored_verdict import judged
     from optiplan.verify.report import jsonable
 
     path = find_problem(problem)
     with stdout_is_ours():
         loaded = load_problem(path)
         stored = load_run(run, loaded.robot.joint_names)
-        report = None if stored.trajectory is None else _judged(loaded, stored)
+        report = None if stored.trajectory is None else judged(loaded, stored)
     code = Exit.VERIFIED if report is not None and report.verified else Exit.NOT_VERIFIED
     if as_json:
-        judged = None if report is None else report.to_dict()
+        found = None if report is None else report.to_dict()
         failure = stored.record.get("failure") if stored.trajectory is None else None
         same = None if "hash" not in stored.record else stored.record["hash"] == loaded.hash
-        verdict = {"verified": code == 0, "same_problem": same, "report": judged, "failure": failure}
+        verdict = {"verified": code == 0, "same_problem": same, "report": found, "failure": failure}
         print_json(jsonable({**verdict, "interpolation": stored.interpolation or None, "exit_code": int(code)}))
     elif report is None:
         reason = (stored.record.get("failure") or {}).get("detail", "no reason given")
@@ -63,16 +63,3 @@ def verify(
     else:
         show_report(results(), report, full, f"{loaded.name} · {loaded.robot.name} · {run}")
     return code
-
-
-def _judged(problem: Any, stored: Any) -> Any:
-    """The report on a stored trajectory, with where it is from and what was put between its samples."""
-    from optiplan.verify.limit_checks import same_problem
-    from optiplan.verify.verify import verify as judge
-
-    report = judge(problem, stored.trajectory, given=stored.samples)
-    if stored.interpolation:
-        report = replace(report, scope=(*report.scope, f"interpolation of the samples: {stored.interpolation}"))
-    if "hash" in stored.record:
-        report = replace(report, checks=(same_problem(stored.record, problem), *report.checks))
-    return report

@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from optiplan.planners.base import Failure
-from optiplan.runs.pipeline import Run
+from optiplan.runs.run import Run
 from optiplan.verify.report import Check, Report
 
 

@@ -35,7 +35,14 @@ def pose(q):
 def problem(goal, start=UR5, obstacles=()):
     robot = ur5()
     goal = PoseGoal("tool0", goal) if isinstance(goal, pin.SE3) else JointGoal(np.asarray(goal, dtype=float))
-    return Problem("case", robot, Scene(tuple(obstacles)), np.array(start), (goal,), robot.limits)
+    return Problem(
+        name="case",
+        robot=robot,
+        scene=Scene(tuple(obstacles)),
+        start=np.array(start),
+        goal=(goal,),
+        limits=robot.limits,
+    )
 
 
 def plan(name, what, **options):
@@ -374,7 +381,7 @@ def test_a_redundant_arm_aims_at_other_ends_when_its_elbow_is_in_the_way():
     X = frame_pose(robot, ready, robot.tool_frame)
     cube = Obstacle("cube", Box((0.08, 0.08, 0.08)), pin.SE3(np.eye(3), np.array([-0.12, 0.17, 0.68])))
     goal = PoseGoal(robot.tool_frame, pin.SE3(X.rotation, X.translation + np.array([-0.11, 0.38, 0.06])))
-    what = Problem("case", robot, Scene((cube,)), ready, (goal,), robot.limits)
+    what = Problem(name="case", robot=robot, scene=Scene((cube,)), start=ready, goal=(goal,), limits=robot.limits)
     result = plan("line", what, profile="uniform")
     assert result.info["attempts"] > 2  # the first two go where limits are far
     assert verify(what, result.trajectory).verified

@@ -35,7 +35,7 @@ def stuck():
     arm = load_robot("baxter_report")
     X_WG = next(np.array(item["goal"]) for item in entry("sclerp.runs").value if item["id"] == "b_z+45_503050")
     goal = PoseGoal(arm.tool_frame, pin.SE3(X_WG), 1e-6, 1e-6)
-    return Problem("b_z+45", arm, Scene(()), np.zeros(7), (goal,), arm.limits)
+    return Problem(name="b_z+45", robot=arm, scene=Scene(()), start=np.zeros(7), goal=(goal,), limits=arm.limits)
 
 
 def test_the_screw_that_ends_at_a_limit_says_at_which_joint_where_and_how_far(stuck):

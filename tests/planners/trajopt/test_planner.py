@@ -30,7 +30,9 @@ def box(name: str, size: tuple[float, float, float], *position: float) -> Obstac
 
 def make(robot: Robot, *obstacles: Obstacle, goal: np.ndarray = GOAL) -> Problem:
     start = robot.configurations["ready"]
-    return Problem("t", robot, Scene(obstacles), start, (JointGoal(goal),), robot.limits)
+    return Problem(
+        name="t", robot=robot, scene=Scene(obstacles), start=start, goal=(JointGoal(goal),), limits=robot.limits
+    )
 
 
 def plan(problem: Problem, budget: float = 20.0, **options: float) -> PlanResult:
@@ -112,7 +114,14 @@ def test_no_way_through_fails_within_the_budget_and_says_where() -> None:
     posts = (box("over", (0.05, 1.0, 0.05), 0.0, 0.0, 0.3), box("under", (0.05, 1.0, 0.05), 0.0, 0.0, -0.3))
     goal = JointGoal(np.array([2.9, 0.0]))  # the first link points the other way, and cannot pass either post
     allowed = frozenset(frozenset((post.name, "base")) for post in posts)  # they stand in the base
-    problem = Problem("t", planar, Scene(posts, allowed=allowed), np.zeros(2), (goal,), planar.limits)
+    problem = Problem(
+        name="t",
+        robot=planar,
+        scene=Scene(posts, allowed=allowed),
+        start=np.zeros(2),
+        goal=(goal,),
+        limits=planar.limits,
+    )
     result = plan(problem, budget=1.5)
     assert result.trajectory is None
     assert result.failure is not None

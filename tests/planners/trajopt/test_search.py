@@ -19,7 +19,8 @@ from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import JointGoal, Objective, PoseGoal, Problem
 from optiplan.robot.robot import load_robot
-from optiplan.runs.pipeline import Run, run
+from optiplan.runs.pipeline import run
+from optiplan.runs.run import Run
 from optiplan.trajectory.timing.lower_bound import stop_at_corners
 from tests.planners import cases
 from tests.robot.robots import BARE, LINK, joint, write_robot
@@ -169,7 +170,9 @@ def test_many_joints_whose_straight_line_is_free_are_planned_at_once(tmp_path: P
     extra = f"group: [{', '.join(names)}]\ntool_frame: l39\n"
     robot = load_robot(str(write_robot(tmp_path, [*links, *joints], extra)))
     goal = JointGoal(np.full(40, 0.02))
-    problem = Problem("many", robot, cases.free().scene, np.zeros(40), (goal,), robot.limits)
+    problem = Problem(
+        name="many", robot=robot, scene=cases.free().scene, start=np.zeros(40), goal=(goal,), limits=robot.limits
+    )
     result = solve(problem, budget=1.0)
     assert result.verified
     assert result.ratio < 1.02

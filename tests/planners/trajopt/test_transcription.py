@@ -27,7 +27,15 @@ def problem() -> Problem:
     board = Obstacle("board", Box((0.6, 0.6, 0.02)), pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.1])))
     # Slow joints and weak motors: the torque rows are there to be looked at.
     limits = replace(robot.limits, torque=0.4 * robot.limits.torque)
-    return Problem("t", robot, Scene((ball, board)), start, (JointGoal(GOAL),), limits, Objective(1.0, 1e-6))
+    return Problem(
+        name="t",
+        robot=robot,
+        scene=Scene((ball, board)),
+        start=start,
+        goal=(JointGoal(GOAL),),
+        limits=limits,
+        vias=Objective(1.0, 1e-6),
+    )
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,117 @@
+"""`load_problem`, `load_robot`, `load_run`: problems, robots and runs from names, files and folders."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from optiplan.config.messages import choices
+from optiplan.errors import UnknownChoiceError, described, wrong_argument
+from optiplan.planners.base import Failure
+from optiplan.problem import load
+from optiplan.problem.examples import find_problem
+from optiplan.problem.load import problem_from_dict
+from optiplan.problem.problem import Problem
+from optiplan.robot import robot
+from optiplan.robot.robot import Robot
+from optiplan.runs.metrics import measure
+from optiplan.runs.run import Run
+from optiplan.runs.run_folder import StoredRun
+from optiplan.runs.run_folder import load_run as read_run
+from optiplan.verify.verify import verify
+
+
+def load_problem(source: Path | str | Mapping[str, Any], **overrides: Any) -> Problem:
+    """A problem from a YAML file, the name of an example, or a mapping that says what a file would.
+
+    Args:
+        source: a path, the name of one of the examples such as `01_reach`, or the keys of a problem file; paths in a
+            mapping are relative to the working directory.
+        overrides: keys of a problem file that stand in for those of the source: `seed=3`, `planner="quintic"`.
+
+    Raises:
+        InputError: there is no such problem, or everything that is wrong with it, by file, line and field.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.load_problem("01_reach")
+        Problem: reach, panda, to a pose of panda_hand_tcp; empty
+    """
+    if isinstance(source, Mapping):
+        return problem_from_dict({**source, **overrides})
+    if not isinstance(source, str | Path):
+        expected = "the path of a problem file, the name of an example, or a mapping of the keys of a file"
+        raise wrong_argument("load_problem", "source", described(source), expected)
+    return load.load_problem(find_problem(str(source)), **overrides)
+
+
+def load_robot(source: Path | str, *, group: str | None = None, locked: Mapping[str, float] | None = None) -> Robot:
+    """A robot that comes along, by name, or one of your own, by the path of its robot.yaml or URDF.
+
+    Args:
+        source: a name of `op.robots()` or a path.
+        group: which group of the robot's joints to plan; None: that of the robot file.
+        locked: where joints stand that are not planned, rad or m.
+
+    Raises:
+        InputError: there is no such robot or group, or a file of it cannot be used.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.load_robot("panda").n
+        7
+    """
+    if not isinstance(source, str | Path):
+        expected = "the name of a robot of op.robots(), or the path of a robot.yaml or URDF"
+        raise wrong_argument("load_robot", "source", described(source), expected)
+    if Path(source).suffix.lower() == ".urdf":
+        return Robot.from_urdf(source, locked=locked)
+    try:
+        return robot.load_robot(str(source), locked=locked, group=group)
+    except UnknownChoiceError as error:
+        argument = "group" if error.kind == "group" else "source" if error.kind == "robot" else "locked"
+        expected = choices(error.found, error.choices)
+        raise wrong_argument("load_robot", argument, f"'{error.found}'", expected) from None
+
+
+def load_run(folder: Path | str) -> Run:
+    """A run from the folder that `Run.save` or `optiplan plan --out` made.
+
+    The motion is verified afresh: a file that was changed since does not wear the old verdict.
+
+    Raises:
+        InputError: there is no run, a file of it is broken, or its problem cannot be read any more.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.load_run("runs/reach").verified
+        True
+    """
+    if not isinstance(folder, str | Path):
+        raise wrong_argument("load_run", "folder", described(folder), "the folder of a run")
+    stored = read_run(folder)
+    if "problem" not in stored.record:
+        found = f"{str(folder)!r}, a trajectory without its problem"
+        raise wrong_argument("load_run", "folder", found, "the folder of a run (or op.verify(problem, path))")
+    return _run(stored, problem_from_dict(stored.record["problem"]))
+
+
+def _run(stored: StoredRun, problem: Problem) -> Run:
+    record, motion = stored.record, stored.trajectory
+    report = None if motion is None else verify(problem, motion, given=stored.samples)
+    timings = dict(record.get("timings") or {})
+    failed = record.get("failure")
+    return Run(
+        problem=problem.with_seed(int(record.get("seed", problem.seed))),
+        planner=str(record.get("planner", problem.planner)),
+        options=dict(record.get("options") or {}),
+        trajectory=motion,
+        failure=None if failed is None else Failure(failed["kind"], failed["detail"], failed.get("witness") or {}),
+        report=report,
+        lower_bound=record.get("lower_bound"),
+        metrics=None if motion is None or report is None else measure(problem, motion, report),
+        timings={key: value for key, value in timings.items() if key not in ("stages", "plan_cpu")},
+        stages=timings.get("stages") or {},
+        info=record.get("info") or {},
+        improvements=tuple((float(when), float(best)) for when, best in record.get("improvements") or ()),
+        plan_cpu=timings.get("plan_cpu"),
+    )

@@ -1,0 +1,252 @@
+"""`plan`, `verify` and `retime`: a proved motion for a problem, and the proof of a motion that is there."""
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.config.messages import choices
+from optiplan.errors import UnknownChoiceError, described, wrong_argument
+from optiplan.planners.base import Budget, PlanResult, Progress
+from optiplan.problem.problem import JointGoal, Problem, Via
+from optiplan.runs import pipeline
+from optiplan.runs.run import Run
+from optiplan.runs.run_folder import load_run
+from optiplan.runs.stored_verdict import judged
+from optiplan.trajectory.sample_file import Samples
+from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.torque_scaling import torque_scale
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify import verify as verifier
+from optiplan.verify.report import Report
+
+BUDGET = 20.0
+"""Seconds of planning and proof, when none are given."""
+
+_STRAIGHT = 1e-9  # rad or m: a waypoint that is nearer than this to the line between its neighbours is no corner
+_HIT = 1e-6  # rad or m: tolerance of waypoints
+
+
+def plan(
+    problem: Problem,
+    planner: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    budget: float | Budget = BUDGET,
+    seed: int | None = None,
+    progress: Progress | None = None,
+    warm_start: Run | Trajectory | None = None,
+) -> Run:
+    """Plan a motion, prove it and measure it.
+
+    No motion within the budget is no exception: then `Run.trajectory` is None, and `Run.failure` says why.
+
+    Args:
+        problem: the task.
+        planner: a name of `op.planners()`; None: the problem's own, which is `trajopt` where it names none.
+        options: of that planner, by name; None: the problem's own options for its own planner, the defaults of others.
+        budget: seconds of wall time for planning and proof, or a `Budget`, which another thread can cancel.
+        seed: of what is random; None: the problem's own. The same problem, planner, options and seed give the same
+            motion, as long as the budget does not cut the work short.
+        progress: called with the name of a stage and the fraction (0 to 1) of it that is done.
+        warm_start: an earlier run, or a motion. It is verified on *this* problem, on the time of the budget; where it
+            holds, its cost (see `Objective`) is one that the answer does not exceed: it is the answer itself where the
+            planner finds nothing as good. Planners do not begin their search at it. `Run.info["warm_start"]` says what
+            became of it: `kept`, `beaten` or `refused`.
+
+    Returns:
+        The run: `verified`, `trajectory`, `report`, `failure`, `duration`, `ratio`, `metrics`, `improvements`.
+
+    Raises:
+        InputError: an argument that does not fit, or options that do not go with the problem.
+
+    Example:
+        >>> import optiplan as op
+        >>> run = op.plan(op.load_problem("01_reach"), budget=5.0, seed=1)
+        >>> run.verified
+        True
+    """
+    _check(problem, "plan")
+    name, chosen = pipeline.chosen(problem, planner, options)
+    if not isinstance(name, str):
+        raise wrong_argument("plan", "planner", described(name), "the name of a planner; see op.planners()")
+    if not isinstance(chosen, Mapping):
+        raise wrong_argument("plan", "options", described(chosen), "options by name, such as {'degree': 5}")
+    clock, told = _budget(budget), progress or _silent
+    if seed is not None:
+        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+            raise wrong_argument("plan", "seed", described(seed), "a whole number >= 0")
+        problem = problem.with_seed(int(seed))
+    known, clock = _known(problem, warm_start, clock)
+    try:
+        run = pipeline.run(problem, name, chosen, clock, told)
+    except UnknownChoiceError as error:
+        argument = "planner" if error.kind == "planner" else "options"
+        raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None
+    return run if warm_start is None else _better(run, known, told)
+
+
+def verify(problem: Problem, motion: Trajectory | Samples | Run | Path | str | Sequence[Array]) -> Report:
+    """Hold a motion, whoever made it, against everything that its problem demands.
+
+    Args:
+        problem: what was asked.
+        motion: a `Trajectory`; `Samples`, or (t, q) with times (k,), s, and positions (k, n), rad or m, both of which
+            are interpolated, and the report says how; a `Run`; or the path of a run folder, a `trajectory.json` or a
+            CSV of samples.
+
+    Returns:
+        The report: `verified`, and every check with its worst value, limit, time and place. A bad motion is a refusal,
+        not an exception.
+
+    Raises:
+        InputError: what is given is no motion, or a file of it cannot be read.
+
+    Example:
+        >>> import optiplan as op
+        >>> problem = op.load_problem("01_reach")
+        >>> op.verify(problem, op.plan(problem).trajectory).verified
+        True
+    """
+    _check(problem, "verify")
+    names = problem.robot.joint_names
+    if isinstance(motion, Trajectory):
+        return verifier.verify(problem, motion)
+    if isinstance(motion, str | Path):
+        stored = load_run(motion, names)
+        if stored.trajectory is None:
+            raise wrong_argument("verify", "motion", f"{str(motion)!r}, a run without a trajectory", "one with one")
+        return judged(problem, stored)
+    if isinstance(motion, Run) and motion.trajectory is not None:
+        return verifier.verify(problem, motion.trajectory)
+    if isinstance(motion, Sequence) and not isinstance(motion, str) and len(motion) == 2:
+        try:
+            motion = Samples(names, np.asarray(motion[0], float), np.asarray(motion[1], float), file="op.verify")
+        except (TypeError, ValueError):
+            raise wrong_argument("verify", "motion", described(motion), "times (k,) and positions (k, n)") from None
+    if isinstance(motion, Samples):
+        report = verifier.verify(problem, motion.trajectory())
+        return replace(report, scope=(*report.scope, f"interpolation of the samples: {motion.interpolation}"))
+    found = "a run without a trajectory" if isinstance(motion, Run) else described(motion)
+    raise wrong_argument("verify", "motion", found, "a Trajectory, Samples, (t, q), a Run with a motion, or a path")
+
+
+def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], deviation: float = 0.0) -> Run:
+    """Time a path within the limits of a problem, and prove the motion.
+
+    Without a deviation the path stays what it is, straight lines in joint space from waypoint to waypoint: the motion
+    stops at every corner, in the shortest time from each to the next that limits of velocity, acceleration and jerk
+    allow, slower where torque asks for it. With one, corners are rounded (planner `rounded`) and it does not stop.
+
+    Args:
+        problem: robot, scene and limits; the run's own problem goes from the first waypoint past all to the last.
+        waypoints: (k, n), k >= 2, rad or m.
+        deviation: from the straight lines, rad or m of the joint that deviates most; 0 or at least 1e-4.
+
+    Returns:
+        The run. A path that is not free is no exception but a motion that is not verified, or a failure.
+
+    Raises:
+        InputError: an argument that does not fit, or a waypoint that is outside the limits or in collision.
+
+    Example:
+        >>> import optiplan as op
+        >>> problem = op.load_problem("12_planar")
+        >>> op.retime(problem, [problem.start, problem.start + 0.1]).verified
+        True
+    """
+    _check(problem, "retime")
+    points = _waypoints(problem, waypoints)
+    if isinstance(deviation, bool) or not isinstance(deviation, int | float) or not 0.0 <= deviation < math.inf:
+        raise wrong_argument("retime", "deviation", described(deviation), "a number >= 0")
+    hit = max(float(deviation), _HIT)
+    vias = [Via(JointGoal(q, hit)) for q in points[1:-1]]
+    task = problem.with_vias().with_start(points[0]).with_goal(JointGoal(points[-1])).with_vias(*vias)
+    if deviation > 0.0:
+        return plan(task, "rounded", {"deviation": float(deviation)})
+    began = time.perf_counter()
+    motion = stop_at_corners(_corners(points), task.limits, task.robot.joint_names)
+    slower = torque_scale(task.robot, task.limits.torque, motion)
+    if np.isfinite(slower) and slower > 1.0:
+        motion = motion.scaled(motion.duration * slower)
+    timings = {"plan": time.perf_counter() - began}
+    return pipeline.proved(task, "retime", {}, PlanResult(motion, None, {}), (Budget(BUDGET), _silent, timings))
+
+
+def _check(problem: Any, function: str) -> None:
+    if not isinstance(problem, Problem):
+        raise wrong_argument(function, "problem", described(problem), "op.load_problem(…) or op.Problem(…)")
+
+
+def _silent(stage: str, fraction: float) -> None:
+    """Progress that nobody wants to know."""
+
+
+def _budget(budget: Any) -> Budget:
+    if isinstance(budget, Budget):
+        return budget
+    number = isinstance(budget, int | float | np.integer | np.floating) and not isinstance(budget, bool)
+    if not number or not 0.0 < budget < math.inf:
+        raise wrong_argument("plan", "budget", described(budget), "a number of seconds above 0")
+    return Budget(float(budget))
+
+
+def _known(problem: Problem, warm_start: Any, budget: Budget) -> tuple[Trajectory | None, Budget]:
+    """The motion that is at hand, if it solves the problem, and what is left of the budget."""
+    if warm_start is None:
+        return None, budget
+    if not isinstance(warm_start, Run | Trajectory):
+        raise wrong_argument("plan", "warm_start", described(warm_start), "a Run or a Trajectory")
+    motion = warm_start.trajectory if isinstance(warm_start, Run) else warm_start
+    budget.start()
+    holds = motion is not None and verifier.verify(problem, motion).verified
+    return motion if holds else None, budget.share(1.0)
+
+
+def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
+    """The run, or one of the motion that was at hand, where that is better."""
+    if known is None:
+        return replace(run, info={**run.info, "warm_start": "refused"})
+    answer = run.trajectory if run.verified else None
+    if answer is not None and _cost(run.problem, answer) <= _cost(run.problem, known):
+        return replace(run, info={**run.info, "warm_start": "beaten"})
+    info = {**run.info, "warm_start": "kept"}
+    result = PlanResult(known, None, run.stages, info, seconds=0.0)
+    kept = pipeline.proved(run.problem, run.planner, run.options, result, (Budget(BUDGET), progress, run.timings))
+    return replace(kept, plan_cpu=run.plan_cpu)
+
+
+def _cost(problem: Problem, trajectory: Trajectory) -> float:
+    weights = problem.objective
+    jerk = weights.jerk * trajectory.squared_jerk() if weights.jerk else 0.0
+    return weights.time * trajectory.duration + jerk
+
+
+def _waypoints(problem: Problem, waypoints: Any) -> Array:
+    n = problem.robot.n
+    try:
+        points = np.asarray(waypoints, float)
+    except (TypeError, ValueError):
+        points = np.empty(0)
+    if points.ndim != 2 or points.shape[1:] != (n,) or len(points) < 2 or not np.isfinite(points).all():
+        found = described(points) if points.size else described(waypoints)
+        raise wrong_argument("retime", "waypoints", found, f"an array (k, {n}) of finite numbers, k >= 2")
+    return points
+
+
+def _corners(points: Array) -> Array:
+    """The points (k, n) without those that lie on the way from the last corner to the next point: (m, n)."""
+    kept = [points[0]]
+    for q, after in pairwise(points[1:]):
+        back, ahead = q - kept[-1], after - q
+        length = float(np.linalg.norm(back) * np.linalg.norm(ahead))
+        whole = after - kept[-1]
+        share = float(back @ whole) / max(float(whole @ whole), 1e-300)
+        if length > 0.0 and (back @ ahead < 0.0 or np.abs(back - share * whole).max() > _STRAIGHT):
+            kept.append(q)
+    return np.array([*kept, points[-1]])

@@ -1,0 +1,98 @@
+"""`view`: runs in the browser, from Python."""
+
+import threading
+from pathlib import Path
+from types import TracebackType
+
+from optiplan.api.loading import load_run
+from optiplan.errors import described, wrong_argument
+from optiplan.runs.run import Run
+from optiplan.viewer.page import render_page
+from optiplan.viewer.runs import ViewedRun
+from optiplan.viewer.scene import build_scene
+from optiplan.viewer.server import FIRST_PORT, PageServer
+
+
+class View:
+    """A page that is served in the background, at `url`, until `close`; a context manager does that at its end."""
+
+    def __init__(self, server: PageServer) -> None:
+        self._server = server
+        self.url = server.url
+        self._thread = threading.Thread(target=server.serve_forever, args=(0.1,), daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Serve no longer; a second time does nothing."""
+        if self._thread.is_alive():
+            self._server.shutdown()
+            self._thread.join()
+            self._server.server_close()
+
+    def __enter__(self) -> "View":
+        """The view itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Serve no longer."""
+        self.close()
+
+    def __repr__(self) -> str:
+        """Where to look."""
+        return f"View: {self.url}{'' if self._thread.is_alive() else ' (closed)'}"
+
+    def _repr_html_(self) -> str:
+        """A link for notebooks."""
+        return f'<a href="{self.url}" target="_blank">{self.url}</a>'
+
+
+def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT) -> View:
+    """Show runs of one problem in the browser: play, pause, scrub; several play side by side.
+
+    Args:
+        runs: at least one run, or the folder of one.
+        block: serve until ctrl-C and tell the address on standard output; else in the background.
+        port: the first to try; the next free one is taken, 0 any.
+
+    Returns:
+        The view: its `url`, and `close`, which a view that blocked has behind it.
+
+    Raises:
+        InputError: no run, or runs of several problems.
+        OptiPlanError: no port can be had.
+
+    Example:
+        >>> import optiplan as op
+        >>> with op.view(op.plan(op.load_problem("01_reach")), block=False) as shown:
+        ...     shown.url
+        'http://127.0.0.1:7000/'
+    """
+    if not runs:
+        raise wrong_argument("view", "runs", "none", "at least one run, or the folder of one")
+    for run in runs:
+        if not isinstance(run, Run | Path | str):
+            raise wrong_argument("view", "runs", described(run), "a run of op.plan(…), or the folder of one")
+    if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port <= 65535:
+        raise wrong_argument("view", "port", described(port), "a whole number from 0 to 65535")
+    shown = [run if isinstance(run, Run) else load_run(run) for run in runs]
+    problem = shown[0].problem
+    for run in shown[1:]:
+        if run.problem.hash != problem.hash:
+            raise wrong_argument("view", "runs", f"a run of '{run.problem.name}'", f"runs of '{problem.name}' alone")
+    served = View(PageServer(render_page(build_scene(problem, [_viewed(run) for run in shown])), port=port))
+    if block:
+        print(f"open {served.url} in a browser (ctrl-C ends)", flush=True)
+        try:
+            threading.Event().wait()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            served.close()
+    return served
+
+
+def _viewed(run: Run) -> ViewedRun:
+    record = run.to_dict()
+    return ViewedRun(run.planner, run.trajectory, record["report"], record["failure"])

@@ -1,0 +1,154 @@
+"""What stands in a scene, as a person states it in Python: `Box("shelf", size=…, position=…)` and its like."""
+
+from pathlib import Path
+from typing import Any
+
+from optiplan.errors import wrong_argument
+from optiplan.geometry import scene
+from optiplan.geometry.meshes.reading import FORMATS
+from optiplan.geometry.scene import Obstacle
+from optiplan.geometry.shapes import build_geometry
+from optiplan.problem.builder import primitive, stated_pose
+from optiplan.problem.schema import ObstacleSpec
+from optiplan.problem.statement import Values, checked
+
+
+def Box(
+    name: str, size: Values, position: Values = (0, 0, 0), rpy: Values | None = None, quaternion: Values | None = None
+) -> Obstacle:
+    """A cuboid centred on its frame.
+
+    Args:
+        name: of its own, other than those of the links.
+        size: edge lengths [x, y, z], m.
+        position: of the centre in the world [x, y, z], m.
+        rpy: [roll, pitch, yaw] about the fixed axes x, then y, then z of the world, rad.
+        quaternion: [x, y, z, w] of unit length, instead of `rpy`.
+
+    Raises:
+        InputError: an argument that does not fit.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.Box("shelf", size=(0.8, 0.3, 0.02), position=(0.5, 0, 0.4))
+        Obstacle: shelf, Box(size=(0.8, 0.3, 0.02)), at [0.5, 0, 0.4] m
+    """
+    return _obstacle("Box", name, {"box": size}, (position, rpy, quaternion), {"shape.box": "size"})
+
+
+def Sphere(name: str, radius: float, position: Values = (0, 0, 0)) -> Obstacle:
+    """A ball around `position`, m; see `Box`.
+
+    Args:
+        name: of its own.
+        radius: m.
+        position: of the centre in the world [x, y, z], m.
+    """
+    return _obstacle("Sphere", name, {"sphere": radius}, (position, None, None), {"shape.sphere": "radius"})
+
+
+def Cylinder(
+    name: str,
+    radius: float,
+    length: float,
+    position: Values = (0, 0, 0),
+    rpy: Values | None = None,
+    quaternion: Values | None = None,
+) -> Obstacle:
+    """A cylinder along its axis z, centred on its frame; see `Box`.
+
+    Args:
+        name: of its own.
+        radius: m.
+        length: the whole of it, m.
+        position: of the centre in the world [x, y, z], m.
+        rpy: [roll, pitch, yaw], rad.
+        quaternion: [x, y, z, w], instead of `rpy`.
+    """
+    shape = {"cylinder": {"radius": radius, "length": length}}
+    names = {f"shape.cylinder.{key}": key for key in ("radius", "length")}
+    return _obstacle("Cylinder", name, shape, (position, rpy, quaternion), names)
+
+
+def Capsule(
+    name: str,
+    radius: float,
+    length: float,
+    position: Values = (0, 0, 0),
+    rpy: Values | None = None,
+    quaternion: Values | None = None,
+) -> Obstacle:
+    """A cylinder with round caps along its axis z, centred on its frame; see `Box`.
+
+    Args:
+        name: of its own.
+        radius: of the cylinder and of the caps, m.
+        length: of the cylinder without the caps, m.
+        position: of the centre in the world [x, y, z], m.
+        rpy: [roll, pitch, yaw], rad.
+        quaternion: [x, y, z, w], instead of `rpy`.
+    """
+    shape = {"capsule": {"radius": radius, "length": length}}
+    names = {f"shape.capsule.{key}": key for key in ("radius", "length")}
+    return _obstacle("Capsule", name, shape, (position, rpy, quaternion), names)
+
+
+def HalfSpace(name: str, normal: Values = (0, 0, 1), offset: float = 0.0) -> Obstacle:
+    """All points p of the world with normal · p <= offset, such as a floor.
+
+    Args:
+        name: of its own.
+        normal: out of the solid, of unit length.
+        offset: m.
+    """
+    shape = {"half_space": {"normal": normal, "offset": offset}}
+    names = {f"shape.half_space.{key}": key for key in ("normal", "offset")}
+    return _obstacle("HalfSpace", name, shape, ((0, 0, 0), None, None), names)
+
+
+def Mesh(
+    name: str,
+    file: Path | str,
+    scale: float | Values = 1.0,
+    convex: bool = False,
+    position: Values = (0, 0, 0),
+    rpy: Values | None = None,
+    quaternion: Values | None = None,
+) -> Obstacle:
+    """The triangles of a file; see `Box`.
+
+    Args:
+        name: of its own.
+        file: STL, OBJ, DAE, PLY or GLB, relative to the working directory.
+        scale: of the file's numbers, one or [x, y, z]: 0.001 for millimetres.
+        convex: the convex hull instead, which is quicker.
+        position: of the file's origin in the world [x, y, z], m.
+        rpy: [roll, pitch, yaw], rad.
+        quaternion: [x, y, z, w], instead of `rpy`.
+
+    Raises:
+        InputError: the file is missing or no mesh, or another argument does not fit.
+    """
+    shape = {"mesh": {"file": str(Path(file).resolve()), "scale": scale, "convex": convex}}
+    names = {f"shape.mesh.{key}": key for key in ("file", "scale", "convex")}
+    return _obstacle("Mesh", name, shape, (position, rpy, quaternion), names)
+
+
+def _obstacle(
+    function: str, name: str, shape: dict[str, Any], at: tuple[Any, Any, Any], names: dict[str, str]
+) -> Obstacle:
+    pose = {key: value for key, value in zip(("position", "rpy", "quaternion"), at, strict=True) if value is not None}
+    arguments = {**names, **{f"pose.{key}": key for key in ("position", "rpy", "quaternion")}, "pose": "rpy"}
+    spec = checked(ObstacleSpec, {"name": name, "shape": shape, "pose": pose}, function, arguments)
+    X_WO, stated = stated_pose(spec.pose)
+    if spec.shape.mesh is None:
+        return Obstacle(spec.name, primitive(spec.shape), X_WO, stated)
+    mesh = spec.shape.mesh
+    triangles = scene.Mesh(Path(mesh.file), (mesh.scale[0], mesh.scale[1], mesh.scale[2]), mesh.convex)
+    try:
+        build_geometry(triangles)
+    except ValueError as error:
+        missing = isinstance(error.__cause__, FileNotFoundError)
+        found = f"{mesh.file!r}, which is not there" if missing else str(error)
+        raise wrong_argument(function, "file", found, f"a mesh file ({FORMATS})") from None
+    return Obstacle(spec.name, triangles, X_WO, stated)

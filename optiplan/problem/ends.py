@@ -1,0 +1,52 @@
+"""Where a motion ends and what it passes on the way, as planners and the verifier read it."""
+
+from dataclasses import dataclass
+
+import pinocchio as pin
+
+from optiplan.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class JointGoal:
+    """End at this configuration, q of shape (n,), within `tolerance` (rad or m) of each joint."""
+
+    q: Array
+    tolerance: float = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class PoseGoal:
+    """End with `frame` at X_WG: translation error <= `position` (m), rotation angle error <= `orientation` (rad)."""
+
+    frame: str
+    X_WG: pin.SE3
+    position: float = 1e-4
+    orientation: float = 1e-3
+
+
+Goal = tuple[JointGoal | PoseGoal, ...]
+"""Any one of these ends is good."""
+
+
+@dataclass(frozen=True, eq=False)
+class Via:
+    """A point to be passed on the way, after those before it: `at`, within its tolerances.
+
+    Attributes:
+        at: where; a pose is passed in any configuration that reaches it.
+        velocity: (n,) rad/s or m/s, a wish: with what velocity.
+        time: s from the start, a wish: when.
+    """
+
+    at: JointGoal | PoseGoal
+    velocity: Array | None = None
+    time: float | None = None
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Weights of the cost: time * T + jerk * (integral of squared jerk over the motion)."""
+
+    time: float = 1.0
+    jerk: float = 0.0

@@ -1,0 +1,189 @@
+"""A problem as plain data becomes models and arrays, or every reason why it cannot."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel, Contact
+from optiplan.config.document import Document, Place, validate
+from optiplan.errors import InputError, Issue
+from optiplan.geometry.scene import Scene
+from optiplan.problem.builder import Compiler, RobotLoader
+from optiplan.problem.ends import Goal, JointGoal, Objective, PoseGoal, Via
+from optiplan.problem.hashing import meshes_of, problem_hash
+from optiplan.problem.partial import Draft, LocatedValue
+from optiplan.problem.schema import ProblemSpec
+from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
+
+TOUCHING = 1e-12
+"""Bodies nearer than this, m, are in collision: contact itself is refused, rounding of a zero apart."""
+
+DECIDES_COLLISIONS = ("robot", "group", "locked", "scene.allowed_collisions", "scene.attached")
+"""Where an issue stands in these fields, collisions found would be no news about the file."""
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What a problem is made of; the attributes are those of `Problem`."""
+
+    name: str
+    robot: Robot
+    scene: Scene
+    start: Array
+    goal: Goal
+    limits: Limits
+    vias: tuple[Via, ...]
+    objective: Objective
+    planner: str
+    options: Mapping[str, Any]
+    seed: int
+    source: Mapping[str, Any]
+    hash: str
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a file gave: the parts of the problem if there are no issues."""
+
+    parts: Parts | None
+    issues: tuple[Issue, ...]
+
+    def whole(self) -> Parts:
+        """The parts.
+
+        Raises:
+            InputError: all issues.
+        """
+        if self.parts is None:
+            raise InputError(self.issues)
+        return self.parts
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where the motion begins, ends and passes, as far as that can be used."""
+
+    start: Array | None
+    goal: Sequence[LocatedValue[JointGoal | PoseGoal]]
+    vias: Sequence[LocatedValue[Via]]
+
+
+def read_problem(document: Document, base: Path, robots: RobotLoader = load_robot) -> Reading:
+    """Everything that a problem file says, or everything that is wrong with it, in file order.
+
+    Args:
+        document: the file.
+        base: folder that meshes and robot files are relative to.
+        robots: loads a robot.
+    """
+    spec, issues = _schema(document)
+    compiler = Compiler(document, base, Draft.of_data(document.data) if spec is None else Draft.of_spec(spec))
+    robot = compiler.robot(robots)
+    scene = compiler.scene(robot)
+    places = _Places(None, (), ())
+    if robot is not None:
+        places = _Places(compiler.start(robot), compiler.goal(robot), compiler.vias(robot))
+    issues += compiler.issues
+    if robot is not None and not any(issue.field.startswith(DECIDES_COLLISIONS) for issue in issues):
+        issues += _collisions(document, CollisionModel(robot, scene), compiler.draft, places)
+    if issues or spec is None or robot is None or places.start is None:
+        return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
+    source, digest = source_of(spec, document.path.stem.strip("<>"), base, robot)
+    parts = Parts(
+        name=source["name"],
+        robot=robot,
+        scene=scene,
+        start=places.start,
+        goal=tuple(part.value for part in places.goal),
+        limits=robot.limits.scaled(**spec.limits.model_dump()),
+        vias=tuple(part.value for part in places.vias),
+        objective=Objective(spec.objective.time, spec.objective.jerk),
+        planner=spec.planner.name,
+        options=dict(spec.planner.model_extra or {}),
+        seed=spec.seed,
+        source=source,
+        hash=digest,
+    )
+    return Reading(parts, ())
+
+
+def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:
+    try:
+        return validate(ProblemSpec, document), []
+    except InputError as error:
+        return None, list(error.issues)
+
+
+def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:
+    """`Problem.source` and `Problem.hash`: the file's content with absolute paths, and its identity.
+
+    Args:
+        spec: the validated file.
+        name: of the problem, when the file gives none.
+        base: folder that meshes are relative to.
+        robot: as loaded for the problem.
+    """
+    source = spec.model_dump(mode="json", exclude_none=True)
+    source["name"] = spec.name or name
+    digest = problem_hash(source, base, robot)
+    source["robot"] = _named(spec, robot)
+    for mesh in meshes_of(source):
+        mesh["file"] = str((base / mesh["file"]).resolve())
+    return source, digest
+
+
+def _named(spec: ProblemSpec, robot: Robot) -> Any:
+    """`robot:` such that it means the same robot from anywhere."""
+    if isinstance(spec.robot, str):
+        return spec.robot if spec.robot in robot_names() else str(robot.source)
+    return robot.reference.robot
+
+
+def _collisions(
+    document: Document,
+    model: CollisionModel,
+    draft: Draft,
+    places: _Places,
+) -> list[Issue]:
+    """The start in collision, a via, or every alternative of the goal."""
+    issues = []
+    cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
+    if places.start is not None and draft.start is not None:
+        found = _touching(model, places.start)
+        if found:
+            place = (*draft.start.place, draft.start.value.kind)
+            issues.append(document.issue(place, f"the start is in collision: {found}", cure))
+    for via in places.vias:
+        found = _touching(model, via.value.at.q) if isinstance(via.value.at, JointGoal) else ""
+        if found:
+            issues.append(document.issue(via.place, f"the via is in collision: {found}", cure))
+    hits: list[tuple[Place, str]] = []
+    for part in places.goal:
+        if isinstance(part.value, JointGoal):
+            found = _touching(model, part.value.q)
+            if found:
+                hits.append((part.place, found))
+    if len(hits) == len(draft.goal):
+        issues += [document.issue(place, f"the goal is in collision: {found}", cure) for place, found in hits]
+    return issues
+
+
+def _touching(model: CollisionModel, q: Array) -> str:
+    """The bodies that touch at q, the deepest first, in words; empty when none do."""
+    contacts = sorted(model.contacts(q, TOUCHING), key=lambda contact: contact.distance)
+    nearest = model.clearance(q) if not contacts and model.collides(q) else None
+    contacts += [] if nearest is None else [nearest]  # touching by one query of coal, a rounding apart by the other
+    words = [_depth(contact) for contact in contacts[:3]]
+    rest = len(contacts) - len(words)
+    within = None if contacts else model.contained(q)
+    if within is not None:
+        return f"'{within[0]}' is inside '{within[1]}'"
+    return "; ".join(words) + (f"; and {rest} more pairs" if rest else "")
+
+
+def _depth(contact: Contact) -> str:
+    names = f"'{contact.pair.name_a}' and '{contact.pair.name_b}'"
+    depth = max(0.0, -contact.distance) * 1e3
+    return f"{names} overlap by {depth:.3g} mm" if depth >= 1e-3 else f"{names} touch"

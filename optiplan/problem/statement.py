@@ -1,0 +1,216 @@
+"""Places as a person states them in Python: `Pose` and `ViaPoint`, checked by the schema of problem files."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
+import pinocchio as pin
+from pydantic import BaseModel
+
+from optiplan.arrays import Array
+from optiplan.config.document import Document, plain, validate
+from optiplan.errors import InputError, described, wrong_argument
+from optiplan.geometry.poses import pose_from_data, pose_to_data
+from optiplan.problem.ends import JointGoal, PoseGoal, Via
+from optiplan.problem.schema import PoseGoalSpec, ViaSpec
+
+Values = Sequence[float] | Array
+Spec = TypeVar("Spec", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a frame of the robot is to be in the world: the goal of a motion, or a place on its way.
+
+    Attributes:
+        position: [x, y, z], m.
+        rpy: [roll, pitch, yaw], rad, about the fixed axes x, then y, then z of the world, as in URDF.
+        quaternion: [x, y, z, w] of unit length, instead of `rpy`; with neither the axes are those of the world.
+        frame: a link or fixed frame of the robot; None: its tool frame.
+        position_tolerance: m; None: 1e-4 (of a via point: 1e-6).
+        orientation_tolerance: rad; None: 1e-3 (of a via point: 1e-6).
+
+    Raises:
+        InputError: a vector of another length, both rotations, a quaternion that is none, a tolerance that is not > 0.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.Pose(position=(0.5, 0.2, 0.6), rpy=(3.14, 0, 0))
+        Pose(position=(0.5, 0.2, 0.6), rpy=(3.14, 0.0, 0.0))
+    """
+
+    position: Values
+    rpy: Values | None = None
+    quaternion: Values | None = None
+    frame: str | None = None
+    position_tolerance: float | None = None
+    orientation_tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        names = {"tolerance.position": "position_tolerance", "tolerance.orientation": "orientation_tolerance"}
+        spec = checked(PoseGoalSpec, self.to_data(), "Pose", names)
+        for name in ("position", "rpy", "quaternion"):
+            object.__setattr__(self, name, getattr(spec, name))
+
+    @classmethod
+    def from_matrix(cls, X_WG: Array | pin.SE3, frame: str | None = None) -> "Pose":
+        """The pose of a homogeneous matrix (4, 4), m, or of a `pinocchio.SE3`.
+
+        Raises:
+            InputError: no rigid motion.
+        """
+        if isinstance(X_WG, pin.SE3):
+            return cls._of(X_WG, frame)
+        X = np.asarray(X_WG, float) if np.shape(X_WG) == (4, 4) else np.zeros((4, 4))
+        R = X[:3, :3]
+        if np.abs(R.T @ R - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0 or (X[3] != [0.0, 0.0, 0.0, 1.0]).any():
+            expected = "a matrix (4, 4): a rotation and a translation in m above the row 0, 0, 0, 1"
+            raise wrong_argument("Pose.from_matrix", "X_WG", described(X_WG), expected)
+        return cls._of(pin.SE3(R, X[:3, 3]), frame)
+
+    @classmethod
+    def _of(cls, X_WG: pin.SE3, frame: str | None) -> "Pose":
+        data = pose_to_data(X_WG)
+        return cls(data["position"], quaternion=data["quaternion"], frame=frame)
+
+    @property
+    def matrix(self) -> Array:
+        """The homogeneous matrix (4, 4), m."""
+        return np.asarray(pose_from_data(self.to_data()).homogeneous)
+
+    def to_data(self) -> dict[str, Any]:
+        """As a problem file says it."""
+        tolerance = {"position": self.position_tolerance, "orientation": self.orientation_tolerance}
+        parts = {"frame": self.frame, "position": self.position, "rpy": self.rpy, "quaternion": self.quaternion}
+        stated = {**parts, "tolerance": {key: value for key, value in tolerance.items() if value is not None} or None}
+        return {key: plain(value) for key, value in stated.items() if value is not None}
+
+    def __repr__(self) -> str:
+        """What was said, and nothing else."""
+        said = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return f"Pose({', '.join(f'{name}={value!r}' for name, value in said.items() if value is not None)})"
+
+
+End: TypeAlias = Pose | JointGoal | PoseGoal | pin.SE3 | str | Values | Mapping[str, Any]
+"""One end: a pose, a configuration (n,) in rad or m, the name of one, or what a problem file would say."""
+
+
+@dataclass(frozen=True, eq=False)
+class ViaPoint:
+    """A place to be passed on the way, and how.
+
+    Attributes:
+        at: a configuration (n,), rad or m, the name of one, or a `Pose`.
+        tolerance: of each joint, or of both parts of a pose, rad or m; None: 1e-6.
+        velocity: (n,) rad/s or m/s, a wish, which the planner `spline` can grant.
+        time: s from the start, likewise; given for all via points or for none.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.ViaPoint(op.Pose((0.4, 0.2, 0.5)), tolerance=0.01)
+        ViaPoint(at=Pose(position=(0.4, 0.2, 0.5)), tolerance=0.01)
+    """
+
+    at: End
+    tolerance: float | None = None
+    velocity: Values | None = None
+    time: float | None = None
+
+    def __post_init__(self) -> None:
+        checked(ViaSpec, self.to_data(), "ViaPoint", {"joints": "at", "configuration": "at", "pose": "at"})
+
+    def to_data(self) -> dict[str, Any]:
+        """As a problem file says it."""
+        wishes = {"tolerance": self.tolerance, "velocity": self.velocity, "time": self.time}
+        at = end_data(self.at, "ViaPoint", "at")
+        return {**at, **{key: plain(value) for key, value in wishes.items() if value is not None}}
+
+    def __repr__(self) -> str:
+        """What was said, and nothing else."""
+        said = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return f"ViaPoint({', '.join(f'{name}={value!r}' for name, value in said.items() if value is not None)})"
+
+
+def checked(spec: type[Spec], data: Mapping[str, Any], function: str, names: Mapping[str, str]) -> Spec:
+    """Data as a class of the schema, with what is wrong told of a call's arguments.
+
+    Args:
+        spec: class of the schema.
+        data: as a file says it.
+        function: called by the user, without `op.`.
+        names: of arguments, by the names of the schema's fields.
+
+    Raises:
+        InputError: what does not fit.
+    """
+    try:
+        return validate(spec, Document(Path(f"op.{function}"), plain(data), {}))
+    except InputError as error:
+        raise InputError(replace(issue, field=_argument(issue.field, names)) for issue in error.issues) from None
+
+
+def _argument(field: str, names: Mapping[str, str]) -> str:
+    for name, argument in names.items():
+        if field == name or field.startswith((f"{name}[", f"{name}.")):
+            return argument + field.removeprefix(name)
+    return field
+
+
+def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
+    """One end as a problem file says it.
+
+    Raises:
+        InputError: it is none.
+        ValueError: a joint goal with a tolerance that no file can state.
+    """
+    if isinstance(end, str):
+        return {"configuration": end}
+    if isinstance(end, Pose):
+        return {"pose": end.to_data()}
+    if isinstance(end, pin.SE3):
+        return {"pose": pose_to_data(end)}
+    if isinstance(end, PoseGoal):
+        tolerance = {"position": end.position, "orientation": end.orientation}
+        return {"pose": {"frame": end.frame, **pose_to_data(end.X_WG), "tolerance": tolerance}}
+    if isinstance(end, JointGoal):
+        if end.tolerance != JointGoal(end.q).tolerance:
+            raise ValueError(f"goal: found a tolerance of {end.tolerance:g}; expected {JointGoal(end.q).tolerance:g}")
+        return {"joints": np.asarray(end.q, dtype=float).tolist()}
+    if isinstance(end, Mapping):
+        return dict(plain(end))
+    if is_configuration(end):
+        return {"joints": np.asarray(end, dtype=float).tolist()}
+    expected = "values of the joints (n,), the name of a configuration, or op.Pose(…)"
+    raise wrong_argument(function, argument, described(end), expected)
+
+
+def is_configuration(value: Any) -> bool:
+    """Whether it is a flat array or list of numbers."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of several lengths
+        return False
+    return array.ndim == 1 and array.dtype.kind in "iuf" and len(array) > 0
+
+
+def via_point_data(via: Any, argument: str) -> dict[str, Any]:
+    """One via as a problem file says it.
+
+    Raises:
+        InputError: it is none.
+    """
+    if isinstance(via, ViaPoint):
+        return via.to_data()
+    if not isinstance(via, Via):
+        return end_data(via, "Problem", argument)
+    at = via.at
+    data = end_data(JointGoal(at.q) if isinstance(at, JointGoal) else at, "Problem", argument)
+    if isinstance(at, JointGoal):
+        data["tolerance"] = at.tolerance
+    if via.velocity is not None:
+        data["velocity"] = np.asarray(via.velocity, dtype=float).tolist()
+    if via.time is not None:
+        data["time"] = via.time
+    return data

@@ -1,0 +1,84 @@
+"""What a robot is named by: a name, the path of a robot.yaml, or what would stand in one."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from optiplan.config.document import Document
+from optiplan.errors import UnknownChoiceError
+from optiplan.resources import robots_dir
+
+DESCRIPTION = "<robot>"
+"""Stands for the robot.yaml of a robot that has none."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What a robot was loaded by: with these `load_robot` loads it again, and a problem file can name it.
+
+    Attributes:
+        robot: a name of `robot_names()`, the path of a robot.yaml, or what would stand in one.
+        group: the group of joints that was asked for; None: that of the robot file.
+        locked: positions (rad, m) of joints that were asked for.
+        tool_frame: of the robot as it was loaded.
+    """
+
+    robot: str | Mapping[str, Any]
+    group: str | None = None
+    locked: Mapping[str, float] = field(default_factory=dict)
+    tool_frame: str = ""
+
+
+UNKNOWN = Reference("")
+"""That of a robot that was put together by hand."""
+
+
+def robot_names() -> list[str]:
+    """Names of the robots that come with OptiPlan."""
+    return sorted(path.parent.name for path in robots_dir().glob("*/robot.yaml"))
+
+
+def robot_file(ref: str, base: Path | None = None) -> Path:
+    """The robot.yaml that `ref` means: a name of `robot_names()`, or a path relative to `base`.
+
+    Raises:
+        UnknownChoiceError: `ref` is neither a name nor a path.
+    """
+    if ref in robot_names():
+        return robots_dir() / ref / "robot.yaml"
+    path = Path(base or ".") / ref
+    if path.is_dir():
+        return path / "robot.yaml"
+    if path.suffix not in (".yaml", ".yml") and not path.is_file():
+        raise UnknownChoiceError("robot", ref, [*robot_names(), "a path to a robot.yaml"])
+    return path
+
+
+def description(keys: Mapping[str, Any], base: Path | None) -> Document:
+    """A robot.yaml that stands in no file; its paths are absolute."""
+    folder = (base or Path()).resolve()
+    data = dict(keys)
+    for key in ("urdf", "srdf"):
+        if isinstance(data.get(key), str):
+            data[key] = str((folder / data[key]).resolve())
+    name = Path(data["urdf"]).stem if isinstance(data.get("urdf"), str) else "robot"
+    return Document(folder / DESCRIPTION, {"version": 1, "name": name, **data}, {})
+
+
+def said(document: Document, ref: str | Mapping[str, Any]) -> list[bytes]:
+    """What stands in no file, for the fingerprint; where files lie does not count."""
+    if not isinstance(ref, Mapping):
+        return []
+    keys = {
+        key: value for key, value in document.data.items() if key not in ("urdf", "srdf") or not isinstance(value, str)
+    }
+    return [json.dumps(keys, sort_keys=True).encode()]
+
+
+def referred(document: Document, ref: str | Mapping[str, Any]) -> str | Mapping[str, Any]:
+    """What means the same robot from anywhere."""
+    if isinstance(ref, Mapping):
+        return dict(document.data)
+    return ref if ref in robot_names() else str(document.path)

@@ -1,0 +1,184 @@
+"""`Run`: what came of one problem and one planner."""
+
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from html import escape
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import optiplan
+from optiplan.errors import wrong_argument
+from optiplan.planners.base import Failure
+from optiplan.problem.problem import Problem
+from optiplan.runs.export import export
+from optiplan.runs.metrics import Metrics
+from optiplan.runs.run_folder import save_run
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.report import Report
+
+LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "toppra", "ruckig", "trimesh", "coacd")
+"""Distributions whose version can change a result; recorded with every run."""
+
+SMALLEST_BOUND = 1e-4
+"""s: a lower bound below it is rounding of one configuration, not a way from one to another."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run:
+    """What came of one problem and one planner.
+
+    Attributes:
+        planner: name in the registry.
+        options: as the planner was given them, those left at their default not named.
+        trajectory: None when the planner failed.
+        failure: why there is no trajectory; None when there is one.
+        report: the verdict on the trajectory; None when there is none.
+        lower_bound: s; no motion from the start to the end that was reached is shorter. None without a trajectory.
+            Whether that is a bound of the whole problem, `lower_bound_of` says.
+        metrics: what the trajectory measures, verified or not; None without one that moves the robot's joints.
+        timings: seconds of wall time: `plan`, `verify` and `measure`.
+        stages: seconds of wall time of the planner's own stages.
+        info: what the planner tells about its work, JSON-ready; `slowed`, the factor on the planner's duration that
+            the verdict needed, if any.
+        improvements: (seconds of planning and proving, duration in s) of every verified answer on the way.
+        plan_cpu: seconds of processor time of planning alone, with that of processes that the planner waited for.
+    """
+
+    problem: Problem
+    planner: str
+    options: Mapping[str, Any]
+    trajectory: Trajectory | None
+    failure: Failure | None
+    report: Report | None
+    lower_bound: float | None
+    metrics: Metrics | None
+    timings: Mapping[str, float]
+    stages: Mapping[str, float]
+    info: Mapping[str, Any] = field(default_factory=dict)
+    improvements: tuple[tuple[float, float], ...] = ()
+    plan_cpu: float | None = None
+
+    @property
+    def verified(self) -> bool:
+        """Whether there is a trajectory and its report says so; nothing else makes a run verified."""
+        return self.report is not None and self.report.verified
+
+    @property
+    def duration(self) -> float | None:
+        """Length of the motion in time, s."""
+        return None if self.trajectory is None else self.trajectory.duration
+
+    @property
+    def lower_bound_of(self) -> str:
+        """`problem`, if all its motions end in one configuration, so that none is shorter than the bound; else `end`.
+
+        A motion to another end of the same goal may be shorter than the bound of this end.
+        """
+        return "problem" if self.problem.one_end else "end"
+
+    @property
+    def ratio(self) -> float | None:
+        """Duration / lower_bound, at least 1; None without a trajectory or when the robot need not move."""
+        return share_of(self.duration, self.lower_bound)
+
+    def save(self, folder: Path | str) -> None:
+        """Write `run.json` and `trajectory.json` to a folder, both or none; an older run in it is replaced.
+
+        Raises:
+            InputError: the folder cannot be made or written.
+
+        Example:
+            >>> import optiplan as op
+            >>> op.plan(op.load_problem("01_reach")).save("runs/reach")
+        """
+        save_run(self, Path(folder))
+
+    def export(self, path: Path | str, format: str | None = None, rate: float = 200.0) -> None:
+        """Write the motion for other programs: `csv` (t, q, v, a), `json` (polynomials and samples) or `npz` (arrays).
+
+        `op.verify(problem, path)` reads the first two again.
+
+        Args:
+            path: the file; it is there whole or not at all.
+            format: of the file; None: what its name ends in.
+            rate: samples a second at least, Hz.
+
+        Raises:
+            InputError: the run has no motion, there is no such format, or the file cannot be written.
+
+        Example:
+            >>> import optiplan as op
+            >>> op.plan(op.load_problem("01_reach")).export("reach.csv")
+        """
+        if self.trajectory is None:
+            raise wrong_argument("Run.export", "run", "a run without a motion", "one with a trajectory")
+        export(self.trajectory, Path(path), format, rate)
+
+    def __repr__(self) -> str:
+        """The verdict, what it is about, and how good it is, in one line."""
+        return f"Run: {self._verdict()}; {self.problem.name}, {self.planner}"
+
+    def _verdict(self) -> str:
+        if self.trajectory is None:
+            return f"no motion ({self.failure.kind}: {self.failure.detail})" if self.failure else "no motion"
+        ratio = "" if self.ratio is None else f", {self.ratio:.3f} × the lower bound"
+        refused = [] if self.report is None else [check.name for check in self.report.failures]
+        words = "verified" if self.verified else f"not verified ({', '.join(refused) or 'nothing was checked'})"
+        return f"{words}, {self.trajectory.duration:.3f} s{ratio}"
+
+    def _repr_html_(self) -> str:
+        """The verdict, the measures and the curves of the joints, for notebooks."""
+        rows = {"problem": self.problem.name, "robot": self.problem.robot.name, "planner": self.planner}
+        if self.metrics is not None:
+            clearance = self.metrics.clearance
+            rows["clearance"] = "" if clearance is None else f"{1e3 * clearance:.3g} mm, proved"
+            rows["path of the tool"] = f"{self.metrics.tool_path:.3g} m"
+        rows["time"] = ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in self.timings.items())
+        cells = "".join(f"<tr><th>{key}</th><td>{escape(value)}</td></tr>" for key, value in rows.items() if value)
+        curves = "" if self.trajectory is None else self.trajectory._repr_html_()
+        return f"<p><b>{escape(self._verdict())}</b></p><table>{cells}</table>{curves}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `run.json` holds: everything but the motion itself, JSON-ready up to numpy numbers."""
+        failure = self.failure
+        return {
+            "name": self.problem.name,
+            "hash": self.problem.hash,
+            "problem": dict(self.problem.source),
+            "planner": self.planner,
+            "options": dict(self.options),
+            "seed": self.problem.seed,
+            "verified": self.verified,
+            "duration": self.duration,
+            "lower_bound": self.lower_bound,
+            "lower_bound_of": None if self.lower_bound is None else self.lower_bound_of,
+            "ratio": self.ratio,
+            "metrics": self.metrics and self.metrics.to_dict(),
+            "failure": failure and {"kind": failure.kind, "detail": failure.detail, "witness": dict(failure.witness)},
+            "report": self.report and self.report.to_dict(),
+            "timings": {**self.timings, "plan_cpu": self.plan_cpu, "stages": dict(self.stages)},
+            "geometry": dict(self.problem.robot.link_geometry),
+            "over_cover": dict(self.problem.robot.over_cover),
+            "notes": list(self.problem.robot.notes),
+            "info": dict(self.info),
+            "improvements": [list(improvement) for improvement in self.improvements],
+            "versions": versions(),
+        }
+
+
+def share_of(duration: float | None, bound: float | None) -> float | None:
+    """Duration / bound; None without either or when the robot need not move."""
+    return None if duration is None or not bound or bound < SMALLEST_BOUND else duration / bound
+
+
+def versions() -> dict[str, str]:
+    """Versions of OptiPlan, Python and the libraries that can change a result."""
+    found = {"optiplan": optiplan.__version__, "python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:  # installed by other means than pip
+            found[name] = "unknown"
+    return found

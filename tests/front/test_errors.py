@@ -1,0 +1,92 @@
+"""A wrong argument is an `InputError` that names it, what was found and what would be valid."""
+
+import re
+
+import numpy as np
+import pytest
+
+import optiplan as op
+
+SHELF = ("shelf", (1, 1, 1))
+CASES = {
+    "box size": (lambda p: op.Box("b", size=(1, 2)), "op.Box: size", "3 values"),
+    "box size negative": (lambda p: op.Box("b", size=(1, 2, -1)), r"op.Box: size\[2\]", "> 0"),
+    "box name": (lambda p: op.Box(3, size=(1, 2, 1)), "op.Box: name", "text"),
+    "both rotations": (lambda p: op.Box(*SHELF, rpy=(0, 0, 0), quaternion=(0, 0, 0, 1)), "op.Box", "at most one"),
+    "quaternion": (lambda p: op.Pose((0, 0, 0), quaternion=(0, 0, 0, 2)), "op.Pose: quaternion", "unit length"),
+    "position": (lambda p: op.Pose("here"), "op.Pose: position", "list"),
+    "position NaN": (lambda p: op.Pose((0, 0, np.nan)), r"op.Pose: position\[2\]", "finite"),
+    "matrix": (lambda p: op.Pose.from_matrix(np.ones((4, 4))), "op.Pose.from_matrix: X_WG", "rotation"),
+    "radius": (lambda p: op.Sphere("s", radius="big"), "op.Sphere: radius", "a number"),
+    "cylinder": (lambda p: op.Cylinder("c", radius=0, length=1), "op.Cylinder: radius", "> 0"),
+    "mesh": (lambda p: op.Mesh("m", "nowhere.stl"), "op.Mesh: file", "a mesh file"),
+    "normal": (lambda p: op.HalfSpace("h", normal=(1, 1, 1)), "op.HalfSpace: normal", "unit length"),
+    "scene": (lambda p: op.Scene([op.Box(*SHELF), 3]), r"op.Scene: obstacles\[1\]", "op.Box"),
+    "scene of one": (lambda p: op.Scene(op.Box(*SHELF)), "op.Scene: obstacles", "list"),
+    "allowed": (lambda p: op.Scene([], [], ["ab"]), "op.Scene: allowed", "pairs of two names"),
+    "moved": (lambda p: p.scene.moved("shelf"), "op.Scene: name", "wall"),
+    "moved by": (lambda p: p.scene.moved("wall", z="up"), "op.Scene.moved: z", "finite number"),
+    "without": (lambda p: p.scene.without("shelf"), "op.Scene: name", "wall"),
+    "robot": (lambda p: op.Problem(3, [0, 0], [1, 1]), "op.Problem: robot", "op.load_robot"),
+    "robot name": (lambda p: op.Problem("pandda", [0, 0], [1, 1]), "op.Problem: robot", "panda"),
+    "start name": (lambda p: op.Problem(p.robot, "redy", [1, 1]), "op.Problem: start", "ready"),
+    "start size": (lambda p: op.Problem(p.robot, [0, 0, 0], [1, 1]), "op.Problem: start", "2 values"),
+    "start kind": (lambda p: op.Problem(p.robot, None, [1, 1]), "op.Problem: start", "name of a configuration"),
+    "goal kind": (lambda p: op.Problem(p.robot, [0, 0], 3.5), "op.Problem: goal", "op.Pose"),
+    "goal none": (lambda p: op.Problem(p.robot, [0, 0], []), "op.Problem: goal", "at least one"),
+    "goal limits": (lambda p: op.Problem(p.robot, [0, 0], [0, 99]), "op.Problem: goal", "a value in"),
+    "frame": (lambda p: p.with_goal(op.Pose((1, 0, 0), frame="hand")), "op.Problem: goal.pose.frame", "one of"),
+    "vias": (lambda p: p.with_vias({}), "op.Problem: via", "joints"),
+    "vias kind": (lambda p: op.Problem(p.robot, [0, 0], [1, 1], vias=3), "op.Problem: vias", "op.ViaPoint"),
+    "limits": (lambda p: p.with_limits(velocity=2.0), "op.Problem: limits.velocity", "1.0"),
+    "limit name": (lambda p: p.with_limits(speed=0.5), "op.Problem: limits.speed", "velocity"),
+    "limits kind": (lambda p: op.Problem(p.robot, [0, 0], [1, 1], limits=0.5), "op.Problem: limits", "velocity"),
+    "objective": (lambda p: op.Problem(p.robot, [0, 0], [1, 1], objective=3), "op.Problem: objective", "op.Objective"),
+    "seed of a problem": (lambda p: op.Problem(p.robot, [0, 0], [1, 1], seed=-1), "op.Problem: seed", "≥ 0"),
+    "scene kind": (lambda p: p.with_scene(3), "op.Problem: scene", "op.Scene"),
+    "collision": (lambda p: p.with_scene([op.Box(*SHELF)]), "op.Problem: start", "apart"),
+    "planner": (lambda p: op.plan(p, "trajoptt"), "op.plan: planner", "did you mean 'trajopt'"),
+    "planner kind": (lambda p: op.plan(p, 3), "op.plan: planner", "op.planners"),
+    "option": (lambda p: op.plan(p, "quintic", {"duratoin": 3}), "op.plan: options", "duration"),
+    "option value": (lambda p: op.plan(p, "quintic", {"duration": -3}), "duration", "a number from"),
+    "options kind": (lambda p: op.plan(p, "quintic", 3), "op.plan: options", "by name"),
+    "budget": (lambda p: op.plan(p, budget=0), "op.plan: budget", "above 0"),
+    "budget kind": (lambda p: op.plan(p, budget="long"), "op.plan: budget", "seconds"),
+    "seed": (lambda p: op.plan(p, seed=0.5), "op.plan: seed", "whole number"),
+    "warm start": (lambda p: op.plan(p, warm_start=3), "op.plan: warm_start", "a Run"),
+    "not a problem": (lambda p: op.plan("01_reach"), "op.plan: problem", "op.load_problem"),
+    "motion": (lambda p: op.verify(p, 3), "op.verify: motion", "Trajectory"),
+    "no file": (lambda p: op.verify(p, "nowhere.json"), "nowhere.json", "a run folder or file"),
+    "waypoints": (lambda p: op.retime(p, [[0, 0, 0]]), "op.retime: waypoints", r"\(k, 2\)"),
+    "waypoints limits": (lambda p: op.retime(p, [[0, 0], [0, 99]]), "op.Problem: goal", "a value in"),
+    "deviation": (lambda p: op.retime(p, [[0, 0], [0, 1]], deviation=-1), "op.retime: deviation", ">= 0"),
+    "runs": (lambda p: op.view(), "op.view: runs", "at least one"),
+    "run": (lambda p: op.view(3), "op.view: runs", "op.plan"),
+    "problem name": (lambda p: op.load_problem("01_rech"), "01_rech", "did you mean '01_reach'"),
+    "problem kind": (lambda p: op.load_problem(3), "op.load_problem: source", "path"),
+    "robot to load": (lambda p: op.load_robot("panda2"), "op.load_robot: source", "panda"),
+    "group": (lambda p: op.load_robot("baxter", group="middle"), "op.load_robot: group", "left"),
+    "urdf": (lambda p: op.Robot.from_urdf("nowhere.urdf"), "nowhere.urdf", "a readable URDF"),
+    "urdf key": (lambda p: op.Robot.from_urdf("a.urdf", tol_frame="x"), "op.Robot.from_urdf: tol_frame", "tool_frame"),
+    "folder": (lambda p: op.load_run("nowhere"), "nowhere", "a run folder"),
+    "save": (lambda p: p.save("/proc/nowhere/p.yaml"), "op.Problem.save: path", "can be written"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_wrong_argument_is_named(problem, name):
+    call, where, expected = CASES[name]
+    with pytest.raises(op.InputError, match=where) as caught:
+        call(problem)
+    text = str(caught.value)
+    assert re.search(expected, text), text
+    for foreign in ("pydantic", "Traceback", ".cpp", "<problem>", "<robot>", "validation error"):
+        assert foreign not in text
+
+
+def test_formats_of_other_releases_are_not_promised(run, tmp_path):
+    with pytest.raises(op.InputError, match=r"format: found 'urscript'; expected one of: csv, json, npz"):
+        run.export(tmp_path / "program.script", "urscript")
+    with pytest.raises(op.InputError, match=r"program\.script"):
+        run.export(tmp_path / "program.script")
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,90 @@
+"""YAML and Python build the same problem, with the same hash."""
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+import optiplan as op
+from optiplan.resources import problems_dir
+
+EXAMPLES = sorted(problems_dir().glob("*.yaml"))
+
+
+def stated(path):
+    """The problem of a file, said by the front door's objects."""
+    data = YAML(typ="safe").load(path.read_text())
+    scene = data.get("scene", {})
+    held = [
+        body(one).attached_to(one["link"], touch=one.get("touch", ()))
+        for one in moved_to(path, scene.get("attached", []))
+    ]
+    around = op.Scene(
+        [body(one) for one in moved_to(path, scene.get("obstacles", []))], held, scene.get("allowed_collisions", [])
+    )
+    goal = data["goal"]
+    labels = {key: data[key] for key in ("name", "seed", "limits", "objective", "planner") if key in data}
+    return op.Problem(
+        op.load_robot(data["robot"], group=data.get("group"), locked=data.get("locked")),
+        start=end(data["start"]),
+        goal=[end(one) for one in goal["any_of"]] if "any_of" in goal else end(goal),
+        scene=around,
+        vias=[via(one) for one in data.get("via", [])],
+        **labels,
+    )
+
+
+def moved_to(path, bodies):
+    """Meshes with their whole paths."""
+    for one in bodies:
+        if "mesh" in one["shape"]:
+            one["shape"]["mesh"]["file"] = path.parent / one["shape"]["mesh"]["file"]
+    return bodies
+
+
+def body(data):
+    (kind, shape), pose = *data["shape"].items(), data.get("pose", {})
+    match kind:
+        case "box":
+            return op.Box(data["name"], size=shape, **pose)
+        case "sphere":
+            return op.Sphere(data["name"], radius=shape, **pose)
+        case "cylinder":
+            return op.Cylinder(data["name"], **shape, **pose)
+        case "capsule":
+            return op.Capsule(data["name"], **shape, **pose)
+        case "half_space":
+            return op.HalfSpace(data["name"], **shape)
+        case "mesh":
+            return op.Mesh(data["name"], **shape, **pose)
+
+
+def end(data):
+    if "configuration" in data:
+        return data["configuration"]
+    return np.array(data["joints"], float) if "joints" in data else pose(data["pose"])
+
+
+def pose(data):
+    tolerance = {f"{key}_tolerance": value for key, value in data.pop("tolerance", {}).items()}
+    return op.Pose(**data, **tolerance)
+
+
+def via(data):
+    wishes = {key: data.pop(key) for key in ("tolerance", "velocity", "time") if key in data}
+    return op.ViaPoint(end(data), **wishes)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_every_example_stated_in_python_is_the_same_problem(path, tmp_path):
+    read, said = op.load_problem(path), stated(path)
+    assert said.hash == read.hash != ""
+    assert said.source == read.source
+    said.save(tmp_path / "again.yaml")
+    assert op.load_problem(tmp_path / "again.yaml").hash == read.hash
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_parts_put_back_unchanged_change_nothing(path):
+    problem = op.load_problem(path)
+    assert problem.with_scene(problem.scene).hash == problem.hash
+    assert problem.with_seed(7).hash == problem.hash
