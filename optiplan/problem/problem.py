@@ -162,7 +162,7 @@ class Problem:
         """To any one of other ends.
 
         Raises:
-            InputError: as for a file: none of them can be reached; a joint goal with a tolerance that no file can state.
+            InputError: as for a file: none of them can be reached, or a joint tolerance that no file can state.
         """
         return self._with(goal=goal[0] if len(goal) == 1 else goal)
 
