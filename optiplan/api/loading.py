@@ -34,7 +34,7 @@ def load_problem(source: Path | str | Mapping[str, Any], **overrides: Any) -> Pr
     Example:
         >>> import optiplan as op
         >>> op.load_problem("01_reach")
-        Problem: reach, panda, to a pose of panda_hand_tcp; empty
+        Problem: reach, panda, to a configuration; empty
     """
     if isinstance(source, Mapping):
         return problem_from_dict({**source, **overrides})
@@ -83,6 +83,7 @@ def load_run(folder: Path | str) -> Run:
 
     Example:
         >>> import optiplan as op
+        >>> op.plan(op.load_problem("01_reach")).save("runs/reach")
         >>> op.load_run("runs/reach").verified
         True
     """

@@ -77,6 +77,8 @@ def plan(
         raise wrong_argument("plan", "planner", described(name), "the name of a planner; see op.planners()")
     if not isinstance(chosen, Mapping):
         raise wrong_argument("plan", "options", described(chosen), "options by name, such as {'degree': 5}")
+    if progress is not None and not callable(progress):
+        raise wrong_argument("plan", "progress", described(progress), "a function of a stage's name and a fraction")
     clock, told = _budget(budget), progress or _silent
     if seed is not None:
         if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:

@@ -59,7 +59,17 @@ class PlanResult:
 
 
 class Budget:
-    """Wall-clock deadline and cancellation, polled by planners."""
+    """Wall-clock deadline and cancellation, polled by planners.
+
+    Args:
+        seconds: from now on, or from `start`.
+        cancel: set by another thread, it ends the work at once.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.Budget(5.0).seconds
+        5.0
+    """
 
     def __init__(self, seconds: float, cancel: threading.Event | None = None) -> None:
         self._cancel = cancel or threading.Event()

@@ -46,7 +46,13 @@ class Via:
 
 @dataclass(frozen=True)
 class Objective:
-    """Weights of the cost: time * T + jerk * (integral of squared jerk over the motion)."""
+    """Weights of the cost: time * T + jerk * (integral of squared jerk over the motion).
+
+    Example:
+        >>> import optiplan as op
+        >>> op.Objective(time=1.0, jerk=1e-6)
+        Objective(time=1.0, jerk=1e-06)
+    """
 
     time: float = 1.0
     jerk: float = 0.0

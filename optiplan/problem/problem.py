@@ -18,6 +18,7 @@ from optiplan.problem.ends import Goal, JointGoal, Objective, PoseGoal, Via
 from optiplan.problem.reading import Parts, read_problem
 from optiplan.problem.statement import End, Pose, Values, ViaPoint
 from optiplan.problem.write import problem_text
+from optiplan.robot.reference import UNKNOWN
 from optiplan.robot.robot import Limits, Robot, load_robot
 
 __all__ = ["Goal", "JointGoal", "Objective", "Pose", "PoseGoal", "Problem", "Via", "ViaPoint"]
@@ -161,8 +162,7 @@ class Problem:
         """To any one of other ends.
 
         Raises:
-            InputError: as for a file: none of them can be reached.
-            ValueError: a joint goal with a tolerance that no file can state.
+            InputError: as for a file: none of them can be reached, or a joint tolerance that no file can state.
         """
         return self._with(goal=goal[0] if len(goal) == 1 else goal)
 
@@ -254,9 +254,13 @@ def _read(robot: Any, given: Mapping[str, Any], labels: Mapping[str, Any]) -> Pa
     data = {_SAID[part][0]: _SAID[part][1](value) for part, value in given.items()}
     data |= {"version": 1, "name": labels["name"], "seed": labels["seed"], "robot": robot}
     data["planner"] = to_data.planner_data(labels["planner"], labels["options"])
+    if isinstance(robot, str | Path) and Path(robot).suffix.lower() == ".urdf":
+        data["robot"] = {"urdf": robot}
     if not isinstance(robot, Robot):
         return _checked(data)
     by = robot.reference
+    if by == UNKNOWN:
+        raise wrong_argument("Problem", "robot", "a robot that was put together by hand", "one that was loaded")
     data |= {"robot": by.robot, "locked": by.locked} | ({} if by.group is None else {"group": by.group})
     if robot.tool_frame != by.tool_frame:
         for pose in to_data.poses(data):

@@ -162,8 +162,7 @@ def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
     """One end as a problem file says it.
 
     Raises:
-        InputError: it is none.
-        ValueError: a joint goal with a tolerance that no file can state.
+        InputError: it is none, or a joint goal with a tolerance that no file can state.
     """
     if isinstance(end, str):
         return {"configuration": end}
@@ -176,7 +175,8 @@ def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
         return {"pose": {"frame": end.frame, **pose_to_data(end.X_WG), "tolerance": tolerance}}
     if isinstance(end, JointGoal):
         if end.tolerance != JointGoal(end.q).tolerance:
-            raise ValueError(f"goal: found a tolerance of {end.tolerance:g}; expected {JointGoal(end.q).tolerance:g}")
+            own = f"{JointGoal(end.q).tolerance:g}, which is that of every goal of joints"
+            raise wrong_argument(function, argument, f"a tolerance of {end.tolerance:g}", own)
         return {"joints": np.asarray(end.q, dtype=float).tolist()}
     if isinstance(end, Mapping):
         return dict(plain(end))

@@ -28,8 +28,7 @@ def goal_data(goal: Any) -> dict[str, Any]:
     """`goal:` of a file: one end, or any one of several.
 
     Raises:
-        InputError: something that is no end.
-        ValueError: a joint goal has another tolerance than the only one that files know.
+        InputError: something that is no end, or a joint goal with another tolerance than the only one that files know.
     """
     several = isinstance(goal, Sequence | np.ndarray) and not isinstance(goal, str) and not is_configuration(goal)
     ends = [

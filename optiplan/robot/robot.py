@@ -59,7 +59,7 @@ class Robot:
     Example:
         >>> import optiplan as op
         >>> op.load_robot("panda")
-        Robot: panda, 7 joints, tool frame panda_hand_tcp, configurations: ready
+        Robot: panda, 7 joints, tool frame panda_hand_tcp, configurations: ready, extended
     """
 
     name: str
@@ -103,7 +103,8 @@ class Robot:
 
         Example:
             >>> import optiplan as op
-            >>> op.Robot.from_urdf("my_arm.urdf", tool_frame="tool0", configurations={"home": [0, -1.5, 1.5, 0, 0, 0]})
+            >>> op.Robot.from_urdf("my_arm.urdf", tool_frame="tool0", limits={"jerk": 50.0})  # doctest: +SKIP
+            Robot: my_arm, 6 joints, tool frame tool0, configurations: none
         """
         given = {"tool_frame": tool_frame, **keys}
         description = {"urdf": str(Path(path)), **{key: value for key, value in given.items() if value is not None}}

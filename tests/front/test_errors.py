@@ -52,6 +52,8 @@ CASES = {
     "options kind": (lambda p: op.plan(p, "quintic", 3), "op.plan: options", "by name"),
     "budget": (lambda p: op.plan(p, budget=0), "op.plan: budget", "above 0"),
     "budget kind": (lambda p: op.plan(p, budget="long"), "op.plan: budget", "seconds"),
+    "progress": (lambda p: op.plan(p, progress=3), "op.plan: progress", "a function"),
+    "joint tolerance": (lambda p: p.with_goal(op.JointGoal(np.ones(2), 0.5)), "op.Problem: goal", "1e-06"),
     "seed": (lambda p: op.plan(p, seed=0.5), "op.plan: seed", "whole number"),
     "warm start": (lambda p: op.plan(p, warm_start=3), "op.plan: warm_start", "a Run"),
     "not a problem": (lambda p: op.plan("01_reach"), "op.plan: problem", "op.load_problem"),

@@ -1,6 +1,8 @@
 """The package from outside: what importing it costs, what it names, and the wheel in an empty environment."""
 
 import ast
+import doctest
+import inspect
 import os
 import shutil
 import subprocess
@@ -50,6 +52,31 @@ def test_every_public_name_is_there_and_told_to_type_checkers():
             assert op._HOME[alias.name] == node.module
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = op.nothing  # type: ignore[attr-defined]
+
+
+def examples():
+    """The doctests of all public names and of their public methods."""
+    finder = doctest.DocTestFinder(recurse=False)
+    for name in op.__all__:
+        thing = getattr(op, name)
+        if callable(thing):
+            members = {
+                f"{name}.{key}": item for key, item in vars(thing).items() if inspect.isroutine(item) and key[0] != "_"
+            }
+            for place, item in {name: getattr(thing, "_function", thing), **members}.items():
+                yield from (
+                    test
+                    for test in finder.find(inspect.unwrap(getattr(item, "__func__", item)), place)
+                    if test.examples
+                )
+
+
+@pytest.mark.parametrize("test", list(examples()), ids=lambda test: test.name)
+def test_the_examples_of_the_reference_do_what_they_say(test, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    told = []
+    doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test, out=told.append)
+    assert not told, "".join(told)
 
 
 def readme_lines() -> str:

@@ -91,7 +91,7 @@ def test_what_is_derived_is_checked_as_a_file_is(problem):
         problem.with_start(np.array([9.0, 0.0]))
     with pytest.raises(InputError, match="limits"):
         problem.with_limits(speed=0.5)
-    with pytest.raises(ValueError, match="tolerance"):
+    with pytest.raises(InputError, match="tolerance"):
         problem.with_goal(JointGoal(np.array([0.3, 0.2]), 0.1))
 
 

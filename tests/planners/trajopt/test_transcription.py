@@ -34,7 +34,7 @@ def problem() -> Problem:
         start=start,
         goal=(JointGoal(GOAL),),
         limits=limits,
-        vias=Objective(1.0, 1e-6),
+        objective=Objective(1.0, 1e-6),
     )
 
 
