@@ -1,5 +1,8 @@
 """The tables of `results.sqlite`, what changed between versions, and the view that rates runs.
 
+See docs/how-to/benchmarks.md.
+"""
+
 from optiplan.runs.run import SMALLEST_BOUND
 
 SCHEMA_VERSION = 2
