@@ -93,8 +93,8 @@ class Robot:
         Args:
             path: the URDF; meshes are looked for beside it.
             tool_frame: the link or fixed frame that poses are about; without one, a link behind the last planned joint.
-            keys: what else a robot.yaml can say, in its words (docs/reference/problem-file.md): `name`, `group` (names of
-                the planned joints, base to tip), `locked` (positions, rad or m, of others), `configurations` (name:
+            keys: what else a robot.yaml can say, in its words (docs/reference/problem-file.md): `name`, `group` (names
+                of the planned joints, base to tip), `locked` (positions, rad or m, of others), `configurations` (name:
                 values),
                 `limits` (`velocity`, `acceleration`, `jerk`, `torque`), `srdf` (a path), `collision`,
                 `allowed_collisions`, `groups`, `tool_frames`.
