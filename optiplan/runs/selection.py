@@ -1,4 +1,4 @@
-"""Of what a planner holds for answers, the best one that the verifier accepts."""
+"""Select the best candidate of a planner that the verifier accepts."""
 
 import time
 from dataclasses import dataclass
@@ -66,7 +66,7 @@ def best_verified(problem: Problem, candidates: list[Candidate], budget: Budget)
 
 
 def _verified(problem: Problem, earlier: list[Candidate], budget: Budget) -> list[tuple[float, float]]:
-    """What the earlier answers were worth, and when they were there."""
+    """Return time and duration of the earlier candidates that are verified."""
     found = []
     for candidate in earlier:
         if budget.over:
@@ -78,7 +78,7 @@ def _verified(problem: Problem, earlier: list[Candidate], budget: Budget) -> lis
 
 
 def _in_turn(answers: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """The same (seconds, duration), each better than the last, without those that were proved after a better one."""
+    """Keep those of (seconds, duration) that were not proved after a better one, in order."""
     kept: list[tuple[float, float]] = []
     for answer in reversed(answers):
         if not kept or answer[0] < kept[-1][0]:

@@ -74,7 +74,7 @@ class DaskCluster:
         return sum(self._client.nthreads().values())
 
     def outcomes(self, tasks: Iterable[BenchTask]) -> Generator[Outcome, None, None]:
-        """As `Workforce` says.
+        """Yield the outcomes of tasks, as `Workforce` says.
 
         Raises:
             ClusterError: the scheduler is gone, no worker comes, or one comes with other versions.
@@ -100,7 +100,7 @@ class DaskCluster:
             self._leave()
 
     def close(self) -> None:
-        """As `Workforce` says."""
+        """End the session, as `Workforce` says."""
         self._stop.set()
 
     def _look(self) -> int:

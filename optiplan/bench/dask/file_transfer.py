@@ -70,7 +70,7 @@ class Packer:
         return replace(problem, data=data)
 
     def freight(self, digest: str) -> Freight:
-        """What a bundle holds."""
+        """Return the files of a bundle."""
         home, paths = self._bundles[digest]
         return Freight(str(home), {str(path.relative_to(home)): path.read_bytes() for path in paths})
 

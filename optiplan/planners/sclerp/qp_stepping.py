@@ -134,12 +134,12 @@ class Walker:
         return None
 
     def _bounds(self, q: Array) -> tuple[Array, Array]:
-        """Where a step from q (n,) may end: within the joint limits, no joint faster than its share."""
+        """Return the bounds of a step from q (n,): within the joint limits, no joint faster than its share."""
         low, high = self.inside()
         return np.minimum(q, np.maximum(low, q - self.longest)), np.maximum(q, np.minimum(high, q + self.longest))
 
     def _soft_bounds(self, q: Array, ds: float) -> tuple[Array, Array]:
-        """The same with limits that are neared ever more slowly, so that joints do not stop at them with a jerk."""
+        """Return bounds approached ever more slowly, so that joints do not stop at their limits with a jerk."""
         share = -np.expm1(-_SOFTNESS * ds)
         low = q - share * np.maximum(q - self.low - _MARGIN, 0.0)
         high = q + share * np.maximum(self.high - _MARGIN - q, 0.0)

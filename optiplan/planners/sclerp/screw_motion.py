@@ -39,7 +39,7 @@ class Task:
     info: dict[str, Any]
 
     def failure(self, s: float, q: Array, why: tuple[str, str, str], more: dict[str, Any]) -> Failure:
-        """Of the kind, cause and words `why`, at the share s of the way and the configuration q (n,)."""
+        """Return a failure of kind, cause and words `why`, at the share s of the way and the configuration q (n,)."""
         return Ending(s, q, *why, more).failure(self.tool.pose(q))
 
     def at_limit(self, s: float, q: Array, joint: int) -> Failure:
@@ -120,7 +120,7 @@ def _used_up(task: Task, s: float, q: Array, options: SclerpOptions) -> Failure:
 
 
 def _share(task: Task, found: Chase) -> float:
-    """How much of the way from the start to the goal was made, by the length of the twist that is left; 0 to 1."""
+    """Return the share of the way made from start to goal, by the length of the twist that is left; 0 to 1."""
     left, whole = (
         float(np.linalg.norm(pin.log6(task.tool.pose(q).actInv(task.X_WG)))) for q in (found.Q[-1], found.Q[0])
     )

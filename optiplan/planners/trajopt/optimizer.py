@@ -27,7 +27,7 @@ ACTIVE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """What came of a seed.
+    """Result of one initial guess.
 
     Attributes:
         control: (K, n) control points, rad or m.
@@ -116,7 +116,7 @@ class Optimiser:
         return attempt
 
     def _length(self, control: Array) -> float:
-        """How far the curve carries the origin of the joint that it carries farthest, m."""
+        """Return the path length, m, of the joint origin that the curve carries farthest."""
         Q = self.basis.at(np.linspace(0.0, 1.0, self.options.samples)) @ control
         steps = np.diff(self.model.bounds.kinematics.poses(Q)[:, :, :3, 3], axis=0)
         return float(np.linalg.norm(steps, axis=2).sum(axis=0).max())

@@ -216,7 +216,7 @@ class _Run:
         self.patience.record(cost)
 
     def _optimised(self, kind: Kind, control: Array, budget: Budget, margin: float | None) -> Attempt | None:
-        """What comes of a seed, if it is free."""
+        """Return the optimised motion of an initial guess, if it is free."""
         self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
         before = self.optimiser.steps
         with self.watch.stage("optimisation"):
@@ -246,7 +246,7 @@ class _Run:
         return True
 
     def _cost(self, trajectory: Trajectory) -> float:
-        """What the problem's objective says: s."""
+        """Return the value of the problem's objective, s."""
         objective = self.problem.objective
         return objective.time * trajectory.duration + objective.jerk * trajectory.squared_jerk()
 

@@ -66,7 +66,7 @@ class Point:
 
 
 def penalties(contacts: SoftRows, torques: SoftRows, span: float) -> list[Penalty]:
-    """What violations cost, in s, in a motion of about `span` s."""
+    """Return the penalties of violations, in s, in a motion of about `span` s."""
     return [Penalty(contacts, CONTACT_PENALTY * span, CENTIMETRE), Penalty(torques, TORQUE_PENALTY * span, 1.0)]
 
 

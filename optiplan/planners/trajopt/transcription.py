@@ -1,4 +1,4 @@
-"""What a curve costs and violates at its samples, and how that changes with the control points."""
+"""Cost and constraint violations of a curve at its samples, and their derivatives by the control points."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -213,7 +213,7 @@ class Transcription:
 
 
 def _pushed_one_way(contacts: Contacts) -> Contacts:
-    """The same contacts, but a pair that penetrates at consecutive samples gets the mean of its normals at all of them.
+    """Give a pair that penetrates at consecutive samples the mean of its normals at all of them.
 
     Deep inside each other, bodies find their nearest way out on different sides from sample to sample, and pushing a
     curve both ways at once leaves it where it is. Where bodies are apart the normals are left as they are.

@@ -49,7 +49,7 @@ class ParabolicOptions(MotionOptions):
 
 
 class Parabolic(ThroughVias[ParabolicOptions]):
-    """See the module. A via is missed by what its blend cuts off, or hit between two pseudo-via points."""
+    """Planner of parabolic blends. A via is missed by what its blend cuts off, or hit between two pseudo-via points."""
 
     def __init__(self, options: ParabolicOptions | None = None) -> None:
         super().__init__(options or ParabolicOptions())

@@ -47,7 +47,7 @@ class RoundedOptions:
 
 
 class Rounded:
-    """See the module; where a path turns straight back it stops. Times and velocities of vias are not looked at."""
+    """Planner of rounded corners, with stops where a path turns back. Times and velocities of vias are ignored."""
 
     passes_vias = True
 

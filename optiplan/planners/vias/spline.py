@@ -45,7 +45,7 @@ class SplineOptions(MotionOptions):
 
 
 class Spline(ThroughVias[SplineOptions]):
-    """See the module. Times at vias are kept, if there are any; else they are chosen from the limits."""
+    """Planner of splines through vias. Given times at vias are kept; else they are chosen from the limits."""
 
     def __init__(self, options: SplineOptions | None = None) -> None:
         super().__init__(options or SplineOptions())

@@ -40,7 +40,7 @@ class JointMove:
 
     @property
     def distance(self) -> float:
-        """How far it moves, rad or m, positive."""
+        """Distance of that joint, rad or m, positive."""
         return float(np.abs(self.step[self.joint]))
 
 
@@ -77,7 +77,7 @@ class RestToRest:
         return max(SHORTEST, float((times / share).max(initial=0.0)))
 
     def parts(self, duration: float | None = None) -> list[JointMove]:
-        """What moves when, in that duration (s) or as fast as can be."""
+        """Return which joints move when, in that duration (s) or the shortest."""
         fastest = self._fastest
         times = np.array([part.duration for part in fastest])
         begin = np.zeros(len(times))

@@ -59,7 +59,7 @@ def joint_times(distances: Array, limits: Limits) -> Array:
 
 
 def lower_bound(start: Array, goal: Array, limits: Limits) -> float:
-    """The same for one goal of shape (n,): a duration in s, the denominator of `duration / lower_bound`."""
+    """Return the bound of one goal of shape (n,): a duration in s, the denominator of `duration / lower_bound`."""
     return float(lower_bounds(start, goal[None], limits)[0])
 
 
@@ -75,7 +75,7 @@ def speed_ratio(trajectory: Trajectory, limits: Limits) -> float:
 
 
 def scale_to_limits(trajectory: Trajectory, limits: Limits, least: float = 0.0) -> Trajectory:
-    """The same curve, uniformly stretched or shortened in time until its tightest limit is just met (all time).
+    """Scale a curve uniformly in time until its tightest limit is just met (all time).
 
     `least` is a factor on the duration that something else asks for.
     """

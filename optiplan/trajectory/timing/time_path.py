@@ -29,7 +29,7 @@ _ROUNDS, _BEYOND = 6, 1e-3  # of halving parts; share of a limit by which a law 
 
 @dataclass(frozen=True)
 class TimingOptions:
-    """How to time a path.
+    """Options of timing a path.
 
     Attributes:
         method: `toppra`: the fastest without regard to jerk, the acceleration jumps. `jerk`: jerk limits hold, the
@@ -124,7 +124,7 @@ def _grid(path: Trajectory, least_parts: int) -> Array:
 
 
 def _held(trajectory: Trajectory, robot: Robot, limits: Limits, tool: ToolSpeed | None) -> Trajectory | None:
-    """The same curve, as fast as its limits allow when all of it is stretched; None where gravity is too much."""
+    """Scale a whole curve to its limits; None where gravity is too much."""
     slower = tool_scale(robot, tool, trajectory)
     fitted = scale_to_limits(trajectory, limits, slower)
     slower = torque_scale(robot, limits.torque, fitted)
