@@ -150,7 +150,7 @@ def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: 
 
     Reported is the extremum that comes nearest to its limit.
     """
-    limits = (problem.limits.velocity, problem.limits.acceleration, problem.limits.jerk)[order - 1]
+    limits = problem.limits.rates[order - 1]
     e = trajectory.extrema_at(order)
     magnitude = np.maximum(np.abs(e.low), np.abs(e.high))
     time = np.where(np.abs(e.low) > np.abs(e.high), e.t_low, e.t_high)

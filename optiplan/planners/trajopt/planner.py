@@ -21,7 +21,8 @@ from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
-from optiplan.trajectory.timing.lower_bound import lower_bounds, stop_at_corners
+from optiplan.trajectory.timing.lower_bound import lower_bounds
+from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
 _EARLY = 1.0 / 3.0
@@ -146,7 +147,7 @@ class _Run:
     def _bumped(self, kind: Kind, control: Array, rng: np.random.Generator) -> None:
         """An attempt from a curve with a bump."""
         limits = self.problem.limits
-        duration = self.optimiser.basis.shortest_duration(control, self.optimiser.bounds)
+        duration = self.optimiser.basis.shortest_duration(control, self.optimiser.problem.limits.rates)
         self._attempt(kind, with_bump(self.optimiser.basis, control, duration, limits, rng), self.budget)
 
     def _sampled(self, path: SampledPath) -> Failure | None:

@@ -123,7 +123,7 @@ class Transcription:
     def __init__(self, problem: Problem, model: CollisionModel, basis: SplineBasis, margins: Margins) -> None:
         self.basis, self.model, self.margins = basis, model, margins
         self.limits = problem.limits
-        self.bounds = (problem.limits.velocity, problem.limits.acceleration, problem.limits.jerk)
+        self.rates = problem.limits.rates
         self.objective = problem.objective
         self._pin = problem.robot.model
         self._data = self._pin.createData()

@@ -19,7 +19,7 @@ from optiplan.trajectory.paths.parabolic_blends import (
     with_pseudo_vias,
 )
 from optiplan.trajectory.paths.via_splines import knot_times
-from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.time_scaling import FreeTimes, least_stretch
 from optiplan.trajectory.trajectory import Trajectory
 

@@ -11,7 +11,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.paths.hermite import hermite
-from optiplan.trajectory.timing.lower_bound import scale_to_limits
+from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
 
 Degree = Literal[3, 5]

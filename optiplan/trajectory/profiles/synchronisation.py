@@ -134,7 +134,7 @@ def _bounds(step: Array, limits: Limits) -> Bounds:
     """
     moving = step != 0.0
     size = np.maximum(np.abs(step[moving]), _LEAST)
-    rates = (limits.velocity, limits.acceleration, limits.jerk)
+    rates = limits.rates
     v, a, j = (float((limit[moving] / size).min()) for limit in rates)
     a = min(a, v**2 / _BRIEFEST)
     return Bounds(v, a, j if np.isinf(j) else min(j, a / (_BRIEFEST * max(1.0 / v, 2.0 / a**0.5))))

@@ -10,8 +10,10 @@ from optiplan.arrays import Array
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.timing.compose import compose
 from optiplan.trajectory.timing.jerk_limited import smooth_law
-from optiplan.trajectory.timing.lower_bound import s_curve, scale_to_limits, stop_at_corners
 from optiplan.trajectory.timing.path_constraints import Rows, ToolSpeed, rows_at, tool_scale
+from optiplan.trajectory.timing.s_curve import s_curve
+from optiplan.trajectory.timing.stops import stop_at_corners
+from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.timing.toppra import fastest_law, slowness
 from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
@@ -85,7 +87,7 @@ def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:
     """One S-curve s(t) from rest at 0 to rest at S, roughly as fast as the path's largest slopes |q'| allow."""
     slope = np.abs(path.extrema(1)).max(axis=0)
     moving = slope > 0.0
-    rates = [(bound[moving] / slope[moving]).min() for bound in (limits.velocity, limits.acceleration, limits.jerk)]
+    rates = [(bound[moving] / slope[moving]).min() for bound in limits.rates]
     times, pieces = s_curve(path.duration, *rates)
     return Trajectory(("s",), np.concatenate([[0.0], np.cumsum(times)]), pieces[:, :, None])
 
