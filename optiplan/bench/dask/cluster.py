@@ -162,8 +162,8 @@ class DaskCluster:
         if isinstance(answer, Outcome):
             yield replace(answer, row=replace(answer.row, worker=answer.row.worker or self.address))
         elif isinstance(answer, station.Wanted):
-            freight = {digest: self._packer.freight(digest) for digest in sorted(answer.digests)}
-            self._send(task, {**bill, **freight})
+            bundle_contents = {digest: self._packer.bundle_contents(digest) for digest in sorted(answer.digests)}
+            self._send(task, {**bill, **bundle_contents})
         else:
             raise _mismatch("that came later", answer.words)
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import metadata
 
-from optiplan.bench.dask.file_transfer import Freight, keep, lacking, unpack
+from optiplan.bench.dask.file_transfer import BundleContents, keep, lacking, unpack
 from optiplan.bench.execution.code_version import own_digest
 from optiplan.bench.execution.slot import WorkerSlot
 from optiplan.bench.results.records import BenchTask, Outcome
 from optiplan.runs.run import versions
 
-Bill = Mapping[str, Freight]
+Bill = Mapping[str, BundleContents]
 """Bundles by their digest."""
 
 
@@ -93,8 +93,8 @@ def carry_out(session: str, expected: Mapping[str, str], task: BenchTask, bill: 
     words = differences(expected)
     if words:
         return Other(words)
-    for digest, freight in bill.items():
-        keep(digest, freight)
+    for digest, bundle_contents in bill.items():
+        keep(digest, bundle_contents)
     missing = lacking(task.problem)
     if missing:
         return Wanted(frozenset(missing))
