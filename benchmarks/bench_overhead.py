@@ -25,7 +25,7 @@ from optiplan.bench.execution.runner import open_results, run_suite
 from optiplan.bench.suite.suite import load_suite
 from optiplan.planners.base import Budget, PlanResult, Progress
 from optiplan.problem.problem import JointGoal, Problem
-from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.stops import stop_at_corners
 
 ROOT = Path(__file__).parents[1]
 

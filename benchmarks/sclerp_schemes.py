@@ -33,7 +33,7 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
-from optiplan.planners.sclerp.schemes import chase
+from optiplan.planners.sclerp.schemes import iterate_scheme
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.planners.sclerp.screw_motion import Task, attempt
 from optiplan.problem.problem import PoseGoal, Problem
@@ -67,7 +67,7 @@ def measure(tool: Tool, run: dict[str, Any], scheme: str) -> dict[str, Any]:
     if scheme == "printed":
         found = printed_scheme(tool, start, X_WG, replace(PRINTED, iterations=run["max_iterations"]))
     else:
-        found = chase(tool, start, X_WG, SclerpOptions(scheme=scheme, iterations=run["max_iterations"]))
+        found = iterate_scheme(tool, start, X_WG, SclerpOptions(scheme=scheme, iterations=run["max_iterations"]))
     result = {"converged": found.converged, "iterations": found.iterations}
     past = {"past": int(found.hits.any(axis=1).sum())}
     return result | (errors(tool, found.Q, X_WG) if found.converged else {}) | past

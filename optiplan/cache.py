@@ -31,7 +31,7 @@ def digest(parts: Iterable[bytes]) -> str:
 
 
 def kept(name: str, make: Callable[[], bytes]) -> bytes:
-    """What was stored under `name`, or what `make` gives now, which is stored.
+    """Return the content cached under `name`; if there is none, make it with `make` and cache it.
 
     Whoever changes what `make` gives for the same input changes `name`: it holds a digest of all that the content
     depends on, the version of the code that makes it included.

@@ -1,4 +1,4 @@
-"""Where robots and problems lie: beside the package in a checkout, inside it once installed."""
+"""Locate robots and problems: beside the package in a checkout, inside it once installed."""
 
 from pathlib import Path
 

@@ -20,7 +20,7 @@ from optiplan.runs.run import Run
 from optiplan.runs.run_folder import load_run
 from optiplan.runs.stored_verdict import judged
 from optiplan.trajectory.sample_file import Samples
-from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import verify as verifier

@@ -48,7 +48,7 @@ class PeerOptions:
 
 
 class Peer:
-    """The same problem, goals and verifier as for ours; the path, and the timing if it has one, are the peer's.
+    """A peer planner: problem, goals and verifier are ours; the path, and the timing if any, are the peer's.
 
     `timings` tells `peer`, the seconds that the script counts: starting Python and loading the robot are not planning.
     """
@@ -103,7 +103,7 @@ class Peer:
 
 
 def request(problem: Problem, goals: list[Array], budget: Budget) -> dict[str, Any]:
-    """What a peer is told: all in the robot's base frame, joints in the order of `joints`; rad, m, s."""
+    """Return the request to a peer: all in the robot's base frame, joints in the order of `joints`; rad, m, s."""
     robot, limits = problem.robot, problem.limits
     return {
         "version": 1,

@@ -1,4 +1,4 @@
-"""What the shell offers for the argument that is being typed: names of examples, robots and planners.
+"""Shell completion of arguments: names of examples, robots and planners.
 
 A function gives the names that begin with what is there. It gives none where files do: then the shell offers these.
 """

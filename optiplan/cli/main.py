@@ -72,7 +72,7 @@ def _program(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """What stands before the command."""
+    """Return the words before the command."""
 
 
 app.command("plan")(plan.plan)

@@ -1,4 +1,4 @@
-"""What commands say and where: results on stdout, everything else on stderr, exit codes as documented."""
+"""Output conventions of the commands: results on stdout, everything else on stderr, exit codes as documented."""
 
 import json
 import os
@@ -15,7 +15,7 @@ from optiplan.errors import InputError, OptiPlanError
 
 
 class Exit(IntEnum):
-    """What the exit code says; the README has the same table."""
+    """Exit codes; the README has the same table."""
 
     VERIFIED = 0
     BUG = 1

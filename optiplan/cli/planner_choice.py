@@ -17,7 +17,7 @@ _LOOK = 2.0  # s, for goal configurations
 
 
 def planner_issues(path: Path) -> list[Issue]:
-    """What is wrong with the planner and the options that the file names; what its schema refuses is not told again."""
+    """Return the issues with the planner and options named in the file, except those its schema reports."""
     try:
         document = read_yaml(path)
     except InputError:
@@ -40,7 +40,7 @@ def planner_issues(path: Path) -> list[Issue]:
 
 
 def fitting_issues(path: Path) -> list[Issue]:
-    """What is wrong with the options of a good file's planner for its start and goal, as far as planners look ahead."""
+    """Return the issues of valid options with the start and goal of the file, as far as planners check ahead."""
     problem = load_problem(path)
     look = getattr(make_planner(problem.planner, problem.options), "check", None)
     try:
@@ -65,7 +65,7 @@ def choose(path: Path, problem: Problem, planner: str | None) -> tuple[str, Mapp
 
 
 def placed(path: Path, error: InputError) -> InputError:
-    """The same error with what is wrong with the options of the file's planner at its line of the file."""
+    """Return the same error with issues of planner options at their lines of the file."""
     return InputError(_placed(read_yaml(path), error))
 
 

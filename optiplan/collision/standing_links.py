@@ -14,7 +14,7 @@ Makers' meshes reach below the plane that the robot is screwed to, that of the U
 
 
 def overlapping(geometry: pin.GeometryModel, pairs: Index) -> list[tuple[int, int]]:
-    """Of pairs (K, 2) of bodies that stand still in the world those that overlap by more than `STANDING_OVERLAP`.
+    """Return those of pairs (K, 2) of static bodies that overlap by more than `STANDING_OVERLAP`.
 
     The depth in a mesh is not known, and neither is inside from outside: a pair with a mesh is kept where the two
     touch, and where their boxes overlap, for the verifier to look whether one holds the other.

@@ -50,7 +50,7 @@ FILES = (
 
 
 def mistaken(model_class: type[BaseModel], data: Any) -> tuple[str, str] | None:
-    """What a file is and what it should be, where it is known by its keys as one of another kind than `model_class`."""
+    """Return what kind of file this is and what was expected, if its keys identify another kind than `model_class`."""
     if not isinstance(data, Mapping):
         return None
     own = [kind for kind, keys in FILES if keys <= set(model_class.model_fields)]
@@ -96,7 +96,7 @@ def choices(found: str, valid: Sequence[str]) -> str:
 
 
 def words_for(model_class: type[BaseModel], error: ErrorDetails) -> tuple[str, str]:
-    """What was found and what was expected, for one error of pydantic on a `model_class`."""
+    """Return what was found and what was expected, for one error of pydantic on a `model_class`."""
     kind, loc, context = error["type"], error["loc"], error.get("ctx", {})
     if kind == "extra_forbidden":
         return f"unknown key '{loc[-1]}'", choices(str(loc[-1]), _keys_at(model_class, loc[:-1]))

@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class CoacdOptions:
-    """How finely a mesh is cut; the first seven go to CoACD, which scales every mesh to [-1, 1].
+    """Options of the decomposition; the first seven go to CoACD, which scales every mesh to [-1, 1].
 
     `longest_edge` (m): triangles across a cut are divided to this size before each goes to one piece. Pieces that fill
     more than `enough` of the hull's volume are not worth their number: the hull is taken.
@@ -84,7 +84,7 @@ def body_of(points: Array) -> Hull:
 
 @dataclass(frozen=True)
 class Cover:
-    """What stands for a mesh without being asked for: its hull, convex pieces, or itself.
+    """Default stand-in for a mesh: its hull, convex pieces, or the mesh itself.
 
     Attributes:
         kind: hull, convex_pieces or mesh.
@@ -111,7 +111,7 @@ def cover_of(mesh: coal.BVHModelBase) -> Cover:
 
 
 def over_cover_of(mesh: coal.BVHModelBase, bodies: Sequence[Array]) -> float:
-    """How far (m) the hulls of points, (k, 3) each, reach beyond a mesh at most; cached on disk."""
+    """Return how far (m) the hulls of points, (k, 3) each, reach beyond a mesh at most; cached on disk."""
     vertices, triangles = vertices_of(mesh), triangles_of(mesh)
     key = cache.digest(
         [vertices.tobytes(), triangles.tobytes(), *(body.tobytes() for body in bodies), repr(COVER_VERSION).encode()]
@@ -167,7 +167,7 @@ def pieces_of(mesh: coal.BVHModelBase, identity: bytes, options: CoacdOptions = 
 
 
 def protrusion(faces: Array, points: Array) -> Array:
-    """How far points stick out of a convex body, shape (k,), in m: max over its faces of n . p + d; negative inside.
+    """Return how far points are outside a convex body, (k,), m: max over its faces of n . p + d; negative inside.
 
     Args:
         faces: (f, 4) outward unit normals n and offsets d.

@@ -34,7 +34,7 @@ class Hull:
     over_cover: float = 0.0
 
     def build(self) -> coal.ConvexBase:
-        """As geometry of coal."""
+        """Build the geometry of coal."""
         points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
         points.extend(list(self.vertices))
         faces.extend([coal.Triangle(*corners) for corners in self.triangles.tolist()])

@@ -22,7 +22,7 @@ _SAMPLE = 400
 
 @dataclass(frozen=True)
 class PieceOptions:
-    """How finely a mesh is cut.
+    """Options of the decomposition into pieces.
 
     Attributes:
         over_cover: m, how far a piece may reach beyond the mesh.
@@ -60,7 +60,7 @@ class _Cell:
 
 
 def measured(solid: MeshSolid, bodies: Sequence[Array], tolerance: float = PieceOptions.tolerance) -> float:
-    """How far (m) the hulls of points, (k, 3) each, reach beyond a mesh at most, to within a tolerance (m)."""
+    """Return how far (m) the hulls of points, (k, 3) each, reach beyond a mesh at most, to within a tolerance (m)."""
     hulls = [(points, _hull(points)) for points in bodies]
     return over_cover(solid, np.concatenate([points[hull.simplices] for points, hull in hulls]), tolerance)
 
@@ -116,7 +116,7 @@ def _best_cut(solid: MeshSolid, cell: _Cell, places: int) -> tuple[_Cell, _Cell]
 
 
 def _places(cell: _Cell, axis: int, count: int) -> list[float]:
-    """Where to cut across an axis: evenly, and along the largest steps of the surface that lie across it."""
+    """Return candidate cuts across an axis: evenly spaced, and along the largest steps of the surface across it."""
     low, high = cell.points[:, axis].min(), cell.points[:, axis].max()
     even = np.linspace(low, high, count + 2)[1:-1]
     corners = cell.triangles

@@ -74,7 +74,7 @@ class DualQuaternion:
 
     @property
     def position(self) -> Array:
-        """Of the pose: p = vec(2 dual real*), (3,), m."""
+        """Position of the pose: p = vec(2 dual real*), (3,), m."""
         return np.asarray(2.0 * _product(self.dual, _CONJUGATE * self.real)[1:])
 
     def pose(self) -> pin.SE3:
@@ -85,7 +85,7 @@ class DualQuaternion:
         )
 
     def shorter(self) -> "DualQuaternion":
-        """That of q and -q which turns by π at most.
+        """The one of q and -q that turns by π at most.
 
         At a half turn, |real[0]| < 1e-9, both do; then the axis's first component that is not zero is made positive, so
         that rounding does not choose the way round.
@@ -115,7 +115,7 @@ class DualQuaternion:
 
     @property
     def defect(self) -> float:
-        """How far from unit: the larger of | |real| - 1 | and |real · dual| (m)."""
+        """Distance from unit: the larger of | |real| - 1 | and |real · dual| (m)."""
         return max(abs(math.hypot(*self.real) - 1.0), abs(float(self.real @ self.dual)))
 
     def normalised(self) -> "DualQuaternion":

@@ -55,7 +55,7 @@ class _Piece:
 
 
 class Enclosure:
-    """What a mesh encloses.
+    """Test whether points are enclosed by a mesh.
 
     Args:
         vertices: (k, 3), m.
@@ -93,7 +93,7 @@ class Enclosure:
 
 
 def winding_number(triangles: Array, point: Array) -> float:
-    """How often triangles (k, 3, 3) wind around a point (3,): 0 outside a closed surface, 1 or -1 inside.
+    """Return the winding number of triangles (k, 3, 3) about a point (3,): 0 outside a closed surface, 1 or -1 inside.
 
     Sum of solid angles over 4 pi, with tan(angle / 2) = a . (b x c) / (abc + (a . b) c + (b . c) a + (c . a) b).
     Source: van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983).

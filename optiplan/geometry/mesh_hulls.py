@@ -28,7 +28,7 @@ _hulls: "OrderedDict[str, coal.ConvexBase]" = OrderedDict()
 
 
 class Outline:
-    """The same bodies with hulls in the place of meshes: their distances are lower bounds of the true ones.
+    """The bodies with hulls in the place of meshes: their distances are lower bounds of the true ones.
 
     Attributes:
         geometry: the bodies, in the order of those they stand for.

@@ -1,4 +1,4 @@
-"""How far a convex body reaches beyond the mesh that it stands for, bounded from above."""
+"""Bound from above how far a convex body reaches beyond the mesh that it stands for."""
 
 from functools import cached_property
 

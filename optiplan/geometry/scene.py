@@ -1,4 +1,4 @@
-"""What stands around the robot and what it holds: shapes, obstacles, attached objects, allowed contacts."""
+"""Scenes: shapes, obstacles, attached objects, allowed contacts."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence

@@ -54,7 +54,7 @@ def _load_mesh(shape: Mesh) -> coal.CollisionGeometry:
 
 @lru_cache(maxsize=256)
 def _built(soup: Soup, scale: tuple[float, float, float], convex: bool) -> coal.CollisionGeometry:
-    """Made once per content, scale and kind; coal geometry is never changed after it is made, so it is shared."""
+    """Build geometry, once per content, scale and kind; it is never changed afterwards, so it is shared."""
     vertices = (soup.vertices @ soup.turn.T) * np.asarray(scale, float)
     if convex:
         check_reach(vertices)

@@ -1,4 +1,4 @@
-"""How well the tool can be moved from a configuration: measures of its Jacobian, their gradients, and ellipsoids."""
+"""Manipulability measures of the tool's Jacobian, their gradients, and ellipsoids."""
 
 from dataclasses import dataclass
 from typing import Literal

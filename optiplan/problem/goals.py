@@ -19,7 +19,7 @@ SHARE = 0.5  # of a tolerance that a solution may use up; the rest is for what p
 
 @dataclass(frozen=True)
 class GoalError:
-    """How far a configuration is from one alternative of the goal.
+    """Distance of a configuration from one alternative of the goal.
 
     Attributes:
         joint: largest joint error, rad or m, of a joint goal; None for a pose goal.
@@ -36,7 +36,7 @@ class GoalError:
 
 @dataclass(frozen=True)
 class GoalOptions:
-    """How to look for configurations.
+    """Options of the search for goal configurations.
 
     Attributes:
         count: how many to return, at most.

@@ -61,7 +61,7 @@ class Draft:
 
     @classmethod
     def of_data(cls, data: Any) -> "Draft":
-        """What can be read of a file that does not fit the schema."""
+        """Read the valid parts of a file that does not fit the schema."""
         root = _mapping(data)
         start = _fit(StartSpec, root.get("start"))
         goal = root.get("goal")

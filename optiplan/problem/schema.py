@@ -116,7 +116,7 @@ class AttachedSpec(Strict):
 
 
 class SceneSpec(Strict):
-    """What stands around the robot, what it holds, and which bodies may touch."""
+    """Obstacles, attached objects, and the pairs of bodies that may touch."""
 
     obstacles: tuple[ObstacleSpec, ...] = ()
     attached: tuple[AttachedSpec, ...] = ()
@@ -124,7 +124,7 @@ class SceneSpec(Strict):
 
 
 class ToleranceSpec(Strict):
-    """Of a pose: `position` in m, `orientation` in rad."""
+    """Tolerance of a pose: `position` in m, `orientation` in rad."""
 
     position: Length = 1e-4
     orientation: Length = 1e-3

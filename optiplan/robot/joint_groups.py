@@ -49,7 +49,7 @@ class Group:
     chosen: bool = False
 
     def pick(self, values: Sequence[float]) -> Array:
-        """Of one value for each listed joint those of the planned ones, (n,)."""
+        """Select the planned joints' values from one value for each listed joint, (n,)."""
         return np.array([values[self.listed.index(joint)] for joint in self.joints], dtype=np.float64)
 
 

@@ -31,6 +31,11 @@ class Limits:
     jerk: Array
     torque: Array
 
+    @property
+    def rates(self) -> tuple[Array, Array, Array]:
+        """Limits of the derivatives of order 1, 2 and 3: velocity, acceleration and jerk."""
+        return self.velocity, self.acceleration, self.jerk
+
     def scaled(
         self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float | str = 1.0, torque: float = 1.0
     ) -> "Limits":

@@ -1,4 +1,4 @@
-"""What is checked for each link: its mesh, the mesh's hull, or convex pieces."""
+"""Collision geometry of each link: its mesh, the mesh's hull, or convex pieces."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -74,7 +74,7 @@ _EXACTNESS = (PRIMITIVE, "mesh", "convex_pieces", "hull")
 def _treated(
     item: pin.GeometryObject, wanted: Treatment, notes: list[str]
 ) -> tuple[str, float, Iterator[pin.GeometryObject]]:
-    """What a shape becomes, how far (m) that reaches beyond it, and its bodies."""
+    """Return the treatment of a shape, how far (m) the result reaches beyond it, and its bodies."""
     mesh = item.geometry
     if not isinstance(mesh, coal.BVHModelBase):
         return PRIMITIVE, 0.0, iter([item.copy()])

@@ -1,4 +1,4 @@
-"""What a robot.yaml names: the tool frame and the configurations of a group."""
+"""Names in a robot.yaml: the tool frame and the configurations of a group."""
 
 import re
 

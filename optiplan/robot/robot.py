@@ -156,12 +156,12 @@ class Robot:
 
     @cached_property
     def visual(self) -> pin.GeometryModel:
-        """What the robot looks like; read at the first use, since nothing but a viewer needs it."""
+        """Visual geometry, read at the first use, since only viewers need it."""
         return self.build_visual()
 
     @cached_property
     def survey(self) -> PairSurvey:
-        """How often each pair of links touches, and what is proved of it; made at the first use, or read from disk."""
+        """Contact frequency of pairs of links, and what is proved of them; made at the first use, or read from disk."""
         return survey_pairs(self.model, self.geometry, (self.limits.lower, self.limits.upper))
 
     @property
@@ -185,7 +185,7 @@ class Robot:
         return int(self.model.getFrameId(name))
 
     def with_tool(self, frame: str) -> "Robot":
-        """The same robot with another tool frame.
+        """Return the same robot with another tool frame.
 
         Raises:
             UnknownChoiceError: there is no such frame.
@@ -194,7 +194,7 @@ class Robot:
         return replace(self, tool_frame=frame)
 
     def with_proved_checked(self) -> "Robot":
-        """The same robot with the pairs checked that are proved apart, for who asks for more distance than that."""
+        """Return the same robot with pairs checked that are proved apart, for queries of larger distances."""
         allowed = {pair: reason for pair, reason in self.allowed.items() if reason != PROVED}
         geometry = self.geometry.copy()
         set_pairs(self.model, geometry, allowed)
@@ -288,7 +288,7 @@ def load_robot(
 
 
 def _wanted(spec: RobotSpec, planned: Group, locked: Mapping[str, float]) -> dict[str, float]:
-    """Where joints stand that are not planned; a robot.yaml of several groups locks what another group plans."""
+    """Return the positions of joints that are not planned; a file of several groups locks what another group plans."""
     own = {joint: q for joint, q in spec.locked.items() if not (spec.groups and joint in planned.joints)}
     return {**own, **locked}
 

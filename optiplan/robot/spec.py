@@ -31,7 +31,7 @@ class LimitsSpec(Strict):
 
 
 class CollisionSpec(Strict):
-    """What is checked for the mesh of each link; links that are not named take the default."""
+    """Treatment of each link's mesh; links that are not named take the default."""
 
     default: Treatment = "auto"
     auto: list[Name] = Field(default_factory=list)

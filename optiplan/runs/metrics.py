@@ -1,4 +1,4 @@
-"""How good a motion is, in numbers that need no opinion: lengths, peak jerk, torque, clearance, manipulability.
+"""Objective metrics of a motion: lengths, peak jerk, torque, clearance, manipulability.
 
 Lengths and torques are integrals over time of what is measured at an instant. They are taken panel by panel by
 Gauss-Legendre quadrature (five points); a panel is halved until halving it changes the integral by less than its
@@ -35,7 +35,7 @@ _JUMP = 1e-5  # share of a velocity or acceleration limit that counts as a jump;
 
 @dataclass(frozen=True)
 class Metrics:
-    """What a trajectory costs and keeps.
+    """Metrics of a trajectory.
 
     Attributes:
         tool_path: length of the tool's path, integral of |v_WT|, m (to 1e-6 of itself).

@@ -1,7 +1,8 @@
-"""Of what a planner holds for answers, the best one that the verifier accepts."""
+"""Select the best candidate of a planner that the verifier accepts."""
 
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 from optiplan.planners.base import Budget, Candidate
 from optiplan.problem.problem import Problem
@@ -36,37 +37,41 @@ def best_verified(problem: Problem, candidates: list[Candidate], budget: Budget)
     One that is refused for a rate or a torque alone is tried again a little slower, unless another candidate is as fast
     as that. The favourite is looked at in any case, everything else while the budget lasts.
     """
-    chosen, refused = None, None
+    refused: Selection | None = None
     for place in reversed(range(len(candidates))):
-        faster = candidates[place]
         other = candidates[place - 1].trajectory.duration if place else float("inf")
-        for factor in (1.0, *_SLOWER):
-            trajectory = faster.trajectory.scaled(faster.trajectory.duration * factor) if factor > 1.0 else None
-            if (trajectory is not None and trajectory.duration >= other) or (refused is not None and budget.over):
-                break
-            began = time.perf_counter()
-            tried = Selection(trajectory or faster.trajectory, verify(problem, trajectory or faster.trajectory), factor)
-            seconds = faster.seconds + time.perf_counter() - began
+        for tried, seconds in _slower_and_slower(problem, candidates[place], other):
             if tried.report.verified:
-                chosen = place, tried, seconds
-                break
+                before = _verified(problem, candidates[:place], budget)
+                return replace(tried, improvements=_in_turn([*before, (seconds, tried.trajectory.duration)]))
             refused = refused or tried
-            if not {check.name for check in tried.report.checks if not check.passed} <= _CURED_BY_TIME:
-                break
-        if chosen is not None or (refused is not None and budget.over):
-            break
-    if chosen is None:
-        if refused is None:
-            raise ValueError("there are no candidates")
-        return refused
-    place, answer, seconds = chosen
-    before = _verified(problem, candidates[:place], budget)
-    now = (seconds, answer.trajectory.duration)
-    return Selection(answer.trajectory, answer.report, answer.slowed, _in_turn([*before, now]))
+            if budget.over:
+                return refused
+    if refused is None:
+        raise ValueError("there are no candidates")
+    return refused
+
+
+def _slower_and_slower(problem: Problem, candidate: Candidate, other: float) -> Iterator[tuple[Selection, float]]:
+    """Yield the verdict on a candidate, then on slower ones shorter than `other`, s, while that may cure what fails.
+
+    With each come the seconds of planning and proving.
+    """
+    for factor in (1.0, *_SLOWER):
+        trajectory = candidate.trajectory
+        if factor > 1.0:
+            trajectory = trajectory.scaled(trajectory.duration * factor)
+            if trajectory.duration >= other:
+                return
+        began = time.perf_counter()
+        report = verify(problem, trajectory)
+        yield Selection(trajectory, report, factor), candidate.seconds + time.perf_counter() - began
+        if not {check.name for check in report.checks if not check.passed} <= _CURED_BY_TIME:
+            return
 
 
 def _verified(problem: Problem, earlier: list[Candidate], budget: Budget) -> list[tuple[float, float]]:
-    """What the earlier answers were worth, and when they were there."""
+    """Return time and duration of the earlier candidates that are verified."""
     found = []
     for candidate in earlier:
         if budget.over:
@@ -78,7 +83,7 @@ def _verified(problem: Problem, earlier: list[Candidate], budget: Budget) -> lis
 
 
 def _in_turn(answers: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """The same (seconds, duration), each better than the last, without those that were proved after a better one."""
+    """Keep those of (seconds, duration) that were not proved after a better one, in order."""
     kept: list[tuple[float, float]] = []
     for answer in reversed(answers):
         if not kept or answer[0] < kept[-1][0]:

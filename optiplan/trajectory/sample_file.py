@@ -34,7 +34,7 @@ class Samples:
 
     @property
     def interpolation(self) -> str:
-        """What `trajectory` puts between them, in words."""
+        """Interpolation that `trajectory` uses between samples, in words."""
         return interpolation(self.v, self.a)
 
     def trajectory(self) -> Trajectory:

@@ -187,7 +187,7 @@ class Trajectory:
         return float(np.einsum("mkj,mkl,mlj->", jerk, widths, jerk))
 
     def scaled(self, duration: float) -> "Trajectory":
-        """The same path in another duration, s: q'(t) = q(t T / duration), every derivative times (T / duration)^k.
+        """Return the same path in another duration, s: q'(t) = q(t T / duration), derivative k times (T / duration)^k.
 
         Raises:
             ValueError: if the duration is not positive and finite.
@@ -243,7 +243,7 @@ class Trajectory:
 
 
 def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array) -> tuple[str, str, str] | None:
-    """What keeps these from being a Trajectory: (field, what was found, what was expected), or None."""
+    """Return what prevents a valid Trajectory: (field, what was found, what was expected), or None."""
     m, n = len(breakpoints) - 1 if breakpoints.ndim == 1 else 0, len(joint_names)
     if m < 1:
         return "breakpoints", f"shape {breakpoints.shape}", "two times or more"

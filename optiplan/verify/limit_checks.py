@@ -74,7 +74,7 @@ def goal(problem: Problem, trajectory: Trajectory) -> Check:
 
 
 def miss(problem: Problem, one: JointGoal | PoseGoal, q: Array) -> list[tuple[float, float, str]]:
-    """How far q misses a goal: (error, tolerance, what) of each part of it."""
+    """Return how far q misses a goal: (error, tolerance, what) of each part of it."""
     robot = problem.robot
     if isinstance(one, JointGoal):
         error = q - one.q
@@ -127,7 +127,7 @@ def continuity(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -
 
 
 def _acceleration_step(problem: Problem, policy: VerifyPolicy) -> Array:
-    """How far acceleration may jump, (n,), rad/s²: a tolerance where jerk is limited, anything where it is not."""
+    """Return the allowed jump of acceleration, (n,), rad/s²: a tolerance where jerk is limited, infinite elsewhere."""
     limits = problem.limits
     return np.where(np.isinf(limits.jerk), np.inf, policy.rest_tolerance * limits.acceleration)
 
@@ -150,7 +150,7 @@ def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: 
 
     Reported is the extremum that comes nearest to its limit.
     """
-    limits = (problem.limits.velocity, problem.limits.acceleration, problem.limits.jerk)[order - 1]
+    limits = problem.limits.rates[order - 1]
     e = trajectory.extrema_at(order)
     magnitude = np.maximum(np.abs(e.low), np.abs(e.high))
     time = np.where(np.abs(e.low) > np.abs(e.high), e.t_low, e.t_high)

@@ -1,4 +1,4 @@
-"""What the verifier answers: `VerifyPolicy` says how strict it was, `Report` what it found, check by check."""
+"""Report of the verifier: `VerifyPolicy` says how strict it was, `Report` what it found, check by check."""
 
 import math
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class VerifyPolicy:
-    """How strict the verifier is; printed in every report.
+    """Tolerances and limits of the verifier; printed in every report.
 
     Attributes:
         clearance: bodies must stay farther apart than this at all times, m.

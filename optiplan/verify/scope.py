@@ -1,4 +1,4 @@
-"""What a verdict is about: said beside it, in short statements, so that nothing is assumed silently."""
+"""Scope of a verdict, in short statements, so that no assumption is silent."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ def _pairs(robot: Robot, checks: Sequence[Check]) -> list[str]:
 
 
 def _shapes(robot: Robot) -> list[str]:
-    """What stands for the links; the few that are unlike the others by name."""
+    """Describe the geometry of the links; exceptions by name."""
     geometry = robot.link_geometry
     parts: list[str] = []
     for kind, count in Counter(geometry.values()).most_common():
@@ -38,7 +38,7 @@ def _shapes(robot: Robot) -> list[str]:
 
 
 def _torque(problem: Problem, checks: Sequence[Check]) -> list[str]:
-    """How far torques are known, from the check itself."""
+    """Describe how far torques are known, from the check itself."""
     check = next((check for check in checks if check.name == "torque"), None)
     if check is None:
         return []

@@ -19,7 +19,7 @@ _MOST_SAMPLES = 100_000
 
 @dataclass(frozen=True)
 class _Passage:
-    """How a via is passed: first at `entered` (s), None when never; nearest at `nearest` (s), `error` (unit) off."""
+    """Passage of a via: first at `entered` (s), None when never; nearest at `nearest` (s), `error` (unit) off."""
 
     entered: float | None
     nearest: float

@@ -1,4 +1,4 @@
-"""What the page shows of one run: its motion sampled, its verdict in words, and where it failed."""
+"""Data of one run for the page: its motion sampled, its verdict in words, and where it failed."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -131,7 +131,7 @@ def _words(check: Mapping[str, Any]) -> str:
 
 
 def _witness(poses: Poses, n: int, source: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Where something failed: the robot there, the nearest points of the two bodies (m), and their names."""
+    """Return the place of a failure: the configuration, the nearest points of the two bodies (m), and their names."""
     witness = source.get("witness") or {}
     q, points = witness.get("q"), _points(witness.get("points"))
     if q is None and not points:

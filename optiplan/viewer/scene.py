@@ -29,7 +29,7 @@ _THING_SIZE = 0.35  # m; obstacles smaller than this in every direction are colo
 
 @dataclass(frozen=True, eq=False)
 class SceneData:
-    """What the page draws; poses are [x, y, z, qx, qy, qz, qw], m, arrays are base64 of float32.
+    """Data that the page draws; poses are [x, y, z, qx, qy, qz, qw], m, arrays are base64 of float32.
 
     Attributes:
         name: of the problem; the page's title.

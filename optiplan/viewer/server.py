@@ -41,7 +41,7 @@ class PageServer(ThreadingHTTPServer):
 
     @property
     def url(self) -> str:
-        """Where a browser finds the page."""
+        """Address of the page."""
         host, port = self.server_address[:2]
         return f"http://{host!s}:{port}/"
 

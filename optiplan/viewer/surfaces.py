@@ -1,4 +1,4 @@
-"""What the page draws for a geometry: a primitive by its dimensions, anything else as triangles."""
+"""Drawable surfaces of geometries: a primitive by its dimensions, anything else as triangles."""
 
 import base64
 import logging

@@ -73,7 +73,7 @@ def render_workspaces(found: Sequence[Workspace]) -> str:
 
 
 def caption(one: Workspace) -> str:
-    """What was found, in a line."""
+    """Return the result in a line."""
     c = one.voxels.coverage
     return (
         f"{one.robot.name}: reach {one.reach.largest:.3f} m, sphere covered {c.whole:.1%}, "

@@ -17,7 +17,7 @@ def cores() -> int:
 
 
 class ChunkedWork(Generic[R]):
-    """What a worker does: `prepare` runs once a process and returns the function that does chunk k."""
+    """Work in chunks: `prepare` runs once a process and returns the function that does chunk k."""
 
     def prepare(self) -> Callable[[int], R]:
         """The function from a chunk's number to its result; both this object and the result are pickled."""

@@ -27,7 +27,7 @@ RINGS = 20
 
 @dataclass(frozen=True, eq=False)
 class WorkspaceOptions:
-    """How a workspace is studied.
+    """Options of a workspace study.
 
     Attributes:
         samples: uniform configurations within the limits, when `grid` is None.
@@ -71,7 +71,7 @@ class WorkspaceSamples:
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """What was found.
+    """Result of a workspace study.
 
     Attributes:
         voxels: made of the configurations that are free.

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optiplan.planners.base import Failure, PlanResult
-from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.stops import stop_at_corners
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,11 @@ def test_what_arrives_is_whole_without_its_home(problems, robot_of_ours, tmp_pat
     assert lacking(packed[0]) == lacking(packed[1])
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "elsewhere"))
     wanted = lacking(packed[0])
-    freight = {digest: packer.freight(digest) for digest in wanted}
+    bundle_contents = {digest: packer.bundle_contents(digest) for digest in wanted}
     assert len(wanted) == 2
     here = problem_from_dict(problems[0].data)
     shutil.rmtree(robot_of_ours)
-    for digest, content in freight.items():
+    for digest, content in bundle_contents.items():
         keep(digest, content)
         keep(digest, content)
     assert lacking(packed[0]) == set()

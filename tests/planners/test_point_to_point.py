@@ -13,7 +13,8 @@ from optiplan.planners.point_to_point.base import STEPS
 from optiplan.planners.registry import make_planner
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import JointGoal, Problem
-from optiplan.trajectory.timing.lower_bound import lower_bound, speed_ratio
+from optiplan.trajectory.timing.lower_bound import lower_bound
+from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.verify.verify import verify
 from tests.planners import cases
 

@@ -107,7 +107,7 @@ def test_timed_path_is_free_and_faster_than_stops():
     path = sample(problem, seed=1).waypoints
     names = problem.robot.joint_names
     from optiplan.planners.common.continuous_collision import first_contact
-    from optiplan.trajectory.timing.lower_bound import stop_at_corners
+    from optiplan.trajectory.timing.stops import stop_at_corners
 
     stops = stop_at_corners(path, problem.limits, names)
     trajectory = timed_path(model, path, problem.limits, Budget(20.0))

@@ -6,7 +6,7 @@ import pytest
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Obstacle, Scene, Sphere
 from optiplan.planners.common.continuous_collision import contacts_along, first_contact, trajectory_curve
-from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.stops import stop_at_corners
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
 

@@ -11,15 +11,15 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.geometry.dual_quaternion import DualQuaternion
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.schemes import Chase, rates_to_twist, reflected
+from optiplan.planners.sclerp.schemes import SchemeResult, rates_to_twist, reflected
 from optiplan.planners.sclerp.screw_kinematics import Tool
 
 PRINTED = SclerpOptions(scheme="corrected", limits="reflect")
 """Shares, tolerance and steps of the report's program; these it shares with `corrected`."""
 
 
-def printed_scheme(tool: Tool, start: Array, X_WG: pin.SE3, options: SclerpOptions = PRINTED) -> Chase:
-    """`schemes.chase` with the misprints: B(θ) with the printed J1, aimed along the printed screw."""
+def printed_scheme(tool: Tool, start: Array, X_WG: pin.SE3, options: SclerpOptions = PRINTED) -> SchemeResult:
+    """`schemes.iterate_scheme` with the misprints: B(θ) with the printed J1, aimed along the printed screw."""
     goal, limits = DualQuaternion.from_pose(X_WG), tool.robot.limits
     q, Q, hits = np.array(start, float), [np.array(start, float)], []
     while True:
@@ -32,7 +32,7 @@ def printed_scheme(tool: Tool, start: Array, X_WG: pin.SE3, options: SclerpOptio
         hits.append((q >= limits.upper) | (q <= limits.lower))
         q = reflected(q, limits.lower, limits.upper)
         Q.append(q)
-    return Chase(np.array(Q), error, error <= options.tolerance, np.array(hits, dtype=bool).reshape(-1, len(q)))
+    return SchemeResult(np.array(Q), error, error <= options.tolerance, np.array(hits, dtype=bool).reshape(-1, len(q)))
 
 
 def printed_aim(X_WT: pin.SE3, goal: DualQuaternion, tau: float) -> Array:

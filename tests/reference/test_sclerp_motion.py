@@ -14,7 +14,7 @@ from optiplan.planners.registry import make_planner
 from optiplan.planners.sclerp.bounded_least_squares import bounded_least_squares
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
-from optiplan.planners.sclerp.schemes import REFLECTION, aim, b_matrix, chase, reflected, spatial_J1
+from optiplan.planners.sclerp.schemes import REFLECTION, aim, b_matrix, iterate_scheme, reflected, spatial_J1
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.problem import PoseGoal, Problem
 from optiplan.robot.batch_fk import BatchKinematics
@@ -159,7 +159,7 @@ def test_sclerp_J1(arms):
         starts.append(rng.uniform(limits["lower"], limits["upper"]))
         goals.append(free.pose(starts[-1] + rng.normal(0.0, 0.35, 7)))
     options, converged = replace(PRINTED, iterations=1500), {}
-    for key, scheme in (("report", printed_scheme), ("corrected", chase)):
+    for key, scheme in (("report", printed_scheme), ("corrected", iterate_scheme)):
         found = [scheme(free, q, X, options) for q, X in zip(starts, goals, strict=True)]
         converged[key] = [run.iterations for run in found if run.converged]
         expected.check(len(converged[key]), "random_starts_converged", key)
@@ -198,7 +198,9 @@ def test_sclerp_limits_text(tool):
     ends = tool.pose(np.zeros(7)), X_G
     off = []
     for limits in ("reflect", "clip"):
-        run = chase(tool, np.zeros(7), X_G, SclerpOptions(scheme="corrected", limits=limits, tau=0.2, beta=0.2))
+        run = iterate_scheme(
+            tool, np.zeros(7), X_G, SclerpOptions(scheme="corrected", limits=limits, tau=0.2, beta=0.2)
+        )
         assert run.hits.any()
         off.append(screw_deviation(poses(tool, run.Q), ends)[0])
     assert abs(off[0] - off[1]) < 5e-5

@@ -12,7 +12,7 @@ from optiplan.problem.problem import Problem
 from optiplan.runs import selection
 from optiplan.runs.pipeline import run
 from optiplan.runs.selection import best_verified
-from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
 from tests.planners import cases

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.paths.hermite import Hermite, hermite
 from optiplan.trajectory.profiles.laws import CUBIC, QUINTIC, SEPTIC
-from optiplan.trajectory.timing.lower_bound import speed_ratio
+from optiplan.trajectory.timing.time_scaling import speed_ratio
 
 NUMBER = st.floats(-3.0, 3.0)
 

@@ -5,13 +5,9 @@ import pytest
 import ruckig
 
 from optiplan.robot.robot import Limits
-from optiplan.trajectory.timing.lower_bound import (
-    lower_bound,
-    lower_bounds,
-    scale_to_limits,
-    speed_ratio,
-    stop_at_corners,
-)
+from optiplan.trajectory.timing.lower_bound import lower_bound, lower_bounds
+from optiplan.trajectory.timing.stops import stop_at_corners
+from optiplan.trajectory.timing.time_scaling import scale_to_limits, speed_ratio
 
 
 def limits_of(velocity, acceleration, jerk):

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.robot.robot import Robot, load_robot
-from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 

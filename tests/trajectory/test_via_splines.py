@@ -12,7 +12,7 @@ from optiplan.trajectory.paths.via_splines import (
     smooth_spline,
     spline_of_velocities,
 )
-from optiplan.trajectory.timing.lower_bound import scale_to_limits
+from optiplan.trajectory.timing.time_scaling import scale_to_limits
 
 NAMES = ("a", "b")
 ONES = np.ones(2)

@@ -74,7 +74,7 @@ class DaskCluster:
         return sum(self._client.nthreads().values())
 
     def outcomes(self, tasks: Iterable[BenchTask]) -> Generator[Outcome, None, None]:
-        """As `Workforce` says.
+        """Yield the outcomes of tasks, as `Workforce` says.
 
         Raises:
             ClusterError: the scheduler is gone, no worker comes, or one comes with other versions.
@@ -100,7 +100,7 @@ class DaskCluster:
             self._leave()
 
     def close(self) -> None:
-        """As `Workforce` says."""
+        """End the session, as `Workforce` says."""
         self._stop.set()
 
     def _look(self) -> int:
@@ -162,8 +162,8 @@ class DaskCluster:
         if isinstance(answer, Outcome):
             yield replace(answer, row=replace(answer.row, worker=answer.row.worker or self.address))
         elif isinstance(answer, station.Wanted):
-            freight = {digest: self._packer.freight(digest) for digest in sorted(answer.digests)}
-            self._send(task, {**bill, **freight})
+            bundle_contents = {digest: self._packer.bundle_contents(digest) for digest in sorted(answer.digests)}
+            self._send(task, {**bill, **bundle_contents})
         else:
             raise _mismatch("that came later", answer.words)
 

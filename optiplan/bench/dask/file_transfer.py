@@ -1,7 +1,7 @@
 """Files that travel with a task: a machine elsewhere has optiplan, and neither our checkout nor our robots and meshes.
 
 A *bundle* is what belongs together: a mesh, or a robot with all that it is read from. A packed problem names bundles
-by the hash of their content in place of files; who has a bundle keeps it, who does not asks for its *freight*.
+by the hash of their content in place of files; workers cache bundles by hash and request missing contents.
 """
 
 import os
@@ -36,7 +36,7 @@ class TravelError(OptiPlanError):
 
 
 @dataclass(frozen=True)
-class Freight:
+class BundleContents:
     """Content of a bundle: the folder that it is of, at home, and its files by their path below that."""
 
     home: str
@@ -69,10 +69,10 @@ class Packer:
             mesh["file"] = self._bundle(str(path), path.parent, (path,)) + path.name
         return replace(problem, data=data)
 
-    def freight(self, digest: str) -> Freight:
-        """What a bundle holds."""
+    def bundle_contents(self, digest: str) -> BundleContents:
+        """Return the files of a bundle."""
         home, paths = self._bundles[digest]
-        return Freight(str(home), {str(path.relative_to(home)): path.read_bytes() for path in paths})
+        return BundleContents(str(home), {str(path.relative_to(home)): path.read_bytes() for path in paths})
 
     def _robot(self, ref: str) -> str:
         """Try it out before it goes: a robot that is not whole without its surroundings is told of here."""
@@ -83,7 +83,7 @@ class Packer:
         home = common.parents[min(LEVELS, len(common.parents)) - 1] if common.parents else common
         packed = self._bundle(ref, home, paths) + str(robot.source.relative_to(home))
         if not known:
-            keep(self._digests[ref], self.freight(self._digests[ref]))
+            keep(self._digests[ref], self.bundle_contents(self._digests[ref]))
             try:
                 RobotShelf()(str(_unpacked(packed)))
             except OptiPlanError as error:
@@ -104,15 +104,15 @@ def lacking(problem: BenchProblem) -> set[str]:
     return {ref.removeprefix(SCHEME).partition("/")[0] for ref in _refs(problem.data) if not _folder(ref).is_dir()}
 
 
-def keep(digest: str, freight: Freight) -> None:
+def keep(digest: str, bundle_contents: BundleContents) -> None:
     """Put a bundle into the cache, whole or not at all."""
     folder = _folder(f"{SCHEME}{digest}/")
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = Path(tempfile.mkdtemp(dir=folder.parent))
-    for name, content in freight.files.items():
+    for name, content in bundle_contents.files.items():
         path = fresh / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(_settled(content, freight.home, folder) if path.suffix in TEXTS else content)
+        path.write_bytes(_settled(content, bundle_contents.home, folder) if path.suffix in TEXTS else content)
     try:
         fresh.rename(folder)
     except OSError:  # another process was faster

@@ -1,4 +1,4 @@
-"""What a machine of a cluster does for a suite: takes a task, has the files it needs, runs it in a slot.
+"""Run tasks of a suite on a machine of a cluster: take one, request missing files, run it in a slot.
 
 Knows nothing of Dask but that its functions are called there: `carry_out` in the worker's threads, the others between.
 """
@@ -11,13 +11,13 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import metadata
 
-from optiplan.bench.dask.file_transfer import Freight, keep, lacking, unpack
+from optiplan.bench.dask.file_transfer import BundleContents, keep, lacking, unpack
 from optiplan.bench.execution.code_version import own_digest
 from optiplan.bench.execution.slot import WorkerSlot
 from optiplan.bench.results.records import BenchTask, Outcome
 from optiplan.runs.run import versions
 
-Bill = Mapping[str, Freight]
+Bill = Mapping[str, BundleContents]
 """Bundles by their digest."""
 
 
@@ -45,7 +45,7 @@ class _Seat:
 
 @dataclass
 class _Shift:
-    """What a session of `optiplan bench` has here."""
+    """State of one session of `optiplan bench` on this machine."""
 
     stop: threading.Event = field(default_factory=threading.Event)
     seats: dict[int, _Seat] = field(default_factory=dict)
@@ -57,7 +57,7 @@ _lock = threading.Lock()
 
 @cache
 def signature() -> dict[str, str]:
-    """What has to be the same on every machine for results to be: versions, and optiplan's code itself."""
+    """Return what must agree on every machine for results to be equal: versions, and the digest of optiplan's code."""
     found = versions() | {"optiplan's code": own_digest()[:12], "processor": platform.machine()}
     found["python"] = found["python"].rpartition(".")[0]
     try:
@@ -67,7 +67,7 @@ def signature() -> dict[str, str]:
 
 
 def differences(theirs: Mapping[str, str]) -> tuple[str, ...]:
-    """Where this machine differs from the `signature` of another, in words."""
+    """Return the differences of this machine from the `signature` of another, in words."""
     ours = signature()
     names = dict.fromkeys((*theirs, *ours))
     return tuple(
@@ -93,8 +93,8 @@ def carry_out(session: str, expected: Mapping[str, str], task: BenchTask, bill: 
     words = differences(expected)
     if words:
         return Other(words)
-    for digest, freight in bill.items():
-        keep(digest, freight)
+    for digest, bundle_contents in bill.items():
+        keep(digest, bundle_contents)
     missing = lacking(task.problem)
     if missing:
         return Wanted(frozenset(missing))

@@ -1,4 +1,4 @@
-"""What code runs are made with: OptiPlan's own, by version, commit and content, and that of planners from outside."""
+"""Identify the code of runs: OptiPlan's, by version, commit and content, and that of outside planners."""
 
 import ast
 import hashlib

@@ -26,7 +26,7 @@ class Workforce(Protocol):
 
 
 class LocalPool:
-    """So many slots on this machine.
+    """A fixed number of worker slots on this machine.
 
     A slot takes its next task before the last outcome is stored: storing costs no slot any time.
     """
@@ -50,7 +50,7 @@ class LocalPool:
         return sum(slot.starting for slot in self._slots)
 
     def outcomes(self, tasks: Iterable[BenchTask]) -> Generator[Outcome, None, None]:
-        """As `Workforce` says.
+        """Yield the outcomes of tasks, as `Workforce` says.
 
         Raises:
             WorkerError: no worker can be started.
@@ -75,7 +75,7 @@ class LocalPool:
                 thread.join(PATIENCE)
 
     def close(self) -> None:
-        """As `Workforce` says."""
+        """End the workers, as `Workforce` says."""
         self._stop.set()
 
     def _serve(self, slot: WorkerSlot, tasks: Iterator[BenchTask]) -> None:

@@ -24,7 +24,7 @@ class CodeError(OptiPlanError):
 
 @dataclass(frozen=True)
 class Summary:
-    """How a suite stands: runs it has, those found in the folder, those made now."""
+    """Progress of a suite: all runs, those found in the folder, those made now."""
 
     total: int
     found: int
@@ -62,7 +62,7 @@ def open_results(suite: Suite, folder: Path) -> Store:
 
 
 def other_versions(store: Store) -> list[str]:
-    """Where the versions of now differ from those that earlier runs were made with, in words."""
+    """Return the differences of today's versions from those of earlier runs, in words."""
     words = []
     now = versions()
     for row in store.query("SELECT DISTINCT versions FROM sessions"):

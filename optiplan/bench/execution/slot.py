@@ -204,7 +204,7 @@ class _Worker:
         return None
 
     def autopsy(self) -> _Death:
-        """How a process that is gone has ended."""
+        """Return how a dead process ended."""
         try:
             code = self._process.wait(5.0)
         except subprocess.TimeoutExpired:

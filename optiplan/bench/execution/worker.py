@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def surroundings() -> list[object]:
-    """What a planner must leave as it was: the files behind standard output and standard error, the working folder."""
+    """Return what a planner must leave unchanged: files behind standard output and error, the working folder."""
     found: list[object] = [sys.stdout.closed, sys.stderr.closed]
     for ask in (lambda: os.fstat(1).st_ino, lambda: os.fstat(2).st_ino, os.getcwd):
         try:

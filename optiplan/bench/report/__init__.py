@@ -1,1 +1,1 @@
-"""What a suite's runs say: one page, its figures, a table for READMEs."""
+"""The report of a suite: one page, its figures, a table for READMEs."""

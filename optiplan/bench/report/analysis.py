@@ -24,7 +24,7 @@ SAME = 1.01
 
 
 class Spread(NamedTuple):
-    """How a quantity of verified runs is spread: how many, median, percentiles 50, 75, 95, 99."""
+    """Distribution of a quantity over verified runs: count, median, percentiles 50, 75, 95, 99."""
 
     runs: int
     median: Interval
@@ -32,7 +32,7 @@ class Spread(NamedTuple):
 
 
 class PlannerNumbers(NamedTuple):
-    """What a planner did.
+    """Results of one planner.
 
     Attributes:
         label: of the planner.

@@ -1,4 +1,4 @@
-"""What a report says first: which planner to take, and what to beware of."""
+"""The report's summary: which planner to take, and which warnings apply."""
 
 import html
 import json
@@ -56,7 +56,7 @@ def _names(found: list[PlannerNumbers]) -> str:
 
 
 def facts(store: Store, analysis: Analysis) -> str:
-    """What was run, in one line."""
+    """Return the size of the suite in one line."""
     runs = analysis.runs
     verified = percent(float(runs.verified.mean())) if runs.size else "0 %"
     expected = _expected(store, analysis)
@@ -65,7 +65,7 @@ def facts(store: Store, analysis: Analysis) -> str:
 
 
 def warnings(store: Store, analysis: Analysis) -> list[str]:
-    """What a reader must know before believing the rest."""
+    """Return what limits the validity of the report."""
     runs, found = analysis.runs, []
     expected = _expected(store, analysis)
     if runs.size < expected:
@@ -86,6 +86,6 @@ def warnings(store: Store, analysis: Analysis) -> list[str]:
 
 
 def _expected(store: Store, analysis: Analysis) -> int:
-    """How many runs the suite has."""
+    """Return the number of runs of the suite."""
     suite = store.meta("parts")
     return len(analysis.runs.problems) * len(analysis.runs.planners) * len(suite["seeds"]) * int(suite["repetitions"])

@@ -51,6 +51,6 @@ class ReportServer(PageServer):
 
 
 def address(run: Failed) -> str:
-    """Where the server shows a run."""
+    """Return the address under which the server shows a run."""
     names = ("problem", "planner", "seed", "repetition")
     return f"show?{urlencode(dict(zip(names, run[:4], strict=True)))}"

@@ -1,4 +1,4 @@
-"""How the runs were made: machine, versions, settings, the suite itself, and what the times mean."""
+"""Settings of the runs: machine, versions, options, the suite, and the definition of the times."""
 
 import html
 import json

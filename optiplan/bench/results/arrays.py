@@ -19,7 +19,7 @@ SELECT = f"SELECT {', '.join(COLUMNS)} FROM rated ORDER BY problem, planner, see
 
 
 class Grid(NamedTuple):
-    """What each planner made of the same tasks: rows are tasks (m,), columns planners (s,).
+    """Results on the tasks common to all planners: rows are tasks (m,), columns planners (s,).
 
     Attributes:
         tasks: (m, 3): problem's index, seed, repetition.
@@ -82,7 +82,7 @@ class Runs:
 
     @property
     def size(self) -> int:
-        """How many there are."""
+        """Number of runs."""
         return len(self.problem)
 
     def grid(self) -> Grid:

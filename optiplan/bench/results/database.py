@@ -220,7 +220,7 @@ class Store:
 
     @contextmanager
     def _told(self) -> Iterator[None]:
-        """What SQLite says, as an error that tells what to do."""
+        """Return the error of SQLite as one that says what to do."""
         try:
             yield
         except sqlite3.OperationalError as error:

@@ -42,7 +42,7 @@ class Entry(NamedTuple):
 
 
 class Imported(NamedTuple):
-    """How many runs were read, how many of them have a trajectory, and how many of these are verified."""
+    """Number of runs read, of those with a trajectory, and of those verified."""
 
     runs: int
     trajectories: int
@@ -107,7 +107,7 @@ def _entries(file: Path) -> list[Entry]:
 
 
 def _outcomes(file: Path, tasks: Mapping[Any, tuple[BenchTask, Entry]]) -> Iterator[Outcome]:
-    """What every entry amounts to.
+    """Return the outcome of every entry.
 
     Raises:
         InputError: samples that cannot be read, of all entries.

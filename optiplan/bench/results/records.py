@@ -1,4 +1,4 @@
-"""What travels between the runner and its workers, and what is stored: plain data, JSON-ready."""
+"""Records exchanged between the runner and its workers, and stored: plain data, JSON-ready."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -66,7 +66,7 @@ class BenchTask:
 
     @property
     def key(self) -> Key:
-        """What makes it one of its kind."""
+        """Identity of the run: problem, planner, seed, repetition."""
         return self.problem.id, self.planner.label, self.seed, self.repetition
 
     def to_dict(self) -> dict[str, Any]:
@@ -75,7 +75,7 @@ class BenchTask:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "BenchTask":
-        """What `to_dict` gave."""
+        """Read the result of `to_dict`."""
         metrics = None if data["metrics"] is None else tuple(data["metrics"])
         parts = {"problem": BenchProblem(**data["problem"]), "planner": BenchPlanner(**data["planner"])}
         return cls(**{**data, **parts, "metrics": metrics})
@@ -122,7 +122,7 @@ class Row:
 
     @property
     def key(self) -> Key:
-        """What makes it one of its kind."""
+        """Identity of the run: problem, planner, seed, repetition."""
         return self.problem, self.planner, self.seed, self.repetition
 
 
@@ -144,7 +144,7 @@ def failure(kind: str, detail: str, witness: Mapping[str, Any] | None = None) ->
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a task: its row, and the trajectory as compressed JSON when there is one."""
+    """Outcome of a task: its row, and the trajectory as compressed JSON when there is one."""
 
     row: Row
     trajectory: bytes | None = None

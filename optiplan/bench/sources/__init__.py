@@ -1,1 +1,1 @@
-"""Where the problems of a suite come from."""
+"""Sources of the problems of a suite."""

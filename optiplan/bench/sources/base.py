@@ -1,4 +1,4 @@
-"""Where the problems of a suite come from: one function a kind of source, found by name.
+"""Sources of the problems of a suite: one function a kind of source, found by name.
 
 A reader is a function `(Place) -> Iterator[Found]`. It yields problems in a fixed order, the same at every call, and
 raises `InputError` for a source that cannot be used; `Place` makes the issues, with the line in the suite file.
@@ -71,7 +71,7 @@ class Place:
 
     @property
     def folder(self) -> Path:
-        """What relative paths start from."""
+        """Folder that relative paths are resolved against."""
         return self.document.path.resolve().parent
 
     def issue(self, key: str, found: str, expected: str) -> Issue:
@@ -91,7 +91,7 @@ class Place:
         return self.folder / self.text(key)
 
     def text(self, key: str) -> str:
-        """What a key of the source says, variables replaced.
+        """Return the text of a key of the source, variables replaced.
 
         Raises:
             InputError: a variable that is not set.
@@ -115,7 +115,7 @@ class Place:
         return str(path)
 
     def thinned(self, items: Sequence[Item]) -> Sequence[Item]:
-        """Of the problems of one set those that `every` and `first` leave."""
+        """Keep every k-th problem of one set, then the first ones, as `every` and `first` say."""
         return items[:: self.spec.every][: self.spec.first]
 
 

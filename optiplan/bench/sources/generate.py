@@ -75,7 +75,7 @@ def generated(place: Place) -> Iterator[Found]:
 
 
 def _kept(identity: list[str], make: Callable[[], dict[str, Any] | None]) -> dict[str, Any] | None:
-    """What was made before of the same, or what is made now: drawing scenes takes longer than reading them."""
+    """Return cached scenes, or draw and cache them: drawing takes longer than reading."""
     file = f"scenes/{cache.digest(part.encode() for part in identity)}.json"
     kept = cache.load(file)
     if kept is None:
@@ -151,7 +151,7 @@ def _problem(
 def _start(
     blank: dict[str, Any], draft: DrawnScene, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotShelf]
 ) -> dict[str, Any] | None:
-    """Where the motion starts: the scene's pose, or the first of the robot's configurations that is free; or None."""
+    """Return the start: the scene's pose, or the first free configuration of the robot; or None."""
     _, robot, shelf = robots
     goal = {"pose": pose_to_data(draft.goal if draft.start is None else draft.start)}
     for name in robot.configurations:

@@ -58,7 +58,7 @@ class _Converter:
         )
 
     def convert(self, scene: Path, request: Path) -> tuple[dict[str, Any], dict[str, str]]:
-        """As `Importer.convert`."""
+        """Convert one problem, as `Importer.convert`."""
         if self._key is None:  # the robot depends on the scene
             return self._importer.convert(scene, request)
         names = (scene.resolve().parent.name, number_of(request))

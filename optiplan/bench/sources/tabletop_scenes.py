@@ -26,7 +26,7 @@ BOARD = 0.02  # thickness of boards and walls, shares of R
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """What scenes are scaled to: the shoulder S (3,), m, world, and the reach R, m."""
+    """Scale of a scene: the shoulder S (3,), m, world, and the reach R, m."""
 
     shoulder: Array
     reach: float
@@ -46,7 +46,7 @@ class DrawnScene:
 
 
 class Generator(Protocol):
-    """What every class below is."""
+    """Protocol of the scene generators below."""
 
     LEVELS: ClassVar[Levels]
 

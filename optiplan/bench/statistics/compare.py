@@ -148,7 +148,7 @@ def _judged(changes: list[Change]) -> Iterable[Change]:
 
 
 def _verdict(change: Change) -> str:
-    """What a change that is no chance amounts to."""
+    """Return the verdict on a significant change."""
     limit = THRESHOLDS[change.quantity]
     if change.quantity == "success":
         return REGRESSION if change.worse > change.better else IMPROVEMENT
@@ -159,7 +159,7 @@ def _verdict(change: Change) -> str:
 
 
 def _busy(changes: list[Change]) -> Iterable[str]:
-    """Where the clock and the processor disagree."""
+    """Return where wall-clock and processor time disagree."""
     for one in changes:
         limit = THRESHOLDS[one.quantity]
         if one.corrected < ALPHA and one.verdict == NONE and not 1.0 / limit <= one.ratio.value <= limit:
@@ -168,7 +168,7 @@ def _busy(changes: list[Change]) -> Iterable[str]:
 
 
 def _notes(one: tuple[Store, Runs], other: tuple[Store, Runs], changed: set[str], common: int) -> Iterable[str]:
-    """What is not common, and what makes times incomparable."""
+    """Return what the two sets do not share, and what makes times incomparable."""
     (old, a), (new, b) = one, other
     if old.meta("suite_hash") != new.meta("suite_hash"):
         yield f"the suites differ ('{old.meta('name')}' and '{new.meta('name')}'): only what is common is compared"
@@ -188,7 +188,7 @@ def _notes(one: tuple[Store, Runs], other: tuple[Store, Runs], changed: set[str]
 
 
 def _origins(one: tuple[Store, Runs], other: tuple[Store, Runs]) -> Iterable[str]:
-    """Where the runs come from: claims of others, code, versions, machines."""
+    """Return the origin of the runs: foreign claims, code, versions, machines."""
     (old, a), (new, b) = one, other
     for name, runs in (("A", a), ("B", b)):
         claims = int((runs.kind == CLAIMED).sum())
@@ -203,7 +203,7 @@ def _origins(one: tuple[Store, Runs], other: tuple[Store, Runs]) -> Iterable[str
 
 
 def _told(store: Store, column: str) -> set[str]:
-    """What is recorded of the machines or versions of all sessions, as `name value`."""
+    """Return the recorded machines or versions of all sessions, as `name value`."""
     ignored = ("load", "memory")
     sql = f"SELECT DISTINCT key || ' ' || value FROM sessions, json_each(sessions.{column}) WHERE key NOT IN (?, ?)"
     return {str(row[0]) for row in store.query(sql, ignored)}

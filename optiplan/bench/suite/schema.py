@@ -45,7 +45,7 @@ def _named(value: Any) -> Any:
 
 
 class SourceSpec(Strict):
-    """Where problems come from: exactly one of the keys of `KINDS`, with what that kind takes.
+    """A source of problems: exactly one of the keys of `KINDS`, with the keys that kind takes.
 
     Attributes:
         glob: pattern of problem files, relative to the suite file.
@@ -104,7 +104,7 @@ class SuitePlannerSpec(Strict):
 
     @property
     def shown(self) -> str:
-        """What stands in the results."""
+        """Name in the results."""
         return self.label or self.name
 
     @property

@@ -65,7 +65,7 @@ class Suite:
 
     @cached_property
     def parts(self) -> dict[str, Any]:
-        """What makes it this suite and no other, JSON-ready, part by part."""
+        """Content that identifies the suite, JSON-ready, part by part."""
         spec = self.spec
         return {
             "planners": {planner.label: [planner.name, dict(planner.options)] for planner in self.planners},
@@ -115,7 +115,7 @@ def load_suite(path: Path | str, scratch: Path, progress: Progress = lambda stag
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    """What differs between the `parts` of two suites, one sentence each."""
+    """Return the differences between the `parts` of two suites, one sentence each."""
     words = []
     for part in new:
         if old.get(part) == new[part]:
@@ -128,7 +128,7 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
 
 
 def code_differences(old: Mapping[str, Any] | None, new: Mapping[str, Any]) -> list[str]:
-    """What differs between the `code` of two suites, one sentence each; None: it was not recorded."""
+    """Return the differences between the `code` of two suites, one sentence each; None: it was not recorded."""
     if old is None:
         return [f"code: not recorded there, optiplan {new['optiplan']} here"]
     words = []

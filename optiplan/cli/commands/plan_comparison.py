@@ -79,7 +79,7 @@ def _one(problem: Problem, name: str, options: Mapping[str, Any], seconds: float
 
 
 def _place(path: Path, run: Run) -> Run:
-    """What is wrong with the options of the file's planner, told with their lines."""
+    """Add the lines of the file to issues with the options of its planner."""
     failure = run.failure
     if failure is None or failure.kind != "input" or run.planner != run.problem.planner:
         return run
@@ -94,7 +94,7 @@ def _rank(run: Run) -> tuple[bool, bool, float]:
 
 
 class Bound(NamedTuple):
-    """What the durations of a comparison are divided by: one bound for all, s, and what it is the least of."""
+    """Lower bound by which all durations of a comparison are divided, s, and what it is the least of."""
 
     seconds: float | None
     words: str

@@ -28,7 +28,7 @@ MOST_ASKED = 8
 
 @dataclass(frozen=True)
 class Choices:
-    """What a robot.yaml says beside the names of its files; empty where OptiPlan's own choice stands."""
+    """Entries of a robot.yaml beside the names of its files; empty means OptiPlan's default."""
 
     group: tuple[str, ...] = ()
     tool: str = ""

@@ -113,7 +113,7 @@ def _save(found: list[Any], out: Path) -> list[Path]:
 
 
 def _row(one: Any, seconds: float) -> dict[str, Any]:
-    """What `--json` prints of one robot; m, and shares from 0 to 1."""
+    """Return the `--json` output of one robot; m, and shares from 0 to 1."""
     import numpy as np
 
     free = one.samples.free

@@ -1,4 +1,4 @@
-"""What `optiplan bench compare` says: a table, the changes that matter in words, new and gone failures."""
+"""Print `optiplan bench compare`: a table, the significant changes in words, new and fixed failures."""
 
 import math
 from typing import Any

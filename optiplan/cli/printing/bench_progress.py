@@ -1,4 +1,4 @@
-"""How far a suite is: a bar where a person watches, plain lines now and then where the output is kept."""
+"""Print the progress of a suite: a bar in a terminal, plain lines now and then elsewhere."""
 
 import sys
 import time

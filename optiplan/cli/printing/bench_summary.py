@@ -1,4 +1,4 @@
-"""What `optiplan bench` says at the end: one line a planner."""
+"""Print the summary of `optiplan bench`: one line a planner."""
 
 from typing import Any
 
@@ -40,7 +40,7 @@ def summary_data(store: Store, done: Summary) -> dict[str, Any]:
 
 
 def show_summary(console: Console, store: Store, done: Summary) -> None:
-    """The same as a table."""
+    """Print the summary as a table."""
     data = summary_data(store, done)
     table = Table(box=None, pad_edge=False)
     for name in ("planner", "runs", "planned", "timed", "verified", "plan s, median", "processor s", "/ bound, median"):

@@ -14,7 +14,7 @@ from optiplan.robot.robot import Robot
 
 
 def describe(robot: Robot, frame: str, answer: Answer, every: bool) -> dict[str, Any]:
-    """What `ik --json` prints: all solutions, or the best one within limits; `reason` and `nearest` when none is."""
+    """Return the `ik --json` output: all solutions, or the best within limits; else `reason` and `nearest`."""
     chosen = answer.solutions if every else [s for s in answer.solutions[:1] if s.within_limits]
     solutions = [
         {
@@ -44,7 +44,7 @@ def describe(robot: Robot, frame: str, answer: Answer, every: bool) -> dict[str,
 
 
 def show(console: Console, data: Mapping[str, Any]) -> None:
-    """What `describe` found, for a person."""
+    """Print the result of `describe`."""
     if data["solutions"]:
         _show_solutions(console, data)
     if "nearest" in data:

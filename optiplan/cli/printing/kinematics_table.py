@@ -32,7 +32,7 @@ UNITS = ("m", "m²", "")
 
 
 def describe(robot: Robot, q: Array, velocity: Array | None = None) -> dict[str, Any]:
-    """What `kinematics --json` prints of the tool frame at q (n,), and at joint velocities (n,) if there are any."""
+    """Return the `kinematics --json` output for the tool frame at q (n,), and at joint velocities (n,) if given."""
     X_WF, J = frame_pose(robot, q, robot.tool_frame), geometric_jacobian(robot, q, robot.tool_frame)
     analytic, reason = _analytic(robot, q)
     rank = int((np.linalg.svd(J, compute_uv=False) > SINGULAR).sum())
@@ -71,7 +71,7 @@ def describe(robot: Robot, q: Array, velocity: Array | None = None) -> dict[str,
 
 
 def describe_formulas(robot: Robot) -> dict[str, Any]:
-    """What `kinematics --symbolic --json` adds."""
+    """Return the additional output of `kinematics --symbolic --json`."""
     text = symbolic_text(robot, robot.tool_frame)
     names = list(robot.joint_names)
     return {
@@ -93,7 +93,7 @@ def _analytic(robot: Robot, q: Array) -> tuple[Array | None, str | None]:
 
 
 def _measures(J: Array) -> dict[str, float | None]:
-    """Of the rows J (m, n); the condition number is None where the rank is lost."""
+    """Return the measures of the rows J (m, n); the condition number is None where the rank is lost."""
     found = measures(J[None])
     asada, smallest = float(found.asada[0]), float(found.smallest[0])
     return {
@@ -123,7 +123,7 @@ def _singularities(robot: Robot, q: Array) -> dict[str, Any] | None:
 
 
 def show(console: Console, data: Mapping[str, Any]) -> None:
-    """What `describe` found, for a person: pose and verdict first."""
+    """Print the result of `describe`, pose and verdict first."""
     n = len(data["joint_names"])
     q = ", ".join(f"{value:.6g}" for value in data["q"])
     name = f"{data['configuration']} " if data["configuration"] else ""

@@ -16,7 +16,7 @@ LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "torque")
 
 
 def describe(robot: Robot) -> dict[str, Any]:
-    """What `robots show --json` prints; limits that are infinite are null."""
+    """Return the `robots show --json` output; infinite limits are null."""
     limits = {name: getattr(robot.limits, name) for name in LIMITS}
     joints = [
         {"name": joint} | {key: column[i] for key, column in limits.items()}
@@ -54,7 +54,7 @@ def describe(robot: Robot) -> dict[str, Any]:
 
 
 def show_robot(console: Console, data: Mapping[str, Any]) -> None:
-    """What `describe` found, for a person."""
+    """Print the result of `describe`."""
     console.print(f"{data['name']} · tool frame {data['tool_frame']} · {data['source']}", markup=False, soft_wrap=True)
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("joint")
@@ -104,7 +104,7 @@ def _show_pairs(console: Console, data: Mapping[str, Any]) -> None:
 
 
 def _geometry(kind: str, over_cover: float | None) -> str:
-    """What stands for a link, and how far it reaches beyond the link's meshes."""
+    """Return the geometry used for a link, and how far it reaches beyond the link's meshes."""
     beyond = "" if over_cover is None or kind == "mesh" else f", at most {over_cover * 1e3:.2g} mm beyond its mesh"
     return f"{kind.replace('_', ' ')}{beyond}"
 

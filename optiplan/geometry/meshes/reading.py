@@ -128,7 +128,7 @@ def _size(kept: Soup | str) -> int:
 
 
 def _read_apart(meshes: Sequence[MeshFile]) -> Iterator[Soup | str]:
-    """What a process of its own makes of each mesh; what ends it or takes too long is that mesh's fault alone."""
+    """Read each mesh in a process of its own, so that a crash or a timeout fails that mesh alone."""
     rest = list(meshes)
     while rest:
         answers, why = _run_worker(rest)

@@ -92,7 +92,7 @@ def pack(soup: Soup) -> bytes:
 
 
 def unpack(data: bytes) -> Soup:
-    """What was packed; the arrays cannot be written to."""
+    """Unpack the arrays of `pack`; they are read-only."""
     k, m = (int(size) for size in np.frombuffer(data, "<i8", 2))
     turn: Array = np.frombuffer(data, "<f8", 9, 16).reshape(3, 3)
     vertices: Array = np.frombuffer(data, "<f8", 3 * k, 88).reshape(k, 3)

@@ -1,4 +1,4 @@
-"""What mesh files that are scenes have in common: nodes that place geometries, and axes of which one is up."""
+"""Scene graphs of mesh files: nodes that place geometries, and the upward axis."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What a mesh file holds, the error that says why it cannot be used, and polygons cut into triangles."""
+"""Triangle meshes: the content of a mesh file, the error for an unusable one, and triangulation of polygons."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class MeshError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Soup:
-    """What a file holds.
+    """Content of a mesh file.
 
     Attributes:
         vertices: (k, 3), m, in the axes of the file.

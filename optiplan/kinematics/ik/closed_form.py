@@ -129,7 +129,7 @@ def closed_form(robot: Robot, frame: str | None = None) -> ClosedForm | None:
 
 
 def closed_form_of(model: pin.Model, frame: str) -> ClosedForm | None:
-    """The same of a model of pinocchio alone."""
+    """Return the closed form of a pinocchio model alone."""
     geometry = recognise(model, frame)
     return None if geometry is None else ClosedForm(model, frame, geometry)
 

@@ -21,7 +21,7 @@ _LOOSE = 1e-6  # below this, a shift of q6 by as much as rounding may have put i
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """What a target pose prescribes, in the arm frame A: arrays (..., 3).
+    """Points and directions that a target pose prescribes, in the arm frame A: arrays (..., 3).
 
     Attributes:
         six: direction of axis 6.

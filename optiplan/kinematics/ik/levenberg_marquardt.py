@@ -62,7 +62,7 @@ class Descent:
         return float(np.min((bound - q)[moving] / direction[moving], initial=np.inf))
 
     def descend(self, seed: Array, iterations: int, gain: float = GAIN) -> Array:
-        """Where Levenberg–Marquardt with damping 0.05 |e|^2 ends from a seed (n,); inside the limits.
+        """Run Levenberg–Marquardt with damping 0.05 |e|^2 from a seed (n,) and return its end; inside the limits.
 
         Source of the damping: Sugihara, "Solvability-unconcerned inverse kinematics", T-RO 2011.
         """
@@ -135,6 +135,6 @@ class Descent:
 
 
 def _excess(e: Array, radius: float) -> Array:
-    """What of a vector lies outside a ball about zero, aiming a little inside."""
+    """Return the part of a vector outside a ball about zero, aiming a little inside."""
     length = float(np.linalg.norm(e))
     return e * (1.0 - 0.98 * radius / length) if length > radius else np.zeros(len(e))

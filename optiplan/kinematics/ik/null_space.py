@@ -20,7 +20,7 @@ _CORRECTIONS = 8  # iterations that bring the frame back after a step
 
 @dataclass(frozen=True, eq=False)
 class Preference:
-    """What to prefer among solutions of the same pose; `cost` falls as it is met.
+    """Preference among solutions of the same pose; `cost` falls as it is met.
 
     `middle`: 1/2 sum ((q_i - m_i) / h_i)^2, with m_i the middle and h_i half the range of joint i; a joint without
     bounds does not count. `reference`: 1/2 |q - reference|^2. `manipulability`: -log sqrt(det(J J^T)) of the frame.

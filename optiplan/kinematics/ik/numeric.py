@@ -20,7 +20,7 @@ _POOL = 5000
 
 @dataclass(frozen=True)
 class IkOptions:
-    """How to solve.
+    """Options of the numeric solver.
 
     Attributes:
         position: translation error that still is a solution, m.

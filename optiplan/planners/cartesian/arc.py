@@ -41,7 +41,7 @@ class ArcOptions(ToolMotionOptions):
 
 
 class Arc(ToolMotion[ArcOptions]):
-    """See the module."""
+    """Planner of one circular arc of the tool."""
 
     def path(self, start: pin.SE3, goal: pin.SE3, tolerance: tuple[float, float]) -> ToolPath:
         """Round to the goal; the orientation turns evenly from the one to the other along the shortest way.

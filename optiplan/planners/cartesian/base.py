@@ -1,4 +1,4 @@
-"""What the planners of one tool path share: the path is followed in joint space and timed, or the reason is given."""
+"""Base of the planners of one tool path: follow it in joint space and time it, or report why that fails."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -98,7 +98,7 @@ class ToolMotion(ABC, Generic[Options]):
         """
 
     def check(self, problem: Problem, budget: Budget) -> None:
-        """What can be said of the options without planning; with vias, which are passed leg by leg, nothing.
+        """Return the issues of the options known without planning; none with vias, which are passed leg by leg.
 
         Raises:
             InputError: they do not go with the start and any of the goals.

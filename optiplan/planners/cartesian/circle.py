@@ -52,7 +52,7 @@ class CircleOptions(ToolMotionOptions):
 
 
 class Circle(ToolMotion[CircleOptions]):
-    """See the module."""
+    """Planner of circles of the tool."""
 
     def path(self, start: pin.SE3, goal: pin.SE3, tolerance: tuple[float, float]) -> ToolPath:
         """Round the axis, from the start's pose to itself.

@@ -33,7 +33,7 @@ _OUT_OF_RANGE = 1e-6  # share of the twist: what joints leave out of it beyond t
 
 @dataclass(frozen=True, eq=False)
 class Ending:
-    """Where a path ends, at s with the configuration q (n,), and why."""
+    """End of a path: the parameter s, the configuration q (n,), and the reason."""
 
     s: float
     q: Array

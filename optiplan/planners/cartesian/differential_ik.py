@@ -26,7 +26,7 @@ _DIFFERENCE = 1e-4  # of s
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """What a redundant arm does with its freedom.
+    """Use of the redundant degrees of freedom.
 
     Attributes:
         goal: (n,) configuration to end at, rad or m; None: anywhere.
@@ -121,7 +121,7 @@ class Tracker:
         return np.asarray(bias.vector[self.rows])
 
     def _drift(self, s: float, q: Array, speed: float) -> Array:
-        """What N projects, (n,): -speed * avoidance * x^5 with x = ±1 at the limits, and the way left over 1 - s.
+        """Return what N projects, (n,): -speed * avoidance * x^5 with x = ±1 at the limits, and way left over 1 - s.
 
         The first is the negative gradient in z of sum_j (h_j / v_j) x_j^6 / 6, h half the range, v the velocity limit.
         It fades out as the goal comes near.

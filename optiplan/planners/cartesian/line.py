@@ -7,7 +7,7 @@ from optiplan.planners.cartesian.tool_path import ToolPath, line
 
 
 class Line(ToolMotion[ToolMotionOptions]):
-    """See the module."""
+    """Planner of a straight line of the tool."""
 
     def path(self, start: pin.SE3, goal: pin.SE3, tolerance: tuple[float, float]) -> ToolPath:
         """Straight from one pose to the other."""

@@ -115,7 +115,7 @@ def _step(tracker: Tracker, s: float, state: Array, end: float) -> tuple[Array |
 
 
 def _predict(tracker: Tracker, s: float, state: Array, end: float) -> Array:
-    """Where q might be at `end`: at the goal that a redundant arm aims at, else a Runge-Kutta step of order four."""
+    """Predict q at `end`: the goal that a redundant arm aims at, else a Runge-Kutta step of order four."""
     if _aimed(tracker, end) and tracker.aim.goal is not None:
         return tracker.aim.goal
     q, k1, h = state[0], state[1], end - s

@@ -42,7 +42,7 @@ class ScrewOptions(ToolMotionOptions):
 
 
 class Screw(ToolMotion[ScrewOptions]):
-    """See the module."""
+    """Planner of one screw motion of the tool."""
 
     def path(self, start: pin.SE3, goal: pin.SE3, tolerance: tuple[float, float]) -> ToolPath:
         """The screw given, or the one from pose to pose.

@@ -1,1 +1,1 @@
-"""What planners of several families share."""
+"""Modules shared by planners of several families."""

@@ -29,7 +29,7 @@ _CHUNK = 256  # intervals proved together: bounds the memory
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """Where a curve comes too near: the parameter `t` (s, or fraction of a path), the configuration and the bodies."""
+    """A contact along a curve: the parameter `t` (s, or fraction of a path), the configuration and the bodies."""
 
     t: float
     q: Array

@@ -52,7 +52,7 @@ class NearerEnds:
         return bool(np.linalg.norm(e[:3]) <= self._radii[0] and np.linalg.norm(e[3:]) <= self._radii[1])
 
     def towards_start(self, q: Array) -> list[Array]:
-        """What the steps from q (n,) in the goal pass, the soonest reached last; empty where none is sooner."""
+        """Return the steps from q (n,) within the goal, the soonest reached last; empty where none is sooner."""
         passed: list[Array] = []
         q = np.where(self._moving, q, self._start)
         bound, radius = lower_bound(self._start, q, self._limits), _FIRST

@@ -1,4 +1,4 @@
-"""What a motion has too much of: the joint and the limit, on exact extrema, as a `limits` failure in words."""
+"""Find the worst limit violation of a motion, on exact extrema, and report it as a `limits` failure."""
 
 from dataclasses import dataclass
 from math import ceil, floor, log10
@@ -70,7 +70,7 @@ def beyond_limits(over: Excess, trajectory: Trajectory, shortest: float | None) 
 
 
 def beyond_torque(robot: Robot, limits: Limits, trajectory: Trajectory, shortest: float | None) -> Failure:
-    """The same for a motion known to take too much torque."""
+    """Report the worst torque violation of a motion that is known to have one."""
     t = np.union1d(np.linspace(0.0, trajectory.duration, _SAMPLES), trajectory.breakpoints)
     motion = zip(*(trajectory(t, order) for order in range(3)), strict=True)
     data = robot.model.createData()

@@ -8,7 +8,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.paths.corner_blends import blend_path
-from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory

@@ -13,7 +13,7 @@ from optiplan.trajectory.trajectory import Trajectory
 
 
 def plan_through(planner: Planner, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
-    """What the planner answers to the problem, or to the legs of it when there are vias.
+    """Plan the problem, or leg by leg between vias.
 
     A planner with a true attribute `passes_vias` gets the whole problem. Each leg of another ends where the planner
     likes it best among the configurations that reach the via, the next begins there, and it may take its share of the

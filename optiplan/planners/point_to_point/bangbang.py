@@ -35,7 +35,7 @@ class BangBangOptions(ProfileOptions):
 
 
 class BangBangPlanner(PointToPoint[BangBangOptions]):
-    """See the module."""
+    """Planner of bang-bang motions."""
 
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The motion from the start to a goal (n,)."""

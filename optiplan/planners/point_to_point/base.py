@@ -1,4 +1,4 @@
-"""What the planners of one profile share: each goal's motion is held against limits, obstacles and motor torques."""
+"""Base of the point-to-point planners: check each goal's motion against limits, obstacles and motor torques."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -69,7 +69,7 @@ class Profile(Protocol):
 
     @property
     def limits(self) -> Limits:
-        """What it has to keep."""
+        """Limits that the motion has to keep."""
         ...
 
     @property
@@ -97,7 +97,7 @@ class PointToPoint(ABC, Generic[Options]):
         self.options = options
 
     def targets(self, problem: Problem, model: CollisionModel, budget: Budget) -> list[Array] | Failure:
-        """What `profile` is asked for in turn: goal configurations (n,), the quickest to reach first."""
+        """Return the goal configurations (n,) to try, the quickest to reach first."""
         return ranked_goals(problem, model, budget, self.options.goals)
 
     @abstractmethod
@@ -109,7 +109,7 @@ class PointToPoint(ABC, Generic[Options]):
         """
 
     def check(self, problem: Problem, budget: Budget) -> None:
-        """What can be said of the options without planning; with vias that are passed leg by leg, nothing.
+        """Return the issues of the options known without planning; none with vias that are passed leg by leg.
 
         Raises:
             InputError: they make no sense for any of the goal configurations that the budget is enough to find.

@@ -13,7 +13,7 @@ from optiplan.trajectory.profiles.laws import CUBIC
 
 
 class Cubic(PointToPoint[EndOptions]):
-    """See the module."""
+    """Planner of cubic polynomials."""
 
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The cubic from the start to a goal (n,)."""

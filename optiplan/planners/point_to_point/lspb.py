@@ -47,7 +47,7 @@ class LspbOptions(ProfileOptions):
 
 
 class Lspb(PointToPoint[LspbOptions]):
-    """See the module."""
+    """Planner of linear segments with parabolic blends."""
 
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The motion from the start to a goal (n,).
@@ -82,7 +82,7 @@ class Lspb(PointToPoint[LspbOptions]):
         )
 
     def _issue(self, part: JointMove, profile: RestToRest) -> Issue | None:
-        """What does not go with the part's distance and duration, or with its direction."""
+        """Return what conflicts with the move's distance and duration, or with its direction."""
         o, D, T = self.options, part.distance, part.duration
         speeds = f"more than {D / T:.3g} and at most {2.0 * D / T:.3g} rad/s (D/T < |V| <= 2 D/T)"
         if o.velocity is not None and o.velocity < 0.0 < part.step[part.joint]:

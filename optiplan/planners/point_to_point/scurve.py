@@ -12,7 +12,7 @@ from optiplan.trajectory.profiles.synchronisation import RestToRest
 
 
 class SCurvePlanner(PointToPoint[ProfileOptions]):
-    """See the module."""
+    """Planner of jerk-limited S-curves."""
 
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The S-curve from the start to a goal (n,)."""

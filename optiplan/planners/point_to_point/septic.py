@@ -31,7 +31,7 @@ class SepticOptions(EndOptions):
 
 
 class Septic(PointToPoint[SepticOptions]):
-    """See the module."""
+    """Planner of septic polynomials."""
 
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The polynomial of degree seven from the start to a goal (n,)."""

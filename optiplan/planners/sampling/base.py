@@ -1,4 +1,4 @@
-"""What the sampling planners share: goals, a sampled path to one of them, then smoothing and timing."""
+"""Base of the sampling planners: goals, a sampled path to one of them, then smoothing and timing."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -49,7 +49,7 @@ class SampledOptions:
 
 @dataclass(frozen=True)
 class PlanTask:
-    """What `Planner.plan` is given."""
+    """Arguments of `Planner.plan`."""
 
     problem: Problem
     budget: Budget
@@ -58,7 +58,7 @@ class PlanTask:
 
 @dataclass(frozen=True)
 class How:
-    """Who searches; see `SamplingOptions`."""
+    """The search algorithm; see `SamplingOptions`."""
 
     searcher: Searcher = rrt_connect
     detour: float = 2.0

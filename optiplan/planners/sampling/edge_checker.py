@@ -63,7 +63,7 @@ class MotionCheck:
         return not self.blocked(b) and not self._heavy(a, d) and self._apart(a, d)
 
     def polyline_free(self, waypoints: Array) -> bool:
-        """The same for every segment between waypoints (k, n)."""
+        """Return whether every segment between waypoints (k, n) is free."""
         return all(self.free(a, b) for a, b in pairwise(waypoints))
 
     def lift(self, q: Array) -> Array:
@@ -71,7 +71,7 @@ class MotionCheck:
         return q
 
     def by_moment_arms(self) -> "MotionCheck":
-        """The same check, where one unit of a joint moves some point of the robot by up to `_UNIT`.
+        """Return a check in which one unit of a joint moves some point of the robot by up to `_UNIT`.
 
         A slow joint is far in time and near in space; what is free depends on space.
         """
@@ -80,7 +80,7 @@ class MotionCheck:
         return twin
 
     def finer(self) -> "MotionCheck":
-        """The same check, where a unit of each joint, and so the longest step of a tree, is a quarter of what it was.
+        """Return a check in which a unit of each joint, and so the longest step of a tree, is a quarter of that here.
 
         Out of narrow places only short steps lead.
         """
@@ -117,7 +117,7 @@ class MotionCheck:
 
 
 class PartialCheck(MotionCheck):
-    """The same questions about some of the joints, within a box, while the others stand still.
+    """The checks for some of the joints, within a box, while the others stand still.
 
     Attributes:
         limits: of those joints, with the box for their position limits.

@@ -28,7 +28,7 @@ _OMPL = threading.Lock()  # OMPL's random numbers start from one seed of the who
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What a search left behind.
+    """Result of a search.
 
     Attributes:
         path: (k, n) waypoints from the start to one of the goals, rad or m; None when none was found.
@@ -50,7 +50,7 @@ class Search:
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """How to search.
+    """Options of a search.
 
     Attributes:
         kind: which of OMPL's planners.
@@ -66,7 +66,7 @@ class SearchOptions:
 
 
 class Searcher(Protocol):
-    """What `search` is with its options given."""
+    """Protocol of `search` with its options given."""
 
     def __call__(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float) -> Search:
         """See `search`."""

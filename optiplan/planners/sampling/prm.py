@@ -75,7 +75,7 @@ class Prm:
 
 
 def world_key(model: CollisionModel) -> tuple[object, ...]:
-    """What free space depends on: the robot's files, group and locked joints, shapes and poses, and the pairs."""
+    """Return the inputs of free space: the robot's files, group and locked joints, shapes and poses, and the pairs."""
     robot, scene = model.robot, model.scene
     held = [(item.name, item.link, item.shape, item.X_LO.homogeneous.tobytes()) for item in scene.attached]
     around = [(item.name, item.shape, item.X_WO.homogeneous.tobytes()) for item in scene.obstacles]

@@ -31,7 +31,7 @@ _POINT_TOLERANCE = 1e-9  # rad or m
 
 @dataclass(frozen=True)
 class SamplingOptions:
-    """How to sample.
+    """Options of sampling.
 
     Attributes:
         budget: when to stop.

@@ -22,7 +22,7 @@ def path_times(start: Array, end: Array, velocity: Array) -> Array:
 
 
 def path_time(waypoints: Array, velocity: Array) -> Array:
-    """The same cost of each segment between waypoints (k, n): (k - 1,) in s."""
+    """Return the cost of each segment between waypoints (k, n): (k - 1,) in s."""
     return path_times(waypoints[:-1], waypoints[1:], velocity)
 
 

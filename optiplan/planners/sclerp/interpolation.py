@@ -8,7 +8,7 @@ import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
 from optiplan.arrays import Array
-from optiplan.planners.sclerp.qp_stepping import Walk, Walker
+from optiplan.planners.sclerp.qp_stepping import ScrewStepper, SteppedPath
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -28,24 +28,24 @@ def spline(joint_names: tuple[str, ...], s: Array, Q: Array) -> Trajectory:
     return Trajectory(joint_names, s, np.swapaxes(curve.c[::-1], 0, 1))
 
 
-def on_screw(walker: Walker, walk: Walk, stop: Callable[[], bool] = lambda: False) -> Trajectory:
-    """Joint path q(s) along a walk that keeps the tool within 1e-6 m and rad of X(s), and within limits.
+def on_screw(stepper: ScrewStepper, stepped: SteppedPath, stop: Callable[[], bool] = lambda: False) -> Trajectory:
+    """Joint path q(s) along steps that keep the tool within 1e-6 m and rad of X(s), and within limits.
 
-    It goes through some of the walk's points. Where it is farther off, or beyond a limit, the screw's point nearest
+    It goes through some of the stepped points. Where it is farther off, or beyond a limit, the screw's point nearest
     to it becomes a knot too: so it does not repeat the unevenness of the steps. All knots are on the screw, so between
     them the error is that of a cubic spline, which falls with the fourth power of their distance. Holds at: everywhere
     for the limits (exact extrema), three points between knots for the tool, with a reserve of a half; both as far as
     2,000 knots can do it, and until `stop` says so.
     """
-    names = walker.tool.robot.joint_names
-    kept = _spaced(walk.Q, _ANCHORS)
-    s, Q = walk.s[kept], walk.Q[kept]
+    names = stepper.tool.robot.joint_names
+    kept = _spaced(stepped.Q, _ANCHORS)
+    s, Q = stepped.s[kept], stepped.Q[kept]
     for _ in range(_ROUNDS):
         if stop():
             break
         path = spline(names, s, Q)
-        wide = np.flatnonzero((_error(walker, path, s) > _TOLERANCE) | _outside(walker, path))
-        found = [point for i in wide if (point := _between(walker, walk, path, s[i : i + 2])) is not None]
+        wide = np.flatnonzero((_error(stepper, path, s) > _TOLERANCE) | _outside(stepper, path))
+        found = [point for i in wide if (point := _between(stepper, stepped, path, s[i : i + 2])) is not None]
         if not found or len(s) + len(found) > _MOST_KNOTS:
             break
         order = np.argsort(np.concatenate([s, [x for x, _ in found]]), kind="stable")
@@ -72,33 +72,33 @@ def _spaced(Q: Array, spacing: float) -> list[int]:
     return [*kept, len(Q) - 1]
 
 
-def _between(walker: Walker, walk: Walk, path: Trajectory, ends: Array) -> tuple[float, Array] | None:
-    """A point of the screw between two knots: the nearest to the path at the middle, else one of the walk's own."""
+def _between(stepper: ScrewStepper, stepped: SteppedPath, path: Trajectory, ends: Array) -> tuple[float, Array] | None:
+    """A point of the screw between two knots: the nearest to the path at the middle, else one of the stepped ones."""
     middle = float(0.5 * ends.sum())
-    q = walker.reach(middle, path(np.array([middle]))[0], walker.inside())
+    q = stepper.reach(middle, path(np.array([middle]))[0], stepper.inside())
     if q is not None:
         return middle, q
-    inner = np.flatnonzero((walk.s > ends[0]) & (walk.s < ends[1]))
+    inner = np.flatnonzero((stepped.s > ends[0]) & (stepped.s < ends[1]))
     if not len(inner):
         return None
-    k = inner[np.abs(walk.s[inner] - middle).argmin()]
-    return float(walk.s[k]), walk.Q[k]
+    k = inner[np.abs(stepped.s[inner] - middle).argmin()]
+    return float(stepped.s[k]), stepped.Q[k]
 
 
-def _error(walker: Walker, path: Trajectory, s: Array) -> Array:
+def _error(stepper: ScrewStepper, path: Trajectory, s: Array) -> Array:
     """Largest error of the tool, m or rad, at some points of each interval between s (k,): (k - 1,)."""
     worst = np.zeros(len(s) - 1)
     for u in _BETWEEN:
         middle = s[:-1] + u * np.diff(s)
         for i, (x, q) in enumerate(zip(middle, path(middle), strict=True)):
-            off = walker.screw.pose(x).actInv(walker.tool.pose(q))
+            off = stepper.screw.pose(x).actInv(stepper.tool.pose(q))
             worst[i] = max(worst[i], np.linalg.norm(off.translation), np.linalg.norm(pin.log3(off.rotation)))
     return worst
 
 
-def _outside(walker: Walker, path: Trajectory) -> npt.NDArray[np.bool_]:
+def _outside(stepper: ScrewStepper, path: Trajectory) -> npt.NDArray[np.bool_]:
     """Which pieces leave the joint limits anywhere: (m,)."""
     m, size, n = path.coefficients.shape
     unit = np.swapaxes(path.coefficients, 1, 2) * np.diff(path.breakpoints)[:, None, None] ** np.arange(size)
     low, high, _, _ = polynomial.unit_extrema(unit.reshape(m * n, size))
-    return np.asarray(((low.reshape(m, n) < walker.low) | (high.reshape(m, n) > walker.high)).any(axis=1))
+    return np.asarray(((low.reshape(m, n) < stepper.low) | (high.reshape(m, n) > stepper.high)).any(axis=1))

@@ -1,4 +1,4 @@
-"""What can be chosen about `sclerp`."""
+"""Options of `sclerp`."""
 
 from dataclasses import dataclass
 from typing import Literal

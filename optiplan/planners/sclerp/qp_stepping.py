@@ -46,7 +46,7 @@ class ScrewMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
+class SteppedPath:
     """Configurations on the screw: `s` (k,) from 0 on and `Q` (k, n), rad or m; `programs` were solved.
 
     `blocked` is the joint that keeps the arm from going on, if a joint does.
@@ -63,7 +63,7 @@ class Walk:
         return bool(self.s[-1] == 1.0)
 
 
-class Walker:
+class ScrewStepper:
     """Steps along one screw; `goal` (n,) is where a redundant arm is led to."""
 
     def __init__(self, tool: Tool, screw: ScrewMotion, options: SclerpOptions, goal: Array | None = None) -> None:
@@ -73,7 +73,7 @@ class Walker:
         self.longest = options.step * velocity / velocity.max()
         self.programs = 0
 
-    def walk(self, start: Array, most: int, stop: Callable[[], bool] = lambda: False) -> Walk:
+    def step_along(self, start: Array, most: int, stop: Callable[[], bool] = lambda: False) -> SteppedPath:
         """From start (n,), at X(0), as far as at most so many steps lead; half as far a step where one fails."""
         s, ds, S, Q = 0.0, self.tau, [0.0], [np.array(start, float)]
         while s < 1.0 and ds >= _SHORTEST and len(S) <= most and not stop():
@@ -87,7 +87,7 @@ class Walker:
             Q.append(q)
             ds = min(self.tau, _GROWTH * ds)
         blocked = self._blocking(Q[-1], s) if s < 1.0 and ds < _SHORTEST else None
-        return Walk(np.array(S), np.array(Q), self.programs, blocked)
+        return SteppedPath(np.array(S), np.array(Q), self.programs, blocked)
 
     def reach(self, s: float, q: Array, bounds: tuple[Array, Array], pull: Array | None = None) -> Array | None:
         """The configuration near q (n,) within `bounds` with the tool at X(s); None if there is none so near.
@@ -134,12 +134,12 @@ class Walker:
         return None
 
     def _bounds(self, q: Array) -> tuple[Array, Array]:
-        """Where a step from q (n,) may end: within the joint limits, no joint faster than its share."""
+        """Return the bounds of a step from q (n,): within the joint limits, no joint faster than its share."""
         low, high = self.inside()
         return np.minimum(q, np.maximum(low, q - self.longest)), np.maximum(q, np.minimum(high, q + self.longest))
 
     def _soft_bounds(self, q: Array, ds: float) -> tuple[Array, Array]:
-        """The same with limits that are neared ever more slowly, so that joints do not stop at them with a jerk."""
+        """Return bounds approached ever more slowly, so that joints do not stop at their limits with a jerk."""
         share = -np.expm1(-_SOFTNESS * ds)
         low = q - share * np.maximum(q - self.low - _MARGIN, 0.0)
         high = q + share * np.maximum(self.high - _MARGIN - q, 0.0)

@@ -23,7 +23,7 @@ _LEAST_MOTION = 1e-10  # weight of |dq|² beside the squared error of the twist,
 
 
 @dataclass(frozen=True, eq=False)
-class Chase:
+class SchemeResult:
     """What a scheme did.
 
     Attributes:
@@ -44,9 +44,9 @@ class Chase:
         return len(self.Q) - 1
 
 
-def chase(
+def iterate_scheme(
     tool: Tool, start: Array, X_WG: pin.SE3, options: SclerpOptions, stop: Callable[[], bool] = lambda: False
-) -> Chase:
+) -> SchemeResult:
     """Step from start (n,) until the tool is at the goal, the iterations are used up or `stop` says so.
 
     Raises:
@@ -67,7 +67,7 @@ def chase(
         elif options.joint_limits == "clip":
             q = np.clip(q, limits.lower, limits.upper)
         Q.append(q)
-    return Chase(np.array(Q), error, error <= options.tolerance, np.array(hits, dtype=bool).reshape(-1, len(q)))
+    return SchemeResult(np.array(Q), error, error <= options.tolerance, np.array(hits, dtype=bool).reshape(-1, len(q)))
 
 
 def aim(X_WT: pin.SE3, goal: DualQuaternion, tau: float) -> Array:

@@ -16,8 +16,8 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness
 from optiplan.planners.sclerp.interpolation import on_screw, through
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.qp_stepping import ScrewMotion, Walk, Walker
-from optiplan.planners.sclerp.schemes import Chase, chase
+from optiplan.planners.sclerp.qp_stepping import ScrewMotion, ScrewStepper, SteppedPath
+from optiplan.planners.sclerp.schemes import SchemeResult, iterate_scheme
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -39,7 +39,7 @@ class Task:
     info: dict[str, Any]
 
     def failure(self, s: float, q: Array, why: tuple[str, str, str], more: dict[str, Any]) -> Failure:
-        """Of the kind, cause and words `why`, at the share s of the way and the configuration q (n,)."""
+        """Return a failure of kind, cause and words `why`, at the share s of the way and the configuration q (n,)."""
         return Ending(s, q, *why, more).failure(self.tool.pose(q))
 
     def at_limit(self, s: float, q: Array, joint: int) -> Failure:
@@ -56,7 +56,8 @@ def attempt(model: CollisionModel, task: Task, options: SclerpOptions, budget: B
 
     Under `qp` the tool is within 1e-6 m and rad of its screw for all s; the other schemes go where they go.
     """
-    path = _walked(task, options, budget) if options.scheme == "qp" else _chased(task, options, budget)
+    find = _by_quadratic_programs if options.scheme == "qp" else _by_iteration
+    path = find(task, options, budget)
     if isinstance(path, Failure):
         return path
     crossing = limit_crossing(path, task.tool.robot.limits)
@@ -71,37 +72,37 @@ def attempt(model: CollisionModel, task: Task, options: SclerpOptions, budget: B
     return task.failure(touch.t / path.duration, touch.q, why, contact_witness(touch.q, touch.contact))
 
 
-def _walked(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
-    walker = Walker(task.tool, ScrewMotion(task.tool.pose(task.start), task.X_WG), options, task.goal)
-    walk = walker.walk(task.start, options.iterations, lambda: budget.over)
-    task.info.update(iterations=len(walk.s) - 1, programs=walk.programs)
-    if not walk.complete:
-        return _stopped(task, walker, walk, options)
-    end = walk.Q[-1]
+def _by_quadratic_programs(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
+    stepper = ScrewStepper(task.tool, ScrewMotion(task.tool.pose(task.start), task.X_WG), options, task.goal)
+    stepped = stepper.step_along(task.start, options.iterations, lambda: budget.over)
+    task.info.update(iterations=len(stepped.s) - 1, programs=stepped.programs)
+    if not stepped.complete:
+        return _stopped(task, stepper, stepped, options)
+    end = stepped.Q[-1]
     if task.goal is not None and task.exact and np.abs(end - task.goal).max() > _GOAL_TOLERANCE:
         j = int(np.argmax(np.abs(end - task.goal)))
         name = task.tool.robot.joint_names[j]
         words = f"the screw ends in another configuration, '{name}' at {end[j]:.4g} instead of {task.goal[j]:.4g}"
         return task.failure(1.0, end, ("no-path", "branch", words), {"joint": name, "goal": task.goal.tolist()})
-    path = on_screw(walker, walk, lambda: budget.over)
+    path = on_screw(stepper, stepped, lambda: budget.over)
     task.info["knots"] = len(path.breakpoints)
     return path
 
 
-def _stopped(task: Task, walker: Walker, walk: Walk, options: SclerpOptions) -> Failure:
-    s, q = float(walk.s[-1]), walk.Q[-1]
-    if walk.blocked is not None:
-        return task.at_limit(s, q, walk.blocked)
-    if len(walk.s) > options.iterations:
+def _stopped(task: Task, stepper: ScrewStepper, stepped: SteppedPath, options: SclerpOptions) -> Failure:
+    s, q = float(stepped.s[-1]), stepped.Q[-1]
+    if stepped.blocked is not None:
+        return task.at_limit(s, q, stepped.blocked)
+    if len(stepped.s) > options.iterations:
         return _used_up(task, s, q, options)
     tool = task.tool
-    ahead = screw(walker.screw.X_W0, task.X_WG)
+    ahead = screw(stepper.screw.X_W0, task.X_WG)
     return stuck(Tracker(tool.robot, tool.frame, ahead, Aim()), s, q)
 
 
-def _chased(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
+def _by_iteration(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
     try:
-        found = chase(task.tool, task.start, task.X_WG, options, lambda: budget.over)
+        found = iterate_scheme(task.tool, task.start, task.X_WG, options, lambda: budget.over)
     except np.linalg.LinAlgError:
         words = "J Jᵀ has no inverse: singular, or fewer than six joints"
         return task.failure(0.0, task.start, ("singularity", "singularity", words), {})
@@ -119,8 +120,8 @@ def _used_up(task: Task, s: float, q: Array, options: SclerpOptions) -> Failure:
     return task.failure(s, q, ("no-path", "iterations", words), {})
 
 
-def _share(task: Task, found: Chase) -> float:
-    """How much of the way from the start to the goal was made, by the length of the twist that is left; 0 to 1."""
+def _share(task: Task, found: SchemeResult) -> float:
+    """Return the share of the way made from start to goal, by the length of the twist that is left; 0 to 1."""
     left, whole = (
         float(np.linalg.norm(pin.log6(task.tool.pose(q).actInv(task.X_WG)))) for q in (found.Q[-1], found.Q[0])
     )

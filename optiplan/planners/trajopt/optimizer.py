@@ -15,7 +15,7 @@ from optiplan.planners.trajopt.qp import Subproblem
 from optiplan.planners.trajopt.sqp import GROWN, HOPELESS, SLOW, STUCK, optimise
 from optiplan.planners.trajopt.transcription import Margins, Transcription
 from optiplan.problem.problem import Problem
-from optiplan.trajectory.timing.lower_bound import scale_to_limits
+from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
 
 SPACING = 0.025
@@ -27,7 +27,7 @@ ACTIVE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """What came of a seed.
+    """Result of one initial guess.
 
     Attributes:
         control: (K, n) control points, rad or m.
@@ -56,12 +56,6 @@ class Optimiser:
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
         self.steps = 0
 
-    @property
-    def bounds(self) -> tuple[Array, Array, Array]:
-        """Limits of velocity, acceleration and jerk, (n,) each."""
-        limits = self.problem.limits
-        return limits.velocity, limits.acceleration, limits.jerk
-
     def run(
         self,
         control: Array,
@@ -89,7 +83,7 @@ class Optimiser:
         subproblem = Subproblem(transcription, self.options.solver)
         u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
         iterations, attempt = 0, None
-        longest = np.inf if patient else GROWN * self.basis.shortest_duration(control, self.bounds)
+        longest = np.inf if patient else GROWN * self.basis.shortest_duration(control, self.problem.limits.rates)
         for _ in range(self.options.refinements + 1):
             transcription.set_samples(u)
             left = self.options.iterations - iterations
@@ -116,7 +110,7 @@ class Optimiser:
         return attempt
 
     def _length(self, control: Array) -> float:
-        """How far the curve carries the origin of the joint that it carries farthest, m."""
+        """Return the path length, m, of the joint origin that the curve carries farthest."""
         Q = self.basis.at(np.linspace(0.0, 1.0, self.options.samples)) @ control
         steps = np.diff(self.model.bounds.kinematics.poses(Q)[:, :, :3, 3], axis=0)
         return float(np.linalg.norm(steps, axis=2).sum(axis=0).max())

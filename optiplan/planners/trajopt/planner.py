@@ -21,7 +21,8 @@ from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
-from optiplan.trajectory.timing.lower_bound import lower_bounds, stop_at_corners
+from optiplan.trajectory.timing.lower_bound import lower_bounds
+from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
 _EARLY = 1.0 / 3.0
@@ -146,7 +147,7 @@ class _Run:
     def _bumped(self, kind: Kind, control: Array, rng: np.random.Generator) -> None:
         """An attempt from a curve with a bump."""
         limits = self.problem.limits
-        duration = self.optimiser.basis.shortest_duration(control, self.optimiser.bounds)
+        duration = self.optimiser.basis.shortest_duration(control, self.optimiser.problem.limits.rates)
         self._attempt(kind, with_bump(self.optimiser.basis, control, duration, limits, rng), self.budget)
 
     def _sampled(self, path: SampledPath) -> Failure | None:
@@ -216,7 +217,7 @@ class _Run:
         self.patience.record(cost)
 
     def _optimised(self, kind: Kind, control: Array, budget: Budget, margin: float | None) -> Attempt | None:
-        """What comes of a seed, if it is free."""
+        """Return the optimised motion of an initial guess, if it is free."""
         self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
         before = self.optimiser.steps
         with self.watch.stage("optimisation"):
@@ -246,7 +247,7 @@ class _Run:
         return True
 
     def _cost(self, trajectory: Trajectory) -> float:
-        """What the problem's objective says: s."""
+        """Return the value of the problem's objective, s."""
         objective = self.problem.objective
         return objective.time * trajectory.duration + objective.jerk * trajectory.squared_jerk()
 

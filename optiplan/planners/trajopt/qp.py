@@ -76,7 +76,7 @@ class Subproblem:
 
     def __init__(self, transcription: Transcription, solver: str) -> None:
         self.transcription, self.solver = transcription, solver
-        basis, bounds = transcription.basis, transcription.bounds
+        basis, bounds = transcription.basis, transcription.rates
         self._rows = np.vstack(basis.derivative[1:])  # (R, K)
         self._free_rows = self._rows[:, basis.free]  # (R, M)
         self._order = np.concatenate([np.full(len(basis.derivative[r]), r) for r in (1, 2, 3)])  # (R,)

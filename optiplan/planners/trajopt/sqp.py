@@ -66,13 +66,13 @@ class Point:
 
 
 def penalties(contacts: SoftRows, torques: SoftRows, span: float) -> list[Penalty]:
-    """What violations cost, in s, in a motion of about `span` s."""
+    """Return the penalties of violations, in s, in a motion of about `span` s."""
     return [Penalty(contacts, CONTACT_PENALTY * span, CENTIMETRE), Penalty(torques, TORQUE_PENALTY * span, 1.0)]
 
 
 def evaluate(transcription: Transcription, control: Array, duration: float, span: float | None = None) -> Point:
     """The curve at a duration not shorter than its derivative control points allow; `span` is that by default."""
-    duration = max(duration, transcription.basis.shortest_duration(control, transcription.bounds))
+    duration = max(duration, transcription.basis.shortest_duration(control, transcription.rates))
     span = span or duration
     contacts, torques = transcription.contacts(control), transcription.torques(control, duration)
     merit = transcription.objective.time * duration + transcription.jerk_cost(control, duration).cost

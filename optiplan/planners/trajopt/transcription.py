@@ -1,4 +1,4 @@
-"""What a curve costs and violates at its samples, and how that changes with the control points."""
+"""Cost and constraint violations of a curve at its samples, and their derivatives by the control points."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -123,7 +123,7 @@ class Transcription:
     def __init__(self, problem: Problem, model: CollisionModel, basis: SplineBasis, margins: Margins) -> None:
         self.basis, self.model, self.margins = basis, model, margins
         self.limits = problem.limits
-        self.bounds = (problem.limits.velocity, problem.limits.acceleration, problem.limits.jerk)
+        self.rates = problem.limits.rates
         self.objective = problem.objective
         self._pin = problem.robot.model
         self._data = self._pin.createData()
@@ -213,7 +213,7 @@ class Transcription:
 
 
 def _pushed_one_way(contacts: Contacts) -> Contacts:
-    """The same contacts, but a pair that penetrates at consecutive samples gets the mean of its normals at all of them.
+    """Give a pair that penetrates at consecutive samples the mean of its normals at all of them.
 
     Deep inside each other, bodies find their nearest way out on different sides from sample to sample, and pushing a
     curve both ways at once leaves it where it is. Where bodies are apart the normals are left as they are.

@@ -19,7 +19,7 @@ from optiplan.trajectory.paths.parabolic_blends import (
     with_pseudo_vias,
 )
 from optiplan.trajectory.paths.via_splines import knot_times
-from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.time_scaling import FreeTimes, least_stretch
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -49,7 +49,7 @@ class ParabolicOptions(MotionOptions):
 
 
 class Parabolic(ThroughVias[ParabolicOptions]):
-    """See the module. A via is missed by what its blend cuts off, or hit between two pseudo-via points."""
+    """Planner of parabolic blends. A via is missed by what its blend cuts off, or hit between two pseudo-via points."""
 
     def __init__(self, options: ParabolicOptions | None = None) -> None:
         super().__init__(options or ParabolicOptions())

@@ -15,7 +15,7 @@ from optiplan.planners.common.via_legs import joined
 from optiplan.planners.vias.via_chains import distinct, ranked_chains
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.paths.corners import bezier_corners, bspline_corners, reversals, through_corners
-from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -47,7 +47,7 @@ class RoundedOptions:
 
 
 class Rounded:
-    """See the module; where a path turns straight back it stops. Times and velocities of vias are not looked at."""
+    """Planner of rounded corners, with stops where a path turns back. Times and velocities of vias are ignored."""
 
     passes_vias = True
 

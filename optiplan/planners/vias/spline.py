@@ -21,8 +21,8 @@ from optiplan.trajectory.paths.via_splines import (
     smooth_spline,
     spline_of_velocities,
 )
-from optiplan.trajectory.timing.lower_bound import scale_to_limits, stop_at_corners
-from optiplan.trajectory.timing.time_scaling import FreeTimes, least_stretch
+from optiplan.trajectory.timing.stops import stop_at_corners
+from optiplan.trajectory.timing.time_scaling import FreeTimes, least_stretch, scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
 
 Velocities = Literal["given", "heuristic", "continuous"]
@@ -45,7 +45,7 @@ class SplineOptions(MotionOptions):
 
 
 class Spline(ThroughVias[SplineOptions]):
-    """See the module. Times at vias are kept, if there are any; else they are chosen from the limits."""
+    """Planner of splines through vias. Given times at vias are kept; else they are chosen from the limits."""
 
     def __init__(self, options: SplineOptions | None = None) -> None:
         super().__init__(options or SplineOptions())

@@ -26,7 +26,7 @@ FILE_NAME = re.compile(r"(?P<before>.*?)(?P<kind>scene|request)(?P<after>.*)\.ya
 
 @dataclass(frozen=True)
 class ImportSummary:
-    """What an import wrote, what it left out and why, and remarks with the number of problems they are about."""
+    """Files written by an import, what it left out and why, and remarks with the number of problems concerned."""
 
     written: tuple[Path, ...]
     skipped: tuple[tuple[Path, str], ...]
@@ -136,7 +136,7 @@ class Importer:
 
 
 def number_of(request_file: Path) -> str:
-    """What tells a pair from the others of its folder: `0001`."""
+    """Return the number that identifies a pair of files in its folder: `0001`."""
     match = FILE_NAME.fullmatch(request_file.name)
     number = (match["before"] + match["after"]).strip("_-. ") if match else ""
     return number or request_file.stem

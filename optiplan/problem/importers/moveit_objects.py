@@ -221,7 +221,7 @@ class SceneConverter:
         return [list(pair) for pair in sorted(self._checked(allowed))]
 
     def _checked(self, allowed: set[frozenset[str]]) -> set[tuple[str, str]]:
-        """Of pairs of links those that the robot checks; of others those with an object, one for each of its parts."""
+        """Keep pairs of links that the robot checks; replace an object by each of its parts."""
         robot = self.robot
         own = {
             frozenset((robot.link_of(int(p.first)), robot.link_of(int(p.second))))

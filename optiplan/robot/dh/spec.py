@@ -46,7 +46,7 @@ class BodySpec(DhPoseSpec):
 
 
 class LinkSpec(Strict):
-    """What a link is made of, in the frame of the link.
+    """Mass, inertia and bodies of a link, in the frame of the link.
 
     The inertia is that of the geometry filled evenly with `mass`; `centre` (m) and `inertia` about it
     [xx, yy, zz] (kg·m²) stand in for that where they are known.

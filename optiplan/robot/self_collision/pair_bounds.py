@@ -1,4 +1,4 @@
-"""What can be said of pair distances without asking coal, for many configurations at once: bounds and gradients."""
+"""Bounds and gradients of pair distances without coal queries, for many configurations at once."""
 
 import coal
 import numpy as np
@@ -77,7 +77,7 @@ class PairBounds:
         return self.travel_of(Q, D, rows, pairs).reshape(len(Q), len(everything))
 
     def travel_of(self, Q: Array, D: Array, rows: Index, pairs: Index) -> Array:
-        """The same bound for chosen pairs: entry k is pair `pairs[k]` at configuration `Q[rows[k]]`; result (K,).
+        """Return the travel bound (K,) of chosen pairs: entry k is pair `pairs[k]` at configuration `Q[rows[k]]`.
 
         Joints are moved one after another, from the tip to the base. A joint j that turns by at most D_j moves every
         point of the body by at most D_j times the point's distance from the axis. That distance is at most R_j, taken
@@ -117,7 +117,7 @@ class PairBounds:
         return result
 
     def steps_of(self, poses: Array, placed: Array, D: Array, pairs: Index) -> Array:
-        """What each planned joint, with its followers, adds to the change of a pair's distance; (K, n), m, at most.
+        """Bound each planned joint's share, followers included, in the change of a pair's distance; (K, n), m.
 
         It holds while |q_j - Q_j| <= D_j.
 

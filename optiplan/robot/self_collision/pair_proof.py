@@ -200,7 +200,7 @@ class PairProof:
         return boxes.take(left[still]), steps[left[still]], margin[still]
 
     def _stroke(self, half: Array) -> Array:
-        """How far each joint moves a point 1 m from its axis at most, half (K, n): the chord, or the way it slides.
+        """Bound how far each joint moves a point 1 m from its axis, half (K, n): the chord, or the way it slides.
 
         A joint with followers counts as far as it turns.
         """

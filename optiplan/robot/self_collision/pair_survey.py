@@ -1,4 +1,4 @@
-"""What is known of pairs of links: how often they touch, which always do, and which are proved never to."""
+"""Survey of pairs of links: how often they touch, which always do, and which are proved never to."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ VERSION = 5
 
 @dataclass(frozen=True)
 class PairSurvey:
-    """What is known of the pairs of links that joints move.
+    """Result of the survey of the pairs of links that joints move.
 
     Attributes:
         rates: share of `samples` random configurations in which each pair touches, that is, is nearer than `GAP`.
@@ -157,7 +157,7 @@ def _digest(model: pin.Model, geometry: pin.GeometryModel, limits: tuple[Array, 
 
 
 def _numbers(shape: coal.CollisionGeometry) -> Sequence[npt.NDArray[Any]]:
-    """What makes out a shape of its kind: vertices and triangles, or its bounding box."""
+    """Return the numbers that identify a shape of its kind: vertices and triangles, or its bounding box."""
     if isinstance(shape, coal.BVHModelBase):
         return [vertices_of(shape), triangles_of(shape)]
     if isinstance(shape, coal.ConvexBase):

@@ -105,7 +105,7 @@ def srdf_words(allowed: Mapping[LinkPair, str]) -> dict[LinkPair, str]:
 
 
 def count_reasons(allowed: Mapping[LinkPair, str]) -> dict[str, int]:
-    """How many pairs go unchecked for each reason."""
+    """Count the unchecked pairs by reason."""
     reasons = [reason.partition(":")[0] for reason in allowed.values()]
     return {reason: reasons.count(reason) for reason in WORDS if reason in reasons}
 

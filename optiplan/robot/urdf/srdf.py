@@ -14,7 +14,7 @@ LinkPair = tuple[str, str]
 
 @dataclass(frozen=True)
 class Srdf:
-    """What OptiPlan uses of an SRDF: reasons of disabled pairs by (sorted) link names, states by name."""
+    """Content of an SRDF: reasons of disabled pairs by (sorted) link names, states by name."""
 
     disabled: Mapping[LinkPair, str]
     states: Mapping[str, Mapping[str, float]]

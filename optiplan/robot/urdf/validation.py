@@ -31,7 +31,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
 
 @dataclass(frozen=True)
 class _Range:
-    """How many numbers an attribute holds, and between which bounds each must be."""
+    """Number of values of an attribute, and the bounds of each."""
 
     count: int
     low: float

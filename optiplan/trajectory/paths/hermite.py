@@ -62,7 +62,7 @@ class Hermite:
         than that may be missed. Good to about 1e-8. Longer ones need not be good as well, since an end acceleration
         held for long is a large velocity.
         """
-        rates = (self.limits.velocity, self.limits.acceleration, self.limits.jerk)
+        rates = self.limits.rates
         sizes = [np.abs(self.end[0] - self.start[0]), *np.maximum(np.abs(self.start[1:]), np.abs(self.end[1:]))]
         times = [1e-3]
         for i, size in enumerate(sizes):
@@ -98,7 +98,7 @@ class Hermite:
             if order == 0:
                 share = (value - centre[:, None]) / half_width[:, None]
             else:
-                limit = (self.limits.velocity, self.limits.acceleration, self.limits.jerk)[order - 1]
+                limit = self.limits.rates[order - 1]
                 share = value / (T[:, None] ** order * limit)[:, :, None]
             ratio = np.maximum(ratio, _peaks(share).max(axis=1))
             c = polynomial.derivative(c)

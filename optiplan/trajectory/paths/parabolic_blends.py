@@ -17,7 +17,7 @@ _ROUNDING = 1e-9  # share of a limit
 
 @dataclass(frozen=True, eq=False)
 class Blends:
-    """Where velocities change, for points (k, n) at times (k,).
+    """Velocity changes at points (k, n) at times (k,).
 
     Attributes:
         times: (k,), s.

@@ -11,7 +11,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.paths.hermite import hermite
-from optiplan.trajectory.timing.lower_bound import scale_to_limits
+from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
 
 Degree = Literal[3, 5]
@@ -143,7 +143,7 @@ def evened_times(points: Array, times: Array, limits: Limits, degree: Degree) ->
 
 
 def _segment_ratios(trajectory: Trajectory, times: Array, limits: Limits) -> Array:
-    """What `speed_ratio` is on each of the segments between times (k,), at samples: (k - 1,)."""
+    """Return the `speed_ratio` of each segment between times (k,), at samples: (k - 1,)."""
     t = times[:-1, None] + np.diff(times)[:, None] * np.linspace(0.0, 1.0, _SAMPLES)
     ratios = np.zeros(len(t))
     for order, limit in ((1, limits.velocity), (2, limits.acceleration), (3, limits.jerk)):

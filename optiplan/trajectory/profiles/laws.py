@@ -37,7 +37,7 @@ class LawPieces:
         return float(self.breakpoints[-1])
 
     def stretched(self, duration: float) -> "LawPieces":
-        """The same curve in another duration, s."""
+        """Return the same curve in another duration, s."""
         rate = self.duration / duration
         return LawPieces(self.breakpoints / rate, self.coefficients * rate ** np.arange(self.coefficients.shape[1]))
 

@@ -40,7 +40,7 @@ class JointMove:
 
     @property
     def distance(self) -> float:
-        """How far it moves, rad or m, positive."""
+        """Distance of that joint, rad or m, positive."""
         return float(np.abs(self.step[self.joint]))
 
 
@@ -77,7 +77,7 @@ class RestToRest:
         return max(SHORTEST, float((times / share).max(initial=0.0)))
 
     def parts(self, duration: float | None = None) -> list[JointMove]:
-        """What moves when, in that duration (s) or as fast as can be."""
+        """Return which joints move when, in that duration (s) or the shortest."""
         fastest = self._fastest
         times = np.array([part.duration for part in fastest])
         begin = np.zeros(len(times))
@@ -134,7 +134,7 @@ def _bounds(step: Array, limits: Limits) -> Bounds:
     """
     moving = step != 0.0
     size = np.maximum(np.abs(step[moving]), _LEAST)
-    rates = (limits.velocity, limits.acceleration, limits.jerk)
+    rates = limits.rates
     v, a, j = (float((limit[moving] / size).min()) for limit in rates)
     a = min(a, v**2 / _BRIEFEST)
     return Bounds(v, a, j if np.isinf(j) else min(j, a / (_BRIEFEST * max(1.0 / v, 2.0 / a**0.5))))

@@ -89,7 +89,7 @@ def _start(path: Trajectory, limits: Limits, rows: Rows) -> Trajectory | None:
 
 
 def _breakpoints(path: Trajectory, limits: Limits, rows: Rows, fast: Trajectory) -> Array:
-    """Of the spline, s: close where much happens in a short time, never more than `_MOST` spans.
+    """Return the breakpoints of the spline, s: dense where the law changes quickly, at most `_MOST` spans.
 
     That is at the ends, where the acceleration rises at the jerk limits, and in short pieces of the path.
     """

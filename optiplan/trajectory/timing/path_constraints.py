@@ -1,4 +1,4 @@
-"""What the limits of a robot say along a path q(s), as rows in the speed and acceleration of s.
+"""Limits of a robot along a path q(s), as rows in the speed and acceleration of s.
 
 With q' = v(s) sd and so on (primes are derivatives in s, sd and sdd the first and second derivative of s in time):
 

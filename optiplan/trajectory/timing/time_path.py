@@ -10,8 +10,10 @@ from optiplan.arrays import Array
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.timing.compose import compose
 from optiplan.trajectory.timing.jerk_limited import smooth_law
-from optiplan.trajectory.timing.lower_bound import s_curve, scale_to_limits, stop_at_corners
 from optiplan.trajectory.timing.path_constraints import Rows, ToolSpeed, rows_at, tool_scale
+from optiplan.trajectory.timing.s_curve import s_curve
+from optiplan.trajectory.timing.stops import stop_at_corners
+from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.timing.toppra import fastest_law, slowness
 from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
@@ -29,7 +31,7 @@ _ROUNDS, _BEYOND = 6, 1e-3  # of halving parts; share of a limit by which a law 
 
 @dataclass(frozen=True)
 class TimingOptions:
-    """How to time a path.
+    """Options of timing a path.
 
     Attributes:
         method: `toppra`: the fastest without regard to jerk, the acceleration jumps. `jerk`: jerk limits hold, the
@@ -85,7 +87,7 @@ def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:
     """One S-curve s(t) from rest at 0 to rest at S, roughly as fast as the path's largest slopes |q'| allow."""
     slope = np.abs(path.extrema(1)).max(axis=0)
     moving = slope > 0.0
-    rates = [(bound[moving] / slope[moving]).min() for bound in (limits.velocity, limits.acceleration, limits.jerk)]
+    rates = [(bound[moving] / slope[moving]).min() for bound in limits.rates]
     times, pieces = s_curve(path.duration, *rates)
     return Trajectory(("s",), np.concatenate([[0.0], np.cumsum(times)]), pieces[:, :, None])
 
@@ -124,7 +126,7 @@ def _grid(path: Trajectory, least_parts: int) -> Array:
 
 
 def _held(trajectory: Trajectory, robot: Robot, limits: Limits, tool: ToolSpeed | None) -> Trajectory | None:
-    """The same curve, as fast as its limits allow when all of it is stretched; None where gravity is too much."""
+    """Scale a whole curve to its limits; None where gravity is too much."""
     slower = tool_scale(robot, tool, trajectory)
     fitted = scale_to_limits(trajectory, limits, slower)
     slower = torque_scale(robot, limits.torque, fitted)

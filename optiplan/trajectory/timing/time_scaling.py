@@ -1,4 +1,4 @@
-"""By how much must times be stretched until a motion that is no mere slowing down of another keeps its limits?"""
+"""Scale motions in time until they keep their limits: a whole curve, or the times of its points."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,9 +6,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.robot.limits import Limits
+from optiplan.trajectory.trajectory import Trajectory
 
 _FIRST, _RATIO, _MOST = 1.0 / 16.0, 1.25, 1e4
 _HALVINGS = 24
+
+
+def speed_ratio(trajectory: Trajectory, limits: Limits) -> float:
+    """Return the factor by which a trajectory must be slowed down (> 1) or may be sped up (< 1) to touch its limits.
+
+    max over joints of v / v_max, sqrt(a / a_max), cbrt(j / j_max), with the exact extrema v, a, j over all time:
+    stretching time by s divides them by s, s^2 and s^3.
+    """
+    peaks = [np.abs(trajectory.extrema(order)).max(axis=0) / limits.rates[order - 1] for order in (1, 2, 3)]
+    return float(max(peaks[0].max(), np.sqrt(peaks[1].max()), np.cbrt(peaks[2].max())))
+
+
+def scale_to_limits(trajectory: Trajectory, limits: Limits, least: float = 0.0) -> Trajectory:
+    """Scale a curve uniformly in time until its tightest limit is just met (all time).
+
+    `least` is a factor on the duration that something else asks for.
+    """
+    ratio = max(speed_ratio(trajectory, limits), least)
+    return trajectory if ratio == 0.0 else trajectory.scaled(trajectory.duration * ratio * (1.0 + 1e-12))
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,7 @@ def fastest_law(rows: Rows) -> Trajectory | None:
 
 
 def slowness(law: Trajectory, between: Rows) -> Array:
-    """How much slower than the law of `fastest_law` the limits ask to run in the middle of each part of its grid, (k,).
+    """Return the ratio, (k,), by which the profile of `fastest_law` exceeds the limits at interval midpoints.
 
     Args:
         law: s(t), of constant sdd in each of its k pieces.

@@ -1,4 +1,4 @@
-"""How slowly must a trajectory run for its torques to hold?"""
+"""Scale a trajectory in time until its torques are within limits."""
 
 import numpy as np
 import pinocchio as pin

@@ -41,7 +41,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Proof:
-    """What the certificate established.
+    """Result of the certificate.
 
     Attributes:
         proved: every pair stays farther apart than the policy's clearance at all times.
@@ -133,7 +133,7 @@ class _Search:
         self.jump = step_sizes(self.trajectory, self.policy.jump_tolerance)
 
     def boxes(self, items: Intervals) -> Boxes:
-        """What the joints do on these intervals."""
+        """Return bounds of the joints' motion on these intervals."""
         return boxes(self.trajectory, items, self.jump)
 
     def look_first(self) -> None:
@@ -156,7 +156,7 @@ class _Search:
             self.proof = replace(self.proof, reason="one body lies inside the other", nearest=where, contact=True)
 
     def absurd(self) -> str:
-        """What has numbers too large for a proof, or nothing: terms |c_k| h^k of positions, bodies."""
+        """Return what is too large for a proof in floating point, or nothing: terms |c_k| h^k of positions, bodies."""
         c = self.trajectory.coefficients
         powers = np.diff(self.trajectory.breakpoints)[:, None, None] ** np.arange(c.shape[1])[:, None]
         if not (np.abs(c) * powers).max() <= _LARGEST:
@@ -230,7 +230,7 @@ class _Search:
         return self.limit(items.take(still).split(_halvings(found, near, still, self.target())))
 
     def target(self) -> float:
-        """What must be proved, m: the clearance asked for, and most of the smallest distance, to tell a true figure."""
+        """Return the clearance to prove, m: that asked for, and most of the smallest distance, which is reported."""
         nearest = self.proof.nearest
         clearance = self.policy.clearance
         return clearance if nearest is None else clearance + _TOLD * max(nearest.distance - clearance, 0.0)
@@ -278,7 +278,7 @@ class _Search:
 
 
 def _halvings(found: Distances, near: SeparationRate, still: Index, target: float) -> Index:
-    """How often to halve each item: the least of 1 to 4 times after which the bounds, scaled, would prove it."""
+    """Return how often to halve each item: the least of 1 to 4 times after which the bounds, scaled, would prove it."""
     parts = 2.0 ** np.arange(1, 4)[:, None]
     bound, linear = found.bound[still], np.maximum(near.linear[still], -1e9)
     plane = bound + (linear - bound) / parts - near.curvature_loss[still] / parts**2

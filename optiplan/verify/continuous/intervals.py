@@ -81,7 +81,7 @@ def blocks(length: Array, most: float) -> tuple[Index, Index]:
 
 
 def boxes(trajectory: Trajectory, items: Intervals, jump: Array) -> Boxes:
-    """What the joints do on these intervals, by Taylor's theorem, which for polynomials ends.
+    """Bound the joints' motion on these intervals by Taylor's theorem, which for polynomials is exact.
 
     With b_k = q^(k)(middle) / k! and half width h:  |q(t) - q(middle)| <= sum_k>=1 |b_k| h^k,
     |q'(t)| <= sum_k>=1 k |b_k| h^(k-1),  |q''(t)| <= sum_k>=2 k (k-1) |b_k| h^(k-2).

@@ -1,4 +1,4 @@
-"""How far two bodies can approach each other in a short interval: rigorous bounds from velocity and acceleration."""
+"""Bound the approach of two bodies in a short interval by their velocities and accelerations."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from optiplan.verify.continuous.bodies import Bodies, PlacedBody
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """What the joints do on N intervals of half width `half` (N,), s, about their middles; the rest is (N, n).
+    """Bounds of joint motions on N intervals of half width `half` (N,), s, about their middles; the rest is (N, n).
 
     Attributes:
         q: configuration at the middle; `v`: velocity there.
@@ -92,7 +92,7 @@ class Motion:
         return SeparationRate(travel, np.nan_to_num(gap.min(axis=0), nan=-np.inf), curvature_loss)
 
     def _of_all_joints(self, boxes: Boxes) -> Boxes:
-        """The same of all J joints: a follower moves by its multiplier times what its leader does."""
+        """Return the bounds of all J joints: a follower moves by its multiplier times what its leader does."""
         kinematics = self._bodies.kinematics
         bounds = (boxes.reach, boxes.speed, boxes.acceleration, boxes.jump)
         reach, speed, acceleration, jump = map(kinematics.joint_reach, bounds)

@@ -14,7 +14,7 @@ _MOST_OPEN = 100_000  # parts of polynomials looked at together, to bound memory
 
 @dataclass(frozen=True, eq=False)
 class Bounded:
-    """What is known of N polynomials, (N,) each.
+    """Bounds of N polynomials, (N,) each.
 
     Attributes:
         within: whether each stays between its bounds, rounding included.

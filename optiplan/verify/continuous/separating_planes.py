@@ -86,7 +86,7 @@ class PairDistances:
         return normals, gap
 
     def _exact(self, Q: Array, rows: Index, pairs: Index, placed: PlacedBody) -> Distances:
-        """What the bodies themselves answer."""
+        """Query the bodies themselves."""
         measured, normals = self._measure(self._placed, Q, rows, pairs)
         for side, sign in ((0, 1.0), (1, -1.0)):
             for k in np.flatnonzero(self._planes[pairs, side]):  # the half-space itself is the plane
@@ -126,7 +126,7 @@ class PairDistances:
         return np.nan_to_num(gap, nan=-np.inf)
 
     def _measure(self, placed: pin.GeometryData, Q: Array, rows: Index, pairs: Index) -> tuple[Array, Array]:
-        """What coal says: distances (K,) and unit normals from a to b (K, 3), NaN where it gives none."""
+        """Measure with coal: distances (K,) and unit normals from a to b (K, 3), NaN where it gives none."""
         measured, normals = np.empty(len(rows)), np.empty((len(rows), 3))
         results, last, hulls = placed.distanceResults, -1, placed is self._outlined
         geometry = self._outline if hulls else self._geometry

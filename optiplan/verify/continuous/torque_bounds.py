@@ -38,7 +38,7 @@ class _Body:
 
     @cached_property
     def tensor(self) -> Array:
-        """The same for a tensor of norm 1: T' = [omega] T - T [omega], up to the third derivative."""
+        """Return the bounds for a tensor of norm 1: T' = [omega] T - T [omega], up to the third derivative."""
         found = np.ones((_ORDERS - 1, self.turn.shape[1]))
         for k in range(_ORDERS - 2):
             found[k + 1] = 2.0 * product(self.turn, found, k)

@@ -12,7 +12,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
-from optiplan.planners.sclerp.schemes import chase
+from optiplan.planners.sclerp.schemes import iterate_scheme
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.robot import load_robot
@@ -114,7 +114,7 @@ def test_the_other_schemes_end_where_their_tolerance_says(scheme):
 def test_after_each_step_the_joints_are_within_limits(stuck, limits):
     tool = Tool(stuck.robot, stuck.robot.tool_frame)
     options = SclerpOptions(scheme="damped", limits=limits, beta=0.5, iterations=150)
-    found = chase(tool, stuck.start, stuck.goal[0].X_WG, options)
+    found = iterate_scheme(tool, stuck.start, stuck.goal[0].X_WG, options)
     assert found.hits[:, 5].any()
     low, high = stuck.robot.limits.lower, stuck.robot.limits.upper
     assert (found.Q >= low - 1e-12).all()
@@ -133,7 +133,7 @@ def test_damping_bounds_the_joint_rates_at_a_singularity():
     longest = {}
     for scheme in ("corrected", "damped"):
         options = SclerpOptions(scheme=scheme, beta=1.0, iterations=1, limits="clip", damping=0.05)
-        steps = np.diff(chase(tool, q, X_WG, options).Q, axis=0)
+        steps = np.diff(iterate_scheme(tool, q, X_WG, options).Q, axis=0)
         longest[scheme] = np.abs(steps).max()
     assert longest["damped"] < 0.1 * 0.5 / (2.0 * 0.05)
     assert longest["corrected"] > 3.0

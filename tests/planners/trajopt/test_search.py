@@ -21,7 +21,7 @@ from optiplan.problem.problem import JointGoal, Objective, PoseGoal, Problem
 from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
 from optiplan.runs.run import Run
-from optiplan.trajectory.timing.lower_bound import stop_at_corners
+from optiplan.trajectory.timing.stops import stop_at_corners
 from tests.planners import cases
 from tests.robot.robots import BARE, LINK, joint, write_robot
 

@@ -29,7 +29,7 @@ def transcription(unit: float = 1.0) -> SimpleNamespace:
     return SimpleNamespace(
         basis=basis,
         limits=limits,
-        bounds=(limits.velocity, limits.acceleration, limits.jerk),
+        rates=limits.rates,
         objective=SimpleNamespace(time=1.0, jerk=0.0),
         jerk_cost=lambda control, duration: nothing,
     )
@@ -39,7 +39,7 @@ def curve(made: SimpleNamespace, unit: float = 1.0) -> tuple[np.ndarray, float]:
     """Control points of a detour, and the duration at which they hold the limits."""
     way = np.array([cases.READY, 0.5 * (cases.READY + cases.LEFT) + 0.3, cases.LEFT]) / unit
     control = along_path(made.basis, way, made.limits.velocity)
-    return control, made.basis.shortest_duration(control, made.bounds)
+    return control, made.basis.shortest_duration(control, made.rates)
 
 
 def obstacle(made: SimpleNamespace, unit: float = 1.0) -> Penalty:
@@ -82,14 +82,14 @@ def test_a_step_holds_all_rows_to_a_hundredth(monkeypatch: pytest.MonkeyPatch) -
     """Also those that the program did not have."""
     made = transcription()
     step = solved(made)
-    for order, bound in enumerate(made.bounds, start=1):
+    for order, bound in enumerate(made.rates, start=1):
         share = np.abs(made.basis.derivative[order] @ step.control) / (bound * step.duration**order)
         assert share.max() <= 1.0 + qp.EXCEEDED + 1e-3
     monkeypatch.setattr(qp, "ROUNDS", 1)
     loose = solved(made)
     shares = [
         np.abs(made.basis.derivative[order] @ loose.control) / (bound * loose.duration**order)
-        for order, bound in enumerate(made.bounds, start=1)
+        for order, bound in enumerate(made.rates, start=1)
     ]
     assert max(share.max() for share in shares) > 1.0 + 2.0 * qp.EXCEEDED, "without them it would not"
 

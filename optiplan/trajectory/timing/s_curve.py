@@ -1,0 +1,47 @@
+"""The fastest motion of one coordinate from rest to rest over a distance D: seven phases of constant jerk.
+
+It is optimal under symmetric bounds V, A, J on velocity, acceleration and jerk. Its acceleration rises for t_j, stays
+for t_a, falls for t_j; then the velocity stays for t_v; then all of it backwards:
+
+    t_j = min(A / J, sqrt(V / J), cbrt(D / 2J)),   a = J t_j,
+    t_a = max(0, min(V / a - t_j, (sqrt(t_j^2 + 4 D / a) - 3 t_j) / 2)),   v = a (t_j + t_a),
+    t_v = max(0, D / v - 2 t_j - t_a),   T = 4 t_j + 2 t_a + t_v.
+
+Without a bound on jerk (J infinite) t_j = 0 and a = A: the acceleration jumps.
+"""
+
+import numpy as np
+
+from optiplan.arrays import Array
+
+_ZERO_DISTANCE = 1e-60  # m or rad: stands for "no distance", so that the formulas above need no branch
+_ACCELERATION = np.array([0.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0, 0.0])  # around the seven phases, over its peak
+
+
+def phases(distance: Array, velocity: Array, acceleration: Array, jerk: Array) -> tuple[Array, Array, Array]:
+    """Return the times t_j, t_a, t_v (s) of the module's curve, element by element; all arrays of one shape."""
+    D = np.maximum(distance, _ZERO_DISTANCE)
+    t_j = np.minimum(np.minimum(acceleration / jerk, np.sqrt(velocity / jerk)), np.cbrt(D / (2.0 * jerk)))
+    with np.errstate(invalid="ignore"):
+        a = np.where(np.isinf(jerk), acceleration, jerk * t_j)
+    t_a = np.maximum(0.0, np.minimum(velocity / a - t_j, (np.sqrt(t_j**2 + 4.0 * D / a) - 3.0 * t_j) / 2.0))
+    t_v = np.maximum(0.0, D / (a * (t_j + t_a)) - 2.0 * t_j - t_a)
+    return t_j, t_a, t_v
+
+
+def s_curve(distance: float, velocity: float, acceleration: float, jerk: float) -> tuple[Array, Array]:
+    """The module's curve in pieces: durations (m,) in s and ascending coefficients (m, 4) of s(t) from 0 to distance.
+
+    All four are positive; the jerk may be infinite.
+    """
+    t_j, t_a, t_v = phases(np.array(distance), np.array(velocity), np.array(acceleration), np.array(jerk))
+    times = np.array([t_j, t_a, t_j, t_v, t_j, t_a, t_j])
+    peak = acceleration if np.isinf(jerk) else jerk * t_j
+    pieces = np.zeros((7, 4))
+    s = v = 0.0
+    for i, (h, a, b) in enumerate(zip(times, peak * _ACCELERATION[:-1], peak * _ACCELERATION[1:], strict=True)):
+        j = (b - a) / h if h > 0.0 else 0.0
+        pieces[i] = s, v, a / 2.0, j / 6.0
+        s, v = s + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0)
+    kept = times > 1e-12 * times.sum()
+    return times[kept], pieces[kept]
