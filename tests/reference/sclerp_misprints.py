@@ -1,4 +1,4 @@
-"""The scheme of the Baxter report as printed: its J1, its pure translations. Mistakes: docs/theory/reports.md.
+"""The scheme of the Baxter report as printed: its J1, its pure translations; docs/theory/reports.md tells what is wrong.
 
 Put right it is the scheme `corrected` of the planner `sclerp`.
 """
