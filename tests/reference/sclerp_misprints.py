@@ -1,6 +1,6 @@
-"""The scheme of the Baxter report as printed: its J1, its pure translations. Mistakes: docs/theory/reports.md.
+"""The scheme of the Baxter report as printed: its J1, its pure translations.
 
-Put right it is the scheme `corrected` of the planner `sclerp`.
+What is wrong in it: docs/theory/reports.md. Put right it is the scheme `corrected` of the planner `sclerp`.
 """
 
 import math
