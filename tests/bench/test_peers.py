@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import optiplan as op
 from optiplan.bench.peers import Peer, PeerOptions, request
 from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
@@ -79,10 +80,10 @@ def test_samples_are_met_with_their_velocities(peer):
     done, _ = peer(f'print(json.dumps({{"samples": {code}}}))')
     q = done.trajectory
     for t, at, speed in ((0, [0.5, 1.0], [0, 0]), (1, [0.1, 1.05], [-0.4, 0.03]), (3, [-0.5, 1.1], [0, 0])):
-        np.testing.assert_allclose(q(t)[0], at, atol=1e-12)
-        np.testing.assert_allclose(q(t, 1)[0], speed, atol=1e-12)
+        np.testing.assert_allclose(q(t), at, atol=1e-12)
+        np.testing.assert_allclose(q(t, 1), speed, atol=1e-12)
     for piece in (0.999999999, 1.000000001):
-        np.testing.assert_allclose(q(piece, 1)[0], [-0.4, 0.03], atol=1e-6)
+        np.testing.assert_allclose(q(piece, 1), [-0.4, 0.03], atol=1e-6)
 
 
 def test_what_a_peer_claims_is_not_believed(peer):
@@ -114,7 +115,8 @@ def test_what_peers_are_not_told_of(tmp_path):
     adapter = tmp_path / "x.py"
     adapter.write_text("")
     problem = problem_from_dict(PROBLEM)
-    there = replace(problem, scene=replace(problem.scene, attached=(None,)))
+    held = op.Sphere("ball", radius=0.01).attached_to(problem.robot.tool_frame)
+    there = replace(problem, scene=problem.scene.with_attached(held))
     done = Peer(PeerOptions(str(adapter))).plan(there, Budget(1.0), lambda stage, part: None)
     assert done.failure.kind == "unsupported"
 
@@ -143,7 +145,7 @@ def test_a_controllers_steps_keep_what_its_commands_keep(peer):
     done, _ = peer(f'print(json.dumps({{"samples": {samples}}}))', goal={"joints": [0.45, 1.06]})
     assert done.verified
     q = done.trajectory
-    np.testing.assert_allclose([q(0)[0], q(q.duration)[0]], steps[[0, -1]], atol=1e-12)
+    np.testing.assert_allclose([q(0), q(q.duration)], steps[[0, -1]], atol=1e-12)
     np.testing.assert_allclose(q.coefficients[:, 3], 0, atol=1e-9)
     np.testing.assert_allclose(2 * q.coefficients[1:-1, 2], np.diff(steps, 2, axis=0) / 0.2**2, atol=1e-9)
 
