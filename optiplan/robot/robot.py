@@ -94,7 +94,8 @@ class Robot:
             path: the URDF; meshes are looked for beside it.
             tool_frame: the link or fixed frame that poses are about; without one, a link behind the last planned joint.
             keys: what else a robot.yaml can say (docs/reference/problem-file.md), in its words: `name`, `group`
-                (names of the planned joints, base to tip), `locked` (positions, rad or m, of others), `configurations` (name: values),
+                (names of the planned joints, base to tip), `locked` (positions, rad or m, of others),
+                `configurations` (name: values),
                 `limits` (`velocity`, `acceleration`, `jerk`, `torque`), `srdf` (a path), `collision`,
                 `allowed_collisions`, `groups`, `tool_frames`.
 
