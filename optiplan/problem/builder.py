@@ -83,12 +83,10 @@ class Compiler:
     def _relocated(self, issue: Issue) -> Issue:
         """What the robot's reader says of a locked joint of ours, or of a robot that stands here, is about our file."""
         if isinstance(self.draft.robot, Mapping) and Path(issue.file).name == DESCRIPTION:
-            place = ("robot",) if issue.field == "file" else ("robot", issue.field)
-            return self.document.issue(place, issue.found, issue.expected)
-        for name in self.draft.locked:
-            if issue.field == f"locked.{name}":
-                return self.document.issue(("locked", name), issue.found, issue.expected)
-        return issue
+            return self.document.issue(("robot", *issue.path), issue.found, issue.expected)
+        if issue.path not in [("locked", name) for name in self.draft.locked]:
+            return issue
+        return self.document.issue(issue.path, issue.found, issue.expected)
 
     def start(self, robot: Robot) -> Array | None:
         """The start configuration, (n,)."""
@@ -204,7 +202,7 @@ class Compiler:
         try:
             file = (self.base / spec.file).resolve()
         except (OSError, ValueError) as error:  # a name that no file can have
-            reason = getattr(error, "strerror", None) or str(error)
+            reason = (isinstance(error, OSError) and error.strerror) or str(error)
             self.report(place, f"{describe(spec.file)} ({reason.lower()})", f"a mesh file ({FORMATS})")
             return None
         try:
