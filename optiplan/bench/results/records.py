@@ -11,13 +11,21 @@ Key = tuple[str, str, int, int]
 """Problem id, planner's label, seed, repetition: what makes a run one of its kind."""
 
 RunFailureKind = Literal[
-    "not-verified", "bad-input", "timeout", "out-of-memory", "crashed", "failed", "not verified here"
+    "not-verified",
+    "bad-input",
+    "timeout",
+    "out-of-memory",
+    "crashed",
+    "crashed (machine lost)",
+    "failed",
+    "not verified here",
 ]
 """Why a run of a benchmark has no verified trajectory, besides the reasons that planners give (`FailureKind`).
 
 * `not-verified`: the planner gave a trajectory that the verifier refuses.
 * `bad-input`: the planner refused the problem or its options.
 * `timeout`, `out-of-memory`, `crashed`: the worker was ended at a hard limit, or ended by itself.
+* `crashed (machine lost)`: of a cluster, the computer that made it was lost, more than once.
 * `failed`, `not verified here`: of results from elsewhere, by their authors' own account.
 """
 
