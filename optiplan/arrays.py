@@ -1,4 +1,7 @@
-"""The array types of the project; shape and unit of an array stand in the docstring of what uses it."""
+"""The array types of the project, whose shape and unit stand in the docstring of what uses them; and unit vectors."""
+
+import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,3 +14,19 @@ Flags = npt.NDArray[np.bool_]
 
 Index = npt.NDArray[np.intp]
 """Array of indices."""
+
+UNIT_TOLERANCE = 1e-3
+"""How far the length of a unit vector or quaternion written by hand may be from 1; it is normalised then."""
+
+
+def unit(values: Sequence[float]) -> Array:
+    """The vector or quaternion, of shape (k,), divided by its length.
+
+    Raises:
+        ValueError: its length is not 1 within `UNIT_TOLERANCE`.
+    """
+    vector = np.asarray(values, float)
+    length = math.hypot(*vector)  # no overflow for numbers that are huge by mistake
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:  # written so that NaN is refused too
+        raise ValueError(f"found length {length:.6g}; expected unit length (1 ± {UNIT_TOLERANCE:g})")
+    return vector / length

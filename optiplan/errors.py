@@ -37,13 +37,37 @@ class UnknownChoiceError(OptiPlanError):
 
 @dataclass(frozen=True)
 class Issue:
-    """One thing that is wrong in an input file."""
+    """One thing that is wrong with what was given, and where it stands.
+
+    Attributes:
+        file: where it stands, in words: a file, or whom an option or argument was given to.
+        line: of the file, from 1; None where there is none.
+        field: what it is about, in words, such as `goal.pose.position[2]`.
+        found: what is there.
+        expected: what could be there.
+        path: the field as data: keys and indices from the root of the file; empty for what is not a value in a file.
+        planner: whose option `field` is, where it is one and not yet told of a file.
+        function: whose argument `field` is, where it is one.
+    """
 
     file: str
     line: int | None
     field: str
     found: str
     expected: str
+    path: tuple[str | int, ...] = ()
+    planner: str | None = None
+    function: str | None = None
+
+    @classmethod
+    def of_option(cls, planner: str, option: str, found: str, expected: str) -> "Issue":
+        """About an option of a planner, wherever it was given."""
+        return cls(f"planner '{planner}'", None, option, found, expected, planner=planner)
+
+    @classmethod
+    def of_argument(cls, function: str, argument: str, found: str, expected: str) -> "Issue":
+        """About an argument of a function."""
+        return cls(f"{function}()", None, argument, found, expected, function=function)
 
     def __str__(self) -> str:
         """`file:line: field: found …; expected …`, the form that editors turn into a link."""

@@ -16,11 +16,11 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.shapes import shape_data
 from optiplan.planners.base import Budget, Failure, PlanResult, Progress
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.path_timing import timed_path
 from optiplan.problem.problem import Problem
-from optiplan.problem.to_data import shape_data
 from optiplan.trajectory.trajectory import Trajectory
 
 POLL = 0.05

@@ -42,10 +42,9 @@ def planner_issues(path: Path) -> list[Issue]:
 def fitting_issues(path: Path) -> list[Issue]:
     """Return the issues of valid options with the start and goal of the file, as far as planners check ahead."""
     problem = load_problem(path)
-    look = getattr(make_planner(problem.planner, problem.options), "check", None)
+    planner = make_planner(problem.planner, problem.options)
     try:
-        if look is not None:
-            look(problem, Budget(_LOOK))
+        planner.check(problem, Budget(_LOOK))
     except InputError as error:
         return list(placed(path, error).issues)
     return []
@@ -71,9 +70,7 @@ def placed(path: Path, error: InputError) -> InputError:
 
 def _placed(document: Document, error: InputError) -> list[Issue]:
     return [
-        document.issue(("planner", issue.field), issue.found, issue.expected)
-        if issue.line is None and issue.file.startswith("planner '")
-        else issue
+        document.issue(("planner", issue.field), issue.found, issue.expected) if issue.planner is not None else issue
         for issue in error.issues
     ]
 

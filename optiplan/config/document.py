@@ -95,7 +95,7 @@ class Document:
 
     def issue(self, path: Sequence[str | int], found: str, expected: str) -> Issue:
         """An `Issue` about the value at `path`, with its line."""
-        return Issue(str(self.path), self.line(path), field_name(path), found, expected)
+        return Issue(str(self.path), self.line(path), field_name(path), found, expected, tuple(path))
 
 
 def plain(value: Any) -> Any:
@@ -166,7 +166,7 @@ def pydantic_issues(model_class: type[BaseModel], document: Document, error: Val
         if name in issues:  # members of a union each say what they would have taken
             known = issues[name]
             expected = known.expected if expected in known.expected else f"{known.expected}, or {expected}"
-        issues[name] = Issue(str(document.path), line, field_name(name), found, expected)
+        issues[name] = Issue(str(document.path), line, field_name(name), found, expected, name)
     deepest = [name for name in issues if not any(len(o) > len(name) and o[: len(name)] == name for o in issues)]
     return [issues[name] for name in deepest]
 
@@ -183,7 +183,7 @@ def _read_text(path: Path) -> str:
             [Issue(str(path), None, "file", "bytes that are not UTF-8 text", "a YAML document")]
         ) from error
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise InputError([Issue(str(path), None, "file", reason, "a readable YAML file")]) from error
     if "\0" in text:
         raise InputError([Issue(str(path), None, "file", "a binary file", "a YAML document")])

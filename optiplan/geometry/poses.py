@@ -7,25 +7,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import UNIT_TOLERANCE, unit
 
-UNIT_TOLERANCE = 1e-3
-"""How far the length of a unit vector or quaternion written by hand may be from 1; it is normalised then."""
 HALF_TURN = 1e-9
 """Components of a unit quaternion smaller than this are rounding when the shorter of two ways round is chosen."""
-
-
-def unit(values: Sequence[float]) -> Array:
-    """The vector or quaternion, of shape (k,), divided by its length.
-
-    Raises:
-        ValueError: its length is not 1 within `UNIT_TOLERANCE`.
-    """
-    vector = np.asarray(values, float)
-    length = math.hypot(*vector)  # no overflow for numbers that are huge by mistake
-    if not abs(length - 1.0) <= UNIT_TOLERANCE:  # written so that NaN is refused too
-        raise ValueError(f"found length {length:.6g}; expected unit length (1 ± {UNIT_TOLERANCE:g})")
-    return vector / length
 
 
 def pose_from_data(data: Mapping[str, Any]) -> pin.SE3:

@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,68 +10,9 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import described, wrong_argument
+from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
-LARGEST_COORDINATE = 1e6
-"""m; nothing that an arm can meet, and beyond it distances lose the micrometres that they are trusted to."""
-
-
-@dataclass(frozen=True)
-class Box:
-    """Cuboid centred on its frame; edge lengths in m."""
-
-    size: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Sphere:
-    """Ball centred on its frame; radius in m."""
-
-    radius: float
-
-
-@dataclass(frozen=True)
-class Cylinder:
-    """Cylinder centred on its frame, axis z; radius and full length in m."""
-
-    radius: float
-    length: float
-
-
-@dataclass(frozen=True)
-class Capsule:
-    """Cylinder with round caps, centred on its frame, axis z; `length` is that of the cylindrical part, m."""
-
-    radius: float
-    length: float
-
-
-@dataclass(frozen=True)
-class HalfSpace:
-    """All points p of the object's frame with normal . p <= offset are solid; `normal` has unit length, offset in m.
-
-    `stated` is the normal as it was written down, of a length that is 1 but for rounding.
-    """
-
-    normal: tuple[float, float, float]
-    offset: float
-    stated: tuple[float, ...] | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True)
-class Mesh:
-    """Triangles of a file (STL, OBJ, DAE, PLY, GLB) times `scale`; `convex` takes their convex hull.
-
-    Where the file says which axis is up, it is turned so that z is. `key` is the digest of what the file held when the
-    shape was made, by `mesh_reading.open_mesh`; without one the shape is what the file holds when it is built.
-    """
-
-    file: Path
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    convex: bool = False
-    key: str = field(default="", compare=False)
-
-
-Shape = Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh
+__all__ = ["Attachment", "Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Obstacle", "Scene", "Shape", "Sphere"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -1,88 +1,341 @@
-"""From the shapes of a scene to coal geometry."""
+"""Shapes of obstacles and attached objects.
 
-from functools import lru_cache
+A shape is one class here and one line in `ShapeSpec`: what stands in a problem file, the body that coal tests, the
+support function by which the verifier proves it apart from others, and what the page draws. All else is general.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self
 
 import coal
 import numpy as np
+from pydantic import Field
 
-from optiplan.arrays import Array
-from optiplan.geometry.convex_hulls import convex_hull
-from optiplan.geometry.meshes.reading import known, open_mesh, read_mesh
-from optiplan.geometry.meshes.triangles import Soup, Triangles
-from optiplan.geometry.scene import LARGEST_COORDINATE, Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
+from optiplan.arrays import Array, unit
+from optiplan.config.document import Strict
+from optiplan.config.values import Coordinate, Direction, ExactlyOne, FileName, Length, Scale, Size
+from optiplan.geometry.mesh_bodies import mesh_body
 
-__all__ = ["build_geometry", "convex_hull"]
+
+class Shape(ABC):
+    """A solid in its own frame, lengths in m.
+
+    Attributes:
+        body_type: class of coal that is this shape and no other; None where there is none.
+        endless: whether it has no bounds, so that nothing can carry it.
+    """
+
+    body_type: ClassVar[type[coal.CollisionGeometry] | None] = None
+    endless: ClassVar[bool] = False
+
+    @classmethod
+    @abstractmethod
+    def from_data(cls, data: Any) -> Self:
+        """The shape that a value of `ShapeSpec` means."""
+
+    @abstractmethod
+    def to_data(self) -> Any:
+        """What a problem file says of it, JSON-ready: the inverse of `from_data`."""
+
+    @abstractmethod
+    def body(self) -> coal.CollisionGeometry:
+        """What coal tests.
+
+        Raises:
+            ValueError: it cannot be made.
+        """
+
+    @classmethod
+    def of_body(cls, body: Any) -> Self:
+        """The shape of a body of `body_type`."""
+        raise NotImplementedError(cls.__name__)
+
+    def support(self, n: Array) -> Array:
+        """h(n) = max of n . x over its points x; n (K, 3) of any length, result (K,), m; infinite where unknown."""
+        return np.full(len(n), np.inf)
+
+    def picture(self) -> dict[str, Any] | Array | None:
+        """What the page draws.
+
+        A `kind` of shapes.js with its dimensions; points (k, 3), m, whose convex hull is drawn; or None, for what the
+        triangles of the body tell.
+        """
+        return None
+
+
+class RoundSpec(Strict):
+    """`radius` and `length` of a cylinder (whole length) or capsule (length between the round caps), m."""
+
+    radius: Length
+    length: Length
+
+
+@dataclass(frozen=True)
+class Box(Shape):
+    """Cuboid centred on its frame; edge lengths in m."""
+
+    size: tuple[float, float, float]
+
+    body_type = coal.Box
+
+    @classmethod
+    def from_data(cls, data: Size) -> Self:
+        """`box: [x, y, z]`."""
+        return cls((data[0], data[1], data[2]))
+
+    def to_data(self) -> list[float]:
+        """Edge lengths."""
+        return list(self.size)
+
+    def body(self) -> coal.CollisionGeometry:
+        """See `Shape`."""
+        return coal.Box(*self.size)
+
+    @classmethod
+    def of_body(cls, body: Any) -> Self:
+        """See `Shape`."""
+        return cls.from_data((2.0 * body.halfSide).tolist())
+
+    def support(self, n: Array) -> Array:
+        """h(n) = |n| . size / 2."""
+        return np.asarray(np.abs(n) @ (0.5 * np.array(self.size)))
+
+    def picture(self) -> dict[str, Any]:
+        """See `Shape`."""
+        return {"kind": "box", "size": list(self.size)}
+
+
+@dataclass(frozen=True)
+class Sphere(Shape):
+    """Ball centred on its frame; radius in m."""
+
+    radius: float
+
+    body_type = coal.Sphere
+
+    @classmethod
+    def from_data(cls, data: float) -> Self:
+        """`sphere: radius`."""
+        return cls(data)
+
+    def to_data(self) -> float:
+        """The radius."""
+        return self.radius
+
+    def body(self) -> coal.CollisionGeometry:
+        """See `Shape`."""
+        return coal.Sphere(self.radius)
+
+    @classmethod
+    def of_body(cls, body: Any) -> Self:
+        """See `Shape`."""
+        return cls(body.radius)
+
+    def support(self, n: Array) -> Array:
+        """h(n) = r ||n||."""
+        return np.asarray(self.radius * np.linalg.norm(n, axis=1))
+
+    def picture(self) -> dict[str, Any]:
+        """See `Shape`."""
+        return {"kind": "sphere", "radius": self.radius}
+
+
+@dataclass(frozen=True)
+class _Round(Shape):
+    """Round about its axis z and centred on its frame; radius and length in m."""
+
+    radius: float
+    length: float
+
+    @classmethod
+    def from_data(cls, data: RoundSpec) -> Self:
+        """`{radius: r, length: l}`."""
+        return cls(data.radius, data.length)
+
+    def to_data(self) -> dict[str, float]:
+        """Radius and length."""
+        return {"radius": self.radius, "length": self.length}
+
+    @classmethod
+    def of_body(cls, body: Any) -> Self:
+        """See `Shape`."""
+        return cls(body.radius, 2.0 * body.halfLength)
+
+
+@dataclass(frozen=True)
+class Cylinder(_Round):
+    """Cylinder centred on its frame, axis z; radius and full length in m."""
+
+    body_type = coal.Cylinder
+
+    def body(self) -> coal.CollisionGeometry:
+        """See `Shape`."""
+        return coal.Cylinder(self.radius, self.length)
+
+    def support(self, n: Array) -> Array:
+        """h(n) = r ||(n_x, n_y)|| + l / 2 |n_z|."""
+        return np.asarray(self.radius * np.hypot(n[:, 0], n[:, 1]) + 0.5 * self.length * np.abs(n[:, 2]))
+
+    def picture(self) -> dict[str, Any]:
+        """See `Shape`."""
+        return {"kind": "cylinder", **self.to_data()}
+
+
+@dataclass(frozen=True)
+class Capsule(_Round):
+    """Cylinder with round caps, centred on its frame, axis z; `length` is that of the cylindrical part, m."""
+
+    body_type = coal.Capsule
+
+    def body(self) -> coal.CollisionGeometry:
+        """See `Shape`."""
+        return coal.Capsule(self.radius, self.length)
+
+    def support(self, n: Array) -> Array:
+        """h(n) = r ||n|| + l / 2 |n_z|."""
+        return np.asarray(self.radius * np.linalg.norm(n, axis=1) + 0.5 * self.length * np.abs(n[:, 2]))
+
+    def picture(self) -> dict[str, Any]:
+        """See `Shape`."""
+        return {"kind": "capsule", **self.to_data()}
+
+
+class HalfSpaceSpec(Strict):
+    """All points p with normal . p <= offset are solid; `normal` has unit length, `offset` in m."""
+
+    normal: Direction
+    offset: Coordinate = 0.0
+
+
+@dataclass(frozen=True)
+class HalfSpace(Shape):
+    """All points p of the object's frame with normal . p <= offset are solid; `normal` has unit length, offset in m.
+
+    `stated` is the normal as it was written down, of a length that is 1 but for rounding.
+    """
+
+    normal: tuple[float, float, float]
+    offset: float
+    stated: tuple[float, ...] | None = field(default=None, compare=False, repr=False)
+
+    body_type = coal.Halfspace
+    endless = True
+
+    @classmethod
+    def from_data(cls, data: HalfSpaceSpec) -> Self:
+        """`{normal: [x, y, z], offset: d}`."""
+        x, y, z = unit(data.normal).tolist()
+        return cls((x, y, z), data.offset, data.normal)
+
+    def to_data(self) -> dict[str, Any]:
+        """Normal, as it was written down, and offset."""
+        return {"normal": list(self.stated or self.normal), "offset": self.offset}
+
+    def body(self) -> coal.CollisionGeometry:
+        """See `Shape`."""
+        return coal.Halfspace(np.asarray(self.normal, float), float(self.offset))
+
+    @classmethod
+    def of_body(cls, body: Any) -> Self:
+        """See `Shape`."""
+        x, y, z = body.n.tolist()
+        return cls((x, y, z), body.d)
+
+    def support(self, n: Array) -> Array:
+        """h(n) = d ||n|| along the normal, elsewhere infinite."""
+        length = np.linalg.norm(n, axis=1)
+        along = n @ np.array(self.normal) > (1.0 - 1e-12) * length
+        return np.where(along, self.offset * length, np.inf)
+
+    def picture(self) -> dict[str, Any]:
+        """See `Shape`."""
+        return {"kind": "plane", "normal": list(self.normal), "offset": self.offset}
+
+
+class MeshSpec(Strict):
+    """`file` (STL, OBJ, DAE, PLY or GLB) beside this file, times `scale` (a number or [x, y, z]); `convex`: hull."""
+
+    file: FileName
+    scale: Scale = (1.0, 1.0, 1.0)
+    convex: Annotated[bool, Field(strict=True)] = False
+
+
+@dataclass(frozen=True)
+class Mesh(Shape):
+    """Triangles of a file (STL, OBJ, DAE, PLY, GLB) times `scale`; `convex` takes their convex hull.
+
+    Where the file says which axis is up, it is turned so that z is. `key` is the digest of what the file held when the
+    shape was made, by `meshes.reading.open_mesh`; without one the shape is what the file holds when it is built.
+    """
+
+    file: Path
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    convex: bool = False
+    key: str = field(default="", compare=False)
+
+    @classmethod
+    def from_data(cls, data: MeshSpec) -> Self:
+        """`{file: …, scale: …, convex: …}`, the file as it stands there."""
+        return cls(Path(data.file), (data.scale[0], data.scale[1], data.scale[2]), data.convex)
+
+    def to_data(self) -> dict[str, Any]:
+        """The file with its path."""
+        return {"file": str(self.file), "scale": list(self.scale), "convex": self.convex}
+
+    def body(self) -> coal.CollisionGeometry:
+        """A bounding-volume hierarchy of the triangles or, with `convex`, their convex hull."""
+        return mesh_body(self.file, self.key, self.scale, self.convex)
+
+
+class ShapeSpec(ExactlyOne):
+    """One shape, such as `box: [x, y, z]` or `sphere: radius`."""
+
+    box: Size | None = None
+    sphere: Length | None = None
+    cylinder: RoundSpec | None = None
+    capsule: RoundSpec | None = None
+    half_space: HalfSpaceSpec | None = None
+    mesh: MeshSpec | None = None
+
+
+SHAPES: dict[str, type[Shape]] = {
+    "box": Box,
+    "sphere": Sphere,
+    "cylinder": Cylinder,
+    "capsule": Capsule,
+    "half_space": HalfSpace,
+    "mesh": Mesh,
+}
+"""Keys of `ShapeSpec` to their classes."""
+
+
+def shape_from_spec(spec: ShapeSpec) -> Shape:
+    """The shape that a problem file states; a mesh's file as it stands there."""
+    return SHAPES[spec.kind].from_data(spec.value)
+
+
+def shape_data(shape: Shape) -> dict[str, Any]:
+    """`shape:` of a problem file."""
+    return {next(key for key, cls in SHAPES.items() if isinstance(shape, cls)): shape.to_data()}
+
+
+def shape_of_body(body: coal.CollisionGeometry) -> Shape | None:
+    """The shape that a body of coal is; None for polyhedra, triangles and what is not listed."""
+    for cls in SHAPES.values():
+        if cls.body_type is not None and isinstance(body, cls.body_type):
+            return cls.of_body(body)
+    return None
 
 
 def build_geometry(shape: Shape) -> coal.CollisionGeometry:
     """Coal geometry of a shape, in the shape's own frame, m.
 
-    Meshes become a bounding-volume hierarchy of their triangles or, with `convex`, their convex hull.
-
     Raises:
         ValueError: a mesh file that cannot be read, holds NaN or infinity, or has no volume to hull.
     """
-    match shape:
-        case Box(size):
-            geometry = coal.Box(*size)
-        case Sphere(radius):
-            geometry = coal.Sphere(radius)
-        case Cylinder(radius, length):
-            geometry = coal.Cylinder(radius, length)
-        case Capsule(radius, length):
-            geometry = coal.Capsule(radius, length)
-        case HalfSpace(normal, offset):
-            geometry = coal.Halfspace(np.asarray(normal, float), float(offset))
-        case Mesh():
-            return _load_mesh(shape)
-    geometry.computeLocalAABB()
-    return geometry
-
-
-def _load_mesh(shape: Mesh) -> coal.CollisionGeometry:
-    soup = known(shape.key) if shape.key else None
-    if soup is None:
-        file = open_mesh(shape.file)
-        if shape.key not in ("", file.key):
-            raise ValueError(f"mesh {shape.file} is not what it was when it was loaded")
-        soup = read_mesh(file)
-    try:
-        return _built(soup, shape.scale, shape.convex)
-    except ValueError as error:
-        raise ValueError(f"mesh {shape.file}: {error}") from error
-
-
-@lru_cache(maxsize=256)
-def _built(soup: Soup, scale: tuple[float, float, float], convex: bool) -> coal.CollisionGeometry:
-    """Build geometry, once per content, scale and kind; it is never changed afterwards, so it is shared."""
-    vertices = (soup.vertices @ soup.turn.T) * np.asarray(scale, float)
-    if convex:
-        check_reach(vertices)
-        return convex_hull(vertices)
-    return triangle_mesh(vertices, soup.triangles)
-
-
-def check_reach(vertices: Array) -> None:
-    """Refuse vertices (k, 3), m, that are too far away, or no numbers.
-
-    Raises:
-        ValueError: says so.
-    """
-    if not (np.abs(vertices) <= LARGEST_COORDINATE).all():  # written so that NaN is refused too
-        raise ValueError(f"a vertex that is no number or beyond {LARGEST_COORDINATE:g} m")
-
-
-def triangle_mesh(vertices: Array, triangles: Triangles) -> coal.BVHModelBase:
-    """Bounding-volume hierarchy of triangles (m, 3), indices of vertices (k, 3) in m.
-
-    Raises:
-        ValueError: a vertex that is too far away.
-    """
-    check_reach(vertices)
-    mesh = coal.BVHModelOBBRSS()
-    mesh.beginModel(len(triangles), len(vertices))
-    mesh.addVertices(vertices)
-    mesh.addTriangles(triangles)
-    mesh.endModel()
-    mesh.computeLocalAABB()
-    return mesh
+    body = shape.body()
+    if not isinstance(shape, Mesh):  # whose body is shared, with its box
+        body.computeLocalAABB()
+    return body

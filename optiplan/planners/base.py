@@ -1,13 +1,42 @@
-"""What every planner is: the protocol, its result, its budget."""
+"""What every planner is: the class to derive from, its result, its budget."""
 
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
+
+FailureKind = Literal[
+    "goal-unreachable",
+    "start-in-collision",
+    "goal-in-collision",
+    "no-path",
+    "collision",
+    "limits",
+    "singularity",
+    "reach",
+    "unsupported",
+    "budget",
+    "cancelled",
+    "input",
+    "bug",
+]
+"""Why there is no plan.
+
+* `goal-unreachable`: no configuration within the joint limits reaches the goal.
+* `start-in-collision`, `goal-in-collision`: bodies overlap at the start, or wherever the goal is reached.
+* `no-path`: nothing was found that leads from the start to the goal.
+* `collision`: the motion that was asked for is not free.
+* `limits`: it is not within limits in the duration or with the shape that was asked for.
+* `singularity`, `reach`: the path that was asked for cannot be followed any further.
+* `unsupported`: the problem asks for what this planner, or this robot, cannot do.
+* `budget`, `cancelled`: the time ended, or somebody ended the search.
+* `input`, `bug`: of a comparison of planners, one raised an error about its options, or one that it must not raise.
+"""
 
 
 @dataclass(frozen=True)
@@ -15,14 +44,12 @@ class Failure:
     """Why there is no plan, as a value.
 
     Attributes:
-        kind: one of `goal-unreachable`, `start-in-collision`, `goal-in-collision`, `no-path`, `collision`, `budget`,
-            `cancelled`, `limits` (not within limits in the duration or with the shape asked for), `singularity` and
-            `reach` (where the path asked for cannot be followed any further), `unsupported`.
+        kind: see `FailureKind`.
         detail: one sentence for a person.
         witness: JSON-ready place where it failed: configuration `q`, time `t`, bodies `pair`, points `points`.
     """
 
-    kind: str
+    kind: FailureKind
     detail: str
     witness: Mapping[str, Any] = field(default_factory=dict)
 
@@ -114,9 +141,35 @@ Progress = Callable[[str, float], None]
 """Called with the name of a stage and the fraction done of it."""
 
 
-class Planner(Protocol):
-    """Anything that turns a Problem into a PlanResult; it prints nothing, keeps no globals and polls its budget."""
+OptionsT = TypeVar("OptionsT")
 
+
+class Planner(ABC, Generic[OptionsT]):
+    """Anything that turns a Problem into a PlanResult; it prints nothing, keeps no globals and polls its budget.
+
+    Attributes:
+        Options: frozen dataclass of what can be set, best a `PlannerOptions`; see `planners.option_schema`.
+        passes_vias: whether `plan` is given a problem's vias; another planner is given the legs between them, one by
+            one and without vias.
+    """
+
+    Options: ClassVar[type[Any]]
+    passes_vias: bool = False
+
+    def __init__(self, options: OptionsT | None = None) -> None:
+        self.options: OptionsT = self.Options() if options is None else options
+
+    @abstractmethod
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
-        """Plan within the budget; never raises for "no solution"."""
-        ...
+        """Plan within the budget; never raises for "no solution".
+
+        Raises:
+            InputError: the options do not go with the problem.
+        """
+
+    def check(self, problem: Problem, budget: Budget) -> None:
+        """Look for options that do not go with the problem, without planning.
+
+        Raises:
+            InputError: they do not.
+        """

@@ -7,8 +7,8 @@ from optiplan.errors import wrong_argument
 from optiplan.geometry import scene
 from optiplan.geometry.meshes.reading import FORMATS
 from optiplan.geometry.scene import Obstacle
-from optiplan.geometry.shapes import build_geometry
-from optiplan.problem.builder import primitive, stated_pose
+from optiplan.geometry.shapes import build_geometry, shape_from_spec
+from optiplan.problem.builder import stated_pose
 from optiplan.problem.schema import ObstacleSpec
 from optiplan.problem.statement import Values, checked
 
@@ -142,7 +142,7 @@ def _obstacle(
     spec = checked(ObstacleSpec, {"name": name, "shape": shape, "pose": pose}, function, arguments)
     X_WO, stated = stated_pose(spec.pose)
     if spec.shape.mesh is None:
-        return Obstacle(spec.name, primitive(spec.shape), X_WO, stated)
+        return Obstacle(spec.name, shape_from_spec(spec.shape), X_WO, stated)
     mesh = spec.shape.mesh
     triangles = scene.Mesh(Path(mesh.file), (mesh.scale[0], mesh.scale[1], mesh.scale[2]), mesh.convex)
     try:

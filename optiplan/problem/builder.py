@@ -1,6 +1,7 @@
 """From the parts of a problem file to models and arrays, checked against the robot; collects every issue on the way."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,28 +14,15 @@ from optiplan.config.messages import choices, describe
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import is_file
 from optiplan.geometry.meshes.reading import FORMATS, open_mesh
-from optiplan.geometry.poses import pose_from_data, unit
-from optiplan.geometry.scene import (
-    Attachment,
-    Box,
-    Capsule,
-    Cylinder,
-    HalfSpace,
-    Mesh,
-    Obstacle,
-    Scene,
-    Shape,
-    Sphere,
-)
-from optiplan.geometry.shapes import build_geometry
+from optiplan.geometry.poses import pose_from_data
+from optiplan.geometry.scene import Attachment, Obstacle, Scene
+from optiplan.geometry.shapes import Mesh, MeshSpec, Shape, ShapeSpec, build_geometry, shape_from_spec
 from optiplan.problem.ends import JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import (
     AlternativeSpec,
-    MeshSpec,
     PoseGoalSpec,
     PoseSpec,
-    ShapeSpec,
     StartSpec,
     ToleranceSpec,
     ViaSpec,
@@ -83,12 +71,10 @@ class Compiler:
     def _relocated(self, issue: Issue) -> Issue:
         """What the robot's reader says of a locked joint of ours, or of a robot that stands here, is about our file."""
         if isinstance(self.draft.robot, Mapping) and Path(issue.file).name == DESCRIPTION:
-            place = ("robot",) if issue.field == "file" else ("robot", issue.field)
-            return self.document.issue(place, issue.found, issue.expected)
-        for name in self.draft.locked:
-            if issue.field == f"locked.{name}":
-                return self.document.issue(("locked", name), issue.found, issue.expected)
-        return issue
+            return self.document.issue(("robot", *issue.path), issue.found, issue.expected)
+        if issue.path not in [("locked", name) for name in self.draft.locked]:
+            return issue
+        return self.document.issue(issue.path, issue.found, issue.expected)
 
     def start(self, robot: Robot) -> Array | None:
         """The start configuration, (n,)."""
@@ -198,17 +184,17 @@ class Compiler:
     def _shape(self, place: Place, spec: ShapeSpec) -> Shape | None:
         if spec.mesh is not None:
             return self._mesh((*place, "mesh", "file"), spec.mesh)
-        return primitive(spec)
+        return shape_from_spec(spec)
 
     def _mesh(self, place: Place, spec: MeshSpec) -> Mesh | None:
         try:
             file = (self.base / spec.file).resolve()
         except (OSError, ValueError) as error:  # a name that no file can have
-            reason = getattr(error, "strerror", None) or str(error)
+            reason = (isinstance(error, OSError) and error.strerror) or str(error)
             self.report(place, f"{describe(spec.file)} ({reason.lower()})", f"a mesh file ({FORMATS})")
             return None
         try:
-            mesh = Mesh(file, (spec.scale[0], spec.scale[1], spec.scale[2]), spec.convex, open_mesh(file).key)
+            mesh = replace(Mesh.from_data(spec), file=file, key=open_mesh(file).key)
             build_geometry(mesh)
         except ValueError as error:
             missing = isinstance(error.__cause__, FileNotFoundError)
@@ -242,23 +228,6 @@ class Compiler:
     def unknown(self, place: Place, kind: str, found: str, valid: Iterable[str]) -> None:
         """Note a name that is not among the valid ones."""
         self.report(place, f"unknown {kind} '{found}'", choices(found, sorted(valid)))
-
-
-def primitive(spec: ShapeSpec) -> Shape:
-    """The shape of a spec other than a mesh."""
-    if spec.box is not None:
-        return Box((spec.box[0], spec.box[1], spec.box[2]))
-    if spec.sphere is not None:
-        return Sphere(spec.sphere)
-    if spec.cylinder is not None:
-        return Cylinder(spec.cylinder.radius, spec.cylinder.length)
-    if spec.capsule is not None:
-        return Capsule(spec.capsule.radius, spec.capsule.length)
-    assert spec.half_space is not None  # the schema holds exactly one shape, and meshes need a folder
-    normal = unit(spec.half_space.normal)
-    return HalfSpace(
-        (float(normal[0]), float(normal[1]), float(normal[2])), spec.half_space.offset, spec.half_space.normal
-    )
 
 
 def link_names(robot: Robot) -> Sequence[str]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +13,9 @@ from optiplan.kinematics.ik.joint_wraps import whole_turns
 from optiplan.kinematics.ik.numeric import IkOptions, IkResult, joints_that_move, pose_error, random_seeds
 from optiplan.kinematics.ik.solve import inverse_kinematics
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+
+NoGoal = Literal["goal-unreachable", "goal-in-collision"]
+"""Why no configuration is in the goal: none reaches it, or all that do are in collision."""
 
 SHARE = 0.5  # of a tolerance that a solution may use up; the rest is for what planning does to it
 
@@ -57,13 +60,13 @@ class GoalSet:
 
     Attributes:
         configurations: free, within limits, distinct; nearest to the start first; each (n,).
-        kind: empty, or `goal-unreachable`, `goal-in-collision`.
+        kind: why there are none; None where there are some.
         reason: one sentence for a person when there are none.
         witness: JSON-ready: the nearest miss, or the configuration in collision with bodies, points and depth.
     """
 
     configurations: list[Array]
-    kind: str = ""
+    kind: NoGoal | None = None
     reason: str = ""
     witness: dict[str, Any] = field(default_factory=dict)
 
@@ -154,6 +157,6 @@ def _all_collide(model: CollisionModel, candidates: list[Array]) -> GoalSet:
 
 def _join(refusals: list[GoalSet]) -> GoalSet:
     kinds = {refusal.kind for refusal in refusals}
-    kind = "goal-in-collision" if "goal-in-collision" in kinds else "goal-unreachable"
+    kind: NoGoal = "goal-in-collision" if "goal-in-collision" in kinds else "goal-unreachable"
     reason = "; ".join(f"alternative {k}: {refusal.reason}" for k, refusal in enumerate(refusals))
     return GoalSet([], kind, reason, {"alternatives": [refusal.witness for refusal in refusals]})

@@ -7,6 +7,7 @@ from typing import Any, Generic, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from optiplan.config.document import Number, Place
+from optiplan.config.values import Name, NamePair
 from optiplan.problem.schema import (
     AlternativeSpec,
     AttachedSpec,
@@ -16,7 +17,6 @@ from optiplan.problem.schema import (
     StartSpec,
     ViaSpec,
 )
-from optiplan.problem.schema_types import Name, NamePair
 
 T = TypeVar("T")
 

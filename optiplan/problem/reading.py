@@ -20,7 +20,7 @@ from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
 TOUCHING = 1e-12
 """Bodies nearer than this, m, are in collision: contact itself is refused, rounding of a zero apart."""
 
-DECIDES_COLLISIONS = ("robot", "group", "locked", "scene.allowed_collisions", "scene.attached")
+DECIDES_COLLISIONS = (("robot",), ("group",), ("locked",), ("scene", "allowed_collisions"), ("scene", "attached"))
 """Where an issue stands in these fields, collisions found would be no news about the file."""
 
 
@@ -86,7 +86,9 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     if robot is not None:
         places = _Places(compiler.start(robot), compiler.goal(robot), compiler.vias(robot))
     issues += compiler.issues
-    if robot is not None and not any(issue.field.startswith(DECIDES_COLLISIONS) for issue in issues):
+    if robot is not None and not any(
+        issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
+    ):
         issues += _collisions(document, CollisionModel(robot, scene), compiler.draft, places)
     if issues or spec is None or robot is None or places.start is None:
         return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))

@@ -12,9 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 
 from optiplan.config.document import Number, Strict, Whole
 from optiplan.config.messages import Reserved
-from optiplan.problem.schema_types import (
-    Coordinate,
-    Direction,
+from optiplan.config.values import (
     ExactlyOne,
     FileName,
     Fraction,
@@ -23,10 +21,9 @@ from optiplan.problem.schema_types import (
     NamePair,
     NotNegative,
     Quaternion,
-    Scale,
-    Size,
     Vector,
 )
+from optiplan.geometry.shapes import SHAPES, ShapeSpec
 
 
 def _empty(what: str) -> Reserved:
@@ -58,39 +55,6 @@ class PoseSpec(Strict):
         return self
 
 
-class RoundSpec(Strict):
-    """`radius` and `length` of a cylinder (whole length) or capsule (length between the round caps), m."""
-
-    radius: Length
-    length: Length
-
-
-class HalfSpaceSpec(Strict):
-    """All points p with normal . p <= offset are solid; `normal` has unit length, `offset` in m."""
-
-    normal: Direction
-    offset: Coordinate = 0.0
-
-
-class MeshSpec(Strict):
-    """`file` (STL, OBJ, DAE, PLY or GLB) beside this file, times `scale` (a number or [x, y, z]); `convex`: hull."""
-
-    file: FileName
-    scale: Scale = (1.0, 1.0, 1.0)
-    convex: Annotated[bool, Field(strict=True)] = False
-
-
-class ShapeSpec(ExactlyOne):
-    """One shape, such as `box: [x, y, z]` or `sphere: radius`."""
-
-    box: Size | None = None
-    sphere: Length | None = None
-    cylinder: RoundSpec | None = None
-    capsule: RoundSpec | None = None
-    half_space: HalfSpaceSpec | None = None
-    mesh: MeshSpec | None = None
-
-
 class ObstacleSpec(Strict):
     """A shape that stands still; `pose` in the world."""
 
@@ -100,8 +64,8 @@ class ObstacleSpec(Strict):
 
 
 def _bounded(shape: ShapeSpec) -> ShapeSpec:
-    if shape.half_space is not None:
-        raise ValueError("found a half_space; expected a shape that ends somewhere: no robot can carry a half-space")
+    if SHAPES[shape.kind].endless:
+        raise ValueError(f"found a {shape.kind}; expected a shape that ends somewhere: no robot can carry a half-space")
     return shape
 
 

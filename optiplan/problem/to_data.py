@@ -9,7 +9,8 @@ import pinocchio as pin
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.poses import pose_from_data, pose_to_data
-from optiplan.geometry.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Scene, Shape, Sphere
+from optiplan.geometry.scene import Scene
+from optiplan.geometry.shapes import shape_data
 from optiplan.problem.ends import Objective
 from optiplan.problem.statement import end_data, is_configuration, via_point_data
 
@@ -72,22 +73,6 @@ def scene_data(scene: Any) -> Any:
     ]
     allowed = sorted(sorted(pair) for pair in scene.allowed)
     return {"obstacles": obstacles, "attached": attached, "allowed_collisions": allowed}
-
-
-def shape_data(shape: Shape) -> dict[str, Any]:
-    """`shape:` of a file."""
-    match shape:
-        case Box():
-            return {"box": list(shape.size)}
-        case Sphere():
-            return {"sphere": shape.radius}
-        case Cylinder() | Capsule():
-            name = "cylinder" if isinstance(shape, Cylinder) else "capsule"
-            return {name: {"radius": shape.radius, "length": shape.length}}
-        case HalfSpace():
-            return {"half_space": {"normal": list(shape.stated or shape.normal), "offset": shape.offset}}
-        case Mesh():
-            return {"mesh": {"file": str(shape.file), "scale": list(shape.scale), "convex": shape.convex}}
 
 
 def limits_data(limits: Any) -> Any:

@@ -11,10 +11,10 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.config.document import Document
 from optiplan.config.messages import choices
+from optiplan.config.values import LARGEST_COORDINATE
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import read_bytes
 from optiplan.geometry.convex import body_of, cover_of, hull_of, over_cover_of, pieces_of, vertices_of
-from optiplan.geometry.scene import LARGEST_COORDINATE
 from optiplan.robot.spec import CollisionSpec, Treatment
 
 PRIMITIVE = "primitive"

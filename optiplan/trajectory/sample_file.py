@@ -73,7 +73,7 @@ def read_samples(path: Path, joint_names: Sequence[str] | None = None) -> Sample
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
-        line = getattr(error, "lineno", None)
+        line = error.lineno if isinstance(error, json.JSONDecodeError) else None
         raise InputError([Issue(str(path), line, "file", "broken JSON", "JSON with t, q, and perhaps v, a")]) from error
     return samples_from_dict(data, str(path), joint_names)
 

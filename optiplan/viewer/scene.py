@@ -10,8 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import OptiPlanError
-from optiplan.geometry.scene import HalfSpace, Shape
-from optiplan.geometry.shapes import build_geometry
+from optiplan.geometry.shapes import Shape, build_geometry
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.robot import Robot
 from optiplan.viewer.runs import Poses, RunLike, ViewedRun, show_run
@@ -179,7 +178,7 @@ def _encode_shape(shape: Shape) -> dict[str, Any]:
 
 
 def _obstacle_colour(shape: Shape) -> Colour:
-    if isinstance(shape, HalfSpace):
+    if shape.endless:
         return _FURNITURE
     box = build_geometry(shape).aabb_local
     return _THING if float(np.max(box.max_ - box.min_)) < _THING_SIZE else _FURNITURE

@@ -13,6 +13,7 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull
 
 from optiplan.arrays import Array
+from optiplan.geometry.shapes import shape_of_body
 
 Colour = tuple[float, float, float, float]
 MAX_TRIANGLES = 20_000  # of one surface; more than that makes the page heavy and looks the same
@@ -42,17 +43,13 @@ def encode(geometry: coal.CollisionGeometry) -> dict[str, Any]:
 
     Shapes that the page cannot draw exactly are drawn as their bounding box.
     """
+    shape = shape_of_body(geometry)
+    picture = None if shape is None else shape.picture()
+    if isinstance(picture, dict):
+        return picture
+    if picture is not None:
+        return _hull(picture).encoded()
     match geometry:
-        case coal.Box():
-            return {"kind": "box", "size": (2.0 * geometry.halfSide).tolist()}
-        case coal.Sphere():
-            return {"kind": "sphere", "radius": geometry.radius}
-        case coal.Cylinder():
-            return {"kind": "cylinder", "radius": geometry.radius, "length": 2.0 * geometry.halfLength}
-        case coal.Capsule():
-            return {"kind": "capsule", "radius": geometry.radius, "length": 2.0 * geometry.halfLength}
-        case coal.Halfspace():
-            return {"kind": "plane", "normal": geometry.n.tolist(), "offset": geometry.d}
         case coal.ConvexBase():
             return _hull(np.asarray(geometry.points(), dtype=float)).encoded()
         case coal.BVHModelBase():

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from optiplan.bench.results.records import BenchTask
-from optiplan.bench.sources.base import READERS, Found
+from optiplan.bench.sources.base import Found
+from optiplan.bench.sources.readers import READERS
 from optiplan.bench.suite.schema import read_suite
 from optiplan.bench.suite.suite import differences, load_suite
 from optiplan.errors import InputError
@@ -190,7 +191,7 @@ def test_motion_bench_maker_through_the_environment(load, refused, shared, monke
 
 
 def test_another_reader_is_a_line_in_a_table(load, refused, monkeypatch, tmp_path):
-    monkeypatch.setitem(READERS, "generate", f"{__name__}:generated")
+    monkeypatch.setitem(READERS, "generate", generated)
     suite = load("problems: [{generate: spheres, count: 2, seed: 5, params: {size: 0.2}}]\nplanners: [quintic]\n")
     assert [(problem.id, problem.difficulty) for problem in suite.problems] == [
         ("spheres/5-0", None),

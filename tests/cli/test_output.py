@@ -5,7 +5,7 @@ import signal
 from optiplan.cli.output import interrupts_held, print_json, report_error, stdout_is_ours
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 
-ISSUE = Issue("a.yaml", 3, "start.joints", "a list of 6 values", "7 values")
+ISSUE = Issue("a.yaml", 3, "start.joints", "a list of 6 values", "7 values", ("start", "joints"))
 
 
 def test_foreign_writes_to_stdout_go_to_stderr(capfd):
@@ -44,7 +44,16 @@ def test_issues_as_json(capsys):
     assert err == ""
     assert data["exit_code"] == 2
     assert data["issues"] == [
-        {"file": "a.yaml", "line": 3, "field": "start.joints", "found": "a list of 6 values", "expected": "7 values"}
+        {
+            "file": "a.yaml",
+            "line": 3,
+            "field": "start.joints",
+            "found": "a list of 6 values",
+            "expected": "7 values",
+            "path": ["start", "joints"],
+            "planner": None,
+            "function": None,
+        }
     ]
 
 

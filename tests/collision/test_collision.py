@@ -7,8 +7,9 @@ import pinocchio as pin
 import pytest
 
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.convex_hulls import convex_hull
 from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
-from optiplan.geometry.shapes import build_geometry, convex_hull
+from optiplan.geometry.shapes import build_geometry
 from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.robot import Robot, load_robot
 

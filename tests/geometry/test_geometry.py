@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from optiplan.arrays import unit
 from optiplan.geometry.dual_quaternion import DualQuaternion, screw_between
-from optiplan.geometry.poses import pose_from_data, pose_to_data, unit
+from optiplan.geometry.poses import pose_from_data, pose_to_data
 
 coordinate = st.floats(-10, 10)
 angle = st.floats(-3.2, 3.2)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optiplan.planners.base import Budget, Failure, PlanResult
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult
 from optiplan.planners.common.via_legs import joined, plan_through
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import JointGoal, PoseGoal, Via
@@ -47,7 +47,7 @@ def test_a_failure_names_its_leg():
     assert np.isfinite(result.failure.witness["q"]).all()
 
 
-class Clock:
+class Clock(Planner):
     """Notes what it was given and fails at leg `fails`."""
 
     def __init__(self, fails=None):

@@ -6,7 +6,9 @@ from typing import Literal
 import pytest
 
 from optiplan.errors import InputError, UnknownChoiceError
-from optiplan.planners.registry import FAMILIES, PLANNERS, kind_of, make_planner, planner_entry
+from optiplan.planners.base import Planner
+from optiplan.planners.option_schema import OptionError, PlannerOptions, kind_of, option
+from optiplan.planners.registry import FAMILIES, PLANNERS, make_planner, planner_entry
 from tests.planners import cases
 
 
@@ -17,7 +19,8 @@ def test_every_entry_loads_and_lists_its_options(name):
     assert options
     assert all(option.kind for option in options)
     assert PLANNERS[name].family in FAMILIES
-    assert type(planner).__module__ == PLANNERS[name].planner.split(":")[0]
+    assert type(planner) is PLANNERS[name].load()
+    assert isinstance(planner, Planner)
 
 
 def test_unknown_planner_lists_the_choices():
@@ -45,7 +48,7 @@ def test_every_option_says_what_it_is(name):
     assert [option.name for option in PLANNERS[name].option_list() if not option.meaning] == []
 
 
-def test_meanings_come_from_the_docstrings_of_a_class_and_its_bases():
+def test_meanings_come_from_the_fields_of_a_class_and_its_bases():
     options = {option.name: option.meaning for option in PLANNERS["rrtstar"].option_list()}
     assert options["reach"] == "longest tree edge, s at full joint speed."
     assert options["goals"].startswith("goal configurations")
@@ -105,11 +108,17 @@ class Still:
     def __init__(self, options):
         self.options = options
 
+    def plan(self, problem, budget, progress):
+        raise NotImplementedError
+
 
 def test_a_planner_from_outside_is_named_by_module_and_class(monkeypatch):
     monkeypatch.setitem(sys.modules, "somewhere", SimpleNamespace(Still=Still, Bare=object))
     assert planner_entry("somewhere:Still").summary == "Plans nothing."
-    assert make_planner("somewhere:Still", {"seconds": 2}).options == StillOptions(2.0)
+    made = make_planner("somewhere:Still", {"seconds": 2})
+    assert made.options == StillOptions(2.0)
+    assert made.passes_vias is False, "what it does not state is a planner's default"
+    assert made.check(None, None) is None
     with pytest.raises(UnknownChoiceError, match=r"seconds \(float, default 1.0\)"):
         make_planner("somewhere:Still", {"second": 2})
     for name, words in (("nowhere:Still", "No module named 'nowhere'"), ("somewhere:Bare", "no attribute 'Options'")):
@@ -117,10 +126,51 @@ def test_a_planner_from_outside_is_named_by_module_and_class(monkeypatch):
             make_planner(name)
 
 
+@dataclass(frozen=True)
+class PatientOptions(PlannerOptions):
+    patience: float = option(1.0, "s of waiting.", above=0, most=60)
+    word: Literal["yes", "no"] = option("no", "what is said.")
+    place: tuple[float, ...] | None = option(None, "(3,) m.", size=3)
+
+
+def test_ranges_and_meanings_are_stated_once_by_the_field(monkeypatch):
+    class Patient(Still):
+        Options = PatientOptions
+        passes_vias = True
+
+    monkeypatch.setitem(sys.modules, "somewhere", SimpleNamespace(Patient=Patient))
+    listed = planner_entry("somewhere:Patient").option_list()
+    assert [(one.name, one.kind, one.meaning) for one in listed] == [
+        ("patience", "float", "s of waiting."),
+        ("word", "yes | no", "what is said."),
+        ("place", "list of float", "(3,) m."),
+    ]
+    assert make_planner("somewhere:Patient").passes_vias
+    for name, value, expected in (
+        ("patience", 61, "a number > 0 and ≤ 60"),
+        ("patience", float("nan"), "a number > 0 and ≤ 60"),
+        ("place", [1.0, 2.0], "3 numbers"),
+        ("word", "perhaps", "one of: yes, no"),
+    ):
+        with pytest.raises(InputError) as caught:
+            make_planner("somewhere:Patient", {name: value})
+        (issue,) = caught.value.issues
+        assert (issue.planner, issue.field, issue.expected) == ("somewhere:Patient", name, expected)
+    with pytest.raises(OptionError, match="patience = 0; expected a number > 0"):
+        PatientOptions(patience=0)
+
+
 def test_a_planner_from_outside_that_is_none(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "quits.py").write_text("raise SystemExit(0)")
     (tmp_path / "plain.py").write_text("class Planner:\n    Options = dict\n")
-    for name, words in (("quits:Planner", "SystemExit: 0"), ("plain:Planner", "dataclass")):
+    (tmp_path / "idle.py").write_text(
+        "from optiplan.planners.option_schema import PlannerOptions\n\nclass Planner:\n    Options = PlannerOptions\n"
+    )
+    for name, words in (
+        ("quits:Planner", "SystemExit: 0"),
+        ("plain:Planner", "dataclass"),
+        ("idle:Planner", "no method plan"),
+    ):
         with pytest.raises(InputError, match=words):
             make_planner(name)

@@ -5,7 +5,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.geometry.shapes import convex_hull
+from optiplan.geometry.convex_hulls import convex_hull
 from optiplan.viewer.surfaces import MAX_TRIANGLES, Surface, bounded, bvh_surface, encode, visual_surfaces
 
 

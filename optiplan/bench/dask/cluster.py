@@ -7,7 +7,7 @@ import uuid
 import warnings
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 from optiplan.bench.dask import station
 from optiplan.bench.dask.file_transfer import Packer
@@ -24,7 +24,7 @@ AHEAD = 2
 """Tasks on their way for each thread of a worker: one runs, one waits."""
 HAND_OVER = 5.0
 """s within which a worker hands over what it has done."""
-LOST = "crashed (machine lost)"
+LOST: Final = "crashed (machine lost)"
 """Kind of failure of a run that took worker after worker with it (Dask's `allowed-failures` says how many)."""
 
 

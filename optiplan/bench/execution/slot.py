@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from optiplan.bench.execution import machine
-from optiplan.bench.results.records import BenchTask, Outcome, Row, empty_row, failure
+from optiplan.bench.results.records import BenchTask, Outcome, Row, RunFailureKind, empty_row, failure
 from optiplan.errors import OptiPlanError
 
 POLL = 0.05
@@ -46,9 +46,10 @@ class Stopped(Exception):
 class _Death:
     """Why a worker ended, in a run's phase: the kind of failure and the rest of the sentence."""
 
-    kind: str
+    kind: RunFailureKind
     detail: str
     signal: int | None = None
+    how: str = ""
 
 
 class WorkerSlot:
@@ -104,7 +105,7 @@ class WorkerSlot:
             death = self._death(worker, task, (phase, deadline, peak))
             if death is not None:
                 self.close()
-                columns = empty_row(task) | failure(death.kind, f"{death.detail} (phase: {phase})")
+                columns = empty_row(task) | failure(death.kind, f"{death.detail} (phase: {phase})", how=death.how)
                 columns |= {"wall_time": time.perf_counter() - began, "memory": peak, "load": machine.load()}
                 return Outcome(Row(**columns, output=worker.output(), started_at=started)), death
 
@@ -208,12 +209,12 @@ class _Worker:
         try:
             code = self._process.wait(5.0)
         except subprocess.TimeoutExpired:
-            return _Death("crashed (pipe closed)", "the process closed its pipe and lives on")
+            return _Death("crashed", "the process closed its pipe and lives on", how="pipe closed")
         if b"std::bad_alloc" in self._rest() or b"MemoryError" in self._tail:
             return _Death("out-of-memory", "an allocation was refused")
         if code < 0:
-            return _Death(f"crashed (signal {-code})", signal.strsignal(-code) or "unknown signal", -code)
-        return _Death(f"crashed (exit {code})", "the process ended")
+            return _Death("crashed", signal.strsignal(-code) or "unknown signal", -code, f"signal {-code}")
+        return _Death("crashed", "the process ended", how=f"exit {code}")
 
     def output(self) -> str:
         """The end of what was printed since the task began."""

@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from optiplan.bench.execution.robot_cache import RobotShelf
 from optiplan.bench.execution.run_task import packed, result_columns
@@ -29,7 +29,7 @@ from optiplan.verify.verify import verify
 
 EXTERNAL = "external"
 """Name of the planner of results from elsewhere."""
-CLAIMED = "not verified here"
+CLAIMED: Final = "not verified here"
 """Kind of failure of a run from elsewhere that its authors call a success and that has no trajectory."""
 FORM = "{set: [entry, …]} or [entry, …] in JSON"
 

@@ -2,12 +2,32 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, Literal
 
+from optiplan.planners.base import FailureKind
 from optiplan.verify.report import jsonable
 
 Key = tuple[str, str, int, int]
 """Problem id, planner's label, seed, repetition: what makes a run one of its kind."""
+
+RunFailureKind = Literal[
+    "not-verified",
+    "bad-input",
+    "timeout",
+    "out-of-memory",
+    "crashed",
+    "crashed (machine lost)",
+    "failed",
+    "not verified here",
+]
+"""Why a run of a benchmark has no verified trajectory, besides the reasons that planners give (`FailureKind`).
+
+* `not-verified`: the planner gave a trajectory that the verifier refuses.
+* `bad-input`: the planner refused the problem or its options.
+* `timeout`, `out-of-memory`, `crashed`: the worker was ended at a hard limit, or ended by itself.
+* `crashed (machine lost)`: of a cluster, the computer that made it was lost, more than once.
+* `failed`, `not verified here`: of results from elsewhere, by their authors' own account.
+"""
 
 
 @dataclass(frozen=True)
@@ -136,10 +156,13 @@ def empty_row(task: BenchTask) -> dict[str, Any]:
     return {**row, "set_name": task.problem.set_name, "difficulty": task.problem.difficulty}
 
 
-def failure(kind: str, detail: str, witness: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """The columns that tell why there is no verified trajectory."""
-    kind, detail = (text.encode(errors="replace").decode() for text in (kind, detail))  # databases hold UTF-8 alone
-    return {"failure_kind": kind, "failure_detail": detail, "witness": None if witness is None else jsonable(witness)}
+def failure(
+    kind: FailureKind | RunFailureKind, detail: str, witness: Mapping[str, Any] | None = None, how: str = ""
+) -> dict[str, Any]:
+    """The columns that tell why there is no verified trajectory; `how`, in words, is told with the kind."""
+    told = f"{kind} ({how})" if how else str(kind)
+    told, detail = (text.encode(errors="replace").decode() for text in (told, detail))  # databases hold UTF-8 alone
+    return {"failure_kind": told, "failure_detail": detail, "witness": None if witness is None else jsonable(witness)}
 
 
 @dataclass(frozen=True)

@@ -1,26 +1,17 @@
-"""Sources of the problems of a suite: one function a kind of source, found by name.
+"""What a source of a suite's problems is given, and what it gives.
 
 A reader is a function `(Place) -> Iterator[Found]`. It yields problems in a fixed order, the same at every call, and
 raises `InputError` for a source that cannot be used; `Place` makes the issues, with the line in the suite file.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 from optiplan.bench.suite.schema import SourceSpec, expand
-from optiplan.config.document import Document, read_yaml
+from optiplan.config.document import Document
 from optiplan.errors import InputError, Issue
-
-READERS: dict[str, str] = {
-    "glob": "optiplan.bench.sources.base:problem_files",
-    "mbm": "optiplan.bench.sources.motion_bench_maker:motion_bench_maker",
-    "robometrics": "optiplan.bench.sources.robometrics:robometrics_file",
-    "generate": "optiplan.bench.sources.generate:generated",
-}
-"""Kind of source to `module:function` of its reader, imported when a suite asks for it."""
 
 Item = TypeVar("Item")
 
@@ -117,42 +108,3 @@ class Place:
     def thinned(self, items: Sequence[Item]) -> Sequence[Item]:
         """Keep every k-th problem of one set, then the first ones, as `every` and `first` say."""
         return items[:: self.spec.every][: self.spec.first]
-
-
-def read_source(place: Place) -> Iterator[Found]:
-    """The problems of a source.
-
-    Raises:
-        InputError: the source cannot be used.
-    """
-    kind = place.spec.kind
-    if kind not in READERS:
-        raise place.refuse(kind, f"the source '{kind}'", f"one that this release reads: {', '.join(READERS)}")
-    module, name = READERS[kind].split(":")
-    reader = cast(Callable[[Place], Iterator[Found]], getattr(import_module(module), name))
-    return reader(place)
-
-
-def problem_files(place: Place) -> Iterator[Found]:
-    """Problem files that match the pattern, by name; the set is their folder unless one is given."""
-    pattern = Path(place.text("glob"))
-    start = Path(pattern.anchor) if pattern.anchor else place.folder  # whose own name may hold a * or a [
-    try:
-        files = sorted(path for path in start.glob(str(pattern.relative_to(pattern.anchor))) if path.is_file())
-    except ValueError as error:
-        raise place.refuse("glob", str(error), "a pattern of problem files") from error
-    if not files:
-        raise place.refuse("glob", f"no file matches {place.folder / pattern}", "a pattern of problem files")
-    issues: list[Issue] = []
-    for path in place.thinned(files):
-        try:
-            document = read_yaml(path)
-        except InputError as error:
-            issues += error.issues
-            continue
-        path = path.resolve()
-        data = document.data if isinstance(document.data, dict) else {}
-        set_name = place.spec.set or path.parent.name
-        yield Found(path.stem, set_name, data, path.parent, {"file": str(path)}, None, document)
-    if issues:
-        raise InputError(issues)

@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable, Iterator
 from functools import cache as once
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -16,7 +15,8 @@ from optiplan import cache
 from optiplan.arrays import Array
 from optiplan.bench.execution.robot_cache import RobotShelf
 from optiplan.bench.sources.base import Found, Place
-from optiplan.bench.sources.tabletop_scenes import Arm, DrawnScene, Generator
+from optiplan.bench.sources.room_scenes import Aisle, Clutter, Machine, Slot
+from optiplan.bench.sources.tabletop_scenes import Arm, Cage, DrawnScene, Generator, OpenBox, Shelf, Table, UnderTable
 from optiplan.collision.model import CollisionModel
 from optiplan.config.messages import choices
 from optiplan.errors import InputError
@@ -29,18 +29,18 @@ from optiplan.robot.robot import Robot
 from optiplan.runs.run import versions
 from optiplan.workspace.reach import sampling_range, shoulder_point
 
-GENERATORS: dict[str, str] = {
-    "shelf": "optiplan.bench.sources.tabletop_scenes:Shelf",
-    "cage": "optiplan.bench.sources.tabletop_scenes:Cage",
-    "box": "optiplan.bench.sources.tabletop_scenes:OpenBox",
-    "table": "optiplan.bench.sources.tabletop_scenes:Table",
-    "under_table": "optiplan.bench.sources.tabletop_scenes:UnderTable",
-    "slot": "optiplan.bench.sources.room_scenes:Slot",
-    "clutter": "optiplan.bench.sources.room_scenes:Clutter",
-    "machine": "optiplan.bench.sources.room_scenes:Machine",
-    "aisle": "optiplan.bench.sources.room_scenes:Aisle",
+GENERATORS: dict[str, type[Generator]] = {
+    "shelf": Shelf,
+    "cage": Cage,
+    "box": OpenBox,
+    "table": Table,
+    "under_table": UnderTable,
+    "slot": Slot,
+    "clutter": Clutter,
+    "machine": Machine,
+    "aisle": Aisle,
 }
-"""Name of a generator to `module:class`."""
+"""Generators by the name that a suite has for them."""
 
 LEVELS = ("easy", "medium", "hard")
 _ROBOTS = {"aisle": {"robot": "delbot", "group": "all"}}  # the others: panda
@@ -108,8 +108,7 @@ def _generator(place: Place) -> tuple[str, Generator]:
     if spec.generate not in GENERATORS:
         expected = choices(str(spec.generate), sorted(GENERATORS))
         raise place.refuse("generate", f"unknown generator '{spec.generate}'", expected)
-    module, name = GENERATORS[spec.generate].split(":")
-    cls = getattr(import_module(module), name)
+    cls = GENERATORS[spec.generate]
     given = dict(spec.params)
     level = given.pop("level", "medium")
     if level not in LEVELS:

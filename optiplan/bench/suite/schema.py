@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from optiplan.config.document import Document, Number, Strict, Whole, read_yaml, validate
-from optiplan.problem.schema_types import Name
+from optiplan.config.values import Name
 
 COMMON = frozenset({"set", "difficulty"})
 KINDS = {

@@ -14,7 +14,8 @@ import numpy as np
 from optiplan.bench.execution.code_version import own_code, own_digest, planner_code
 from optiplan.bench.execution.robot_cache import RobotShelf
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask
-from optiplan.bench.sources.base import Found, Place, read_source
+from optiplan.bench.sources.base import Found, Place
+from optiplan.bench.sources.readers import read_source
 from optiplan.bench.suite.schema import SuiteSpec, read_suite
 from optiplan.config.document import Document, validate
 from optiplan.config.messages import choices

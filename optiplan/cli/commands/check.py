@@ -52,7 +52,7 @@ def _issues(file: str) -> list[Issue]:
     except InputError as error:
         return list(error.issues)
     found = check_file(path)
-    told = {issue.field for issue in found}
-    found += [issue for issue in planner_issues(path) if issue.field not in told]
+    told = {issue.path for issue in found}
+    found += [issue for issue in planner_issues(path) if issue.path not in told]
     found = found or fitting_issues(path)
     return sorted(found, key=lambda issue: issue.line or 0)

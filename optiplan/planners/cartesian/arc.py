@@ -9,6 +9,7 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
 from optiplan.planners.cartesian.tool_path import ToolPath, angle_about, arc, circle_through
+from optiplan.planners.option_schema import OptionError, option
 
 _OFF = 1e-3  # m or rad: how far what is given may be from what fits exactly
 _SHORTEST = 1e-6  # m: ends of an arc that are nearer are one point
@@ -16,32 +17,32 @@ _SHORTEST = 1e-6  # m: ends of an arc that are nearer are one point
 
 @dataclass(frozen=True)
 class ArcOptions(ToolMotionOptions):
-    """Also the arc between the start's and the goal's position: `through` a point, or about a `centre`.
+    """Also the arc between the start's and the goal's position: `through` a point, or about a `centre`."""
 
-    Attributes:
-        through: (3,) m, a point on the way.
-        centre: (3,) m; as far from the start as from the goal.
-        angle: rad; without it, the short way. With it the long way, or more turns; it must lead to the goal.
-        normal: (3,) of any length: what it turns about; needed where start, centre and goal are in line.
-    """
-
-    through: tuple[float, ...] | None = None
-    centre: tuple[float, ...] | None = None
-    angle: float | None = None
-    normal: tuple[float, ...] | None = None
+    through: tuple[float, ...] | None = option(None, "(3,) m, a point on the way.", size=3)
+    centre: tuple[float, ...] | None = option(None, "(3,) m; as far from the start as from the goal.", size=3)
+    angle: float | None = option(
+        None, "rad; without it, the short way. With it the long way, or more turns; it must lead to the goal."
+    )
+    normal: tuple[float, ...] | None = option(
+        None, "(3,) of any length: what it turns about; needed where start, centre and goal are in line.", size=3
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.through is None) == (self.centre is None):
-            raise ValueError("an arc needs either through or centre")
+            found = "neither through nor centre" if self.centre is None else "both through and centre"
+            raise OptionError("through", found, "one of them")
         if self.centre is None and not (self.angle is None and self.normal is None):
-            raise ValueError("angle and normal go with a centre")
+            raise OptionError("normal" if self.angle is None else "angle", "given without a centre", "a centre as well")
         if self.normal is not None and not np.any(self.normal):
-            raise ValueError("normal = [0, 0, 0] has no direction")
+            raise OptionError("normal", "[0, 0, 0]", "a direction")
 
 
 class Arc(ToolMotion[ArcOptions]):
     """Planner of one circular arc of the tool."""
+
+    Options = ArcOptions
 
     def path(self, start: pin.SE3, goal: pin.SE3, tolerance: tuple[float, float]) -> ToolPath:
         """Round to the goal; the orientation turns evenly from the one to the other along the shortest way.
@@ -106,4 +107,4 @@ class Arc(ToolMotion[ArcOptions]):
 
 
 def _issue(field: str, found: str, expected: str) -> InputError:
-    return InputError([Issue("planner 'arc'", None, field, found, expected)])
+    return InputError([Issue.of_option("arc", field, found, expected)])

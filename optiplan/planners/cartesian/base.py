@@ -1,9 +1,9 @@
 """Base of the planners of one tool path: follow it in joint space and time it, or report why that fails."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
-from typing import Any, Generic, Literal, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +11,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.errors import InputError
 from optiplan.kinematics.jacobians import frame_pose
-from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.cartesian.branch_change import Branch, other_branches
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.path_following import follow
@@ -19,6 +19,7 @@ from optiplan.planners.cartesian.tool_path import ToolPath
 from optiplan.planners.common.context import Work
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
+from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory.timing.time_path import Method, TimingOptions, ToolSpeed, time_path
 from optiplan.trajectory.trajectory import Trajectory
@@ -29,40 +30,26 @@ _SAMPLES = 200  # of a path, where gravity is looked for
 
 
 @dataclass(frozen=True)
-class ToolMotionOptions:
-    """Options of every planner of this family.
+class ToolMotionOptions(PlannerOptions):
+    """Options of every planner of this family."""
 
-    Attributes:
-        speed: of the tool, m/s, at most.
-        angular_speed: rad/s, at most.
-        acceleration: of the tool, m/s², at most.
-        profile: `trapezoid` runs at the limits and lets the acceleration jump, which only `limits: {jerk: none}` in the
-            problem allows; `jerk` keeps jerk limits; `uniform` is one S-curve, everywhere slowed down alike. None:
-            `jerk` where there are jerk limits, else `trapezoid`.
-        duration: s; None is the shortest within all limits.
-        free_orientation: only the position is prescribed.
-        change_branch: if the start's branch of the inverse kinematics leads nowhere, move to another one first.
-        goals: how many goal configurations a redundant arm may aim at, or branches may be changed to.
-    """
-
-    speed: float | None = None
-    angular_speed: float | None = None
-    acceleration: float | None = None
-    profile: Literal["trapezoid", "jerk", "uniform"] | None = None
-    duration: float | None = None
-    free_orientation: bool = False
-    change_branch: bool = False
-    goals: int = 8
-
-    def __post_init__(self) -> None:
-        for name in ("speed", "angular_speed", "acceleration", "duration", "goals"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 < value < np.inf:
-                raise ValueError(f"{name} = {value} is not a positive number")
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, tuple) and (len(value) != 3 or not np.isfinite(value).all()):
-                raise ValueError(f"{field.name} = {list(value)} is not three numbers")
+    speed: float | None = option(None, "of the tool, m/s, at most.", above=0)
+    angular_speed: float | None = option(None, "rad/s, at most.", above=0)
+    acceleration: float | None = option(None, "of the tool, m/s², at most.", above=0)
+    profile: Literal["trapezoid", "jerk", "uniform"] | None = option(
+        None,
+        "`trapezoid` runs at the limits and lets the acceleration jump, which only `limits: {jerk: none}` in the "
+        "problem allows; `jerk` keeps jerk limits; `uniform` is one S-curve, everywhere slowed down alike. None: "
+        "`jerk` where there are jerk limits, else `trapezoid`.",
+    )
+    duration: float | None = option(None, "s; None is the shortest within all limits.", above=0)
+    free_orientation: bool = option(False, "only the position is prescribed.")
+    change_branch: bool = option(
+        False, "if the start's branch of the inverse kinematics leads nowhere, move to another one first."
+    )
+    goals: int = option(
+        8, "how many goal configurations a redundant arm may aim at, or branches may be changed to.", above=0
+    )
 
 
 Options = TypeVar("Options", bound=ToolMotionOptions)
@@ -78,11 +65,8 @@ class _Task:
     goal: Array | None
 
 
-class ToolMotion(ABC, Generic[Options]):
+class ToolMotion(Planner[Options]):
     """A planner is this class and its `path`."""
-
-    def __init__(self, options: Options) -> None:
-        self.options = options
 
     @abstractmethod
     def path(self, start: pin.SE3, goal: pin.SE3, tolerance: tuple[float, float]) -> ToolPath:

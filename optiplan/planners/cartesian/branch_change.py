@@ -12,12 +12,12 @@ from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import line
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.via_legs import joined
-from optiplan.planners.registry import make_planner
+from optiplan.planners.point_to_point.quintic import Quintic
+from optiplan.planners.sampling.rrtconnect import RrtConnect
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory.trajectory import Trajectory
 
 _OTHER = 1e-3  # rad or m: configurations that differ by less are one
-_APPROACHES = ("quintic", "rrtconnect")
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,8 @@ class Branch:
             return motion
         there = replace(problem, goal=(JointGoal(self.q, 1e-9),), vias=())
         reasons = []
-        for name in _APPROACHES:
-            result = make_planner(name).plan(there, budget.share(0.5), lambda stage, fraction: None)
+        for planner in (Quintic(), RrtConnect()):
+            result = planner.plan(there, budget.share(0.5), lambda stage, fraction: None)
             if result.trajectory is not None:
                 return joined([result.trajectory, motion])
             reasons.append(result.failure)

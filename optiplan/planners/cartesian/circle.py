@@ -11,6 +11,7 @@ from optiplan.errors import InputError, Issue
 from optiplan.kinematics.ik.numeric import pose_error
 from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
 from optiplan.planners.cartesian.tool_path import ToolPath, circle
+from optiplan.planners.option_schema import OptionError, option
 
 _PLANES = {"xy": (0, 1), "yz": (1, 2), "xz": (0, 2)}
 """The two axes that span a plane; the second points to the circle's top."""
@@ -19,40 +20,38 @@ _OFF = 1e-3  # m: how far a centre may be from the plane through the start
 
 @dataclass(frozen=True)
 class CircleOptions(ToolMotionOptions):
-    """Also the circle: `centre` and `normal`, or `radius` and `plane`, with the start at its top.
+    """Also the circle: `centre` and `normal`, or `radius` and `plane`, with the start at its top."""
 
-    Attributes:
-        centre: (3,) m, in the world.
-        normal: (3,) of any length; the circle turns about it, counterclockwise seen from its tip.
-        radius: m.
-        plane: of the world's axes. The centre is `radius` from the start against the plane's second axis, the normal
-            is the first axis x the second.
-        turns: whole ones; negative ones go the other way.
-        orientation: of the tool: `kept`, or `following` the turn.
-    """
-
-    centre: tuple[float, ...] | None = None
-    normal: tuple[float, ...] | None = None
-    radius: float | None = None
-    plane: Literal["xy", "yz", "xz"] | None = None
-    turns: int = 1
-    orientation: Literal["kept", "following"] = "kept"
+    centre: tuple[float, ...] | None = option(None, "(3,) m, in the world.", size=3)
+    normal: tuple[float, ...] | None = option(
+        None, "(3,) of any length; the circle turns about it, counterclockwise seen from its tip.", size=3
+    )
+    radius: float | None = option(None, "m.", above=0)
+    plane: Literal["xy", "yz", "xz"] | None = option(
+        None,
+        "of the world's axes. The centre is `radius` from the start against the plane's second axis, the normal is "
+        "the first axis x the second.",
+    )
+    turns: int = option(1, "whole ones; negative ones go the other way.")
+    orientation: Literal["kept", "following"] = option("kept", "of the tool: `kept`, or `following` the turn.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given = [getattr(self, name) is not None for name in ("centre", "normal", "radius", "plane")]
+        given = [part is not None for part in (self.centre, self.normal, self.radius, self.plane)]
         if given not in ([True, True, False, False], [False, False, True, True]):
-            raise ValueError("a circle needs centre and normal, or radius and plane")
-        if self.radius is not None and not 0.0 < self.radius < np.inf:
-            raise ValueError(f"radius = {self.radius} is not a positive number")
+            names = [name for name, there in zip(("centre", "normal", "radius", "plane"), given, strict=True) if there]
+            found = " and ".join(names) or "nothing"
+            raise OptionError("centre", found, "centre and normal, or radius and plane")
         if self.normal is not None and not np.any(self.normal):
-            raise ValueError("normal = [0, 0, 0] has no direction")
+            raise OptionError("normal", "[0, 0, 0]", "a direction")
         if self.turns == 0:
-            raise ValueError("turns = 0 is no circle")
+            raise OptionError("turns", "0", "a whole number other than 0")
 
 
 class Circle(ToolMotion[CircleOptions]):
     """Planner of circles of the tool."""
+
+    Options = CircleOptions
 
     def path(self, start: pin.SE3, goal: pin.SE3, tolerance: tuple[float, float]) -> ToolPath:
         """Round the axis, from the start's pose to itself.
@@ -82,4 +81,4 @@ class Circle(ToolMotion[CircleOptions]):
 
 
 def _issue(field: str, found: str, expected: str) -> InputError:
-    return InputError([Issue("planner 'circle'", None, field, found, expected)])
+    return InputError([Issue.of_option("circle", field, found, expected)])

@@ -13,7 +13,7 @@ from optiplan.kinematics.ik.closed_form import closed_form
 from optiplan.kinematics.ik.numeric import IkOptions, random_seeds, solve_ik
 from optiplan.kinematics.manipulability import measures
 from optiplan.kinematics.singularities import singularity_model
-from optiplan.planners.base import Budget, Failure
+from optiplan.planners.base import Budget, Failure, FailureKind
 from optiplan.planners.cartesian.differential_ik import Tracker
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness
@@ -37,7 +37,7 @@ class Ending:
 
     s: float
     q: Array
-    kind: str
+    kind: FailureKind
     cause: str
     words: str
     more: dict[str, Any]

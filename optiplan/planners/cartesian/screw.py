@@ -10,39 +10,38 @@ from optiplan.geometry.poses import pose_to_data
 from optiplan.kinematics.ik.numeric import pose_error
 from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
 from optiplan.planners.cartesian.tool_path import ToolPath, screw, screw_about
+from optiplan.planners.option_schema import OptionError, option
 
 
 @dataclass(frozen=True)
 class ScrewOptions(ToolMotionOptions):
-    """Also another screw than the one that leads to the goal by half a turn at most.
+    """Also another screw than the one that leads to the goal by half a turn at most."""
 
-    Attributes:
-        turns: whole turns about the axis of that screw on top.
-        axis: (3,) of any length, with `point` and `angle`: this screw, which must end at the goal.
-        point: (3,) m, on the axis.
-        angle: rad.
-        pitch: m of sliding for every rad.
-    """
-
-    turns: int = 0
-    axis: tuple[float, ...] | None = None
-    point: tuple[float, ...] | None = None
-    angle: float | None = None
-    pitch: float | None = None
+    turns: int = option(0, "whole turns about the axis of that screw on top.")
+    axis: tuple[float, ...] | None = option(
+        None, "(3,) of any length, with `point` and `angle`: this screw, which must end at the goal.", size=3
+    )
+    point: tuple[float, ...] | None = option(None, "(3,) m, on the axis.", size=3)
+    angle: float | None = option(None, "rad.")
+    pitch: float | None = option(None, "m of sliding for every rad.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given = [name for name in ("axis", "point", "angle") if getattr(self, name) is not None]
-        if given and (len(given) < 3 or self.turns):
-            raise ValueError("a screw needs axis, point and angle together, and no turns with them")
+        given = [name for name in ("axis", "point", "angle") if vars(self)[name] is not None]
+        if given and len(given) < 3:
+            raise OptionError(given[0], f"{' and '.join(given)} alone", "axis, point and angle together")
+        if given and self.turns:
+            raise OptionError("turns", f"{self.turns} with axis, point and angle", "an angle with all turns in it")
         if self.pitch is not None and not given:
-            raise ValueError("pitch goes with axis, point and angle")
+            raise OptionError("pitch", "given alone", "axis, point and angle as well")
         if self.axis is not None and not np.any(self.axis):
-            raise ValueError("axis = [0, 0, 0] has no direction")
+            raise OptionError("axis", "[0, 0, 0]", "a direction")
 
 
 class Screw(ToolMotion[ScrewOptions]):
     """Planner of one screw motion of the tool."""
+
+    Options = ScrewOptions
 
     def path(self, start: pin.SE3, goal: pin.SE3, tolerance: tuple[float, float]) -> ToolPath:
         """The screw given, or the one from pose to pose.
@@ -59,5 +58,5 @@ class Screw(ToolMotion[ScrewOptions]):
         if distance > tolerance[0] or angle > tolerance[1]:
             end = {key: np.round(value, 6).tolist() for key, value in pose_to_data(path.end).items()}
             found = f"a pose {distance:.4g} m and {angle:.4g} rad from where the screw ends"
-            raise InputError([Issue("planner 'screw'", None, "goal", found, f"pose {end}")])
+            raise InputError([Issue.of_option("screw", "goal", found, f"pose {end}")])
         return path

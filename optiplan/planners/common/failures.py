@@ -1,13 +1,13 @@
 """Reasons that several planners give in the same words."""
 
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel, Contact
-from optiplan.planners.base import Budget, Failure
+from optiplan.planners.base import Budget, Failure, FailureKind
 from optiplan.planners.common.gravity import Gravity
 from optiplan.robot.robot import Limits, Robot
 
@@ -22,14 +22,15 @@ def contact_witness(q: Array, contact: Contact) -> dict[str, Any]:
     }
 
 
-def end_collides(model: CollisionModel, q: Array, end: str) -> Failure:
+def end_collides(model: CollisionModel, q: Array, end: Literal["start", "goal"]) -> Failure:
     """The `start` or the `goal` configuration q (n,), known to collide, as a failure that names the bodies."""
     contact = model.clearance(q)
     if contact is None:
         raise ValueError("a model without pairs does not collide")
     pair, depth = contact.pair, max(0.0, -contact.distance)
     detail = f"{end} configuration: '{pair.name_a}' and '{pair.name_b}' overlap by {depth * 1e3:.3g} mm"
-    return Failure(f"{end}-in-collision", detail, contact_witness(q, contact))
+    kind: FailureKind = "start-in-collision" if end == "start" else "goal-in-collision"
+    return Failure(kind, detail, contact_witness(q, contact))
 
 
 def too_heavy(robot: Robot, limits: Limits, waypoints: Array) -> Failure:

@@ -59,7 +59,7 @@ def goal_sampler(
     looking = budget.share(_LOOKING)
     while not sampler.configurations and sampler.reachable and not sampler.complete and not looking.over:
         sampler.more(1, lambda: looking.over)
-    if sampler.configurations:
+    if sampler.configurations or sampler.failure is None:
         return sampler
     if budget.over:
         return out_of_time(budget, "looking for goal configurations")
@@ -74,7 +74,7 @@ class GoalSampler:
         complete: whether there are no others: joint goals, and poses with fine tolerances for which a closed form has
             found all branches.
         reachable: whether any configuration reaches the goal, in collision or not.
-        failure: why there is no configuration.
+        failure: why there was no configuration to begin with; None where there was one.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class GoalSampler:
         held = [q for q in first.configurations if not self._gravity.too_much(q)]
         self.complete = all(_complete(problem, goal) for goal in problem.goal)
         self.reachable = first.kind != "goal-unreachable"
-        self.failure = Failure(first.kind, first.reason, first.witness)
+        self.failure = None if first.kind is None else Failure(first.kind, first.reason, first.witness)
         if first.configurations and not held:
             self.failure = end_too_heavy(self._gravity, np.array(first.configurations), "goal")
         self._drawn += held

@@ -12,14 +12,14 @@ from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
 
-def plan_through(planner: Planner, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+def plan_through(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
     """Plan the problem, or leg by leg between vias.
 
-    A planner with a true attribute `passes_vias` gets the whole problem. Each leg of another ends where the planner
+    A planner that `passes_vias` gets the whole problem. Each leg of another ends where the planner
     likes it best among the configurations that reach the via, the next begins there, and it may take its share of the
     time that is left. A failure names its leg, counted from 1, in words and as `leg` of the witness.
     """
-    if not problem.vias or getattr(planner, "passes_vias", False):
+    if not problem.vias or planner.passes_vias:
         return planner.plan(problem, budget, progress)
     ends = [*((via.at,) for via in problem.vias), problem.goal]
     legs: list[Trajectory] = []

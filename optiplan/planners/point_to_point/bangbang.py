@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.planners.point_to_point.base import PointToPoint, Profile, ProfileOptions, require_size
+from optiplan.planners.option_schema import option
+from optiplan.planners.point_to_point.base import SIZE, PointToPoint, Profile, ProfileOptions
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.profiles.laws import BangBang
 from optiplan.trajectory.profiles.synchronisation import RestToRest
@@ -18,28 +19,21 @@ from optiplan.trajectory.profiles.synchronisation import RestToRest
 
 @dataclass(frozen=True)
 class BangBangOptions(ProfileOptions):
-    """Also bounds on every joint, where they are below the problem's limits.
+    """Also bounds on every joint, where they are below the problem's limits."""
 
-    Attributes:
-        acceleration: rad/s² or m/s²; None is the limit alone.
-        velocity: rad/s or m/s; None is the limit alone.
-    """
-
-    acceleration: float | None = None
-    velocity: float | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_size("acceleration", self.acceleration)
-        require_size("velocity", self.velocity)
+    acceleration: float | None = option(None, "rad/s² or m/s²; None is the limit alone.", **SIZE)
+    velocity: float | None = option(None, "rad/s or m/s; None is the limit alone.", **SIZE)
 
 
 class BangBangPlanner(PointToPoint[BangBangOptions]):
     """Planner of bang-bang motions."""
 
+    Options = BangBangOptions
+
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The motion from the start to a goal (n,)."""
-        given = {"acceleration": self.options.acceleration, "velocity": self.options.velocity}
-        bounds = {k: np.minimum(getattr(problem.limits, k), v) for k, v in given.items() if v is not None}
-        limits, names = replace(problem.limits, **bounds), problem.robot.joint_names
+        o, own = self.options, problem.limits
+        velocity = own.velocity if o.velocity is None else np.minimum(own.velocity, o.velocity)
+        acceleration = own.acceleration if o.acceleration is None else np.minimum(own.acceleration, o.acceleration)
+        limits, names = replace(own, velocity=velocity, acceleration=acceleration), problem.robot.joint_names
         return RestToRest(problem.start, goal, limits, names, lambda _: BangBang(), self.options.motion)

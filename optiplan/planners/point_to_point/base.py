@@ -1,67 +1,49 @@
 """Base of the point-to-point planners: check each goal's motion against limits, obstacles and motor torques."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
-from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.context import Work
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.limit_violations import acceleration_steps, beyond_limits, beyond_torque, excess
 from optiplan.planners.common.path_timing import within_torque
+from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.profiles.synchronisation import How
 from optiplan.trajectory.trajectory import Trajectory
 
 STEPS = "the acceleration jumps, which a finite jerk limit forbids; `limits: {jerk: none}` in the problem allows it"
-_SIZES = (1e-6, 1e7)
+SIZE = {"least": 1e-6, "most": 1e7}
+"""Of options that are a time, a velocity or an acceleration: sizes that numbers with sixteen digits can take."""
 
 
 @dataclass(frozen=True)
-class MotionOptions:
-    """Options of every planner of this family.
+class MotionOptions(PlannerOptions):
+    """Options of every planner of this family."""
 
-    Attributes:
-        duration: s; None is the shortest within velocity, acceleration, jerk and torque limits.
-        goals: how many goal configurations to try, the quickest to reach first.
-    """
-
-    duration: float | None = None
-    goals: int = 8
-
-    def __post_init__(self) -> None:
-        require_size("duration", self.duration)
-        if self.goals < 1:
-            raise ValueError(f"goals = {self.goals} is not positive")
+    duration: float | None = option(
+        None, "s; None is the shortest within velocity, acceleration, jerk and torque limits.", **SIZE
+    )
+    goals: int = option(8, "how many goal configurations to try, the quickest to reach first.", above=0)
 
 
 @dataclass(frozen=True)
 class ProfileOptions(MotionOptions):
-    """Also how the joints share the time.
+    """Also how the joints share the time."""
 
-    Attributes:
-        motion: all joints share one law; or each is as fast as it can; or one moves after another.
-    """
-
-    motion: How = "synchronised"
-
-
-def require_size(name: str, value: float | None) -> None:
-    """Options that are a time, a velocity or an acceleration are of a size that numbers with sixteen digits can take.
-
-    Raises:
-        ValueError: the value is given and not within 1e-6 to 1e7.
-    """
-    if value is not None and not _SIZES[0] <= value <= _SIZES[1]:
-        raise ValueError(f"{name} = {value} is not within {_SIZES[0]:g} to {_SIZES[1]:g}")
+    motion: How = option(
+        "synchronised", "all joints share one law; or each is as fast as it can; or one moves after another."
+    )
 
 
 class Profile(Protocol):
@@ -90,11 +72,8 @@ class Profile(Protocol):
 Options = TypeVar("Options", bound=MotionOptions)
 
 
-class PointToPoint(ABC, Generic[Options]):
+class PointToPoint(Planner[Options]):
     """A planner is this class and its `profile`: the goals are tried until a motion is free at all times."""
-
-    def __init__(self, options: Options) -> None:
-        self.options = options
 
     def targets(self, problem: Problem, model: CollisionModel, budget: Budget) -> list[Array] | Failure:
         """Return the goal configurations (n,) to try, the quickest to reach first."""
@@ -114,7 +93,7 @@ class PointToPoint(ABC, Generic[Options]):
         Raises:
             InputError: they make no sense for any of the goal configurations that the budget is enough to find.
         """
-        if problem.vias and not getattr(self, "passes_vias", False):
+        if problem.vias and not self.passes_vias:
             return
         goals = self.targets(problem, CollisionModel(problem.robot, problem.scene), budget)
         refused: list[InputError] = []

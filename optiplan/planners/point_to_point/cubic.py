@@ -15,6 +15,8 @@ from optiplan.trajectory.profiles.laws import CUBIC
 class Cubic(PointToPoint[EndOptions]):
     """Planner of cubic polynomials."""
 
+    Options = EndOptions
+
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The cubic from the start to a goal (n,)."""
         return polynomial_profile(Family("cubic", CUBIC, ("velocity",)), self.options, problem, goal)

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.planners.common.limit_violations import rounded_up
-from optiplan.planners.point_to_point.base import PointToPoint, Profile, ProfileOptions, require_size
+from optiplan.planners.option_schema import OptionError, option
+from optiplan.planners.point_to_point.base import SIZE, PointToPoint, Profile, ProfileOptions
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.profiles.laws import Law, Trapezoid
 from optiplan.trajectory.profiles.synchronisation import JointMove, RestToRest
 
 _ABOVE = 1.0 + 1e-9  # a bound and its rounding
-_SHAPES = ("velocity", "blend_time", "acceleration")
 
 
 @dataclass(frozen=True)
@@ -25,29 +25,31 @@ class LspbOptions(ProfileOptions):
     """Also at most one of three, of the joint that moves farthest, or of every joint when they share no law.
 
     Without a duration, the motion is the fastest that has it.
-
-    Attributes:
-        velocity: V, rad/s or m/s, as a speed; or with a minus where the joint moves the negative way.
-        blend_time: t_b, s.
-        acceleration: a, rad/s² or m/s².
     """
 
-    velocity: float | None = None
-    blend_time: float | None = None
-    acceleration: float | None = None
+    velocity: float | None = option(
+        None, "V, rad/s or m/s, as a speed; or with a minus where the joint moves the negative way."
+    )
+    blend_time: float | None = option(None, "t_b, s.", **SIZE)
+    acceleration: float | None = option(None, "a, rad/s² or m/s².", **SIZE)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given = [name for name in _SHAPES if getattr(self, name) is not None]
+        given = [name for name, value in self.shape().items() if value is not None]
         if len(given) > 1:
-            raise ValueError(f"{' and '.join(given)} are given; only one of them can be chosen")
-        require_size("velocity", None if self.velocity is None else abs(self.velocity))
-        require_size("blend_time", self.blend_time)
-        require_size("acceleration", self.acceleration)
+            raise OptionError(given[0], f"{' and '.join(given)} together", "only one of them")
+        if self.velocity is not None and not SIZE["least"] <= abs(self.velocity) <= SIZE["most"]:
+            raise OptionError("velocity", str(self.velocity), f"a speed of {SIZE['least']:g} to {SIZE['most']:g}")
+
+    def shape(self) -> dict[str, float | None]:
+        """The three of which one may be given."""
+        return {"velocity": self.velocity, "blend_time": self.blend_time, "acceleration": self.acceleration}
 
 
 class Lspb(PointToPoint[LspbOptions]):
     """Planner of linear segments with parabolic blends."""
+
+    Options = LspbOptions
 
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The motion from the start to a goal (n,).
@@ -56,7 +58,7 @@ class Lspb(PointToPoint[LspbOptions]):
             InputError: the velocity, blend time or acceleration does not go with the distance and the duration.
         """
         o = self.options
-        shaped = any(getattr(o, name) is not None for name in _SHAPES)
+        shaped = any(value is not None for value in o.shape().values())
         profile = RestToRest(
             problem.start,
             goal,
@@ -98,4 +100,4 @@ class Lspb(PointToPoint[LspbOptions]):
         else:
             return None
         who = f"for joint '{profile.joint_names[part.joint]}', which moves {D:.4g} rad in {T:.4g} s"
-        return Issue("planner 'lspb'", None, field, f"{getattr(o, field):.6g} {unit} {who}", expected)
+        return Issue.of_option("lspb", field, f"{o.shape()[field]:.6g} {unit} {who}", expected)

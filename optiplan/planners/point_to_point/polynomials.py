@@ -6,6 +6,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
+from optiplan.planners.option_schema import OptionError, option
 from optiplan.planners.point_to_point.base import Profile, ProfileOptions
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.paths.hermite import Hermite
@@ -17,26 +18,17 @@ _MOST = 1e7  # of an end velocity, acceleration or jerk
 
 @dataclass(frozen=True)
 class EndOptions(ProfileOptions):
-    """Also velocities at the ends, which a problem cannot state yet: all are zero.
+    """Also velocities at the ends, which a problem cannot state yet: all are zero."""
 
-    Attributes:
-        start_velocity: rad/s or m/s, one a joint; zeros, or not given.
-        end_velocity: the same at the goal.
-
-    Raises:
-        ValueError: another velocity: the verifier refuses motions that do not start and end at rest.
-    """
-
-    start_velocity: tuple[float, ...] | None = None
-    end_velocity: tuple[float, ...] | None = None
+    start_velocity: tuple[float, ...] | None = option(None, "rad/s or m/s, one a joint; zeros, or not given.")
+    end_velocity: tuple[float, ...] | None = option(None, "the same at the goal.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("start_velocity", "end_velocity"):
-            value = getattr(self, name)
+        for name, value in {"start_velocity": self.start_velocity, "end_velocity": self.end_velocity}.items():
             if value is not None and any(v != 0.0 for v in value):
-                given = f"{name} = {list(value)}"
-                raise ValueError(f"{given}: problems start and end at rest, and only such motions can be verified")
+                expected = "zeros: problems start and end at rest, and only such motions can be verified"
+                raise OptionError(name, str(list(value)), expected)
 
 
 @dataclass(frozen=True)
@@ -88,4 +80,4 @@ def _rate(family: Family, options: ProfileOptions, problem: Problem, name: str) 
 
 
 def _issue(family: Family, field: str, found: str, expected: str) -> InputError:
-    return InputError([Issue(f"planner '{family.name}'", None, field, found, expected)])
+    return InputError([Issue.of_option(family.name, field, found, expected)])

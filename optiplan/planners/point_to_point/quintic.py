@@ -12,6 +12,7 @@ With accelerations at the ends it is the one polynomial of degree five that has 
 from dataclasses import dataclass
 
 from optiplan.arrays import Array
+from optiplan.planners.option_schema import option
 from optiplan.planners.point_to_point.base import PointToPoint, Profile
 from optiplan.planners.point_to_point.polynomials import EndOptions, Family, polynomial_profile
 from optiplan.problem.problem import Problem
@@ -20,15 +21,10 @@ from optiplan.trajectory.profiles.laws import QUINTIC
 
 @dataclass(frozen=True)
 class QuinticOptions(EndOptions):
-    """Also accelerations at the ends.
+    """Also accelerations at the ends."""
 
-    Attributes:
-        start_acceleration: rad/s² or m/s², one a joint; None is none.
-        end_acceleration: the same at the goal.
-    """
-
-    start_acceleration: tuple[float, ...] | None = None
-    end_acceleration: tuple[float, ...] | None = None
+    start_acceleration: tuple[float, ...] | None = option(None, "rad/s² or m/s², one a joint; None is none.")
+    end_acceleration: tuple[float, ...] | None = option(None, "the same at the goal.")
 
 
 class Quintic(PointToPoint[QuinticOptions]):
@@ -36,6 +32,8 @@ class Quintic(PointToPoint[QuinticOptions]):
 
     A planner of your own returns a profile of its own: anything with `shortest` and `trajectory(duration)`.
     """
+
+    Options = QuinticOptions
 
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The polynomial above from the start to a goal (n,), still of any duration T."""

@@ -14,6 +14,8 @@ from optiplan.trajectory.profiles.synchronisation import RestToRest
 class SCurvePlanner(PointToPoint[ProfileOptions]):
     """Planner of jerk-limited S-curves."""
 
+    Options = ProfileOptions
+
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The S-curve from the start to a goal (n,)."""
         names = problem.robot.joint_names

@@ -7,6 +7,7 @@ The jerk starts and ends at 0 as well, at the price of higher peaks: 2.1875 |D| 
 from dataclasses import dataclass
 
 from optiplan.arrays import Array
+from optiplan.planners.option_schema import option
 from optiplan.planners.point_to_point.base import PointToPoint, Profile
 from optiplan.planners.point_to_point.polynomials import EndOptions, Family, polynomial_profile
 from optiplan.problem.problem import Problem
@@ -15,23 +16,18 @@ from optiplan.trajectory.profiles.laws import SEPTIC
 
 @dataclass(frozen=True)
 class SepticOptions(EndOptions):
-    """Also accelerations and jerks at the ends.
+    """Also accelerations and jerks at the ends."""
 
-    Attributes:
-        start_acceleration: rad/s² or m/s², one a joint; None is none.
-        end_acceleration: the same at the goal.
-        start_jerk: rad/s³ or m/s³, one a joint; None is none.
-        end_jerk: the same at the goal.
-    """
-
-    start_acceleration: tuple[float, ...] | None = None
-    end_acceleration: tuple[float, ...] | None = None
-    start_jerk: tuple[float, ...] | None = None
-    end_jerk: tuple[float, ...] | None = None
+    start_acceleration: tuple[float, ...] | None = option(None, "rad/s² or m/s², one a joint; None is none.")
+    end_acceleration: tuple[float, ...] | None = option(None, "the same at the goal.")
+    start_jerk: tuple[float, ...] | None = option(None, "rad/s³ or m/s³, one a joint; None is none.")
+    end_jerk: tuple[float, ...] | None = option(None, "the same at the goal.")
 
 
 class Septic(PointToPoint[SepticOptions]):
     """Planner of septic polynomials."""
+
+    Options = SepticOptions
 
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The polynomial of degree seven from the start to a goal (n,)."""

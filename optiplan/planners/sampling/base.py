@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, PlanResult, Progress
 from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.goal_ranking import goal_sampler
 from optiplan.planners.common.path_timing import timed_path
 from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.planners.sampling.ompl_search import Searcher, rrt_connect
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.smoothing import smooth_path
@@ -22,29 +21,16 @@ Smoothing = Literal["corners", "bspline"]
 
 
 @dataclass(frozen=True)
-class SampledOptions:
-    """Options of every sampling planner.
+class SampledOptions(PlannerOptions):
+    """Options of every sampling planner."""
 
-    Attributes:
-        goals: goal configurations that may be reached, at most.
-        attempts: random shortcuts of the path that was found.
-        smoothing: `corners`: straight segments with rounded corners. `bspline`: one smooth curve near the path, or
-            rounded corners where no such curve is proved free.
-
-    Raises:
-        ValueError: a number that is not positive; `attempts` may be 0.
-    """
-
-    goals: int = 8
-    attempts: int = 120
-    smoothing: Smoothing = "corners"
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if name == "attempts" and value < 0:
-                raise ValueError(f"attempts = {value} is negative")
-            if name not in ("attempts", "smoothing") and not 0.0 < value < np.inf:
-                raise ValueError(f"{name} = {value} is not positive and finite")
+    goals: int = option(8, "goal configurations that may be reached, at most.", above=0)
+    attempts: int = option(120, "random shortcuts of the path that was found.", least=0)
+    smoothing: Smoothing = option(
+        "corners",
+        "`corners`: straight segments with rounded corners. `bspline`: one smooth curve near the path, or rounded "
+        "corners where no such curve is proved free.",
+    )
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from functools import partial
 
-from optiplan.planners.base import Budget, PlanResult, Progress
+from optiplan.planners.base import Budget, Planner, PlanResult, Progress
+from optiplan.planners.option_schema import option
 from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
 from optiplan.planners.sampling.ompl_search import SearchOptions, search
 from optiplan.problem.problem import Problem
@@ -11,20 +12,17 @@ from optiplan.problem.problem import Problem
 
 @dataclass(frozen=True)
 class BitStarOptions(SampledOptions):
-    """Options of every sampling planner, and those of the batches.
+    """Options of every sampling planner, and those of the batches."""
 
-    Attributes:
-        batches: of a hundred samples in a round; rounds follow each other as those of `rrtstar` do.
-    """
-
-    batches: int = 10
+    batches: int = option(
+        10, "of a hundred samples in a round; rounds follow each other as those of `rrtstar` do.", above=0
+    )
 
 
-class BitStar:
+class BitStar(Planner[BitStarOptions]):
     """Shortens the path of RRT-Connect in time (`shortcut.path_time`); proves few edges, the promising ones."""
 
-    def __init__(self, options: BitStarOptions | None = None) -> None:
-        self.options = options or BitStarOptions()
+    Options = BitStarOptions
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""

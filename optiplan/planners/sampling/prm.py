@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from math import inf
 
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.base import Budget, PlanResult, Progress
+from optiplan.planners.base import Budget, Planner, PlanResult, Progress
+from optiplan.planners.option_schema import option
 from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import Search
@@ -18,18 +19,17 @@ _KEPT = 4  # roadmaps of the scenes asked for last
 
 @dataclass(frozen=True)
 class PrmOptions(SampledOptions):
-    """Options of every sampling planner, and those of the roadmap.
+    """Options of every sampling planner, and those of the roadmap."""
 
-    Attributes:
-        vertices: of the roadmap before its first query; a query that finds no path adds half as many again and again.
-        most_vertices: where that ends; bounds the memory, some 50 MB.
-    """
+    vertices: int = option(
+        400,
+        "of the roadmap before its first query; a query that finds no path adds half as many again and again.",
+        above=0,
+    )
+    most_vertices: int = option(4000, "where that ends; bounds the memory, some 50 MB.", above=0)
 
-    vertices: int = 400
-    most_vertices: int = 4000
 
-
-class Prm:
+class Prm(Planner[PrmOptions]):
     """Use one object for many queries, in one thread: each leaves the roadmap of its scene richer.
 
     The first query of a scene answers as every other planner does: the same for the same problem and seed. The answer
@@ -39,8 +39,10 @@ class Prm:
         roadmaps: by what they are valid for: the bodies, the pairs, the limits and the seed.
     """
 
+    Options = PrmOptions
+
     def __init__(self, options: PrmOptions | None = None) -> None:
-        self.options = options or PrmOptions()
+        super().__init__(options)
         self.roadmaps: OrderedDict[tuple[object, ...], Roadmap] = OrderedDict()
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:

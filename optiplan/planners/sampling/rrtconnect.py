@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from functools import partial
 
-from optiplan.planners.base import Budget, PlanResult, Progress
+from optiplan.planners.base import Budget, Planner, PlanResult, Progress
+from optiplan.planners.option_schema import option
 from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
 from optiplan.planners.sampling.ompl_search import SearchOptions, search
 from optiplan.problem.problem import Problem
@@ -11,20 +12,15 @@ from optiplan.problem.problem import Problem
 
 @dataclass(frozen=True)
 class RrtConnectOptions(SampledOptions):
-    """Options of every sampling planner, and one more.
+    """Options of every sampling planner, and one more."""
 
-    Attributes:
-        reach: longest edge of the trees, s at full joint speed.
-    """
-
-    reach: float = 0.4
+    reach: float = option(0.4, "longest edge of the trees, s at full joint speed.", above=0)
 
 
-class RrtConnect:
+class RrtConnect(Planner[RrtConnectOptions]):
     """Takes the path that comes first."""
 
-    def __init__(self, options: RrtConnectOptions | None = None) -> None:
-        self.options = options or RrtConnectOptions()
+    Options = RrtConnectOptions
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""

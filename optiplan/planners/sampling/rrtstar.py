@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from functools import partial
 
-from optiplan.planners.base import Budget, PlanResult, Progress
+from optiplan.planners.base import Budget, Planner, PlanResult, Progress
+from optiplan.planners.option_schema import option
 from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
 from optiplan.planners.sampling.ompl_search import Kind, SearchOptions, search
 from optiplan.problem.problem import Problem
@@ -11,25 +12,23 @@ from optiplan.problem.problem import Problem
 
 @dataclass(frozen=True)
 class RrtStarOptions(SampledOptions):
-    """Options of every sampling planner, and those of the tree.
+    """Options of every sampling planner, and those of the tree."""
 
-    Attributes:
-        reach: longest tree edge, s at full joint speed.
-        iterations: of a round. Rounds follow each other, each where only paths shorter than the best can pass, until
-            three in a row gain less than 1 % or most of the budget is gone.
-    """
+    reach: float = option(0.8, "longest tree edge, s at full joint speed.", above=0)
+    iterations: int = option(
+        600,
+        "of a round. Rounds follow each other, each where only paths shorter than the best can pass, until three in a "
+        "row gain less than 1 % or most of the budget is gone.",
+        above=0,
+    )
 
-    reach: float = 0.8
-    iterations: int = 600
 
-
-class RrtStar:
+class RrtStar(Planner[RrtStarOptions]):
     """Shortens the path of RRT-Connect, by joint-space path time (`shortcut.path_time`)."""
 
-    kind: Kind = "rrtstar"
+    Options = RrtStarOptions
 
-    def __init__(self, options: RrtStarOptions | None = None) -> None:
-        self.options = options or RrtStarOptions()
+    kind: Kind = "rrtstar"
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.stopwatch import Stopwatch
@@ -22,11 +22,10 @@ _SAMPLES = 200  # of a path, where gravity is looked for
 _NEEDED = 6  # joints, for a screw; an arm with more of them can be led
 
 
-class Sclerp:
+class Sclerp(Planner[SclerpOptions]):
     """The tool moves along the screw that leads from the start's pose to the goal's, as well as the scheme can."""
 
-    def __init__(self, options: SclerpOptions | None = None) -> None:
-        self.options = options or SclerpOptions()
+    Options = SclerpOptions
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""

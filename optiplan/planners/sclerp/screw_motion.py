@@ -1,14 +1,14 @@
 """One screw: the joint path that the chosen scheme finds for it, or the place where it fails."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.base import Budget, Failure
+from optiplan.planners.base import Budget, Failure, FailureKind
 from optiplan.planners.cartesian.diagnosis import Ending, limit_crossing, stuck
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import screw
@@ -22,6 +22,14 @@ from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.trajectory.trajectory import Trajectory
 
 _GOAL_TOLERANCE = 1e-6  # rad or m
+
+
+class _Why(NamedTuple):
+    """See `Ending`."""
+
+    kind: FailureKind
+    cause: str
+    words: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +46,16 @@ class Task:
     exact: bool
     info: dict[str, Any]
 
-    def failure(self, s: float, q: Array, why: tuple[str, str, str], more: dict[str, Any]) -> Failure:
+    def failure(self, s: float, q: Array, why: _Why, more: dict[str, Any]) -> Failure:
         """Return a failure of kind, cause and words `why`, at the share s of the way and the configuration q (n,)."""
-        return Ending(s, q, *why, more).failure(self.tool.pose(q))
+        return Ending(s, q, why.kind, why.cause, why.words, more).failure(self.tool.pose(q))
 
     def at_limit(self, s: float, q: Array, joint: int) -> Failure:
         """Joint limits do not let the tool go on."""
         robot = self.tool.robot
         low, high, name = robot.limits.lower[joint], robot.limits.upper[joint], robot.joint_names[joint]
         bound = float(min(low, high, key=lambda limit: abs(limit - q[joint])))
-        why = "limits", "joint limit", f"joint '{name}' is at its limit {bound:.4g}"
+        why = _Why("limits", "joint limit", f"joint '{name}' is at its limit {bound:.4g}")
         return self.failure(s, q, why, {"joint": name, "limit": bound})
 
 
@@ -68,7 +76,7 @@ def attempt(model: CollisionModel, task: Task, options: SclerpOptions, budget: B
     if touch is None:
         return path
     pair = touch.contact.pair
-    why = "collision", "obstacle", f"'{pair.name_a}' meets '{pair.name_b}'"
+    why = _Why("collision", "obstacle", f"'{pair.name_a}' meets '{pair.name_b}'")
     return task.failure(touch.t / path.duration, touch.q, why, contact_witness(touch.q, touch.contact))
 
 
@@ -83,7 +91,7 @@ def _by_quadratic_programs(task: Task, options: SclerpOptions, budget: Budget) -
         j = int(np.argmax(np.abs(end - task.goal)))
         name = task.tool.robot.joint_names[j]
         words = f"the screw ends in another configuration, '{name}' at {end[j]:.4g} instead of {task.goal[j]:.4g}"
-        return task.failure(1.0, end, ("no-path", "branch", words), {"joint": name, "goal": task.goal.tolist()})
+        return task.failure(1.0, end, _Why("no-path", "branch", words), {"joint": name, "goal": task.goal.tolist()})
     path = on_screw(stepper, stepped, lambda: budget.over)
     task.info["knots"] = len(path.breakpoints)
     return path
@@ -105,7 +113,7 @@ def _by_iteration(task: Task, options: SclerpOptions, budget: Budget) -> Traject
         found = iterate_scheme(task.tool, task.start, task.X_WG, options, lambda: budget.over)
     except np.linalg.LinAlgError:
         words = "J Jᵀ has no inverse: singular, or fewer than six joints"
-        return task.failure(0.0, task.start, ("singularity", "singularity", words), {})
+        return task.failure(0.0, task.start, _Why("singularity", "singularity", words), {})
     task.info.update(iterations=found.iterations, error=found.error, limit_hits=int(found.hits.any(axis=1).sum()))
     if found.converged:
         return through(task.tool.robot.joint_names, found.Q)
@@ -117,7 +125,7 @@ def _by_iteration(task: Task, options: SclerpOptions, budget: Budget) -> Traject
 
 def _used_up(task: Task, s: float, q: Array, options: SclerpOptions) -> Failure:
     words = f"{options.iterations} steps of the scheme '{options.scheme}' do not lead to the goal"
-    return task.failure(s, q, ("no-path", "iterations", words), {})
+    return task.failure(s, q, _Why("no-path", "iterations", words), {})
 
 
 def _share(task: Task, found: SchemeResult) -> float:

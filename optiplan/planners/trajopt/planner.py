@@ -7,7 +7,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.base import Budget, Candidate, Failure, PlanResult, Progress
+from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
@@ -43,7 +43,7 @@ _SEARCH, _FIRST_SEARCH = 0.5, 0.8
 Kind = Literal["straight", "line", "sampled", "bump", "close"]
 
 
-class TrajOpt:
+class TrajOpt(Planner[TrajOptOptions]):
     """Minimum-time B-splines by sequential quadratic programming, from straight lines and sampled paths.
 
     Everything that is proved free on the way is a candidate: straight lines timed exactly, sampled paths timed, every
@@ -51,8 +51,7 @@ class TrajOpt:
     in turn from a path sampled anew, from a straight line with a bump and from the best curve with a bump.
     """
 
-    def __init__(self, options: TrajOptOptions | None = None) -> None:
-        self.options = options or TrajOptOptions()
+    Options = TrajOptOptions
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""

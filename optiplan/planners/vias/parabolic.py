@@ -7,7 +7,8 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
-from optiplan.planners.point_to_point.base import MotionOptions, Profile, require_size
+from optiplan.planners.option_schema import OptionError, option
+from optiplan.planners.point_to_point.base import SIZE, MotionOptions, Profile
 from optiplan.planners.vias.via_chains import ThroughVias, distinct, via_times
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.robot.robot import Limits
@@ -31,28 +32,21 @@ class ParabolicOptions(MotionOptions):
     """Also at most one of two, of the blends of every joint; without either, each takes all of its acceleration limit.
 
     The acceleration jumps, so that only a problem with `limits: {jerk: none}` can have the motion verified.
-
-    Attributes:
-        acceleration: rad/s² or m/s².
-        blend_time: s.
     """
 
-    acceleration: float | None = None
-    blend_time: float | None = None
+    acceleration: float | None = option(None, "rad/s² or m/s².", **SIZE)
+    blend_time: float | None = option(None, "s.", **SIZE)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_size("acceleration", self.acceleration)
-        require_size("blend_time", self.blend_time)
         if self.acceleration is not None and self.blend_time is not None:
-            raise ValueError("acceleration and blend_time are given; only one of them can be chosen")
+            raise OptionError("acceleration", "acceleration and blend_time together", "only one of them")
 
 
 class Parabolic(ThroughVias[ParabolicOptions]):
     """Planner of parabolic blends. A via is missed by what its blend cuts off, or hit between two pseudo-via points."""
 
-    def __init__(self, options: ParabolicOptions | None = None) -> None:
-        super().__init__(options or ParabolicOptions())
+    Options = ParabolicOptions
 
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The motion along a chain (vias + 2, n).
@@ -148,12 +142,11 @@ class ParabolicMotion:
         i, j, lack = found
         where = f"'{self.joint_names[j]}' between {blends.times[i]:.4g} and {blends.times[i + 1]:.4g} s"
         words = f"blends that overlap by {lack:.3g} s" if np.isfinite(lack) else "no blend strong enough"
-        option = "blend_time" if self.options.blend_time is not None else "acceleration"
-        value = getattr(self.options, option)
-        return Issue(
-            "planner 'parabolic'",
-            None,
-            option,
+        o = self.options
+        name, value = ("acceleration", o.acceleration) if o.blend_time is None else ("blend_time", o.blend_time)
+        return Issue.of_option(
+            "parabolic",
+            name,
             f"{'the limits' if value is None else value}: {words}, of {where}",
             "a shorter blend time, more acceleration, or more time",
         )

@@ -7,11 +7,12 @@ from typing import Literal
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.context import Work
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness, out_of_time, too_heavy
 from optiplan.planners.common.via_legs import joined
+from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.planners.vias.via_chains import distinct, ranked_chains
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.paths.corners import bezier_corners, bspline_corners, reversals, through_corners
@@ -25,34 +26,27 @@ _HALVINGS = 4  # of the deviation, where the rounded path touches something
 
 
 @dataclass(frozen=True)
-class RoundedOptions:
-    """Options of `rounded`.
+class RoundedOptions(PlannerOptions):
+    """Options of `rounded`."""
 
-    Attributes:
-        curve: of the corners: quintic Bézier blends, or the whole path as a cubic B-spline.
-        deviation: from the straight lines, rad or m of the joint that deviates most; smaller where that avoids a
-            collision. A via whose tolerance is smaller is hit, on a straight stretch between two corners.
-        goals: how many goal configurations to try, the quickest to reach first.
-    """
-
-    curve: Literal["bezier", "bspline"] = "bezier"
-    deviation: float = 0.05
-    goals: int = 8
-
-    def __post_init__(self) -> None:
-        if not _SHARPEST <= self.deviation < np.inf:
-            raise ValueError(f"deviation = {self.deviation} is not a number from {_SHARPEST} on")
-        if self.goals < 1:
-            raise ValueError(f"goals = {self.goals} is not positive")
+    curve: Literal["bezier", "bspline"] = option(
+        "bezier", "of the corners: quintic Bézier blends, or the whole path as a cubic B-spline."
+    )
+    deviation: float = option(
+        0.05,
+        "from the straight lines, rad or m of the joint that deviates most; smaller where that avoids a collision. A "
+        "via whose tolerance is smaller is hit, on a straight stretch between two corners.",
+        least=_SHARPEST,
+    )
+    goals: int = option(8, "how many goal configurations to try, the quickest to reach first.", above=0)
 
 
-class Rounded:
+class Rounded(Planner[RoundedOptions]):
     """Planner of rounded corners, with stops where a path turns back. Times and velocities of vias are ignored."""
 
-    passes_vias = True
+    Options = RoundedOptions
 
-    def __init__(self, options: RoundedOptions | None = None) -> None:
-        self.options = options or RoundedOptions()
+    passes_vias = True
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""

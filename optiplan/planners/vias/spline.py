@@ -9,6 +9,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.planners.common.limit_violations import excess
+from optiplan.planners.option_schema import option
 from optiplan.planners.point_to_point.base import MotionOptions, Profile
 from optiplan.planners.vias.via_chains import ThroughVias, distinct, via_times
 from optiplan.problem.problem import Problem
@@ -30,25 +31,25 @@ Velocities = Literal["given", "heuristic", "continuous"]
 
 @dataclass(frozen=True)
 class SplineOptions(MotionOptions):
-    """Also which polynomials.
+    """Also which polynomials."""
 
-    Attributes:
-        degree: of the polynomials between two points; with 3 and other than continuous velocities, the acceleration
-            jumps at vias.
-        velocities: at vias: `given` by the problem; by the `heuristic` (zero where a joint turns round, else the mean
-            of the slopes before and after); or such that derivatives are `continuous`: acceleration, and with degree 5
-            jerk and snap.
-    """
-
-    degree: Degree = 5
-    velocities: Velocities = "continuous"
+    degree: Degree = option(
+        5,
+        "of the polynomials between two points; with 3 and other than continuous velocities, the acceleration jumps "
+        "at vias.",
+    )
+    velocities: Velocities = option(
+        "continuous",
+        "at vias: `given` by the problem; by the `heuristic` (zero where a joint turns round, else the mean of the "
+        "slopes before and after); or such that derivatives are `continuous`: acceleration, and with degree 5 jerk "
+        "and snap.",
+    )
 
 
 class Spline(ThroughVias[SplineOptions]):
     """Planner of splines through vias. Given times at vias are kept; else they are chosen from the limits."""
 
-    def __init__(self, options: SplineOptions | None = None) -> None:
-        super().__init__(options or SplineOptions())
+    Options = SplineOptions
 
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The spline through a chain (vias + 2, n).
@@ -128,8 +129,6 @@ def _given(problem: Problem) -> Array:
     for k, via in enumerate(problem.vias):
         if via.velocity is None:
             expected = "a velocity at each via of the problem, or velocities: heuristic | continuous"
-            raise InputError(
-                [Issue("planner 'spline'", None, "velocities", f"'given', but via {k + 1} has none", expected)]
-            )
+            raise InputError([Issue.of_option("spline", "velocities", f"'given', but via {k + 1} has none", expected)])
         rows.append(via.velocity)
     return np.array([*rows, np.zeros(problem.robot.n)])

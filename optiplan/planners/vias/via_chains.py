@@ -40,7 +40,7 @@ def via_times(problem: Problem, planner: str, duration: float | None) -> Array:
     times = np.array([via.time for via in problem.vias if via.time is not None])
     if len(times) and duration is not None and duration <= times[-1]:
         expected = f"more than the {times[-1]} s of the last via"
-        raise InputError([Issue(f"planner '{planner}'", None, "duration", f"{duration} s", expected)])
+        raise InputError([Issue.of_option(planner, "duration", f"{duration} s", expected)])
     return times
 
 
@@ -81,7 +81,7 @@ def _choices(problem: Problem, model: CollisionModel, budget: Budget, k: int) ->
     options = GoalOptions(count=_CHOICES, stop=lambda: budget.over)
     there = replace(problem, goal=(problem.vias[k].at,), vias=())
     found = goal_configurations(there, model, np.random.default_rng(problem.seed), options)
-    if not found.configurations:
+    if found.kind is not None:
         if budget.over:
             return out_of_time(budget, f"looking for configurations at via {k + 1}")
         return Failure(found.kind, f"via {k + 1}: {found.reason}", {**found.witness, "via": k + 1})

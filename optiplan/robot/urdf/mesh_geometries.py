@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from optiplan.geometry.mesh_bodies import triangle_mesh
 from optiplan.geometry.meshes.reading import MeshFile, open_mesh, prepare, read_mesh
-from optiplan.geometry.shapes import triangle_mesh
 
 Place = tuple[str, int]
 """Name of a link and which of its collisions (or visuals)."""

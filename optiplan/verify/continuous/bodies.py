@@ -7,9 +7,8 @@ import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.shapes import Shape, shape_of_body
 from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
-
-_KNOWN = (coal.Box, coal.Sphere, coal.Capsule, coal.Cylinder, coal.Halfspace)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +35,7 @@ class Bodies:
         robot, bodies = model.robot.model, list(model.geometry.geometryObjects)
         self.kinematics = BatchKinematics(robot)
         self.shapes = [body.geometry for body in bodies]
+        self._solids = [shape_of_body(shape) for shape in self.shapes]
         self.vertices = [vertices_of(shape) for shape in self.shapes]
         self.joints = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
         self.placements = np.array([body.placement.homogeneous for body in bodies]).reshape(-1, 4, 4)
@@ -55,7 +55,7 @@ class Bodies:
         for body in np.unique(self.pairs):
             shape = self.shapes[body]
             moving_plane = isinstance(shape, coal.Halfspace) and self.joints[body] != 0
-            if moving_plane or not (len(self.vertices[body]) or isinstance(shape, _KNOWN)):
+            if moving_plane or not (len(self.vertices[body]) or self._solids[body] is not None):
                 return int(body)
         return None
 
@@ -76,31 +76,18 @@ class Bodies:
         result = np.einsum("ki,ki->k", poses[:, :3, 3], directions)
         for body in np.unique(bodies):
             chosen = bodies == body
-            result[chosen] += support(self.shapes[body], self.vertices[body], local[chosen])
+            result[chosen] += support(self._solids[body], self.vertices[body], local[chosen])
         return np.asarray(result)
 
 
-def support(shape: coal.CollisionGeometry, vertices: Array, n: Array) -> Array:
+def support(shape: Shape | None, vertices: Array, n: Array) -> Array:
     """h(n) = max of n . x over the points x of a body in its own frame; n (K, 3) of any length, result (K,), m.
 
-    A half-space is bounded only in the direction of its own normal; elsewhere, and for shapes unknown here, it is inf.
+    Bodies without vertices are those of a `Shape`; where there is none, the support is infinite.
     """
     if len(vertices):
         return np.asarray((n @ vertices.T).max(axis=1))
-    length = np.linalg.norm(n, axis=1)
-    match shape:
-        case coal.Box():
-            return np.asarray(np.abs(n) @ np.array(shape.halfSide))
-        case coal.Sphere():
-            return np.asarray(shape.radius * length)
-        case coal.Capsule():
-            return np.asarray(shape.radius * length + shape.halfLength * np.abs(n[:, 2]))
-        case coal.Cylinder():
-            return np.asarray(shape.radius * np.hypot(n[:, 0], n[:, 1]) + shape.halfLength * np.abs(n[:, 2]))
-        case coal.Halfspace():
-            along = n @ np.array(shape.n) > (1.0 - 1e-12) * length
-            return np.where(along, shape.d * length, np.inf)
-    return np.full(len(n), np.inf)
+    return np.full(len(n), np.inf) if shape is None else shape.support(n)
 
 
 def vertices_of(shape: coal.CollisionGeometry) -> Array:

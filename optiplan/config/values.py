@@ -5,9 +5,11 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from optiplan.arrays import unit
 from optiplan.config.document import Number, Strict
-from optiplan.geometry.poses import unit
-from optiplan.geometry.scene import LARGEST_COORDINATE
+
+LARGEST_COORDINATE = 1e6
+"""m; nothing that an arm can meet, and beyond it distances lose the micrometres that they are trusted to."""
 
 Length = Annotated[float, Field(strict=True, gt=0.0, le=LARGEST_COORDINATE, allow_inf_nan=False)]
 """A number > 0, m."""
@@ -87,7 +89,7 @@ class ExactlyOne(Strict):
         valid = f"exactly one of: {', '.join(type(self).model_fields)}"
         if len(self.model_fields_set) != 1:
             raise ValueError(valid)
-        if getattr(self, self.kind) is None:
+        if self.value is None:
             raise ValueError(f"found '{self.kind}' without a value; expected {valid}")
         return self
 
@@ -95,3 +97,8 @@ class ExactlyOne(Strict):
     def kind(self) -> str:
         """The key that is there."""
         return next(iter(self.model_fields_set))
+
+    @property
+    def value(self) -> Any:
+        """What stands under it."""
+        return getattr(self, self.kind)
