@@ -22,6 +22,7 @@ _RESERVE = 3e-3  # share of the torque limits kept free for gravity between the 
 _BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line to fall back on
 _PATIENCE, _GROWTH = 500, 3.0  # iterations of the first round, and factor from one round to the next
 CHEAP = 20.0  # iterations of `otherwise` for each of the searcher's: it proves few motions, and takes about as long
+_LATE = 2  # rounds of the searcher before `relaxed` has its first
 _FRESH = 4  # goals asked for between two rounds
 _SHORT = 0.5  # s: ends nearer than this to each other are searched as if they were so far apart
 _STALE, _GAIN = 3, 0.01  # rounds that gain less than this share end the search for shorter paths
@@ -39,6 +40,7 @@ class SamplingOptions:
         attempts: random shortcuts to try.
         searcher: finds a first path.
         otherwise: takes turns with it where that is hard; None: nobody does.
+        relaxed: takes turns with both where that is very hard; None: nobody does.
         detour: the first round looks only where a path through some place can take at most so many times as long as
             the straight line; infinite: everywhere at once.
         improve: searches on for shorter paths, each time where only such can pass, until that gains nothing more.
@@ -50,6 +52,7 @@ class SamplingOptions:
     attempts: int = 120
     searcher: Searcher = rrt_connect
     otherwise: Searcher | None = kpiece
+    relaxed: Searcher | None = None
     detour: float = 2.0
     improve: Searcher | None = None
     more_goals: Callable[[int, Callable[[], bool]], list[Array]] = field(default=lambda count, stop: [])
@@ -145,14 +148,19 @@ def _ways(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Search
     """Who searches in one round after another, the measure of distances, and the patience.
 
     The searcher measures by time and by space, with long and then with short steps, in turn. After each of its rounds
-    `otherwise` takes one of about the same time; it measures by space.
+    `otherwise` takes one of about the same time; it measures by space, and so does `relaxed`, which takes a round after
+    each of both from the second of `otherwise` on.
     """
     moment_arms, patience = check.by_moment_arms(), float(_PATIENCE)
     measures = (check, moment_arms, check.finer(), moment_arms.finer()) if np.isfinite(options.detour) else (check,)
-    for measure in cycle(measures):
+    for number, measure in enumerate(cycle(measures)):
         yield options.searcher, measure, patience
+        if options.relaxed is not None and number >= _LATE:
+            yield options.relaxed, moment_arms, CHEAP * patience
         if options.otherwise is not None:
             yield options.otherwise, moment_arms, CHEAP * patience
+        if options.relaxed is not None and number >= _LATE - 1:
+            yield options.relaxed, moment_arms, CHEAP * patience
         patience *= _GROWTH
 
 
