@@ -14,7 +14,7 @@ from optiplan.planners.sampling.ompl_search import Search, Searcher, kpiece
 from optiplan.planners.sampling.ompl_space import Ends
 from optiplan.planners.sampling.shortcutting import shorten
 
-_DEPTH = 0.015  # m; an optimiser moves a path out of obstacles that deep
+_DEPTH = 0.02  # m; an optimiser moves a path out of obstacles that deep
 _LEAST = 1e-3  # m, what is left of a thickness
 _ATTEMPTS = 60  # shortcuts
 
