@@ -41,11 +41,11 @@ class SamplingOptions:
         attempts: random shortcuts to try.
         searcher: finds a first path.
         otherwise: takes turns with it where that is hard; None: nobody does.
-        relaxed: takes turns with both where that is very hard; None: nobody does.
         detour: the first round looks only where a path through some place can take at most so many times as long as
             the straight line; infinite: everywhere at once.
         improve: searches on for shorter paths, each time where only such can pass, until that gains nothing more.
         more_goals: asked for so many new goals between rounds, with something to poll.
+        relaxed: takes turns with both where that is very hard; None: nobody does.
     """
 
     budget: Budget
@@ -53,10 +53,10 @@ class SamplingOptions:
     attempts: int = 120
     searcher: Searcher = rrt_connect
     otherwise: Searcher | None = kpiece
-    relaxed: Searcher | None = None
     detour: float = 2.0
     improve: Searcher | None = None
     more_goals: Callable[[int, Callable[[], bool]], list[Array]] = field(default=lambda count, stop: [])
+    relaxed: Searcher | None = None
 
 
 @dataclass(frozen=True, eq=False)
