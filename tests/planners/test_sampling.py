@@ -10,11 +10,14 @@ import pytest
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.path_timing import timed_path
+from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import Search, rrt_connect
 from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time, shorten
 from optiplan.planners.sampling.thinner import thinned, through_thinner
+from optiplan.planners.trajopt import planner as trajopt
+from optiplan.planners.trajopt.options import TrajOptOptions
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
 
@@ -204,4 +207,25 @@ def test_a_path_between_thinner_obstacles_is_proved_between_the_real_ones():
         assert rejected.path is None
         assert rejected.impatient
     assert np.array_equal(asked[0][[0, -1]], touching)
+    assert all(not check.polyline_free(path) for path in asked)  # what is free needs no repair
     assert MotionCheck(CollisionModel(problem.robot, thinned(problem.scene)), problem.limits).polyline_free(asked[0])
+
+
+def test_the_optimiser_repairs_a_path_between_thinner_obstacles():
+    problem = cases.wall()
+    run = trajopt._Run(problem, Budget(20.0), lambda stage, share: None, TrajOptOptions())
+    check = MotionCheck(run.model, problem.limits)
+    ends = (problem.start, cases.LEFT[None])
+    found = through_thinner(run._repaired)(check, ends, Budget(20.0), 1, patience=1e5)
+    assert [attempt["seed"] for attempt in run.info["attempts"]] == ["relaxed"]
+    assert np.array_equal(found.path[[0, -1]], [problem.start, cases.LEFT])
+    assert polyline_contact(run.model, found.path) is None
+    assert len(run.candidates) == 1
+
+
+def test_a_stage_within_another_counts_for_itself_alone():
+    watch, began = Stopwatch(), time.perf_counter()
+    with watch.stage("outer"), watch.stage("inner"):
+        time.sleep(0.05)
+    assert watch.seconds["inner"] >= 0.05
+    assert sum(watch.seconds.values()) <= time.perf_counter() - began

@@ -46,18 +46,21 @@ def through_thinner(repair: Callable[[Array], Array | None]) -> Searcher:
     narrow passages with probabilistic roadmaps: the small-step retraction method", Autonomous Robots 19, 2005.
 
     Args:
-        repair: moves waypoints (k, n) that may touch out of the obstacles; None when it cannot. What comes of it is
+        repair: moves waypoints (k, n) that touch out of the obstacles; None when it cannot. What comes of it is
             proved here.
     """
 
     def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float) -> Search:
-        scene = check.model.scene
-        thinner = check.among(CollisionModel(check.model.robot, thinned(scene)))
+        model = check.model
+        thinner = check.among(CollisionModel(model.robot, thinned(model.scene)))
         found = kpiece(thinner, ends, budget, seed, patience=patience)
         if found.path is None:
             return found
         draws = np.random.default_rng(seed).uniform(size=(_ATTEMPTS, 3))
-        repaired = repair(shorten(thinner, found.path, check.limits.velocity, draws, budget))
+        path = shorten(thinner, found.path, check.limits.velocity, draws, budget)
+        if check.polyline_free(path):
+            return replace(found, path=path)
+        repaired = repair(path)
         proved = repaired is not None and check.polyline_free(repaired)
         return replace(found, path=repaired if proved else None, impatient=not proved and not budget.over)
 
