@@ -10,10 +10,14 @@ import pytest
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.path_timing import timed_path
+from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import Search, rrt_connect
 from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time, shorten
+from optiplan.planners.sampling.thinner import thinned, through_thinner
+from optiplan.planners.trajopt import planner as trajopt
+from optiplan.planners.trajopt.options import TrajOptOptions
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
 
@@ -160,3 +164,68 @@ def test_rounds_take_turns_and_so_do_the_goals():
     assert np.allclose(rounds[1][2], [first, second, third])
     assert np.allclose(rounds[2][2], [second, third, fourth, first])
     assert np.allclose(rounds[3][2], [third, fourth, first, second])
+
+
+def test_thinner_obstacles_take_turns_after_the_second_round_of_both():
+    rounds = []
+
+    def never(name):
+        def searcher(check, ends, budget, seed, *, patience):
+            rounds.append((name, patience))
+            return Search(None, ends[0][None], ends[1], (1, 1), impatient=len(rounds) < 16)
+
+        return searcher
+
+    options = {"searcher": never("R"), "otherwise": never("K"), "relaxed": never("T"), "detour": np.inf}
+    assert sample(cases.wall(), goals=[cases.LEFT], **options).kind == "no-path"
+    assert "".join(name for name, _ in rounds) == "RKRKTRTKTRTTTKTT"
+    assert {patience for name, patience in rounds if name == "T"} == {90_000}
+
+
+def test_a_path_between_thinner_obstacles_is_proved_between_the_real_ones():
+    problem = cases.wall()
+    model = CollisionModel(problem.robot, problem.scene)
+    check, ends = MotionCheck(model, problem.limits), (problem.start, cases.LEFT[None])
+    assert all(
+        np.allclose(np.subtract(real.shape.size, thin.shape.size).max(), 0.04)
+        for real, thin in zip(problem.scene.obstacles, thinned(problem.scene).obstacles, strict=True)
+    )
+    touching = np.array([problem.start, cases.LEFT])
+    assert not check.polyline_free(touching)
+    free = sample(problem).waypoints
+    asked = []
+
+    def found(repaired):
+        def repair(waypoints):
+            asked.append(waypoints)
+            return repaired
+
+        return through_thinner(repair)(check, ends, Budget(20.0), 1, patience=1e5)
+
+    assert np.array_equal(found(free).path, free)
+    for rejected in (found(touching), found(None)):
+        assert rejected.path is None
+        assert rejected.impatient
+    assert np.array_equal(asked[0][[0, -1]], touching)
+    assert all(not check.polyline_free(path) for path in asked)  # what is free needs no repair
+    assert MotionCheck(CollisionModel(problem.robot, thinned(problem.scene)), problem.limits).polyline_free(asked[0])
+
+
+def test_the_optimiser_repairs_a_path_between_thinner_obstacles():
+    problem = cases.wall()
+    run = trajopt._Run(problem, Budget(20.0), lambda stage, share: None, TrajOptOptions())
+    check = MotionCheck(run.model, problem.limits)
+    ends = (problem.start, cases.LEFT[None])
+    found = through_thinner(run._repaired)(check, ends, Budget(20.0), 1, patience=1e5)
+    assert [attempt["seed"] for attempt in run.info["attempts"]] == ["relaxed"]
+    assert np.array_equal(found.path[[0, -1]], [problem.start, cases.LEFT])
+    assert polyline_contact(run.model, found.path) is None
+    assert len(run.candidates) == 1
+
+
+def test_a_stage_within_another_counts_for_itself_alone():
+    watch, began = Stopwatch(), time.perf_counter()
+    with watch.stage("outer"), watch.stage("inner"):
+        time.sleep(0.05)
+    assert watch.seconds["inner"] >= 0.05
+    assert sum(watch.seconds.values()) <= time.perf_counter() - began

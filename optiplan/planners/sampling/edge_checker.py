@@ -88,6 +88,12 @@ class MotionCheck:
         twin.units = 0.25 * self.units
         return twin
 
+    def among(self, model: CollisionModel) -> "MotionCheck":
+        """Return a check of the same motions among other obstacles."""
+        other = MotionCheck(model, self.limits, self._gravity)
+        other.units = self.units
+        return other
+
     def _heavy(self, a: Array, d: Array) -> bool:
         if self._gravity is None:
             return False

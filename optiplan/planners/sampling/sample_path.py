@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import cycle
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ _RESERVE = 3e-3  # share of the torque limits kept free for gravity between the 
 _BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line to fall back on
 _PATIENCE, _GROWTH = 500, 3.0  # iterations of the first round, and factor from one round to the next
 CHEAP = 20.0  # iterations of `otherwise` for each of the searcher's: it proves few motions, and takes about as long
+_LATE, _RELAXED = 2, 90e3  # the round of the searcher, from 0, that `relaxed` has one before; its iterations
 _FRESH = 4  # goals asked for between two rounds
 _SHORT = 0.5  # s: ends nearer than this to each other are searched as if they were so far apart
 _STALE, _GAIN = 3, 0.01  # rounds that gain less than this share end the search for shorter paths
@@ -43,6 +45,7 @@ class SamplingOptions:
             the straight line; infinite: everywhere at once.
         improve: searches on for shorter paths, each time where only such can pass, until that gains nothing more.
         more_goals: asked for so many new goals between rounds, with something to poll.
+        relaxed: takes turns with both where that is very hard; None: nobody does.
     """
 
     budget: Budget
@@ -53,6 +56,7 @@ class SamplingOptions:
     detour: float = 2.0
     improve: Searcher | None = None
     more_goals: Callable[[int, Callable[[], bool]], list[Array]] = field(default=lambda count, stop: [])
+    relaxed: Searcher | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,14 +149,19 @@ def _ways(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Search
     """Who searches in one round after another, the measure of distances, and the patience.
 
     The searcher measures by time and by space, with long and then with short steps, in turn. After each of its rounds
-    `otherwise` takes one of about the same time; it measures by space.
+    `otherwise` takes one of about the same time; it measures by space. So does `relaxed`, which comes after each of
+    both from the second round of `otherwise` on: its patience stays the same, more and more searches share its turn.
     """
     moment_arms, patience = check.by_moment_arms(), float(_PATIENCE)
     measures = (check, moment_arms, check.finer(), moment_arms.finer()) if np.isfinite(options.detour) else (check,)
-    for measure in cycle(measures):
+    others = [] if options.relaxed is None else [(options.relaxed, moment_arms, _RELAXED)]
+    for number, measure in enumerate(cycle(measures)):
+        times = _GROWTH ** (number - _LATE)
         yield options.searcher, measure, patience
+        yield from others * int(times)
         if options.otherwise is not None:
             yield options.otherwise, moment_arms, CHEAP * patience
+        yield from others * ceil(times) * (number >= _LATE - 1)
         patience *= _GROWTH
 
 

@@ -16,6 +16,7 @@ from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.ompl_search import kpiece, rrt_connect
 from optiplan.planners.sampling.sample_path import CHEAP, SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time
+from optiplan.planners.sampling.thinner import through_thinner
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
@@ -40,7 +41,10 @@ _NO_GAIN = 1e-6
 _SEARCH, _FIRST_SEARCH = 0.5, 0.8
 """Share of what is left of the budget that one search for a path may take; while there is no motion at all."""
 
-Kind = Literal["straight", "line", "sampled", "bump", "close"]
+_DENSE = 300
+"""Waypoints on a curve whose chords are proved free in its place."""
+
+Kind = Literal["straight", "line", "sampled", "relaxed", "bump", "close"]
 
 
 class TrajOpt(Planner[TrajOptOptions]):
@@ -175,11 +179,22 @@ class _Run:
                 seed=self.problem.seed + 1000 * number,
                 searcher=counted(rrt_connect, self.patience, most),
                 otherwise=counted(kpiece, self.patience, most, STATE / CHEAP),
+                relaxed=counted(through_thinner(self._repaired), self.patience, most, STATE / CHEAP),
                 more_goals=sampler.more,
             )
             path = sample_path(self.model, self.problem.start, self._promising(sampler), self.problem.limits, options)
         self.info["cut_short"] |= isinstance(path, Failure) and budget.over
         return path
+
+    def _repaired(self, waypoints: Array) -> Array | None:
+        """Waypoints on the curve that a path which touches is optimised to, if it is free."""
+        attempt = self._optimised("relaxed", self._along(waypoints), self.budget, None)
+        if attempt is None:
+            return None
+        self._offer(attempt.trajectory, attempt)
+        dense = self.optimiser.basis.at(np.linspace(0.0, 1.0, _DENSE)) @ attempt.control
+        dense[0], dense[-1] = waypoints[0], waypoints[-1]
+        return dense
 
     def _straight(self, ends: Array) -> None:
         """The straight line between ends (2, n), timed exactly, if it is free."""

@@ -1,0 +1,67 @@
+"""A path between obstacles made thinner: not free yet, but near one that is, where the free ones are hard to find."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.scene import Box, Capsule, Cylinder, Scene, Shape, Sphere
+from optiplan.planners.base import Budget
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.ompl_search import Search, Searcher, kpiece
+from optiplan.planners.sampling.ompl_space import Ends
+from optiplan.planners.sampling.shortcutting import shorten
+
+_DEPTH = 0.02  # m; an optimiser moves a path out of obstacles that deep
+_LEAST = 1e-3  # m, what is left of a thickness
+_ATTEMPTS = 60  # shortcuts
+
+
+def thinned(scene: Scene, depth: float = _DEPTH) -> Scene:
+    """The scene with every obstacle that is no mesh or half-space smaller by `depth`, m, on all sides."""
+    obstacles = (replace(body, shape=_thinned(body.shape, depth)) for body in scene.obstacles)
+    return replace(scene, obstacles=tuple(obstacles))
+
+
+def _thinned(shape: Shape, depth: float) -> Shape:
+    def less(length: float, by: float) -> float:
+        return max(length - by, min(length, _LEAST))
+
+    match shape:
+        case Box((x, y, z)):
+            return replace(shape, size=(less(x, 2 * depth), less(y, 2 * depth), less(z, 2 * depth)))
+        case Sphere(radius) | Capsule(radius, _):
+            return replace(shape, radius=less(radius, depth))
+        case Cylinder(radius, length):
+            return replace(shape, radius=less(radius, depth), length=less(length, 2 * depth))
+    return shape
+
+
+def through_thinner(repair: Callable[[Array], Array | None]) -> Searcher:
+    """The `Searcher` that looks for a path between thinner obstacles and has it repaired.
+
+    A narrow place that is wider by a few centimetres is found soon. Source: Saha, Latombe, Chang and Prinz, "Finding
+    narrow passages with probabilistic roadmaps: the small-step retraction method", Autonomous Robots 19, 2005.
+
+    Args:
+        repair: moves waypoints (k, n) that touch out of the obstacles; None when it cannot. What comes of it is
+            proved here.
+    """
+
+    def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float) -> Search:
+        model = check.model
+        thinner = check.among(CollisionModel(model.robot, thinned(model.scene)))
+        found = kpiece(thinner, ends, budget, seed, patience=patience)
+        if found.path is None:
+            return found
+        draws = np.random.default_rng(seed).uniform(size=(_ATTEMPTS, 3))
+        path = shorten(thinner, found.path, check.limits.velocity, draws, budget)
+        if check.polyline_free(path):
+            return replace(found, path=path)
+        repaired = repair(path)
+        proved = repaired is not None and check.polyline_free(repaired)
+        return replace(found, path=repaired if proved else None, impatient=not proved and not budget.over)
+
+    return search
