@@ -13,7 +13,8 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.config.messages import choices
 from optiplan.errors import UnknownChoiceError, described, wrong_argument
-from optiplan.planners.base import Budget, PlanResult, Progress
+from optiplan.planners.base import Budget, Planner, PlanResult, Progress
+from optiplan.planners.registry import planner_object
 from optiplan.problem.problem import JointGoal, Problem, Via
 from optiplan.runs import pipeline
 from optiplan.runs.run import Run
@@ -35,7 +36,7 @@ _HIT = 1e-6  # rad or m: tolerance of waypoints
 
 def plan(
     problem: Problem,
-    planner: str | None = None,
+    planner: str | Planner[Any] | None = None,
     options: Mapping[str, Any] | None = None,
     budget: float | Budget = BUDGET,
     seed: int | None = None,
@@ -48,7 +49,8 @@ def plan(
 
     Args:
         problem: the task.
-        planner: a name of `op.planners()`; None: the problem's own, which is `trajopt` where it names none.
+        planner: a name of `op.planners()`, `module:Class`, or a planner itself (see `op.Planner`), which brings its
+            options along; None: the problem's own, which is `trajopt` where it names none.
         options: of that planner, by name; None: the problem's own options for its own planner, the defaults of others.
         budget: seconds of wall time for planning and proof, or a `Budget`, which another thread can cancel.
         seed: of what is random; None: the problem's own. The same problem, planner, options and seed give the same
@@ -72,11 +74,7 @@ def plan(
         True
     """
     _check(problem, "plan")
-    name, chosen = pipeline.chosen(problem, planner, options)
-    if not isinstance(name, str):
-        raise wrong_argument("plan", "planner", described(name), "the name of a planner; see op.planners()")
-    if not isinstance(chosen, Mapping):
-        raise wrong_argument("plan", "options", described(chosen), "options by name, such as {'degree': 5}")
+    asked, chosen = _planner(problem, planner, options)
     if progress is not None and not callable(progress):
         raise wrong_argument("plan", "progress", described(progress), "a function of a stage's name and a fraction")
     clock, told = _budget(budget), progress or _silent
@@ -86,7 +84,7 @@ def plan(
         problem = problem.with_seed(int(seed))
     known, clock = _known(problem, warm_start, clock)
     try:
-        run = pipeline.run(problem, name, chosen, clock, told)
+        run = pipeline.run(problem, asked, chosen, clock, told)
     except UnknownChoiceError as error:
         argument = "planner" if error.kind == "planner" else "options"
         raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None
@@ -183,6 +181,24 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
 def _check(problem: Any, function: str) -> None:
     if not isinstance(problem, Problem):
         raise wrong_argument(function, "problem", described(problem), "op.load_problem(…) or op.Problem(…)")
+
+
+def _planner(problem: Problem, planner: Any, options: Any) -> tuple[str | Planner[Any], Mapping[str, Any]]:
+    """The planner that is asked for, and its options."""
+    if options is not None and not isinstance(options, Mapping):
+        raise wrong_argument("plan", "options", described(options), "options by name, such as {'degree': 5}")
+    if planner is None or isinstance(planner, str):
+        return pipeline.chosen(problem, planner, options)
+    found = planner_object(planner)
+    if found is None:
+        expected = (
+            "the name of a planner (see op.planners()) or a planner, an object with plan(problem, budget, progress)"
+        )
+        raise wrong_argument("plan", "planner", described(planner), expected)
+    if options:
+        expected = "none: a planner that is an object is made with its options"
+        raise wrong_argument("plan", "options", described(options), expected)
+    return found, {}
 
 
 def _silent(stage: str, fraction: float) -> None:

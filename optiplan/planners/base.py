@@ -77,9 +77,9 @@ class PlanResult:
         seconds: after which `trajectory` was there; None: at the end.
     """
 
-    trajectory: Trajectory | None
-    failure: Failure | None
-    timings: Mapping[str, float]
+    trajectory: Trajectory | None = None
+    failure: Failure | None = None
+    timings: Mapping[str, float] = field(default_factory=dict)
     info: Mapping[str, Any] = field(default_factory=dict)
     earlier: tuple[Candidate, ...] = ()
     seconds: float | None = None
@@ -144,6 +144,11 @@ Progress = Callable[[str, float], None]
 OptionsT = TypeVar("OptionsT")
 
 
+@dataclass(frozen=True)
+class NoOptions:
+    """The options of a planner that has none."""
+
+
 class Planner(ABC, Generic[OptionsT]):
     """Anything that turns a Problem into a PlanResult; it prints nothing, keeps no globals and polls its budget.
 
@@ -151,9 +156,17 @@ class Planner(ABC, Generic[OptionsT]):
         Options: frozen dataclass of what can be set, best a `PlannerOptions`; see `planners.option_schema`.
         passes_vias: whether `plan` is given a problem's vias; another planner is given the legs between them, one by
             one and without vias.
+
+    Example:
+        >>> import optiplan as op
+        >>> class Idle(op.Planner):
+        ...     def plan(self, problem, budget, progress):
+        ...         return op.PlanResult(failure=op.Failure("no-path", "I did not look for one"))
+        >>> op.plan(op.load_problem("01_reach"), Idle())
+        Run: no motion (no-path: I did not look for one); reach, Idle
     """
 
-    Options: ClassVar[type[Any]]
+    Options: ClassVar[type[Any]] = NoOptions
     passes_vias: bool = False
 
     def __init__(self, options: OptionsT | None = None) -> None:
