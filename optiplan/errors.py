@@ -3,6 +3,7 @@
 A broken *input* is an exception from this file. "No solution" is a value: see `planners.base.Failure`.
 """
 
+import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -30,7 +31,7 @@ class UnknownChoiceError(OptiPlanError):
 
     def __init__(self, kind: str, found: str, choices: Iterable[str]) -> None:
         self.kind, self.found, self.choices = kind, found, tuple(sorted(choices))
-        near = get_close_matches(found, [choice.partition(" (")[0] for choice in self.choices], n=1)
+        near = get_close_matches(str(found), [choice.partition(" (")[0] for choice in self.choices], n=1)
         hint = f" (did you mean '{near[0]}'?)" if near else ""
         super().__init__(f"unknown {kind} '{found}'; choose from: {', '.join(self.choices)}{hint}")
 
@@ -87,6 +88,21 @@ def described(value: object) -> str:
 def wrong_argument(function: str, argument: str, found: str, expected: str) -> "InputError":
     """The error for one argument of a call from Python: `op.plan: budget: found -1.0; expected …`."""
     return InputError([Issue(f"op.{function}", None, argument, f"found {found}", expected)])
+
+
+def path_argument(function: str, argument: str, value: object, expected: str) -> Path:
+    """An argument as a path.
+
+    Raises:
+        InputError: it is none, or one that no file can have.
+    """
+    try:
+        usable = isinstance(value, str | Path) and value != "" and b"\0" not in os.fsencode(value)
+    except UnicodeEncodeError:
+        usable = False
+    if not usable:
+        raise wrong_argument(function, argument, described(value), expected)
+    return Path(value)  # type: ignore[arg-type]  # it is text or a path
 
 
 class InputError(OptiPlanError):

@@ -1,6 +1,5 @@
 """`plan`, `verify` and `retime`: a proved motion for a problem, and the proof of a motion that is there."""
 
-import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, is_finite
 from optiplan.config.messages import choices
 from optiplan.errors import UnknownChoiceError, described, wrong_argument
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
@@ -127,7 +126,7 @@ def verify(problem: Problem, motion: Trajectory | Samples | Run | Path | str | S
     if isinstance(motion, Sequence) and not isinstance(motion, str) and len(motion) == 2:
         try:
             motion = Samples(names, np.asarray(motion[0], float), np.asarray(motion[1], float), file="op.verify")
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise wrong_argument("verify", "motion", described(motion), "times (k,) and positions (k, n)") from None
     if isinstance(motion, Samples):
         report = verifier.verify(problem, motion.trajectory())
@@ -162,7 +161,7 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
     """
     _check(problem, "retime")
     points = _waypoints(problem, waypoints)
-    if isinstance(deviation, bool) or not isinstance(deviation, int | float) or not 0.0 <= deviation < math.inf:
+    if not is_finite(deviation) or deviation < 0.0:
         raise wrong_argument("retime", "deviation", described(deviation), "a number >= 0")
     hit = max(float(deviation), _HIT)
     vias = [Via(JointGoal(q, hit)) for q in points[1:-1]]
@@ -208,8 +207,7 @@ def _silent(stage: str, fraction: float) -> None:
 def _budget(budget: Any) -> Budget:
     if isinstance(budget, Budget):
         return budget
-    number = isinstance(budget, int | float | np.integer | np.floating) and not isinstance(budget, bool)
-    if not number or not 0.0 < budget < math.inf:
+    if not is_finite(budget) or budget <= 0.0:
         raise wrong_argument("plan", "budget", described(budget), "a number of seconds above 0")
     return Budget(float(budget))
 
@@ -249,7 +247,7 @@ def _waypoints(problem: Problem, waypoints: Any) -> Array:
     n = problem.robot.n
     try:
         points = np.asarray(waypoints, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         points = np.empty(0)
     if points.ndim != 2 or points.shape[1:] != (n,) or len(points) < 2 or not np.isfinite(points).all():
         found = described(points) if points.size else described(waypoints)

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
+from optiplan.arrays import is_finite
+from optiplan.errors import described, wrong_argument
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -92,6 +94,9 @@ class Budget:
         seconds: from now on, or from `start`.
         cancel: set by another thread, it ends the work at once.
 
+    Raises:
+        InputError: the seconds are no number, or below 0.
+
     Example:
         >>> import optiplan as op
         >>> op.Budget(5.0).seconds
@@ -99,6 +104,8 @@ class Budget:
     """
 
     def __init__(self, seconds: float, cancel: threading.Event | None = None) -> None:
+        if not is_finite(seconds) or seconds < 0.0:
+            raise wrong_argument("Budget", "seconds", described(seconds), "a number of seconds >= 0")
         self._cancel = cancel or threading.Event()
         self.seconds = seconds
         self.start()

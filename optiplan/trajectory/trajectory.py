@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.errors import InputError, Issue
+from optiplan.errors import InputError, Issue, described
 from optiplan.trajectory import bspline, polynomial
 from optiplan.trajectory.curves_svg import joint_curves
 
@@ -37,6 +37,13 @@ class Extrema:
     high: Array
     t_low: Array
     t_high: Array
+
+
+class _Refused(InputError, ValueError):
+    """What a trajectory cannot be asked for."""
+
+    def __init__(self, argument: str, found: str, expected: str) -> None:
+        super().__init__([Issue("Trajectory", None, argument, f"found {found}", expected)])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -130,14 +137,23 @@ class Trajectory:
         with derivatives of 0.
 
         Raises:
-            ValueError: if a time is outside [0, duration] by more than 1e-9 s without `clamp`, or not a number.
+            InputError: a time is outside [0, duration] by more than 1e-9 s without `clamp`, or not a number; or there
+                is no such order. It is a ValueError too.
         """
-        if np.ndim(t) == 0:
-            return np.asarray(self(np.array([t], dtype=float), order, clamp=clamp)[0])
-        t = np.asarray(t, dtype=float)
+        if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 0:
+            raise _Refused("order", described(order), "a whole number, 0 or more")
+        try:
+            times = np.asarray(t, dtype=float)
+        except (TypeError, ValueError, OverflowError):
+            times = np.empty((0, 0))
+        if times.ndim > 1:
+            raise _Refused("t", described(t), "a time, or times (k,), s")
+        if times.ndim == 0:
+            return np.asarray(self(times[None], order, clamp=clamp)[0])
+        t = times
         inside = (t >= -_OUTSIDE) & (t <= self.duration + _OUTSIDE)
         if not (inside.all() or (clamp and not np.isnan(t).any())):
-            raise ValueError(f"t: found [{t.min()}, {t.max()}]; expected times in [0, {self.duration}], or clamp=True")
+            raise _Refused("t", f"[{t.min()}, {t.max()}]", f"times in [0, {self.duration}], or clamp=True")
         piece = np.searchsorted(self.breakpoints[1:-1], t, side="right")
         c = self._derivatives[order] if 0 <= order < 4 else self.derivatives(order)
         local = (np.clip(t, 0.0, self.duration) - self.breakpoints[piece])[:, None]
