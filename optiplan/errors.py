@@ -35,6 +35,10 @@ class UnknownChoiceError(OptiPlanError):
         hint = f" (did you mean '{near[0]}'?)" if near else ""
         super().__init__(f"unknown {kind} '{found}'; choose from: {', '.join(self.choices)}{hint}")
 
+    def __reduce__(self) -> tuple[type["UnknownChoiceError"], tuple[str, str, tuple[str, ...]]]:
+        """How to pickle it, for processes that hand it back."""
+        return type(self), (self.kind, self.found, self.choices)
+
 
 @dataclass(frozen=True)
 class Issue:
@@ -111,6 +115,10 @@ class InputError(OptiPlanError):
     def __init__(self, issues: Iterable[Issue]) -> None:
         self.issues = tuple(dict.fromkeys(issues))
         super().__init__("\n".join(map(str, self.issues)))
+
+    def __reduce__(self) -> tuple[type["InputError"], tuple[tuple[Issue, ...]]]:
+        """How to pickle it, for processes that hand it back."""
+        return type(self), (self.issues,)
 
     def about(self, file: str, name: str) -> "InputError":
         """The same error with issues of a file of that name, which is none, told of `name` instead."""

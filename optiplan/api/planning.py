@@ -11,7 +11,7 @@ import numpy as np
 
 from optiplan.arrays import Array, is_finite
 from optiplan.config.messages import choices
-from optiplan.errors import UnknownChoiceError, described, wrong_argument
+from optiplan.errors import InputError, Issue, UnknownChoiceError, described, wrong_argument
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.registry import planner_object
 from optiplan.problem.problem import JointGoal, Problem, Via
@@ -119,7 +119,9 @@ def verify(problem: Problem, motion: Trajectory | Samples | Run | Path | str | S
     if isinstance(motion, str | Path):
         stored = load_run(motion, names)
         if stored.trajectory is None:
-            raise wrong_argument("verify", "motion", f"{str(motion)!r}, a run without a trajectory", "one with one")
+            raise wrong_argument(
+                "verify", "motion", f"{str(motion)!r}, a run without a trajectory", "a run with a trajectory"
+            )
         return judged(problem, stored)
     if isinstance(motion, Run) and motion.trajectory is not None:
         return verifier.verify(problem, motion.trajectory)
@@ -165,7 +167,10 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
         raise wrong_argument("retime", "deviation", described(deviation), "a number >= 0")
     hit = max(float(deviation), _HIT)
     vias = [Via(JointGoal(q, hit)) for q in points[1:-1]]
-    task = problem.with_vias().with_start(points[0]).with_goal(JointGoal(points[-1])).with_vias(*vias)
+    try:
+        task = problem.with_vias().with_start(points[0]).with_goal(JointGoal(points[-1])).with_vias(*vias)
+    except InputError as error:
+        raise _of_waypoints(error, len(points)) from None
     if deviation > 0.0:
         return plan(task, "rounded", {"deviation": float(deviation)})
     began = time.perf_counter()
@@ -253,6 +258,25 @@ def _waypoints(problem: Problem, waypoints: Any) -> Array:
         found = described(points) if points.size else described(waypoints)
         raise wrong_argument("retime", "waypoints", found, f"an array (k, {n}) of finite numbers, k >= 2")
     return points
+
+
+def _of_waypoints(error: InputError, count: int) -> InputError:
+    """What is wrong with the start, the vias or the goal, told of the waypoints (count of them) that they were."""
+    return InputError(_of_waypoint(issue, count) for issue in error.issues)
+
+
+def _of_waypoint(issue: Issue, count: int) -> Issue:
+    match issue.path:
+        case ("start", *rest):
+            at = 0
+        case ("goal", *rest):
+            at = count - 1
+        case ("via", int(k), *rest):
+            at = k + 1
+        case _:
+            return issue
+    joint = "".join(f"[{key}]" for key in rest if isinstance(key, int))
+    return replace(issue, file="op.retime", field=f"waypoints[{at}]{joint}")
 
 
 def _corners(points: Array) -> Array:

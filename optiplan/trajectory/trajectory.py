@@ -42,8 +42,10 @@ class Extrema:
 class _Refused(InputError, ValueError):
     """What a trajectory cannot be asked for."""
 
-    def __init__(self, argument: str, found: str, expected: str) -> None:
-        super().__init__([Issue("Trajectory", None, argument, f"found {found}", expected)])
+    @classmethod
+    def of(cls, argument: str, found: str, expected: str) -> "_Refused":
+        """About one argument."""
+        return cls([Issue("Trajectory", None, argument, f"found {found}", expected)])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,9 +69,17 @@ class Trajectory:
     coefficients: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "joint_names", tuple(self.joint_names))
+        try:
+            object.__setattr__(self, "joint_names", tuple(self.joint_names))
+        except TypeError:
+            found = described(self.joint_names)
+            raise ValueError(f"joint_names: found {found}; expected one or more different names") from None
         for name in ("breakpoints", "coefficients"):
-            array = np.array(getattr(self, name), dtype=float)
+            try:
+                array = np.array(getattr(self, name), dtype=float)
+            except (TypeError, ValueError, OverflowError):
+                found = described(getattr(self, name))
+                raise ValueError(f"{name}: found {found}; expected an array of numbers") from None
             array.flags.writeable = False
             object.__setattr__(self, name, array)
         problem = defect(self.joint_names, self.breakpoints, self.coefficients)
@@ -124,7 +134,7 @@ class Trajectory:
         if order < 0:
             raise ValueError(f"order: found {order}; expected 0 or more")
         c = np.swapaxes(self.coefficients, 1, 2)
-        for _ in range(order):
+        for _ in range(min(order, c.shape[-1])):
             c = polynomial.derivative(c)
         return np.swapaxes(c, 1, 2)
 
@@ -141,19 +151,19 @@ class Trajectory:
                 is no such order. It is a ValueError too.
         """
         if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 0:
-            raise _Refused("order", described(order), "a whole number, 0 or more")
+            raise _Refused.of("order", described(order), "a whole number, 0 or more")
         try:
             times = np.asarray(t, dtype=float)
         except (TypeError, ValueError, OverflowError):
             times = np.empty((0, 0))
         if times.ndim > 1:
-            raise _Refused("t", described(t), "a time, or times (k,), s")
+            raise _Refused.of("t", described(t), "a time, or times (k,), s")
         if times.ndim == 0:
             return np.asarray(self(times[None], order, clamp=clamp)[0])
         t = times
         inside = (t >= -_OUTSIDE) & (t <= self.duration + _OUTSIDE)
         if not (inside.all() or (clamp and not np.isnan(t).any())):
-            raise _Refused("t", f"[{t.min()}, {t.max()}]", f"times in [0, {self.duration}], or clamp=True")
+            raise _Refused.of("t", f"[{t.min()}, {t.max()}]", f"times in [0, {self.duration}], or clamp=True")
         piece = np.searchsorted(self.breakpoints[1:-1], t, side="right")
         c = self._derivatives[order] if 0 <= order < 4 else self.derivatives(order)
         local = (np.clip(t, 0.0, self.duration) - self.breakpoints[piece])[:, None]

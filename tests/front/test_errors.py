@@ -1,11 +1,13 @@
 """A wrong argument is an `InputError` that names it, what was found and what would be valid."""
 
+import pickle
 import re
 
 import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.planners.registry import make_planner
 
 SHELF = ("shelf", (1, 1, 1))
 CASES = {
@@ -60,7 +62,10 @@ CASES = {
     "motion": (lambda p: op.verify(p, 3), "op.verify: motion", "Trajectory"),
     "no file": (lambda p: op.verify(p, "nowhere.json"), "nowhere.json", "a run folder or file"),
     "waypoints": (lambda p: op.retime(p, [[0, 0, 0]]), "op.retime: waypoints", r"\(k, 2\)"),
-    "waypoints limits": (lambda p: op.retime(p, [[0, 0], [0, 99]]), "op.Problem: goal", "a value in"),
+    "waypoints limits": (lambda p: op.retime(p, [[0, 0], [0, 99]]), r"op.retime: waypoints\[1\]\[1\]", "a value in"),
+    "waypoint limits": (lambda p: op.retime(p, [[0, 0], [99, 0], [1, 1]]), r"waypoints\[1\]\[0\]", "a value in"),
+    "samples": (lambda p: op.verify(p, op.Samples(None, [0, 1], [[0, 0], [1, 1]])), "joint_names", "names"),
+    "samples text": (lambda p: op.verify(p, op.Samples(("a", "b"), "x", [[0, 0]])), "samples: t", "numbers"),
     "deviation": (lambda p: op.retime(p, [[0, 0], [0, 1]], deviation=-1), "op.retime: deviation", ">= 0"),
     "runs": (lambda p: op.view(), "op.view: runs", "at least one"),
     "run": (lambda p: op.view(3), "op.view: runs", "op.plan"),
@@ -130,6 +135,34 @@ def test_a_wrong_argument_about_a_run_is_named(run, name):
     with pytest.raises(op.InputError, match=where) as caught:
         call(run)
     assert re.search(expected, str(caught.value)), str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda run: op.Box("b", size=(1, 2)),
+        lambda run: run.trajectory(99.0),
+        lambda run: make_planner("trajoptt"),
+    ],
+)
+def test_errors_come_back_from_other_processes(run, call):
+    with pytest.raises(op.OptiPlanError) as caught:
+        call(run)
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert type(again) is type(caught.value)
+    assert str(again) == str(caught.value)
+    assert vars(again) == vars(caught.value)
+
+
+@pytest.mark.parametrize("part", [{"joint_names": None}, {"breakpoints": "x"}, {"coefficients": [[10**400]]}])
+def test_a_trajectory_names_what_is_no_part_of_one(part):
+    parts = {"joint_names": ("a",), "breakpoints": [0, 1], "coefficients": np.zeros((1, 2, 1))} | part
+    with pytest.raises(ValueError, match=f"{next(iter(part))}: found .*; expected"):
+        op.Trajectory(**parts)
+
+
+def test_a_derivative_of_any_order_ends(run):
+    assert run.trajectory(0.1, 10**400).tolist() == [0.0, 0.0]
 
 
 def test_numbers_of_numpy_are_numbers(problem, run, tmp_path):
