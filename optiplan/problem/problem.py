@@ -125,6 +125,10 @@ class Problem:
     def _set(self, parts: Mapping[str, Any]) -> None:
         for name, value in parts.items():
             object.__setattr__(self, name, value)
+        if "start" in parts:  # nobody writes into what the hash is about
+            start = np.array(parts["start"])
+            start.flags.writeable = False
+            object.__setattr__(self, "start", start)
 
     def _take(self, parts: Parts) -> None:
         self._set({one.name: getattr(parts, one.name) for one in fields(Parts)})
