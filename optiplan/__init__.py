@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from optiplan.api.viewing import View, view
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
-    from optiplan.planners.base import Budget, Failure
+    from optiplan.planners.base import Budget, Failure, Planner, PlanResult
     from optiplan.problem.bodies import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
     from optiplan.problem.ends import JointGoal, Objective, PoseGoal
     from optiplan.problem.problem import Problem
@@ -42,7 +42,7 @@ _ROOMS = {
     "api.viewing": ("View", "view"),
     "errors": ("InputError", "OptiPlanError"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
-    "planners.base": ("Budget", "Failure"),
+    "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "problem.bodies": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
     "problem.ends": ("JointGoal", "Objective", "PoseGoal"),
     "problem.problem": ("Problem",),
@@ -70,6 +70,8 @@ __all__ = [
     "Objective",
     "Obstacle",
     "OptiPlanError",
+    "PlanResult",
+    "Planner",
     "Pose",
     "PoseGoal",
     "Problem",

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,16 @@ Index = npt.NDArray[np.intp]
 
 UNIT_TOLERANCE = 1e-3
 """How far the length of a unit vector or quaternion written by hand may be from 1; it is normalised then."""
+
+
+def is_finite(value: Any) -> TypeGuard[float]:
+    """Whether it is a number that a float can hold, of Python or numpy: no truth value, NaN or infinity."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        return False
 
 
 def unit(values: Sequence[float]) -> Array:

@@ -3,6 +3,7 @@
 A broken *input* is an exception from this file. "No solution" is a value: see `planners.base.Failure`.
 """
 
+import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -30,9 +31,13 @@ class UnknownChoiceError(OptiPlanError):
 
     def __init__(self, kind: str, found: str, choices: Iterable[str]) -> None:
         self.kind, self.found, self.choices = kind, found, tuple(sorted(choices))
-        near = get_close_matches(found, [choice.partition(" (")[0] for choice in self.choices], n=1)
+        near = get_close_matches(str(found), [choice.partition(" (")[0] for choice in self.choices], n=1)
         hint = f" (did you mean '{near[0]}'?)" if near else ""
         super().__init__(f"unknown {kind} '{found}'; choose from: {', '.join(self.choices)}{hint}")
+
+    def __reduce__(self) -> tuple[type["UnknownChoiceError"], tuple[str, str, tuple[str, ...]]]:
+        """How to pickle it, for processes that hand it back."""
+        return type(self), (self.kind, self.found, self.choices)
 
 
 @dataclass(frozen=True)
@@ -89,12 +94,31 @@ def wrong_argument(function: str, argument: str, found: str, expected: str) -> "
     return InputError([Issue(f"op.{function}", None, argument, f"found {found}", expected)])
 
 
+def path_argument(function: str, argument: str, value: object, expected: str) -> Path:
+    """An argument as a path.
+
+    Raises:
+        InputError: it is none, or one that no file can have.
+    """
+    try:
+        usable = isinstance(value, str | Path) and value != "" and b"\0" not in os.fsencode(value)
+    except UnicodeEncodeError:
+        usable = False
+    if not usable:
+        raise wrong_argument(function, argument, described(value), expected)
+    return Path(value)  # type: ignore[arg-type]  # it is text or a path
+
+
 class InputError(OptiPlanError):
     """A file or an argument that cannot be used; holds *all* issues found, each once, in file order."""
 
     def __init__(self, issues: Iterable[Issue]) -> None:
         self.issues = tuple(dict.fromkeys(issues))
         super().__init__("\n".join(map(str, self.issues)))
+
+    def __reduce__(self) -> tuple[type["InputError"], tuple[tuple[Issue, ...]]]:
+        """How to pickle it, for processes that hand it back."""
+        return type(self), (self.issues,)
 
     def about(self, file: str, name: str) -> "InputError":
         """The same error with issues of a file of that name, which is none, told of `name` instead."""

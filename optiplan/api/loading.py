@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from optiplan.arrays import is_finite
 from optiplan.config.messages import choices
 from optiplan.errors import UnknownChoiceError, described, wrong_argument
 from optiplan.planners.base import Failure
@@ -63,6 +64,13 @@ def load_robot(source: Path | str, *, group: str | None = None, locked: Mapping[
     if not isinstance(source, str | Path):
         expected = "the name of a robot of op.robots(), or the path of a robot.yaml or URDF"
         raise wrong_argument("load_robot", "source", described(source), expected)
+    if group is not None and not isinstance(group, str):
+        raise wrong_argument("load_robot", "group", described(group), "the name of a group of its joints")
+    if locked is not None and not isinstance(locked, Mapping):
+        raise wrong_argument("load_robot", "locked", described(locked), "positions by joint, such as {'lift': 0.2}")
+    for joint, q in (locked or {}).items():
+        if not is_finite(q):
+            raise wrong_argument("load_robot", f"locked[{joint!r}]", described(q), "a finite number, rad or m")
     if Path(source).suffix.lower() == ".urdf":
         return Robot.from_urdf(source, locked=locked)
     try:

@@ -1,6 +1,5 @@
 """`plan`, `verify` and `retime`: a proved motion for a problem, and the proof of a motion that is there."""
 
-import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -10,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, is_finite
 from optiplan.config.messages import choices
-from optiplan.errors import UnknownChoiceError, described, wrong_argument
-from optiplan.planners.base import Budget, PlanResult, Progress
+from optiplan.errors import InputError, Issue, UnknownChoiceError, described, wrong_argument
+from optiplan.planners.base import Budget, Planner, PlanResult, Progress
+from optiplan.planners.registry import planner_object
 from optiplan.problem.problem import JointGoal, Problem, Via
 from optiplan.runs import pipeline
 from optiplan.runs.run import Run
@@ -35,7 +35,7 @@ _HIT = 1e-6  # rad or m: tolerance of waypoints
 
 def plan(
     problem: Problem,
-    planner: str | None = None,
+    planner: str | Planner[Any] | None = None,
     options: Mapping[str, Any] | None = None,
     budget: float | Budget = BUDGET,
     seed: int | None = None,
@@ -48,7 +48,8 @@ def plan(
 
     Args:
         problem: the task.
-        planner: a name of `op.planners()`; None: the problem's own, which is `trajopt` where it names none.
+        planner: a name of `op.planners()`, `module:Class`, or a planner itself (see `op.Planner`), which brings its
+            options along; None: the problem's own, which is `trajopt` where it names none.
         options: of that planner, by name; None: the problem's own options for its own planner, the defaults of others.
         budget: seconds of wall time for planning and proof, or a `Budget`, which another thread can cancel.
         seed: of what is random; None: the problem's own. The same problem, planner, options and seed give the same
@@ -72,11 +73,7 @@ def plan(
         True
     """
     _check(problem, "plan")
-    name, chosen = pipeline.chosen(problem, planner, options)
-    if not isinstance(name, str):
-        raise wrong_argument("plan", "planner", described(name), "the name of a planner; see op.planners()")
-    if not isinstance(chosen, Mapping):
-        raise wrong_argument("plan", "options", described(chosen), "options by name, such as {'degree': 5}")
+    asked, chosen = _planner(problem, planner, options)
     if progress is not None and not callable(progress):
         raise wrong_argument("plan", "progress", described(progress), "a function of a stage's name and a fraction")
     clock, told = _budget(budget), progress or _silent
@@ -86,7 +83,7 @@ def plan(
         problem = problem.with_seed(int(seed))
     known, clock = _known(problem, warm_start, clock)
     try:
-        run = pipeline.run(problem, name, chosen, clock, told)
+        run = pipeline.run(problem, asked, chosen, clock, told)
     except UnknownChoiceError as error:
         argument = "planner" if error.kind == "planner" else "options"
         raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None
@@ -122,14 +119,16 @@ def verify(problem: Problem, motion: Trajectory | Samples | Run | Path | str | S
     if isinstance(motion, str | Path):
         stored = load_run(motion, names)
         if stored.trajectory is None:
-            raise wrong_argument("verify", "motion", f"{str(motion)!r}, a run without a trajectory", "one with one")
+            raise wrong_argument(
+                "verify", "motion", f"{str(motion)!r}, a run without a trajectory", "a run with a trajectory"
+            )
         return judged(problem, stored)
     if isinstance(motion, Run) and motion.trajectory is not None:
         return verifier.verify(problem, motion.trajectory)
     if isinstance(motion, Sequence) and not isinstance(motion, str) and len(motion) == 2:
         try:
             motion = Samples(names, np.asarray(motion[0], float), np.asarray(motion[1], float), file="op.verify")
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise wrong_argument("verify", "motion", described(motion), "times (k,) and positions (k, n)") from None
     if isinstance(motion, Samples):
         report = verifier.verify(problem, motion.trajectory())
@@ -164,11 +163,14 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
     """
     _check(problem, "retime")
     points = _waypoints(problem, waypoints)
-    if isinstance(deviation, bool) or not isinstance(deviation, int | float) or not 0.0 <= deviation < math.inf:
+    if not is_finite(deviation) or deviation < 0.0:
         raise wrong_argument("retime", "deviation", described(deviation), "a number >= 0")
     hit = max(float(deviation), _HIT)
     vias = [Via(JointGoal(q, hit)) for q in points[1:-1]]
-    task = problem.with_vias().with_start(points[0]).with_goal(JointGoal(points[-1])).with_vias(*vias)
+    try:
+        task = problem.with_vias().with_start(points[0]).with_goal(JointGoal(points[-1])).with_vias(*vias)
+    except InputError as error:
+        raise _of_waypoints(error, len(points)) from None
     if deviation > 0.0:
         return plan(task, "rounded", {"deviation": float(deviation)})
     began = time.perf_counter()
@@ -185,6 +187,24 @@ def _check(problem: Any, function: str) -> None:
         raise wrong_argument(function, "problem", described(problem), "op.load_problem(…) or op.Problem(…)")
 
 
+def _planner(problem: Problem, planner: Any, options: Any) -> tuple[str | Planner[Any], Mapping[str, Any]]:
+    """The planner that is asked for, and its options."""
+    if options is not None and not isinstance(options, Mapping):
+        raise wrong_argument("plan", "options", described(options), "options by name, such as {'degree': 5}")
+    if planner is None or isinstance(planner, str):
+        return pipeline.chosen(problem, planner, options)
+    found = planner_object(planner)
+    if found is None:
+        expected = (
+            "the name of a planner (see op.planners()) or a planner, an object with plan(problem, budget, progress)"
+        )
+        raise wrong_argument("plan", "planner", described(planner), expected)
+    if options:
+        expected = "none: a planner that is an object is made with its options"
+        raise wrong_argument("plan", "options", described(options), expected)
+    return found, {}
+
+
 def _silent(stage: str, fraction: float) -> None:
     """Progress that nobody wants to know."""
 
@@ -192,8 +212,7 @@ def _silent(stage: str, fraction: float) -> None:
 def _budget(budget: Any) -> Budget:
     if isinstance(budget, Budget):
         return budget
-    number = isinstance(budget, int | float | np.integer | np.floating) and not isinstance(budget, bool)
-    if not number or not 0.0 < budget < math.inf:
+    if not is_finite(budget) or budget <= 0.0:
         raise wrong_argument("plan", "budget", described(budget), "a number of seconds above 0")
     return Budget(float(budget))
 
@@ -233,12 +252,31 @@ def _waypoints(problem: Problem, waypoints: Any) -> Array:
     n = problem.robot.n
     try:
         points = np.asarray(waypoints, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         points = np.empty(0)
     if points.ndim != 2 or points.shape[1:] != (n,) or len(points) < 2 or not np.isfinite(points).all():
         found = described(points) if points.size else described(waypoints)
         raise wrong_argument("retime", "waypoints", found, f"an array (k, {n}) of finite numbers, k >= 2")
     return points
+
+
+def _of_waypoints(error: InputError, count: int) -> InputError:
+    """What is wrong with the start, the vias or the goal, told of the waypoints (count of them) that they were."""
+    return InputError(_of_waypoint(issue, count) for issue in error.issues)
+
+
+def _of_waypoint(issue: Issue, count: int) -> Issue:
+    match issue.path:
+        case ("start", *rest):
+            at = 0
+        case ("goal", *rest):
+            at = count - 1
+        case ("via", int(k), *rest):
+            at = k + 1
+        case _:
+            return issue
+    joint = "".join(f"[{key}]" for key in rest if isinstance(key, int))
+    return replace(issue, file="op.retime", field=f"waypoints[{at}]{joint}")
 
 
 def _corners(points: Array) -> Array:

@@ -1,6 +1,5 @@
 """Scenes: shapes, obstacles, attached objects, allowed contacts."""
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
@@ -8,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, is_finite
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
@@ -146,7 +145,7 @@ class Scene:
         """
         self._known(name)
         for axis, distance in (("x", x), ("y", y), ("z", z)):
-            if isinstance(distance, bool) or not isinstance(distance, int | float) or not math.isfinite(distance):
+            if not is_finite(distance):
                 raise wrong_argument("Scene.moved", axis, repr(distance), "a finite number of metres")
         by = np.array([x, y, z], float)
         return Scene(
@@ -156,7 +155,7 @@ class Scene:
         )
 
     def _known(self, name: str) -> None:
-        if name not in self.names:
+        if not isinstance(name, str) or name not in self.names:
             expected = f"one of: {', '.join(self.names)}" if self.names else "a scene with something in it"
             raise wrong_argument("Scene", "name", f"nothing called {name!r}", expected)
 

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
+from optiplan.arrays import is_finite
+from optiplan.errors import described, wrong_argument
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -77,9 +79,9 @@ class PlanResult:
         seconds: after which `trajectory` was there; None: at the end.
     """
 
-    trajectory: Trajectory | None
-    failure: Failure | None
-    timings: Mapping[str, float]
+    trajectory: Trajectory | None = None
+    failure: Failure | None = None
+    timings: Mapping[str, float] = field(default_factory=dict)
     info: Mapping[str, Any] = field(default_factory=dict)
     earlier: tuple[Candidate, ...] = ()
     seconds: float | None = None
@@ -92,6 +94,9 @@ class Budget:
         seconds: from now on, or from `start`.
         cancel: set by another thread, it ends the work at once.
 
+    Raises:
+        InputError: the seconds are no number, or below 0.
+
     Example:
         >>> import optiplan as op
         >>> op.Budget(5.0).seconds
@@ -99,6 +104,8 @@ class Budget:
     """
 
     def __init__(self, seconds: float, cancel: threading.Event | None = None) -> None:
+        if not is_finite(seconds) or seconds < 0.0:
+            raise wrong_argument("Budget", "seconds", described(seconds), "a number of seconds >= 0")
         self._cancel = cancel or threading.Event()
         self.seconds = seconds
         self.start()
@@ -144,6 +151,11 @@ Progress = Callable[[str, float], None]
 OptionsT = TypeVar("OptionsT")
 
 
+@dataclass(frozen=True)
+class NoOptions:
+    """The options of a planner that has none."""
+
+
 class Planner(ABC, Generic[OptionsT]):
     """Anything that turns a Problem into a PlanResult; it prints nothing, keeps no globals and polls its budget.
 
@@ -151,9 +163,17 @@ class Planner(ABC, Generic[OptionsT]):
         Options: frozen dataclass of what can be set, best a `PlannerOptions`; see `planners.option_schema`.
         passes_vias: whether `plan` is given a problem's vias; another planner is given the legs between them, one by
             one and without vias.
+
+    Example:
+        >>> import optiplan as op
+        >>> class Idle(op.Planner):
+        ...     def plan(self, problem, budget, progress):
+        ...         return op.PlanResult(failure=op.Failure("no-path", "I did not look for one"))
+        >>> op.plan(op.load_problem("01_reach"), Idle())
+        Run: no motion (no-path: I did not look for one); reach, Idle
     """
 
-    Options: ClassVar[type[Any]]
+    Options: ClassVar[type[Any]] = NoOptions
     passes_vias: bool = False
 
     def __init__(self, options: OptionsT | None = None) -> None:

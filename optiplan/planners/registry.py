@@ -1,15 +1,16 @@
 """Planners by name. Each is imported when it is asked for: listing them costs nothing."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from inspect import isabstract
 from operator import attrgetter
 from typing import Any, TypeAlias
 
 from optiplan.errors import InputError, Issue, UnknownChoiceError
-from optiplan.planners.base import Planner
+from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.option_schema import Option, make_options, options_of
+from optiplan.problem.problem import Problem
 
 PlannerClass: TypeAlias = type[Planner[Any]]
 
@@ -259,6 +260,38 @@ def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner
     for module in LIBRARIES.get(entry.family, ()):
         import_module(module)
     return cls(made)
+
+
+def planner_object(given: Any) -> Planner[Any] | None:
+    """An object as a planner: itself, or what stands for one that has a method `plan` alone; None if it has none."""
+    if isinstance(given, Planner):
+        return given
+    if isinstance(given, type) or not callable(getattr(given, "plan", None)):
+        return None
+    named: type[_StandIn] = type(type(given).__name__, (_StandIn,), {})
+    return named(given)
+
+
+def options_set(planner: Planner[Any]) -> dict[str, Any]:
+    """The options of a planner object that are not at their defaults; of one that has none, none."""
+    options = getattr(planner, "options", None)
+    if not is_dataclass(options):
+        return dict(options) if isinstance(options, Mapping) else {}
+    return {f.name: value for f in fields(options) if (value := getattr(options, f.name)) != f.default}
+
+
+class _StandIn(Planner[Any]):
+    """Stands for an object whose class is not derived from `Planner`, under the name of that class."""
+
+    def __init__(self, planner: Any) -> None:
+        super().__init__(getattr(planner, "options", None))
+        self.planner = planner
+        self.passes_vias = bool(getattr(planner, "passes_vias", False))
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """What the object answers."""
+        answer: PlanResult = self.planner.plan(problem, budget, progress)
+        return answer
 
 
 def _from_outside(name: str) -> PlannerEntry:

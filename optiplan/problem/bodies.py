@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from optiplan.errors import wrong_argument
+from optiplan.errors import path_argument, wrong_argument
 from optiplan.geometry import scene
 from optiplan.geometry.meshes.reading import FORMATS
 from optiplan.geometry.scene import Obstacle
@@ -129,7 +129,8 @@ def Mesh(
     Raises:
         InputError: the file is missing or no mesh, or another argument does not fit.
     """
-    shape = {"mesh": {"file": str(Path(file).resolve()), "scale": scale, "convex": convex}}
+    path = path_argument("Mesh", "file", file, f"the path of a mesh file ({FORMATS})")
+    shape = {"mesh": {"file": str(path.resolve()), "scale": scale, "convex": convex}}
     names = {f"shape.mesh.{key}": key for key in ("file", "scale", "convex")}
     return _obstacle("Mesh", name, shape, (position, rpy, quaternion), names)
 

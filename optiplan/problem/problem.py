@@ -10,7 +10,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.config.document import Document, plain
-from optiplan.errors import InputError, described, wrong_argument
+from optiplan.errors import InputError, described, path_argument, wrong_argument
 from optiplan.files import reading, write_text
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.problem import to_data
@@ -108,7 +108,8 @@ class Problem:
         seed: int = 0,
     ) -> None:
         given = {"start": start, "goal": goal, "scene": scene, "vias": vias, "limits": limits, "objective": objective}
-        labels = {"name": name, "planner": planner or "trajopt", "options": options or {}, "seed": seed}
+        labels = {"name": name, "seed": seed}
+        labels |= {"planner": "trajopt" if planner is None else planner, "options": {} if options is None else options}
         if isinstance(limits, Limits):
             rest = {"scene": scene or Scene(), "vias": tuple(vias), "objective": objective or Objective()}
             self._set({"robot": robot, **given, **labels, **rest, "source": {}, "hash": ""})
@@ -124,6 +125,10 @@ class Problem:
     def _set(self, parts: Mapping[str, Any]) -> None:
         for name, value in parts.items():
             object.__setattr__(self, name, value)
+        if "start" in parts:  # nobody writes into what the hash is about
+            start = np.array(parts["start"])
+            start.flags.writeable = False
+            object.__setattr__(self, "start", start)
 
     def _take(self, parts: Parts) -> None:
         self._set({one.name: getattr(parts, one.name) for one in fields(Parts)})
@@ -145,8 +150,14 @@ class Problem:
         return len(self.goal) == 1 and isinstance(self.goal[0], JointGoal) and not endless.any()
 
     def with_seed(self, seed: int) -> "Problem":
-        """The same problem with another seed, which is recorded beside source and hash and changes neither."""
-        other = replace(self, seed=seed)
+        """The same problem with another seed, which is recorded beside source and hash and changes neither.
+
+        Raises:
+            InputError: it is no whole number from 0 upwards.
+        """
+        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+            raise wrong_argument("Problem.with_seed", "seed", described(seed), "a whole number >= 0")
+        other = replace(self, seed=int(seed))
         other._set({"source": self.source, "hash": self.hash})
         return other
 
@@ -203,8 +214,9 @@ class Problem:
         if not self.source:
             found = "a problem that was put together by hand"
             raise wrong_argument("Problem.save", "problem", found, "one that was read, or made by op.Problem(…)")
+        file = path_argument("Problem.save", "path", path, "the path of a file")
         try:
-            write_text(Path(path), problem_text(self.source))
+            write_text(file, problem_text(self.source))
         except OSError as error:
             found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
             raise wrong_argument("Problem.save", "path", found, "a file that can be written") from None

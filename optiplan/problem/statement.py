@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import BaseModel
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, is_finite
 from optiplan.config.document import Document, plain, validate
 from optiplan.errors import InputError, described, wrong_argument
 from optiplan.geometry.poses import pose_from_data, pose_to_data
@@ -171,19 +171,30 @@ def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
     if isinstance(end, pin.SE3):
         return {"pose": pose_to_data(end)}
     if isinstance(end, PoseGoal):
+        if not isinstance(end.X_WG, pin.SE3):
+            found = f"a PoseGoal at {described(end.X_WG)}"
+            raise wrong_argument(function, argument, found, "a pose (pinocchio.SE3), or op.Pose(…)")
         tolerance = {"position": end.position, "orientation": end.orientation}
         return {"pose": {"frame": end.frame, **pose_to_data(end.X_WG), "tolerance": tolerance}}
     if isinstance(end, JointGoal):
-        if end.tolerance != JointGoal(end.q).tolerance:
-            own = f"{JointGoal(end.q).tolerance:g}, which is that of every goal of joints"
-            raise wrong_argument(function, argument, f"a tolerance of {end.tolerance:g}", own)
-        return {"joints": np.asarray(end.q, dtype=float).tolist()}
+        return _joint_goal_data(end, function, argument)
     if isinstance(end, Mapping):
         return dict(plain(end))
     if is_configuration(end):
         return {"joints": np.asarray(end, dtype=float).tolist()}
     expected = "values of the joints (n,), the name of a configuration, or op.Pose(…)"
     raise wrong_argument(function, argument, described(end), expected)
+
+
+def _joint_goal_data(goal: JointGoal, function: str, argument: str) -> dict[str, Any]:
+    if not is_configuration(goal.q) or not is_finite(goal.tolerance):
+        found = f"a JointGoal of {described(goal.q)}, within {described(goal.tolerance)}"
+        raise wrong_argument(function, argument, found, "values of the joints (n,), and a number for the tolerance")
+    usual = JointGoal(goal.q).tolerance
+    if goal.tolerance != usual:
+        own = f"{usual:g}, which is that of every goal of joints"
+        raise wrong_argument(function, argument, f"a tolerance of {goal.tolerance:g}", own)
+    return {"joints": np.asarray(goal.q, dtype=float).tolist()}
 
 
 def is_configuration(value: Any) -> bool:

@@ -14,7 +14,7 @@ import pinocchio as pin
 from optiplan import cache
 from optiplan.arrays import Array
 from optiplan.config.document import Document, plain, read_yaml, validate
-from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError
+from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_argument
 from optiplan.files import bound, read_bytes, reading, write_text
 from optiplan.robot.description_files import read_sources
 from optiplan.robot.dh.table import DhTable
@@ -107,8 +107,9 @@ class Robot:
             >>> op.Robot.from_urdf("my_arm.urdf", tool_frame="tool0", limits={"jerk": 50.0})  # doctest: +SKIP
             Robot: my_arm, 6 joints, tool frame tool0, configurations: none
         """
+        file = path_argument("Robot.from_urdf", "path", path, "the path of a URDF")
         given = {"tool_frame": tool_frame, **keys}
-        description = {"urdf": str(Path(path)), **{key: value for key, value in given.items() if value is not None}}
+        description = {"urdf": str(file), **{key: value for key, value in given.items() if value is not None}}
         try:
             return load_robot(plain(description))
         except InputError as error:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from optiplan.arrays import is_finite
 from optiplan.errors import described, wrong_argument
 from optiplan.files import write_bytes
 from optiplan.trajectory.trajectory import Trajectory
@@ -56,10 +57,16 @@ def export(trajectory: Trajectory, path: Path, format: str | None, rate: float) 
         InputError: there is no such format, or the file cannot be written.
     """
     name = path.suffix.lower().removeprefix(".") if format is None else format
-    if name not in FORMATS:
-        found = f"{str(path)!r}, whose ending names none" if format is None else f"{format!r}"
+    if not isinstance(name, str) or name not in FORMATS:
+        found = (
+            f"{str(path)!r}, whose ending names none"
+            if format is None
+            else repr(format)
+            if isinstance(format, str)
+            else described(format)
+        )
         raise wrong_argument("Run.export", "format", found, f"one of: {', '.join(FORMATS)}")
-    if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.0 < rate <= 1e6:
+    if not is_finite(rate) or not 0.0 < rate <= 1e6:
         raise wrong_argument("Run.export", "rate", described(rate), "a number of samples a second in (0, 1e6]")
     try:
         write_bytes(path, FORMATS[name](trajectory, float(rate)))

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 from optiplan.errors import InputError, OptiPlanError
-from optiplan.planners.base import Budget, Candidate, Failure, PlanResult, Progress
+from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.via_legs import plan_through
-from optiplan.planners.registry import make_planner
+from optiplan.planners.registry import make_planner, options_set
 from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
@@ -21,15 +21,21 @@ _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
 
 
-def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budget, progress: Progress) -> Run:
+def run(
+    problem: Problem,
+    planner: str | Planner[Any],
+    options: Mapping[str, Any],
+    budget: Budget,
+    progress: Progress,
+) -> Run:
     """Plan, verify and measure; planning and proving are held to the budget.
 
     The answer is the best of the planner's candidates that is verified, slowed down a little where only that helps.
 
     Args:
         problem: its own `planner` and `options` are not looked at.
-        planner: name in the registry.
-        options: of that planner.
+        planner: name in the registry, or a planner itself, which the run calls by its class.
+        options: of the planner of that name; a planner itself has its own.
         budget: counted from the planner's start; loading its libraries is not part of it.
         progress: told the planner's stages, then `verify`.
 
@@ -37,12 +43,15 @@ def run(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budg
         UnknownChoiceError: there is no such planner, or it has no such option.
         InputError: an option has a value that it cannot have.
     """
-    chosen = make_planner(planner, options)
+    if isinstance(planner, str):
+        name, chosen = planner, make_planner(planner, options)
+    else:
+        name, chosen, options = type(planner).__name__, planner, options_set(planner)
     budget.start()
     began, spent = time.perf_counter(), processor_time()
     result = plan_through(chosen, problem, budget.leaving(reserve(budget.seconds)), progress)
     timings, spent = {"plan": time.perf_counter() - began}, processor_time() - spent
-    return replace(proved(problem, planner, options, result, (budget, progress, timings)), plan_cpu=spent)
+    return replace(proved(problem, name, options, result, (budget, progress, timings)), plan_cpu=spent)
 
 
 def proved(

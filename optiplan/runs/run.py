@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import optiplan
-from optiplan.errors import wrong_argument
+from optiplan.errors import path_argument, wrong_argument
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
 from optiplan.runs.export import export
@@ -93,7 +93,7 @@ class Run:
             >>> import optiplan as op
             >>> op.plan(op.load_problem("01_reach")).save("runs/reach")
         """
-        save_run(self, Path(folder))
+        save_run(self, path_argument("Run.save", "folder", folder, "the path of a folder"))
 
     def export(self, path: Path | str, format: str | None = None, rate: float = 200.0) -> None:
         """Write the motion for other programs: `csv` (t, q, v, a), `json` (polynomials and samples) or `npz` (arrays).
@@ -114,7 +114,7 @@ class Run:
         """
         if self.trajectory is None:
             raise wrong_argument("Run.export", "run", "a run without a motion", "one with a trajectory")
-        export(self.trajectory, Path(path), format, rate)
+        export(self.trajectory, path_argument("Run.export", "path", path, "the path of a file"), format, rate)
 
     def __repr__(self) -> str:
         """The verdict, what it is about, and how good it is, in one line."""

@@ -154,7 +154,9 @@ def _write_all(folder: Path, files: Mapping[str, Mapping[str, Any]]) -> None:
         for name in (RUN, TRAJECTORY):  # the stack is left in reverse order
             if name in files:
                 temporary = stack.enter_context(replacing(folder / name))
-                text = json.dumps(jsonable(files[name]), allow_nan=False, indent=1 if name == RUN else None)
+                text = json.dumps(
+                    jsonable(files[name]), allow_nan=False, indent=1 if name == RUN else None, default=repr
+                )
                 temporary.write_text(text + "\n", encoding="utf-8")
                 flush(temporary)  # before the older run is taken away
         for name in (RUN, TRAJECTORY):

@@ -1,10 +1,12 @@
 """A motion from samples: the interpolation between them is part of what is proved, so it is stated."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.errors import described
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.paths.via_splines import smooth_spline, spline_of_velocities
 from optiplan.trajectory.trajectory import Trajectory
@@ -45,15 +47,17 @@ def from_samples(
         ValueError: if shapes do not fit each other, a number is not finite, times do not increase, or there are
             accelerations without velocities.
     """
+    if not isinstance(joint_names, Sequence):
+        raise ValueError(f"joint_names: found {described(joint_names)}; expected names of the joints")
     names = tuple(joint_names)
     if a is not None and v is None:
         raise ValueError("a: found accelerations without velocities; expected both, velocities or neither")
-    t = np.asarray(t, dtype=float)
+    t = _numbers("t", t)
     if t.ndim != 1 or len(t) < 2:
         raise ValueError(f"t: found shape {t.shape}; expected two times or more")
     if not (np.isfinite(t).all() and (np.diff(t) > 0.0).all()):
         raise ValueError("t: found times that are not finite or do not increase; expected increasing times, s")
-    given = {key: np.asarray(x, dtype=float) for key, x in (("q", q), ("v", v), ("a", a)) if x is not None}
+    given = {key: _numbers(key, x) for key, x in (("q", q), ("v", v), ("a", a)) if x is not None}
     for key, samples in given.items():
         if samples.shape != (len(t), len(names)):
             expected = f"({len(t)}, {len(names)}) for {len(t)} times and {len(names)} joints"
@@ -69,3 +73,10 @@ def from_samples(
     states = np.stack(list(given.values()), axis=1)  # (k, 3, n)
     unit = np.concatenate([hermite(states[i], states[i + 1], h[i : i + 1]) for i in range(len(h))])
     return Trajectory(names, times, unit / h[:, None, None] ** np.arange(6)[:, None])
+
+
+def _numbers(key: str, values: Any) -> Array:
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{key}: found {described(values)}; expected an array of numbers") from None

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.errors import InputError, Issue
+from optiplan.errors import InputError, Issue, described
 from optiplan.trajectory import bspline, polynomial
 from optiplan.trajectory.curves_svg import joint_curves
 
@@ -39,6 +39,15 @@ class Extrema:
     t_high: Array
 
 
+class _Refused(InputError, ValueError):
+    """What a trajectory cannot be asked for."""
+
+    @classmethod
+    def of(cls, argument: str, found: str, expected: str) -> "_Refused":
+        """About one argument."""
+        return cls([Issue("Trajectory", None, argument, f"found {found}", expected)])
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """Motion q(t) of n joints for t in [0, duration].
@@ -60,9 +69,17 @@ class Trajectory:
     coefficients: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "joint_names", tuple(self.joint_names))
+        try:
+            object.__setattr__(self, "joint_names", tuple(self.joint_names))
+        except TypeError:
+            found = described(self.joint_names)
+            raise ValueError(f"joint_names: found {found}; expected one or more different names") from None
         for name in ("breakpoints", "coefficients"):
-            array = np.array(getattr(self, name), dtype=float)
+            try:
+                array = np.array(getattr(self, name), dtype=float)
+            except (TypeError, ValueError, OverflowError):
+                found = described(getattr(self, name))
+                raise ValueError(f"{name}: found {found}; expected an array of numbers") from None
             array.flags.writeable = False
             object.__setattr__(self, name, array)
         problem = defect(self.joint_names, self.breakpoints, self.coefficients)
@@ -117,7 +134,7 @@ class Trajectory:
         if order < 0:
             raise ValueError(f"order: found {order}; expected 0 or more")
         c = np.swapaxes(self.coefficients, 1, 2)
-        for _ in range(order):
+        for _ in range(min(order, c.shape[-1])):
             c = polynomial.derivative(c)
         return np.swapaxes(c, 1, 2)
 
@@ -130,14 +147,23 @@ class Trajectory:
         with derivatives of 0.
 
         Raises:
-            ValueError: if a time is outside [0, duration] by more than 1e-9 s without `clamp`, or not a number.
+            InputError: a time is outside [0, duration] by more than 1e-9 s without `clamp`, or not a number; or there
+                is no such order. It is a ValueError too.
         """
-        if np.ndim(t) == 0:
-            return np.asarray(self(np.array([t], dtype=float), order, clamp=clamp)[0])
-        t = np.asarray(t, dtype=float)
+        if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 0:
+            raise _Refused.of("order", described(order), "a whole number, 0 or more")
+        try:
+            times = np.asarray(t, dtype=float)
+        except (TypeError, ValueError, OverflowError):
+            times = np.empty((0, 0))
+        if times.ndim > 1:
+            raise _Refused.of("t", described(t), "a time, or times (k,), s")
+        if times.ndim == 0:
+            return np.asarray(self(times[None], order, clamp=clamp)[0])
+        t = times
         inside = (t >= -_OUTSIDE) & (t <= self.duration + _OUTSIDE)
         if not (inside.all() or (clamp and not np.isnan(t).any())):
-            raise ValueError(f"t: found [{t.min()}, {t.max()}]; expected times in [0, {self.duration}], or clamp=True")
+            raise _Refused.of("t", f"[{t.min()}, {t.max()}]", f"times in [0, {self.duration}], or clamp=True")
         piece = np.searchsorted(self.breakpoints[1:-1], t, side="right")
         c = self._derivatives[order] if 0 <= order < 4 else self.derivatives(order)
         local = (np.clip(t, 0.0, self.duration) - self.breakpoints[piece])[:, None]

@@ -1,11 +1,13 @@
 """A wrong argument is an `InputError` that names it, what was found and what would be valid."""
 
+import pickle
 import re
 
 import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.planners.registry import make_planner
 
 SHELF = ("shelf", (1, 1, 1))
 CASES = {
@@ -60,7 +62,10 @@ CASES = {
     "motion": (lambda p: op.verify(p, 3), "op.verify: motion", "Trajectory"),
     "no file": (lambda p: op.verify(p, "nowhere.json"), "nowhere.json", "a run folder or file"),
     "waypoints": (lambda p: op.retime(p, [[0, 0, 0]]), "op.retime: waypoints", r"\(k, 2\)"),
-    "waypoints limits": (lambda p: op.retime(p, [[0, 0], [0, 99]]), "op.Problem: goal", "a value in"),
+    "waypoints limits": (lambda p: op.retime(p, [[0, 0], [0, 99]]), r"op.retime: waypoints\[1\]\[1\]", "a value in"),
+    "waypoint limits": (lambda p: op.retime(p, [[0, 0], [99, 0], [1, 1]]), r"waypoints\[1\]\[0\]", "a value in"),
+    "samples": (lambda p: op.verify(p, op.Samples(None, [0, 1], [[0, 0], [1, 1]])), "joint_names", "names"),
+    "samples text": (lambda p: op.verify(p, op.Samples(("a", "b"), "x", [[0, 0]])), "samples: t", "numbers"),
     "deviation": (lambda p: op.retime(p, [[0, 0], [0, 1]], deviation=-1), "op.retime: deviation", ">= 0"),
     "runs": (lambda p: op.view(), "op.view: runs", "at least one"),
     "run": (lambda p: op.view(3), "op.view: runs", "op.plan"),
@@ -71,6 +76,30 @@ CASES = {
     "urdf": (lambda p: op.Robot.from_urdf("nowhere.urdf"), "nowhere.urdf", "a readable URDF"),
     "urdf key": (lambda p: op.Robot.from_urdf("a.urdf", tol_frame="x"), "op.Robot.from_urdf: tol_frame", "tool_frame"),
     "folder": (lambda p: op.load_run("nowhere"), "nowhere", "a run folder"),
+    "mesh kind": (lambda p: op.Mesh("m", None), "op.Mesh: file", "path of a mesh file"),
+    "urdf kind": (lambda p: op.Robot.from_urdf(3), "op.Robot.from_urdf: path", "path of a URDF"),
+    "save kind": (lambda p: p.save(None), "op.Problem.save: path", "path of a file"),
+    "save nothing": (lambda p: p.save(""), "op.Problem.save: path", "path of a file"),
+    "save null": (lambda p: p.save("a\0b"), "op.Problem.save: path", "path of a file"),
+    "save surrogate": (lambda p: p.save("\ud800"), "op.Problem.save: path", "path of a file"),
+    "moved array": (lambda p: p.scene.moved(np.zeros((2, 2))), "op.Scene: name", "wall"),
+    "moved far": (lambda p: p.scene.moved("wall", z=10**400), "op.Scene.moved: z", "finite number"),
+    "planner of a problem": (lambda p: op.Problem(p.robot, [0, 0], [1, 1], planner=0), "op.Problem: planner", "text"),
+    "options of a problem": (lambda p: op.Problem(p.robot, [0, 0], [1, 1], options=[]), "op.Problem: options", "name"),
+    "with seed": (lambda p: p.with_seed(-1), "op.Problem.with_seed: seed", ">= 0"),
+    "with seed NaN": (lambda p: p.with_seed(np.nan), "op.Problem.with_seed: seed", "whole number"),
+    "joint goal": (lambda p: p.with_goal(op.JointGoal("x")), "op.Problem: goal", "values of the joints"),
+    "joint goal within": (lambda p: p.with_goal(op.JointGoal([1, 1], None)), "op.Problem: goal", "tolerance"),
+    "pose goal": (lambda p: p.with_goal(op.PoseGoal("tool", [1, 1])), "op.Problem: goal", "op.Pose"),
+    "seconds": (lambda p: op.Budget("long"), "op.Budget: seconds", ">= 0"),
+    "seconds NaN": (lambda p: op.Budget(np.nan), "op.Budget: seconds", ">= 0"),
+    "budget huge": (lambda p: op.plan(p, budget=10**400), "op.plan: budget", "above 0"),
+    "option kind": (lambda p: op.plan(p, "quintic", {1: 2}), "op.plan: options", "duration"),
+    "motion huge": (lambda p: op.verify(p, ([0, 10**400], [[0, 0], [1, 1]])), "op.verify: motion", "times"),
+    "waypoints huge": (lambda p: op.retime(p, 10**400), "op.retime: waypoints", r"\(k, 2\)"),
+    "group kind": (lambda p: op.load_robot("baxter", group=[]), "op.load_robot: group", "name of a group"),
+    "locked kind": (lambda p: op.load_robot("baxter", locked=3), "op.load_robot: locked", "by joint"),
+    "locked NaN": (lambda p: op.load_robot("baxter", locked={"right_s0": np.nan}), "locked.*right_s0", "finite"),
     "save": (lambda p: p.save("/proc/nowhere/p.yaml"), "op.Problem.save: path", "can be written"),
 }
 
@@ -84,6 +113,63 @@ def test_a_wrong_argument_is_named(problem, name):
     assert re.search(expected, text), text
     for foreign in ("pydantic", "Traceback", ".cpp", "<problem>", "<robot>", "validation error"):
         assert foreign not in text
+
+
+MOTION_CASES = {
+    "time": (lambda run: run.trajectory("x"), "Trajectory: t", "times"),
+    "time outside": (lambda run: run.trajectory(99.0), "Trajectory: t", "clamp=True"),
+    "times in rows": (lambda run: run.trajectory(np.zeros((2, 2))), "Trajectory: t", r"\(k,\)"),
+    "order": (lambda run: run.trajectory(0.1, None), "Trajectory: order", "whole number"),
+    "order below 0": (lambda run: run.trajectory(0.1, -1), "Trajectory: order", "0 or more"),
+    "save": (lambda run: run.save(None), "op.Run.save: folder", "path of a folder"),
+    "save here": (lambda run: run.save(""), "op.Run.save: folder", "path of a folder"),
+    "export": (lambda run: run.export(3), "op.Run.export: path", "path of a file"),
+    "format": (lambda run: run.export("a.csv", []), "op.Run.export: format", "csv"),
+    "rate": (lambda run: run.export("a.csv", rate=10**400), "op.Run.export: rate", "samples a second"),
+}
+
+
+@pytest.mark.parametrize("name", MOTION_CASES)
+def test_a_wrong_argument_about_a_run_is_named(run, name):
+    call, where, expected = MOTION_CASES[name]
+    with pytest.raises(op.InputError, match=where) as caught:
+        call(run)
+    assert re.search(expected, str(caught.value)), str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda run: op.Box("b", size=(1, 2)),
+        lambda run: run.trajectory(99.0),
+        lambda run: make_planner("trajoptt"),
+    ],
+)
+def test_errors_come_back_from_other_processes(run, call):
+    with pytest.raises(op.OptiPlanError) as caught:
+        call(run)
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert type(again) is type(caught.value)
+    assert str(again) == str(caught.value)
+    assert vars(again) == vars(caught.value)
+
+
+@pytest.mark.parametrize("part", [{"joint_names": None}, {"breakpoints": "x"}, {"coefficients": [[10**400]]}])
+def test_a_trajectory_names_what_is_no_part_of_one(part):
+    parts = {"joint_names": ("a",), "breakpoints": [0, 1], "coefficients": np.zeros((1, 2, 1))} | part
+    with pytest.raises(ValueError, match=f"{next(iter(part))}: found .*; expected"):
+        op.Trajectory(**parts)
+
+
+def test_a_derivative_of_any_order_ends(run):
+    assert run.trajectory(0.1, 10**400).tolist() == [0.0, 0.0]
+
+
+def test_numbers_of_numpy_are_numbers(problem, run, tmp_path):
+    assert problem.scene.moved("wall", z=np.int64(1)).obstacles[0].X_WO.translation[2] == 1.0
+    assert problem.with_seed(np.int64(3)).seed == 3
+    assert op.retime(problem, [[0, 0], [0.1, 0.1]], np.float64(0.0)).verified
+    run.export(tmp_path / "a.csv", rate=np.int64(100))
 
 
 def test_formats_of_other_releases_are_not_promised(run, tmp_path):

@@ -118,3 +118,12 @@ def test_a_problem_and_its_parts_say_what_they_are_in_a_line(problem, run):
     failed = op.plan(problem, "quintic", {"duration": 0.01})
     assert repr(failed).startswith("Run: no motion (limits: ")
     assert repr(failed.failure).startswith("Failure: limits: ")
+
+
+def test_nobody_writes_into_the_start_of_a_problem(problem):
+    with pytest.raises(ValueError, match="read-only"):
+        problem.start[0] = 9.0
+    mine = np.array([0.5, 1.0])
+    other = problem.with_start(mine)
+    mine[0] = 9.0
+    assert other.start.tolist() == [0.5, 1.0]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from optiplan.errors import InputError, Issue, described
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
@@ -18,9 +19,12 @@ def plan_through(planner: Planner[Any], problem: Problem, budget: Budget, progre
     A planner that `passes_vias` gets the whole problem. Each leg of another ends where the planner
     likes it best among the configurations that reach the via, the next begins there, and it may take its share of the
     time that is left. A failure names its leg, counted from 1, in words and as `leg` of the witness.
+
+    Raises:
+        InputError: a planner from outside returns what is no answer.
     """
     if not problem.vias or planner.passes_vias:
-        return planner.plan(problem, budget, progress)
+        return _answer(planner, problem, budget, progress)
     ends = [*((via.at,) for via in problem.vias), problem.goal]
     legs: list[Trajectory] = []
     infos: list[dict[str, Any]] = []
@@ -29,7 +33,7 @@ def plan_through(planner: Planner[Any], problem: Problem, budget: Budget, progre
         start = legs[-1].end if legs else problem.start
         leg = replace(problem, start=start, goal=goal, vias=())
         share = budget.share(1.0 / (len(ends) - k))
-        result = planner.plan(leg, share, _part_of(progress, k, len(ends)))
+        result = _answer(planner, leg, share, _part_of(progress, k, len(ends)))
         seconds.update(result.timings)
         if result.trajectory is None:
             return PlanResult(None, _of_leg(result.failure, k, len(ends)), seconds, dict(result.info))
@@ -37,6 +41,20 @@ def plan_through(planner: Planner[Any], problem: Problem, budget: Budget, progre
         infos.append(dict(result.info))
     cut_short = any(info.get("cut_short", False) for info in infos)
     return PlanResult(joined(legs), None, seconds, {"legs": infos, "cut_short": cut_short})
+
+
+def _answer(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+    """What the planner answers, if it is an answer."""
+    result: Any = planner.plan(problem, budget, progress)
+    found = described(result)
+    if isinstance(result, PlanResult):
+        motion, failure = result.trajectory, result.failure
+        if isinstance(motion, Trajectory) or (motion is None and isinstance(failure, Failure)):
+            return result
+        found = f"a PlanResult of {described(motion)} and {described(failure)}"
+    name = f"the planner {type(planner).__name__}"
+    expected = "a PlanResult with a Trajectory, or with a Failure that says why there is none"
+    raise InputError([Issue(name, None, "plan", f"returned {found}", expected)])
 
 
 def joined(legs: Sequence[Trajectory]) -> Trajectory:
