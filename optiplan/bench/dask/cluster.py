@@ -29,13 +29,13 @@ LOST: Final = "crashed (machine lost)"
 
 
 class ClusterError(OptiPlanError):
-    """A cluster that cannot be used (any more); what came of it before is stored."""
+    """Unusable or lost cluster; earlier results are stored."""
 
 
 class DaskCluster:
-    """The workers of a Dask scheduler; a worker's runs that are lost with it are made elsewhere.
+    """Workforce on the workers of a Dask scheduler; runs of a lost worker are repeated elsewhere.
 
-    A run counts when its outcome has arrived here: Dask makes a task again whose worker, or whose result, is gone.
+    A run counts when its outcome has arrived here: Dask repeats a task whose worker or result is lost.
     """
 
     def __init__(self, address: str) -> None:
@@ -70,7 +70,7 @@ class DaskCluster:
 
     @property
     def slots(self) -> int:
-        """Threads of all workers that are there now."""
+        """Threads of all current workers."""
         return sum(self._client.nthreads().values())
 
     def outcomes(self, tasks: Iterable[BenchTask]) -> Generator[Outcome, None, None]:
@@ -110,7 +110,7 @@ class DaskCluster:
             raise self._gone() from error
 
     def _compare(self) -> None:
-        """Refuse workers whose results may differ; those that come later are asked with each task."""
+        """Refuse workers whose results may differ; those that join later are checked with each task."""
         expected = station.signature()
         try:
             answers = self._client.run(station.differences, dict(expected), on_error="return")
@@ -133,13 +133,13 @@ class DaskCluster:
         future.add_done_callback(self._done.put)
 
     def _pack(self, problem: BenchProblem) -> BenchProblem:
-        """Tasks come problem by problem: the last one is packed already."""
+        """Pack a problem; tasks come problem by problem, so the last one is cached."""
         if self._packed is None or self._packed[0] != problem.id:
             self._packed = problem.id, self._packer.pack(problem)
         return self._packed[1]
 
     def _arrived(self) -> Iterator[Outcome]:
-        """The next outcome, if one comes in time for the next look."""
+        """Return the next outcome, if one arrives before the next check."""
         from distributed import KilledWorker
 
         try:
@@ -149,7 +149,7 @@ class DaskCluster:
         task, bill = self._flying[future]
         try:
             answer = future.result(timeout=HAND_OVER)
-        except TimeoutError:  # its worker was lost before it could hand over: it is made again
+        except TimeoutError:  # its worker was lost before the transfer: the run is repeated
             self._done.put(future)
             return
         except KilledWorker as error:
@@ -172,7 +172,7 @@ class DaskCluster:
         return ClusterError(f"the Dask cluster at {self.address} fails{why}; what was stored is whole: go on later")
 
     def _leave(self) -> None:
-        """Give up what is under way; workers end the processes of this session."""
+        """Cancel running tasks; workers end the processes of this session."""
         if self._client.status == "running":
             self._client.cancel(list(self._flying), force=True)
             self._client.run(station.leave, self._session, on_error="ignore")

@@ -34,11 +34,11 @@ INSERT = f"INSERT INTO runs ({', '.join(COLUMNS)}, session) VALUES ({', '.join('
 
 
 class StoreError(OptiPlanError):
-    """The results cannot be read or written; what was stored before is whole."""
+    """The results cannot be read or written; earlier runs are intact."""
 
 
 class Store:
-    """The results of one suite, open; use as a context manager.
+    """Open results of one suite; use as a context manager.
 
     One process at a time may write (`for_writing`), any number may read.
     """
@@ -67,7 +67,7 @@ class Store:
 
     @classmethod
     def create(cls, folder: Path, meta: Mapping[str, Any]) -> "Store":
-        """Make an empty database in a folder, whole or not at all, and open it for writing.
+        """Create an empty database in a folder atomically, and open it for writing.
 
         Args:
             folder: made when it is not there; holds no results yet.
@@ -142,7 +142,7 @@ class Store:
                 yield rows
 
     def done(self) -> set[Key]:
-        """The runs that are there."""
+        """Return the keys of the stored runs."""
         return {tuple(row) for row in self.query("SELECT problem, planner, seed, repetition FROM runs")}
 
     def problem(self, id_: str) -> BenchProblem:
@@ -267,7 +267,7 @@ def _connected(path: Path, write: bool) -> sqlite3.Connection:
 
 
 def _locked(folder: Path) -> int:
-    """A lock that ends with this process, however that ends."""
+    """Take a lock that is released when this process ends."""
     try:
         handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as error:

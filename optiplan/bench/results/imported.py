@@ -1,4 +1,4 @@
-"""Results that were made elsewhere, beside ours: times as their authors tell, trajectories verified here.
+"""Import of foreign results: times as their authors report, trajectories verified here.
 
 The file is JSON: `{set: [entry, …]}` as robometrics has it, or `[entry, …]`. An entry is matched by its `problem`, the
 id that we use, and its `seed` (0 without one). It may have the fields of `foreign.py`, and a `trajectory`: samples
@@ -35,7 +35,7 @@ FORM = "{set: [entry, …]} or [entry, …] in JSON"
 
 
 class Entry(NamedTuple):
-    """One run of the file: where it stands there, and its fields."""
+    """One run of the file: its place there, and its fields."""
 
     place: str
     fields: Mapping[str, Any]
@@ -50,11 +50,11 @@ class Imported(NamedTuple):
 
 
 def read_results(file: Path, label: str, beside: Store, folder: Path) -> Imported:
-    """Read results from elsewhere into a folder of their own, for `optiplan bench compare`.
+    """Read foreign results into a folder of their own, for `optiplan bench compare`.
 
     Args:
         file: as the module says.
-        label: what the planner is to be called.
+        label: name of the planner.
         beside: our results on the same problems.
         folder: holds no results yet.
 
@@ -143,7 +143,7 @@ def _samples(file: Path, entry: Entry, given: Any, problem: Problem) -> Samples:
 
 
 def _judged(row: Row, problem: Problem, samples: Samples) -> Outcome:
-    """The row with our verdict on a motion through samples, and our measures of it.
+    """Return the row of a motion through samples, verified and measured here.
 
     Raises:
         InputError: samples that are no motion.
@@ -174,7 +174,7 @@ def _judged(row: Row, problem: Problem, samples: Samples) -> Outcome:
 
 
 def _told(task: BenchTask, item: Mapping[str, Any]) -> Row:
-    """An entry's own numbers as a row, which is planned and timed at most."""
+    """Return the row of an entry's own numbers, planned and timed at most."""
     duration, seconds = _finite(item.get("motion_time")), _finite(item.get("solve_time"))
     turned = _finite(item.get("eef_orientation_path_length"))
     lengths = {

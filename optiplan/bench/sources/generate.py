@@ -87,7 +87,7 @@ def _kept(identity: list[str], make: Callable[[], dict[str, Any] | None]) -> dic
 
 @once
 def _code() -> str:
-    """Identity of all that has a say in a scene: no one remembers to count a version up."""
+    """Return a hash of all code that determines a scene, in place of a version number."""
     folder = Path(optiplan.__file__).parent
     rooms = ("bench/sources", "geometry", "robot", "kinematics", "collision", "workspace", "problem")
     files = [path for room in rooms for path in sorted((folder / room).rglob("*.py"))]
@@ -142,7 +142,7 @@ def _problem(
         q = _solved(data, rng, shelf)
         if q is not None and robot.n <= _ARM:
             return data
-        if q is not None:  # with so much freedom another search might find no configuration at all
+        if q is not None:  # with many joints another search might find no configuration
             return data | {"goal": {"joints": _rounded(q)}}
     return None
 

@@ -1,4 +1,4 @@
-"""A suite with all its problems found and its planners checked: the list of runs to be made, and its identity."""
+"""Resolved suite: problems, checked planners, the list of runs, and its hash."""
 
 import hashlib
 import json
@@ -96,11 +96,11 @@ def load_suite(path: Path | str, scratch: Path, progress: Progress = lambda stag
     Args:
         path: the YAML file.
         scratch: folder for files that problems need and that no source holds; made only for such files.
-        progress: told every problem that was read, and the fraction of sources that are done.
+        progress: called with every problem read and the fraction of sources done.
 
     Raises:
         InputError: with every issue found; problems are checked as far as is possible without loading their scenes.
-        UnknownChoiceError: a robot that there is not.
+        UnknownChoiceError: no such robot.
     """
     spec, document = read_suite(path)
     issues: list[Issue] = []
@@ -161,7 +161,7 @@ def _planners(spec: SuiteSpec, document: Document, issues: list[Issue]) -> tuple
             issues.append(document.issue(place, f"unknown {error.kind} '{error.found}'", ", ".join(error.choices)))
         except InputError as error:
             issues += [document.issue((*place, issue.field), issue.found, issue.expected) for issue in error.issues]
-        except (Exception, SystemExit):  # a planner from outside that cannot be made: its runs will tell
+        except (Exception, SystemExit):  # a third-party planner that cannot be constructed: reported by its runs
             continue
     return tuple(BenchPlanner(planner.shown, planner.name, planner.options) for planner in spec.planners)
 
