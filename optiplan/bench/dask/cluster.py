@@ -9,7 +9,7 @@ from collections.abc import Generator, Iterable, Iterator
 from dataclasses import replace
 from typing import Any, Final
 
-from optiplan.bench.dask import station
+from optiplan.bench.dask import cluster_worker
 from optiplan.bench.dask.file_transfer import Packer
 from optiplan.bench.results.records import BenchProblem, BenchTask, Outcome, Row, empty_row, failure
 from optiplan.errors import OptiPlanError
@@ -54,14 +54,14 @@ class DaskCluster:
         self._packer = Packer()
         self._packed: tuple[str, BenchProblem] | None = None
         self._done: queue.Queue[Any] = queue.Queue()
-        self._flying: dict[Any, tuple[BenchTask, station.Bill]] = {}
+        self._running: dict[Any, tuple[BenchTask, cluster_worker.Bundles]] = {}
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # other versions of Dask: below we say so ourselves
                 self._client: Any = distributed.Client(address, timeout=CONNECT, set_as_default=False)
         except (OSError, ValueError, TypeError, ImportError) as error:
             expected = "a running one, as of `dask scheduler` (docs/how-to/cluster.md)"
-            raise ClusterError(f"no Dask scheduler at {address}: {_said(error)}; expected {expected}") from error
+            raise ClusterError(f"no Dask scheduler at {address}: {_one_line(error)}; expected {expected}") from error
         try:
             self._compare()
         except BaseException:
@@ -84,52 +84,58 @@ class DaskCluster:
             while not self._stop.is_set():
                 now = time.monotonic()
                 if now - looked > LOOK:
-                    looked, workers = now, self._look()
+                    looked, workers = now, self._check_workers()
                     alone = now if workers else alone
                 if now - alone > WAIT:
                     raise ClusterError(f"no worker at {self.address} for {WAIT:g} s")
-                while len(self._flying) < AHEAD * max(workers, 1):
+                while len(self._running) < AHEAD * max(workers, 1):
                     task = next(waiting, None)
                     if task is None:
                         break
                     self._send(task, {})
-                if not self._flying:
+                if not self._running:
                     return
                 yield from self._arrived()
         finally:
-            self._leave()
+            self._end_session()
 
     def close(self) -> None:
         """End the session, as `Workforce` says."""
         self._stop.set()
 
-    def _look(self) -> int:
+    def _check_workers(self) -> int:
         try:
             return self.slots
         except (OSError, ValueError, AttributeError) as error:
-            raise self._gone() from error
+            raise self._lost() from error
 
     def _compare(self) -> None:
         """Refuse workers whose results may differ; those that join later are checked with each task."""
-        expected = station.signature()
+        expected = cluster_worker.signature()
         try:
-            answers = self._client.run(station.differences, dict(expected), on_error="return")
+            answers = self._client.run(cluster_worker.differences, dict(expected), on_error="return")
         except (OSError, ValueError) as error:
-            raise self._gone() from error
+            raise self._lost() from error
         for worker, words in answers.items():
             if isinstance(words, BaseException):
-                raise ClusterError(f"worker {worker} cannot be asked for its versions: {_said(words)}; {_SAME}")
+                raise ClusterError(f"worker {worker} cannot be asked for its versions: {_one_line(words)}; {_SAME}")
             if words:
                 raise _mismatch(worker, words)
 
-    def _send(self, task: BenchTask, bill: station.Bill) -> None:
+    def _send(self, task: BenchTask, bundles: cluster_worker.Bundles) -> None:
         packed = replace(task, problem=self._pack(task.problem))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that a bundle is large
             future = self._client.submit(
-                station.carry_out, self._session, station.signature(), packed, bill, pure=False, key=uuid.uuid4().hex
+                cluster_worker.carry_out,
+                self._session,
+                cluster_worker.signature(),
+                packed,
+                bundles,
+                pure=False,
+                key=uuid.uuid4().hex,
             )
-        self._flying[future] = task, bill
+        self._running[future] = task, bundles
         future.add_done_callback(self._done.put)
 
     def _pack(self, problem: BenchProblem) -> BenchProblem:
@@ -146,7 +152,7 @@ class DaskCluster:
             future = self._done.get(timeout=0.2)
         except queue.Empty:
             return
-        task, bill = self._flying[future]
+        task, bundles = self._running[future]
         try:
             answer = future.result(timeout=HAND_OVER)
         except TimeoutError:  # its worker was lost before the transfer: the run is repeated
@@ -157,26 +163,26 @@ class DaskCluster:
         except OptiPlanError:
             raise
         except Exception as error:
-            raise self._gone(error) from error
-        del self._flying[future]
+            raise self._lost(error) from error
+        del self._running[future]
         if isinstance(answer, Outcome):
             yield replace(answer, row=replace(answer.row, worker=answer.row.worker or self.address))
-        elif isinstance(answer, station.Wanted):
+        elif isinstance(answer, cluster_worker.MissingBundles):
             bundle_contents = {digest: self._packer.bundle_contents(digest) for digest in sorted(answer.digests)}
-            self._send(task, {**bill, **bundle_contents})
+            self._send(task, {**bundles, **bundle_contents})
         else:
             raise _mismatch("that came later", answer.words)
 
-    def _gone(self, error: BaseException | None = None) -> ClusterError:
-        why = f" ({_said(error)})" if error is not None else ""
+    def _lost(self, error: BaseException | None = None) -> ClusterError:
+        why = f" ({_one_line(error)})" if error is not None else ""
         return ClusterError(f"the Dask cluster at {self.address} fails{why}; what was stored is whole: go on later")
 
-    def _leave(self) -> None:
+    def _end_session(self) -> None:
         """Cancel running tasks; workers end the processes of this session."""
         if self._client.status == "running":
-            self._client.cancel(list(self._flying), force=True)
-            self._client.run(station.leave, self._session, on_error="ignore")
-        self._flying.clear()
+            self._client.cancel(list(self._running), force=True)
+            self._client.run(cluster_worker.end_session, self._session, on_error="ignore")
+        self._running.clear()
         self._client.close(timeout=2)
 
 
@@ -187,6 +193,6 @@ def _mismatch(worker: str, words: Iterable[str]) -> ClusterError:
     return ClusterError(f"worker {worker} has other versions: {'; '.join(words)}; {_SAME}")
 
 
-def _said(error: BaseException) -> str:
+def _one_line(error: BaseException) -> str:
     text = " ".join(str(error).split())
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from optiplan import cache
-from optiplan.bench.execution.robot_cache import RobotShelf
+from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchProblem
 from optiplan.errors import OptiPlanError
 from optiplan.problem.hashing import meshes_of
@@ -47,7 +47,7 @@ class Packer:
     """Pack the problems of a suite; each robot and mesh is read once and kept by hash, not by content."""
 
     def __init__(self) -> None:
-        self._robots = RobotShelf()
+        self._robots = RobotCache()
         self._digests: dict[str, str] = {}
         self._bundles: dict[str, tuple[Path, tuple[Path, ...]]] = {}
 
@@ -85,7 +85,7 @@ class Packer:
         if not known:
             keep(self._digests[ref], self.bundle_contents(self._digests[ref]))
             try:
-                RobotShelf()(str(_unpacked(packed)))
+                RobotCache()(str(_unpacked(packed)))
             except OptiPlanError as error:
                 raise TravelError(f"robot {ref} cannot be taken to other machines: {error}") from error
         return packed

@@ -8,7 +8,7 @@ from typing import Any
 from optiplan.robot.robot import Robot, load_robot, robot_file
 
 
-class RobotShelf:
+class RobotCache:
     """Cached `load_robot`; files are not read again when they change."""
 
     def __init__(self) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from optiplan.bench.execution import machine
 from optiplan.bench.execution.code_version import own_digest, planner_code
-from optiplan.bench.execution.robot_cache import RobotShelf
+from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask, Outcome, Row, empty_row, failure
 from optiplan.errors import OptiPlanError
 from optiplan.planners.base import Budget
@@ -43,7 +43,7 @@ class Executor:
     """Execute tasks in turn; robots, the last problems and warm planners are cached."""
 
     def __init__(self) -> None:
-        self._robots = RobotShelf()
+        self._robots = RobotCache()
         self._problems: dict[str, Problem] = {}
         self._warm: set[tuple[str, ...]] = set()
         self._codes: dict[str, str] = {}

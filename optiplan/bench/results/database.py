@@ -57,7 +57,7 @@ class Store:
             raise InputError([Issue(str(folder), None, "folder", f"no {FILE}", "a folder that a suite was run into")])
         self._lock = _locked(folder) if write else None
         try:
-            with self._told():
+            with self._translated_errors():
                 self._db = _connected(self.path, write)
             self._check_version()
             self._rate()
@@ -131,12 +131,12 @@ class Store:
 
     def query(self, sql: str, values: tuple[Any, ...] = ()) -> list[sqlite3.Row]:
         """The rows of any SELECT; they can be asked by column name."""
-        with self._told():
+        with self._translated_errors():
             return self._db.execute(sql, values).fetchall()
 
     def batches(self, sql: str, values: tuple[Any, ...] = ()) -> Iterator[list[sqlite3.Row]]:
         """The rows of any SELECT as of now, some at a time: memory does not grow with the results."""
-        with self._told():
+        with self._translated_errors():
             cursor = self._db.execute(sql, values)
             while rows := cursor.fetchmany(BATCH):
                 yield rows
@@ -208,7 +208,7 @@ class Store:
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        with self._told():
+        with self._translated_errors():
             self._db.execute("BEGIN IMMEDIATE")
             try:
                 yield
@@ -219,7 +219,7 @@ class Store:
                 raise
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _translated_errors(self) -> Iterator[None]:
         """Return the error of SQLite as one that says what to do."""
         try:
             yield
@@ -251,7 +251,7 @@ class Store:
     def _rate(self) -> None:
         """Make the view `rated`, which lives as long as the connection."""
         names = [row["name"] for row in self.query("PRAGMA table_info(runs)") if row["name"] != "ratio"]
-        with self._told():
+        with self._translated_errors():
             self._db.execute(VIEW.format(columns=", ".join(f"runs.{name} AS {name}" for name in names)))
 
 

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from optiplan.bench.execution.robot_cache import RobotShelf
+from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.execution.run_task import packed, result_columns
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import BenchPlanner, BenchTask, Outcome, Row, empty_row, failure
@@ -112,11 +112,11 @@ def _outcomes(file: Path, tasks: Mapping[Any, tuple[BenchTask, Entry]]) -> Itera
     Raises:
         InputError: samples that cannot be read, of all entries.
     """
-    robots = RobotShelf()
+    robots = RobotCache()
     issues: list[Issue] = []
     found: list[Outcome] = []
     for task, entry in tasks.values():
-        row = _told(task, entry.fields)
+        row = _claimed_row(task, entry.fields)
         given = entry.fields.get("trajectory")
         if given is None:
             found.append(Outcome(row))
@@ -173,7 +173,7 @@ def _judged(row: Row, problem: Problem, samples: Samples) -> Outcome:
     return Outcome(replace(row, **told | columns), blob)
 
 
-def _told(task: BenchTask, item: Mapping[str, Any]) -> Row:
+def _claimed_row(task: BenchTask, item: Mapping[str, Any]) -> Row:
     """Return the row of an entry's own numbers, planned and timed at most."""
     duration, seconds = _finite(item.get("motion_time")), _finite(item.get("solve_time"))
     turned = _finite(item.get("eef_orientation_path_length"))

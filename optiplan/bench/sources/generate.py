@@ -13,7 +13,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 import optiplan
 from optiplan import cache
 from optiplan.arrays import Array
-from optiplan.bench.execution.robot_cache import RobotShelf
+from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.sources.base import Found, Place
 from optiplan.bench.sources.room_scenes import Aisle, Clutter, Machine, Slot
 from optiplan.bench.sources.tabletop_scenes import Arm, Cage, DrawnScene, Generator, OpenBox, Shelf, Table, UnderTable
@@ -57,7 +57,7 @@ def generated(place: Place) -> Iterator[Found]:
     """
     spec = place.spec
     level, generator = _generator(place)
-    robots = RobotShelf()
+    robots = RobotCache()
     robot = _ROBOTS.get(str(spec.generate), {"robot": "panda"})
     if spec.robot is not None:
         robot = robot | {"robot": str(place.robot())}
@@ -128,7 +128,7 @@ def _generator(place: Place) -> tuple[str, Generator]:
 
 
 def _problem(
-    generator: Generator, arm: Arm, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotShelf]
+    generator: Generator, arm: Arm, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotCache]
 ) -> dict[str, Any] | None:
     """Content of a problem file; None when no scene drawn can be used."""
     names, robot, shelf = robots
@@ -148,7 +148,7 @@ def _problem(
 
 
 def _start(
-    blank: dict[str, Any], draft: DrawnScene, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotShelf]
+    blank: dict[str, Any], draft: DrawnScene, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotCache]
 ) -> dict[str, Any] | None:
     """Return the start: the scene's pose, or the first free configuration of the robot; or None."""
     _, robot, shelf = robots
@@ -165,7 +165,7 @@ def _start(
     return None
 
 
-def _solved(data: dict[str, Any], rng: np.random.Generator, shelf: RobotShelf) -> Array | None:
+def _solved(data: dict[str, Any], rng: np.random.Generator, shelf: RobotCache) -> Array | None:
     """A free configuration at the goal of a problem whose start is free, or None."""
     problem = _loaded(data, shelf)
     if problem is None:
@@ -174,7 +174,7 @@ def _solved(data: dict[str, Any], rng: np.random.Generator, shelf: RobotShelf) -
     return found.configurations[0] if found.configurations else None
 
 
-def _loaded(data: dict[str, Any], shelf: RobotShelf) -> Problem | None:
+def _loaded(data: dict[str, Any], shelf: RobotCache) -> Problem | None:
     """The problem, or None where its start collides."""
     try:
         return problem_from_dict(data, robots=shelf)

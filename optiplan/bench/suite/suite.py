@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.bench.execution.code_version import own_code, own_digest, planner_code
-from optiplan.bench.execution.robot_cache import RobotShelf
+from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask
 from optiplan.bench.sources.base import Found, Place
 from optiplan.bench.sources.readers import read_source
@@ -168,7 +168,7 @@ def _planners(spec: SuiteSpec, document: Document, issues: list[Issue]) -> tuple
 
 def _problems(places: list[Place], issues: list[Issue], progress: Progress) -> dict[str, BenchProblem]:
     """The problems of all sources by their ids."""
-    robots = RobotShelf()
+    robots = RobotCache()
     found: dict[str, BenchProblem] = {}
     for place in places:
         try:
@@ -186,7 +186,7 @@ def _problems(places: list[Place], issues: list[Issue], progress: Progress) -> d
     return found
 
 
-def _problem(item: Found, difficulty: str | None, robots: RobotShelf) -> BenchProblem:
+def _problem(item: Found, difficulty: str | None, robots: RobotCache) -> BenchProblem:
     """Check an item against the schema, and take its identity.
 
     Raises:

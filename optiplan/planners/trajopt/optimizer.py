@@ -12,7 +12,7 @@ from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.qp import Subproblem
-from optiplan.planners.trajopt.sqp import GROWN, HOPELESS, SLOW, STUCK, optimise
+from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, optimise
 from optiplan.planners.trajopt.transcription import Margins, Transcription
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -92,7 +92,7 @@ class Optimiser:
             self.steps += used
             control = point.control
             late = budget.over and self.problem.objective.time * point.duration >= best
-            if late or budget.cancelled or point.contacts.violation() > HOPELESS:
+            if late or budget.cancelled or point.contacts.violation() > MAX_VIOLATION:
                 return None
             trajectory = self.timed(control, point.duration)
             if trajectory is None:

@@ -14,7 +14,7 @@ from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.path_timing import timed_path, within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.ompl_search import kpiece, rrt_connect
-from optiplan.planners.sampling.sample_path import CHEAP, SampledPath, SamplingOptions, sample_path
+from optiplan.planners.sampling.sample_path import ALTERNATE_RATIO, SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.thinner import through_thinner
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
@@ -178,8 +178,8 @@ class _Run:
                 budget,
                 seed=self.problem.seed + 1000 * number,
                 searcher=counted(rrt_connect, self.patience, most),
-                otherwise=counted(kpiece, self.patience, most, STATE / CHEAP),
-                relaxed=counted(through_thinner(self._repaired), self.patience, most, STATE / CHEAP),
+                alternate=counted(kpiece, self.patience, most, STATE / ALTERNATE_RATIO),
+                relaxed=counted(through_thinner(self._repaired), self.patience, most, STATE / ALTERNATE_RATIO),
                 more_goals=sampler.more,
             )
             path = sample_path(self.model, self.problem.start, self._promising(sampler), self.problem.limits, options)

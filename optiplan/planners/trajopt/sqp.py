@@ -21,14 +21,14 @@ FIRST_RADIUS, LEAST_RADIUS = 0.1, 3e-5
 
 SHRINK = 0.35
 
-HOPELESS = 0.05
-"""Missing clearance summed over the samples, m, above which a curve leads to nothing."""
+MAX_VIOLATION = 0.05
+"""Clearance violation summed over the samples, m, above which a curve is given up."""
 
 STUCK = 0.01
-"""Missing clearance, m, likewise, above which a curve that no longer gets any nearer to being free is given up."""
+"""Clearance violation, m, likewise, above which a curve whose violation no longer decreases is given up."""
 
 STALLED, HALVED = 8, 0.5
-"""Steps after which a stuck curve must have come down to this share of the missing clearance that it had."""
+"""Steps within which the clearance violation of a stuck curve must fall to this share."""
 
 SLOW, WORSE = 30, 1.5
 """Steps after which a curve's merit must be within this factor of the best motion known."""
