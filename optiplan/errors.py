@@ -1,6 +1,6 @@
 """Errors of OptiPlan: one root, every child carries fields and says what would be valid.
 
-A broken *input* is an exception from this file. "No solution" is a value: see `planners.base.Failure`.
+An invalid *input* is an exception from this file. "No solution" is a value: see `planners.base.Failure`.
 """
 
 import os
@@ -16,7 +16,7 @@ class OptiPlanError(Exception):
 
 
 def plain_reason(error: BaseException) -> str:
-    """What an exception says, in one line and without the paths, functions and lines of C++ sources in it.
+    """Return an exception's message in one line, without the paths, functions and lines of C++ sources.
 
     Pinocchio and coal raise texts such as `From file: …/mesh.cpp … in function: … at line: 87 message: no vertices`.
     """
@@ -42,17 +42,17 @@ class UnknownChoiceError(OptiPlanError):
 
 @dataclass(frozen=True)
 class Issue:
-    """One thing that is wrong with what was given, and where it stands.
+    """One error in an input, with its location.
 
     Attributes:
-        file: where it stands, in words: a file, or whom an option or argument was given to.
+        file: the file, or the planner or function that the option or argument belongs to.
         line: of the file, from 1; None where there is none.
-        field: what it is about, in words, such as `goal.pose.position[2]`.
-        found: what is there.
-        expected: what could be there.
-        path: the field as data: keys and indices from the root of the file; empty for what is not a value in a file.
-        planner: whose option `field` is, where it is one and not yet told of a file.
-        function: whose argument `field` is, where it is one.
+        field: the field in words, such as `goal.pose.position[2]`.
+        found: the value found.
+        expected: the values allowed.
+        path: the field as data: keys and indices from the root of the file; empty outside files.
+        planner: planner whose option `field` is, where no file is known yet.
+        function: function whose argument `field` is.
     """
 
     file: str
@@ -66,22 +66,22 @@ class Issue:
 
     @classmethod
     def of_option(cls, planner: str, option: str, found: str, expected: str) -> "Issue":
-        """About an option of a planner, wherever it was given."""
+        """Return an issue about an option of a planner."""
         return cls(f"planner '{planner}'", None, option, found, expected, planner=planner)
 
     @classmethod
     def of_argument(cls, function: str, argument: str, found: str, expected: str) -> "Issue":
-        """About an argument of a function."""
+        """Return an issue about an argument of a function."""
         return cls(f"{function}()", None, argument, found, expected, function=function)
 
     def __str__(self) -> str:
-        """`file:line: field: found …; expected …`, the form that editors turn into a link."""
+        """Return `file:line: field: found …; expected …`, a form that editors turn into a link."""
         place = self.file if self.line is None else f"{self.file}:{self.line}"
         return f"{place}: {self.field}: {self.found}; expected {self.expected}"
 
 
 def described(value: object) -> str:
-    """An argument of the wrong kind, short enough for one line: `the int 3`, `an array of shape (2, 3)`."""
+    """Describe an argument of the wrong type in a few words: `the int 3`, `an array of shape (2, 3)`."""
     shape = getattr(value, "shape", None)
     if isinstance(shape, tuple) and shape:
         return f"an array of shape {shape}"
@@ -90,7 +90,7 @@ def described(value: object) -> str:
 
 
 def wrong_argument(function: str, argument: str, found: str, expected: str) -> "InputError":
-    """The error for one argument of a call from Python: `op.plan: budget: found -1.0; expected …`."""
+    """Return the error for one argument of a Python call: `op.plan: budget: found -1.0; expected …`."""
     return InputError([Issue(f"op.{function}", None, argument, f"found {found}", expected)])
 
 
@@ -110,7 +110,7 @@ def path_argument(function: str, argument: str, value: object, expected: str) ->
 
 
 class InputError(OptiPlanError):
-    """A file or an argument that cannot be used; holds *all* issues found, each once, in file order."""
+    """Invalid file or argument; holds *all* issues found, each once, in file order."""
 
     def __init__(self, issues: Iterable[Issue]) -> None:
         self.issues = tuple(dict.fromkeys(issues))
@@ -121,7 +121,7 @@ class InputError(OptiPlanError):
         return type(self), (self.issues,)
 
     def about(self, file: str, name: str) -> "InputError":
-        """The same error with issues of a file of that name, which is none, told of `name` instead."""
+        """Return the same error with `name` in place of that pseudo file name in its issues."""
         return InputError(
             replace(issue, file=name) if Path(issue.file).name == file else issue for issue in self.issues
         )

@@ -1,4 +1,4 @@
-"""`optiplan.bench.peers:Peer`: a planner of somebody else, in a process and an environment of its own, as one of ours.
+"""`optiplan.bench.peers:Peer`: a third-party planner in a process and an environment of its own.
 
 The peer is a script of `benchmarks/peers/`, run by the interpreter that has its libraries. It reads one JSON object
 from its standard input and writes one to its standard output; benchmarks/peers/README.md says what they hold.
@@ -34,7 +34,7 @@ class PeerOptions:
     Attributes:
         adapter: the script.
         python: the interpreter that runs it.
-        settings: handed on to the script, as `name=value`.
+        settings: passed to the script, as `name=value`.
     """
 
     adapter: str = ""
@@ -48,7 +48,7 @@ class PeerOptions:
 
 
 class Peer:
-    """A peer planner: problem, goals and verifier are ours; the path, and the timing if any, are the peer's.
+    """Peer planner: problem, goals and verifier are ours; the path, and the timing if any, are the peer's.
 
     `timings` tells `peer`, the seconds that the script counts: starting Python and loading the robot are not planning.
     """
@@ -129,7 +129,7 @@ def request(problem: Problem, goals: list[Array], budget: Budget) -> dict[str, A
 def trajectory_of(
     answer: Mapping[str, Any], problem: Problem, model: CollisionModel, budget: Budget
 ) -> Trajectory | None:
-    """The peer's motion, exactly as it gives it.
+    """Return the peer's motion unchanged.
 
     `pieces` are polynomials (breakpoints, coefficients as in `Trajectory`). `samples` (times, positions, velocities)
     are joined by cubics, q and dq/dt as given at each of them. `waypoints` are timed by us, corners rounded.

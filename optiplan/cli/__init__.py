@@ -1,1 +1,1 @@
-"""The command line: one file a command, `main` ties them together; stdout is for results, stderr for all else."""
+"""The command line: one module per command, joined by `main`; results go to stdout, everything else to stderr."""

@@ -1,6 +1,6 @@
 """Shell completion of arguments: names of examples, robots and planners.
 
-A function gives the names that begin with what is there. It gives none where files do: then the shell offers these.
+A function returns the names that begin with the text typed, and none where files do: the shell completes those.
 """
 
 from collections.abc import Iterable
@@ -15,12 +15,12 @@ def problem_names(incomplete: str) -> list[str]:
 
 
 def robot_names(incomplete: str) -> list[str]:
-    """Robots that come along."""
+    """Shipped robots."""
     return _beginning(incomplete, (path.parent.name for path in robots_dir().glob("*/robot.yaml")))
 
 
 def planner_names(incomplete: str) -> list[str]:
-    """Planners, and `all`; after a comma those that are not named yet."""
+    """Planners, and `all`; after a comma those not named yet."""
     from optiplan.planners.registry import PLANNERS
 
     named, comma, last = incomplete.rpartition(",")

@@ -1,4 +1,4 @@
-"""The program `optiplan`: its commands, and what becomes of errors."""
+"""The program `optiplan`: its commands and error handling."""
 
 import errno
 import os
@@ -91,18 +91,18 @@ app.add_typer(bench.app, name="bench")
 def main() -> None:
     """Run the program on the arguments of this process and end it.
 
-    Ctrl-C ends the process at once, even inside a solver: the system's own handler needs no turn of the interpreter.
-    Nothing is lost by that, since files only ever appear whole.
+    Ctrl-C ends the process at once, even inside a solver: the system's default handler does not need the interpreter.
+    Nothing is lost by that, since files are written atomically.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     _open_streams()
     if not os.environ.get("OPTIPLAN_DEBUG"):
-        warnings.simplefilter("ignore", RuntimeWarning)  # numbers that overflow are judged by the checks
+        warnings.simplefilter("ignore", RuntimeWarning)  # overflowing numbers are reported by the checks
     sys.exit(run(sys.argv[1:]))
 
 
 def _open_streams() -> None:
-    """Stands in for a stdout or stderr that was closed before we began (`>&-`): what is written there goes nowhere."""
+    """Replace a stdout or stderr that was closed before the start (`>&-`) by the null device."""
     for number, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:
             opened = os.open(os.devnull, os.O_WRONLY)
@@ -123,7 +123,7 @@ def run(arguments: Sequence[str]) -> int:
     except OptiPlanError as error:
         report_error(error, as_json)
         return Exit.BAD_INPUT
-    except BrokenPipeError:  # the reader of our output has gone: nothing left to say, not even at exit
+    except BrokenPipeError:  # the reader of the output has gone: print nothing more, not even at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return Exit.BUG
     except OSError as error:
@@ -165,7 +165,7 @@ def _usage(error: typer.TyperException, as_json: bool) -> int:
 
 
 def _bug(error: Exception, as_json: bool) -> int:
-    """Something that must not happen: one line for the person, the traceback in a file for whoever mends it."""
+    """Report an internal error: one line on stderr, the traceback in a file for the bug report."""
     handle, path = tempfile.mkstemp(prefix="optiplan-", suffix=".log")
     with os.fdopen(handle, "w", encoding="utf-8") as file:
         traceback.print_exception(error, file=file)

@@ -1,4 +1,4 @@
-"""Output conventions of the commands: results on stdout, everything else on stderr, exit codes as documented."""
+"""Output conventions of the commands: results on stdout, everything else on stderr, documented exit codes."""
 
 import json
 import os
@@ -25,7 +25,7 @@ class Exit(IntEnum):
 
 
 def results() -> Console:
-    """Console on stdout; made at each use, so that it follows redirections."""
+    """Return a console on stdout, made at each use so that it follows redirections."""
     return Console(highlight=False)
 
 
@@ -35,18 +35,18 @@ def messages() -> Console:
 
 
 def print_json(data: Mapping[str, Any]) -> None:
-    """The one JSON object of a command in --json mode."""
+    """Print the JSON object of a command in --json mode."""
     sys.stdout.write(json.dumps(data, allow_nan=False) + "\n")
     sys.stdout.flush()
 
 
 def print_error(text: str) -> None:
-    """An error in words, not wrapped, so that `file:line:` stays a link."""
+    """Print an error without wrapping, so that `file:line:` stays a link."""
     messages().print(text, style="red", markup=False, soft_wrap=True)
 
 
 def report_error(error: OptiPlanError, as_json: bool) -> None:
-    """All that is wrong, as lines or as a JSON object with `error` and `issues`."""
+    """Print all issues, as lines or as a JSON object with `error` and `issues`."""
     if as_json:
         issues = [vars(issue) for issue in error.issues] if isinstance(error, InputError) else []
         print_json({"error": str(error), "issues": issues, "exit_code": int(Exit.BAD_INPUT)})
@@ -56,7 +56,7 @@ def report_error(error: OptiPlanError, as_json: bool) -> None:
 
 @contextmanager
 def stdout_is_ours() -> Iterator[None]:
-    """Sends to stderr what libraries in C++ write to file descriptor 1 meanwhile; theirs are no results."""
+    """Redirect to stderr what C++ libraries write to file descriptor 1 meanwhile."""
     sys.stdout.flush()
     kept = os.dup(1)
     os.dup2(2, 1)
@@ -69,9 +69,9 @@ def stdout_is_ours() -> Iterator[None]:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Ctrl-C waits meanwhile: it may end the process between two runs, not between the two files of one.
+    """Defer Ctrl-C: it may end the process between two runs, not between the two files of one.
 
-    By a handler, not by a signal mask: libraries have threads of their own, which would take the signal.
+    Uses a handler, not a signal mask: threads of libraries would take the signal.
     """
     pressed: list[int] = []
     handler = signal.signal(signal.SIGINT, lambda number, _: pressed.append(number))

@@ -1,4 +1,4 @@
-"""The planner that a problem file asks for: whether there is one, with the line where the file asks."""
+"""The planner named in a problem file: its checks, with lines of the file."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,7 +22,7 @@ def planner_issues(path: Path) -> list[Issue]:
         document = read_yaml(path)
     except InputError:
         return []
-    name, options = _asked(document.data)
+    name, options = _stated(document.data)
     try:
         if name is not None:
             make_planner(name, options)
@@ -51,10 +51,10 @@ def fitting_issues(path: Path) -> list[Issue]:
 
 
 def choose(path: Path, problem: Problem, planner: str | None) -> tuple[str, Mapping[str, Any]]:
-    """The planner's name and options: the file's, unless another one is asked for.
+    """Return the planner's name and options: those given, else the file's.
 
     Raises:
-        InputError: the file's planner is asked for, and what the file says of it is wrong.
+        InputError: the file's planner is used, and its name or options are invalid.
     """
     if planner in (None, problem.planner):
         issues = planner_issues(path)
@@ -75,10 +75,10 @@ def _placed(document: Document, error: InputError) -> list[Issue]:
     ]
 
 
-def _asked(data: Any) -> tuple[str | None, dict[str, Any]]:
-    """Name and options as the file gives them; None for a name that is not there or no text."""
-    asked = data.get("planner") if isinstance(data, dict) else None
-    if isinstance(asked, dict):
-        name = asked.get("name", "trajopt")
-        return name if isinstance(name, str) and name else None, {key: asked[key] for key in asked if key != "name"}
-    return asked if isinstance(asked, str) and asked else None, {}
+def _stated(data: Any) -> tuple[str | None, dict[str, Any]]:
+    """Return name and options as in the file; None for a missing name or one that is not text."""
+    stated = data.get("planner") if isinstance(data, dict) else None
+    if isinstance(stated, dict):
+        name = stated.get("name", "trajopt")
+        return name if isinstance(name, str) and name else None, {key: stated[key] for key in stated if key != "name"}
+    return stated if isinstance(stated, str) and stated else None, {}

@@ -1,4 +1,4 @@
-"""One line on the terminal that says what a long command is doing."""
+"""Progress line of long commands."""
 
 import sys
 import time
@@ -10,9 +10,9 @@ EVERY = 0.1
 
 
 class ProgressLine:
-    """Shows the stage and the seconds gone, on stderr, only where a person watches; use as a context manager.
+    """Show the stage and the elapsed seconds on stderr, only in a terminal; use as a context manager.
 
-    The line is plain text: being killed half-way leaves the terminal as it was, with no hidden cursor.
+    The line is plain text: a killed process leaves no hidden cursor.
     """
 
     def __init__(self) -> None:
@@ -21,7 +21,7 @@ class ProgressLine:
         self._wanted = sys.stderr.isatty()
 
     def __call__(self, stage: str, fraction: float) -> None:
-        """Tell the stage and the fraction done of it (0 to 1); cheap enough for an inner loop."""
+        """Report the stage and its fraction done (0 to 1); cheap enough for an inner loop."""
         now = time.perf_counter()
         if not self._wanted or now - self._began < QUIET or now - self._shown < EVERY:
             return

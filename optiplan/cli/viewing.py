@@ -1,4 +1,4 @@
-"""From stored runs to the viewer."""
+"""Show stored runs in the viewer."""
 
 import signal
 from collections.abc import Mapping, Sequence
@@ -17,9 +17,9 @@ from optiplan.viewer.server import serve
 
 
 def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
-    """The problem that the runs were made from, rebuilt from the first one's record, and what to show of each.
+    """Return the problem of the runs, rebuilt from the first one's record, and the data to show of each.
 
-    Trajectories are judged afresh: a file that was changed since must not wear the old verdict.
+    Trajectories are verified again: a file changed since must not keep the old verdict.
 
     Raises:
         InputError: a run is broken, or was made from another problem than the first.
@@ -39,14 +39,14 @@ def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
 
 
 def serve_page(problem: Problem, runs: Sequence[ViewedRun], port: int) -> None:
-    """Serve until ctrl-C, which then is the normal way to end."""
+    """Serve until ctrl-C."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     console = results()
     serve(problem, runs, port=port, on_ready=lambda url: console.print(f"open {url} in a browser (ctrl-C ends)"))
 
 
 def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str = "") -> ViewedRun:
-    """One run as the viewer takes it, from what `run.json` holds of it."""
+    """Return one run for the viewer, from its `run.json`."""
     label = label or str(record.get("planner", "run"))
     return ViewedRun(label, trajectory, record.get("report"), record.get("failure"))
 
@@ -58,6 +58,6 @@ def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:
 
 
 def _label(run: StoredRun, several: bool) -> str:
-    """The planner, and the folder where that says something else."""
+    """Return the planner's name, with the folder where that differs."""
     planner = run.record.get("planner", "run")
     return f"{planner} ({run.place.name})" if several and run.place.name != planner else str(planner)

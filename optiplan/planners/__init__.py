@@ -1,1 +1,1 @@
-"""Planners behind one protocol and one registry; none of them marks its own work."""
+"""Planners behind one protocol and one registry; verification is separate (`optiplan.verify`)."""

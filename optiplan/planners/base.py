@@ -1,4 +1,4 @@
-"""What every planner is: the class to derive from, its result, its budget."""
+"""Base class of all planners, with their result and budget types."""
 
 import threading
 import time
@@ -43,12 +43,12 @@ FailureKind = Literal[
 
 @dataclass(frozen=True)
 class Failure:
-    """Why there is no plan, as a value.
+    """Reason why no plan was found, as a value.
 
     Attributes:
         kind: see `FailureKind`.
         detail: one sentence for a person.
-        witness: JSON-ready place where it failed: configuration `q`, time `t`, bodies `pair`, points `points`.
+        witness: JSON-ready location of the failure: configuration `q`, time `t`, bodies `pair`, points `points`.
     """
 
     kind: FailureKind
@@ -56,13 +56,13 @@ class Failure:
     witness: Mapping[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        """Kind and reason in one line."""
+        """Return kind and reason in one line."""
         return f"Failure: {self.kind}: {self.detail}"
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A trajectory that the planner holds for an answer, `seconds` after it began."""
+    """Trajectory that the planner proposes as a solution, found `seconds` after it began."""
 
     trajectory: Trajectory
     seconds: float
@@ -73,10 +73,10 @@ class PlanResult:
     """A trajectory or the reason why there is none, with the seconds spent by named stage.
 
     Attributes:
-        info: JSON-ready; its `cut_short` says that the clock ended some of the work, so that another run of the same
-            problem may give another answer.
-        earlier: answers that were the best for a while, each better than those before it and worse than `trajectory`.
-        seconds: after which `trajectory` was there; None: at the end.
+        info: JSON-ready; its `cut_short` is set when the time limit ended some of the work, so that another run of the
+            same problem may give another result.
+        earlier: previous incumbents, each better than those before it and worse than `trajectory`.
+        seconds: time at which `trajectory` was found; None: at the end.
     """
 
     trajectory: Trajectory | None = None
@@ -92,7 +92,7 @@ class Budget:
 
     Args:
         seconds: from now on, or from `start`.
-        cancel: set by another thread, it ends the work at once.
+        cancel: event that another thread sets to end the work at once.
 
     Raises:
         InputError: the seconds are no number, or below 0.
@@ -111,36 +111,36 @@ class Budget:
         self.start()
 
     def __repr__(self) -> str:
-        """What is left of it."""
+        """Return the remaining time in words."""
         return f"Budget: {self.remaining:.3g} of {self.seconds:.3g} s left"
 
     def start(self) -> None:
-        """Count the seconds from now on."""
+        """Start the clock."""
         self._end = time.perf_counter() + self.seconds
 
     def share(self, fraction: float) -> "Budget":
-        """A budget of that fraction of what is left, cancelled together with this one."""
+        """Return a budget of that fraction of the remaining time, cancelled together with this one."""
         return Budget(fraction * self.remaining, self._cancel)
 
     def leaving(self, seconds: float) -> "Budget":
-        """The same budget, over so many seconds sooner, cancelled together with this one."""
+        """Return a budget that ends `seconds` earlier, cancelled together with this one."""
         other = Budget(self.seconds, self._cancel)
         other._end = self._end - seconds
         return other
 
     @property
     def remaining(self) -> float:
-        """Seconds left; 0 once cancelled."""
+        """Return the remaining time, s; 0 once cancelled."""
         return 0.0 if self.cancelled else max(0.0, self._end - time.perf_counter())
 
     @property
     def cancelled(self) -> bool:
-        """Whether somebody asked to stop at once."""
+        """Return whether the work was cancelled."""
         return self._cancel.is_set()
 
     @property
     def over(self) -> bool:
-        """Whether the planner must return now."""
+        """Return whether the planner must return now."""
         return self.remaining <= 0.0
 
 
@@ -157,11 +157,11 @@ class NoOptions:
 
 
 class Planner(ABC, Generic[OptionsT]):
-    """Anything that turns a Problem into a PlanResult; it prints nothing, keeps no globals and polls its budget.
+    """Base class: turn a Problem into a PlanResult, without printing or globals, polling the budget.
 
     Attributes:
-        Options: frozen dataclass of what can be set, best a `PlannerOptions`; see `planners.option_schema`.
-        passes_vias: whether `plan` is given a problem's vias; another planner is given the legs between them, one by
+        Options: frozen dataclass of options, preferably a `PlannerOptions`; see `planners.option_schema`.
+        passes_vias: whether `plan` handles a problem's vias; otherwise it is called for the legs between them, one by
             one and without vias.
 
     Example:
@@ -184,11 +184,11 @@ class Planner(ABC, Generic[OptionsT]):
         """Plan within the budget; never raises for "no solution".
 
         Raises:
-            InputError: the options do not go with the problem.
+            InputError: the options do not fit the problem.
         """
 
     def check(self, problem: Problem, budget: Budget) -> None:
-        """Look for options that do not go with the problem, without planning.
+        """Check that the options fit the problem, without planning.
 
         Raises:
             InputError: they do not.

@@ -1,4 +1,4 @@
-"""Options of planners: fields of a dataclass that state what they mean and which values they take."""
+"""Schema of planner options: dataclass fields with descriptions and ranges."""
 
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
@@ -18,12 +18,12 @@ _KINDS = {"float": "a number", "int": "a whole number", "bool": "true or false",
 
 
 class OptionError(OptiPlanError, ValueError):
-    """A value that an option cannot have, or that does not go with the others.
+    """Invalid value of an option, by itself or together with the others.
 
     Attributes:
-        option: its name.
-        found: what it is.
-        expected: what it may be.
+        option: name of the option.
+        found: the value found.
+        expected: the values allowed.
     """
 
     def __init__(self, option: str, found: str, expected: str) -> None:
@@ -33,14 +33,14 @@ class OptionError(OptiPlanError, ValueError):
 
 @dataclass(frozen=True)
 class Meaning:
-    """What the metadata of a field hold.
+    """Metadata of an option: description and range.
 
     Attributes:
-        text: what it means, with the unit.
-        least: the smallest value.
-        most: the largest value; infinity itself is never one.
-        above: the value is larger than this.
-        size: how many numbers a list has; None: any number of them.
+        text: description with the unit.
+        least: the smallest value allowed.
+        most: the largest value allowed; infinity itself never is.
+        above: exclusive lower bound.
+        size: length of a list; None: any length.
     """
 
     text: str = ""
@@ -50,7 +50,7 @@ class Meaning:
     size: int | None = None
 
     def holds(self, value: Any) -> bool:
-        """Whether a value is within the range; None, which stands for "not given", and text are."""
+        """Return whether a value is within the range; None ("not given") and text always are."""
         if isinstance(value, tuple):
             return self.size in (None, len(value)) and all(map(self.holds, value))
         if isinstance(value, str | NoneType):
@@ -58,7 +58,7 @@ class Meaning:
         return isfinite(value) and self.least <= value <= self.most and value > self.above
 
     def __str__(self) -> str:
-        """The values that it may have, in words."""
+        """Return the allowed values in words."""
         if self.size is not None:
             return f"{self.size} numbers"
         if self.above > -inf:
@@ -69,15 +69,15 @@ class Meaning:
 
 
 def option(default: Value, text: str, **bounds: Any) -> Value:
-    """A field of an options dataclass: its default, what it means, and the bounds of `Meaning`."""
+    """Return a field of an options dataclass with its default, description and the bounds of `Meaning`."""
     return field(default=default, metadata={_KEY: Meaning(text, **bounds)})
 
 
 @dataclass(frozen=True)
 class PlannerOptions:
-    """What the options of planners derive from: values are held against the ranges that their fields state.
+    """Base class of planner options: check values against the ranges of their fields.
 
-    A dataclass derived from it that has more to refuse than ranges raises `OptionError` in a `__post_init__` of its
+    A derived dataclass with further conditions raises `OptionError` in a `__post_init__` of its
     own, after that of this one.
 
     Raises:
@@ -93,7 +93,7 @@ class PlannerOptions:
 
 @dataclass(frozen=True)
 class Option:
-    """One setting of a planner: its type in words (`float`, `list of float`, `a | b`), its default and its meaning."""
+    """One option of a planner: its type in words (`float`, `list of float`, `a | b`), default and description."""
 
     name: str
     kind: str
@@ -102,7 +102,7 @@ class Option:
 
 
 def options_of(cls: type[Any]) -> tuple[Option, ...]:
-    """What can be set by a dataclass of options."""
+    """Return the options of an options dataclass."""
     types, texts = get_type_hints(cls), meanings(cls)
     return tuple(
         Option(f.name, kind_of(types[f.name]), f.default, texts[f.name].text)
@@ -112,12 +112,12 @@ def options_of(cls: type[Any]) -> tuple[Option, ...]:
 
 
 def meanings(cls: type[Any]) -> dict[str, Meaning]:
-    """What the fields of a dataclass state, by name; those of a class from outside may state nothing."""
+    """Return the metadata of a dataclass's fields by name; fields of a third-party class may have none."""
     return {f.name: f.metadata.get(_KEY, Meaning()) for f in fields(cls)}
 
 
 def make_options(planner: str, cls: type[Any], given: Mapping[str, Any]) -> Any:
-    """A dataclass of options with the values given, as plain data, and defaults for the others.
+    """Build an options dataclass from plain data, with defaults for the options not given.
 
     Raises:
         UnknownChoiceError: no such option; lists the valid ones with their types.
@@ -140,13 +140,13 @@ def make_options(planner: str, cls: type[Any], given: Mapping[str, Any]) -> Any:
         return cls(**values)
     except OptionError as error:
         raise InputError([Issue.of_option(planner, error.option, error.found, error.expected)]) from None
-    except ValueError as error:  # a class from outside
+    except ValueError as error:  # a third-party class
         expected = "options as `optiplan planners` describes them"
         raise InputError([Issue.of_option(planner, "options", str(error), expected)]) from None
 
 
 def kind_of(hint: Any) -> str:
-    """An option's type in words; None, which stands for "not given", is left out."""
+    """Return an option's type in words, without None ("not given")."""
     if get_origin(hint) is Literal:
         return " | ".join(map(str, get_args(hint)))
     if get_origin(hint) is tuple:
@@ -156,7 +156,7 @@ def kind_of(hint: Any) -> str:
 
 
 def in_words(kind: str) -> str:
-    """What a value of that kind is: `list of float` is "a list of numbers", `a | b` is "one of: a, b"."""
+    """Describe values of a type: `list of float` is "a list of numbers", `a | b` is "one of: a, b"."""
     if " | " in kind:
         return f"one of: {kind.replace(' | ', ', ')}"
     inner = kind.removeprefix("list of ")
@@ -167,7 +167,7 @@ def in_words(kind: str) -> str:
 
 
 def _frozen(value: Any) -> Any:
-    """Lists of YAML as tuples, at any depth."""
+    """Convert YAML lists to tuples, at any depth."""
     return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
 

@@ -1,4 +1,4 @@
-"""Planners by name. Each is imported when it is asked for: listing them costs nothing."""
+"""Planners by name, imported on first use so that listing them is cheap."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
@@ -27,7 +27,7 @@ LIBRARIES = {
 
 @dataclass(frozen=True)
 class PlannerEntry:
-    """A planner that can be asked for; `load` imports its class.
+    """Registry entry of a planner; `load` imports its class.
 
     `family` is one of `FAMILIES`; `optiplan planners` lists them in that order.
     """
@@ -38,7 +38,7 @@ class PlannerEntry:
     load: Callable[[], PlannerClass]
 
     def option_list(self) -> tuple[Option, ...]:
-        """What can be set, with defaults."""
+        """Return the options with their defaults."""
         return options_of(self.load().Options)
 
 
@@ -47,7 +47,7 @@ PLANNERS: dict[str, PlannerEntry] = {}
 
 
 def _listed(name: str, family: str, summary: str) -> Callable[[Callable[[], PlannerClass]], None]:
-    """List the planner whose class the function decorated imports."""
+    """Register the planner whose class the decorated function imports."""
 
     def add(load: Callable[[], PlannerClass]) -> None:
         PLANNERS[name] = PlannerEntry(name, family, summary, load)
@@ -231,14 +231,14 @@ def _trajopt() -> PlannerClass:
 
 
 def planner_entry(name: str) -> PlannerEntry:
-    """The entry of that name; `package.module:Class` names a planner from outside, which need not be listed.
+    """Return the entry of that name; `package.module:Class` names a third-party planner, which need not be listed.
 
-    Such a class is like ours, best one derived from `Planner`: made from its options, a frozen dataclass that it has as
-    the attribute `Options`.
+    Such a class has the interface of `Planner`, preferably by deriving from it: it is constructed from its options, a
+    frozen dataclass that it has as the attribute `Options`.
 
     Raises:
-        UnknownChoiceError: there is none.
-        InputError: a planner from outside that cannot be imported, or has no `Options`.
+        UnknownChoiceError: no such planner.
+        InputError: a third-party planner that cannot be imported, or has no `Options`.
     """
     if ":" in name:
         return _from_outside(name)
@@ -248,7 +248,7 @@ def planner_entry(name: str) -> PlannerEntry:
 
 
 def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner[Any]:
-    """The planner of that name with these options, the others at their defaults.
+    """Construct the planner of that name with these options, the others at their defaults.
 
     Raises:
         UnknownChoiceError: no such planner, or no such option; lists the valid ones with their types.
@@ -302,7 +302,7 @@ def _from_outside(name: str) -> PlannerEntry:
         planner = _with_defaults(cls)
         if isabstract(planner):
             raise TypeError("no method plan")
-    except (Exception, SystemExit) as error:  # whatever happens while a foreign module is imported
+    except (Exception, SystemExit) as error:  # whatever a third-party module raises on import
         found = f"{type(error).__name__}: {error}"
         expected = (
             "package.module:Class that can be imported, with a method plan and an options dataclass as its attribute "
@@ -313,7 +313,7 @@ def _from_outside(name: str) -> PlannerEntry:
 
 
 def _with_defaults(cls: type[Any]) -> PlannerClass:
-    """The class itself, or, where it is not derived from `Planner`, one with what that has and it does not state."""
+    """Return the class itself or, where it does not derive from `Planner`, a subclass with that class's defaults."""
     if issubclass(cls, Planner):
         return cls
     return type(cls.__name__, (cls, Planner), {"__module__": cls.__module__, "__doc__": cls.__doc__})

@@ -1,4 +1,4 @@
-"""What stands in a scene, as a person states it in Python: `Box("shelf", size=…, position=…)` and its like."""
+"""Obstacles of a scene, for construction in Python: `Box("shelf", size=…, position=…)` and its like."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""From the parts of a problem file to models and arrays, checked against the robot; collects every issue on the way."""
+"""Build models and arrays from the parts of a problem file, checked against the robot; collect every issue."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -37,14 +37,14 @@ HIT = 1e-6
 
 
 class Compiler:
-    """One pass over a `Draft`; what is wrong goes to `issues`, and the part in question becomes None."""
+    """One pass over a `Draft`; errors go to `issues`, and the part concerned becomes None."""
 
     def __init__(self, document: Document, base: Path, draft: Draft) -> None:
         self.document, self.base, self.draft = document, base, draft
         self.issues: list[Issue] = []
 
     def report(self, place: Place, found: str, expected: str) -> None:
-        """Note one issue."""
+        """Record one issue."""
         self.issues.append(self.document.issue(place, found, expected))
 
     def robot(self, load: RobotLoader = load_robot) -> Robot | None:
@@ -69,7 +69,7 @@ class Compiler:
         return None
 
     def _relocated(self, issue: Issue) -> Issue:
-        """What the robot's reader says of a locked joint of ours, or of a robot that stands here, is about our file."""
+        """Attribute the robot reader's issues about locked joints or an inline robot to the problem file."""
         if isinstance(self.draft.robot, Mapping) and Path(issue.file).name == DESCRIPTION:
             return self.document.issue(("robot", *issue.path), issue.found, issue.expected)
         if issue.path not in [("locked", name) for name in self.draft.locked]:
@@ -82,7 +82,7 @@ class Compiler:
         return None if part is None else self.configuration(robot, part.place, part.value)
 
     def goal(self, robot: Robot) -> list[LocatedValue[JointGoal | PoseGoal]]:
-        """The alternatives that can be used."""
+        """Return the valid alternatives."""
         ends: list[LocatedValue[JointGoal | PoseGoal]] = []
         for part in self.draft.goal:
             end = self._alternative(robot, part)
@@ -91,7 +91,7 @@ class Compiler:
         return ends
 
     def vias(self, robot: Robot) -> list[LocatedValue[Via]]:
-        """The vias that can be used."""
+        """Return the valid vias."""
         vias: list[LocatedValue[Via]] = []
         for part in self.draft.vias:
             at, velocity = self._passed(robot, part), self._velocity(robot, part)
@@ -137,7 +137,7 @@ class Compiler:
         return PoseGoal(frame, _pose(spec), spec.tolerance.position, spec.tolerance.orientation)
 
     def configuration(self, robot: Robot, place: Place, spec: StartSpec) -> Array | None:
-        """The joint values meant by `joints` or `configuration`, (n,), if there are n within the limits."""
+        """Return the joint values of `joints` or `configuration`, (n,), if there are n within the limits."""
         place = (*place, spec.kind)
         if spec.configuration is not None:
             if spec.configuration not in robot.configurations:
@@ -164,7 +164,7 @@ class Compiler:
         return len(outside) == 0
 
     def scene(self, robot: Robot | None) -> Scene:
-        """The bodies that can be built, and the allowed pairs whose names are known."""
+        """Return the valid bodies, and the allowed pairs whose names are known."""
         obstacles, attached = [], []
         for part in self.draft.obstacles:
             shape = self._shape((*part.place, "shape"), part.value.shape)
@@ -204,7 +204,7 @@ class Compiler:
         return mesh
 
     def _names(self, robot: Robot) -> None:
-        """Names are unique among links, obstacles and attachments, and those referred to exist."""
+        """Check that names are unique among links, obstacles and attachments, and that names referred to exist."""
         links = link_names(robot)
         taken = dict.fromkeys(links, "a link of the robot")
         bodies = [(part.place, part.value.name, "an obstacle") for part in self.draft.obstacles]
@@ -226,7 +226,7 @@ class Compiler:
                     self.unknown((*pair.place, i), "body", name, taken)
 
     def unknown(self, place: Place, kind: str, found: str, valid: Iterable[str]) -> None:
-        """Note a name that is not among the valid ones."""
+        """Record a name that is not among the valid ones."""
         self.report(place, f"unknown {kind} '{found}'", choices(found, sorted(valid)))
 
 

@@ -1,4 +1,4 @@
-"""Where a motion ends and what it passes on the way, as planners and the verifier read it."""
+"""Goals, vias and objective of a problem, as planners and the verifier read them."""
 
 from dataclasses import dataclass
 
@@ -35,8 +35,8 @@ class Via:
 
     Attributes:
         at: where; a pose is passed in any configuration that reaches it.
-        velocity: (n,) rad/s or m/s, a wish: with what velocity.
-        time: s from the start, a wish: when.
+        velocity: (n,) rad/s or m/s, desired velocity.
+        time: s from the start, desired time.
     """
 
     at: JointGoal | PoseGoal

@@ -1,4 +1,4 @@
-"""Problem files as a person names them: a path, or the bare name of an example that comes with OptiPlan."""
+"""Find problem files by path, or by the name of an example shipped with OptiPlan."""
 
 import difflib
 from collections.abc import Iterable
@@ -14,10 +14,10 @@ _RUN_FILES = ("run.json", "trajectory.json")
 
 
 def find_problem(name: str) -> Path:
-    """The file meant by `name`: a path that exists, else `01_reach`, `01_reach.yaml` or `problems/01_reach.yaml`.
+    """Find the file of `name`: a path that exists, else `01_reach`, `01_reach.yaml` or `problems/01_reach.yaml`.
 
     Raises:
-        InputError: nothing of that name, with the example nearest to it; a file that is no problem by its name.
+        InputError: no such file, with the most similar example; a file whose name is not that of a problem.
     """
     path = Path(name)
     other = _NOT_PROBLEMS.get(path.suffix.lower()) or (_RUN if path.name in _RUN_FILES else None)
@@ -41,7 +41,7 @@ def _found(path: Path) -> str:
 
 
 def _hint(name: str, examples: Iterable[str]) -> str:
-    """The example that looks most like a name, or the only one that begins with it."""
+    """Return the example most similar to a name, or the only one that begins with it."""
     begun = [example for example in examples if name and example.startswith(name)]
     near = begun if len(begun) == 1 else difflib.get_close_matches(name, examples, n=1)
     return f" (did you mean '{near[0]}'?)" if near else ""

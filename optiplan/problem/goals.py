@@ -1,4 +1,4 @@
-"""Goals as sets: how far a configuration is from them, and configurations that are in them."""
+"""Goals as sets: distance of a configuration from them, and configurations in them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -17,7 +17,7 @@ from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 NoGoal = Literal["goal-unreachable", "goal-in-collision"]
 """Why no configuration is in the goal: none reaches it, or all that do are in collision."""
 
-SHARE = 0.5  # of a tolerance that a solution may use up; the rest is for what planning does to it
+SHARE = 0.5  # share of a tolerance that a solution may use; the rest is for the error of planning
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class GoalOptions:
 
 @dataclass(frozen=True, eq=False)
 class GoalSet:
-    """Configurations in the goal, or why there are none.
+    """Configurations in the goal, or the reason why there are none.
 
     Attributes:
         configurations: free, within limits, distinct; nearest to the start first; each (n,).
@@ -72,7 +72,7 @@ class GoalSet:
 
 
 def goal_residual(problem: Problem, q: Array) -> list[GoalError]:
-    """Errors of q (n,) with respect to every alternative of the goal, in their order."""
+    """Return the errors of q (n,) with respect to every alternative of the goal, in their order."""
     model = problem.robot.model
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
@@ -90,7 +90,7 @@ def goal_residual(problem: Problem, q: Array) -> list[GoalError]:
 def goal_configurations(
     problem: Problem, model: CollisionModel, rng: np.random.Generator, options: GoalOptions | None = None
 ) -> GoalSet:
-    """Distinct, collision-free configurations of all alternatives, ordered by the time at full speed from the start."""
+    """Return distinct, free configurations of all alternatives, ordered by the time at full speed from the start."""
     options = options or GoalOptions()
     free: list[Array] = []
     refusals: list[GoalSet] = []
@@ -137,7 +137,7 @@ def _unreachable(goal: PoseGoal, found: IkResult) -> GoalSet:
 
 
 def _all_collide(model: CollisionModel, candidates: list[Array]) -> GoalSet:
-    """Names the bodies of the candidate that overlaps least."""
+    """Report the bodies of the candidate with the least penetration."""
     contacts = [(q, contact) for q in candidates if (contact := model.clearance(q)) is not None]
     q, contact = max(contacts, key=lambda item: item[1].distance)
     names = [contact.pair.name_a, contact.pair.name_b]

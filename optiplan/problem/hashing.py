@@ -1,4 +1,4 @@
-"""The identity of a problem: what a run was made from, wherever the files lie."""
+"""Hash of a problem's content, independent of where its files are."""
 
 import copy
 import hashlib
@@ -14,7 +14,7 @@ from optiplan.robot.robot import Robot
 def problem_hash(data: Mapping[str, Any], base: Path, robot: Robot) -> str:
     """SHA-256, in hex, of a problem: its validated data, the bytes of its meshes and of its robot's files.
 
-    Where files lie and what they are called does not count, only what is in them.
+    Names and locations of files are ignored; only their contents count.
 
     Args:
         data: the validated file as plain data; numbers as Python writes them, keys sorted.
@@ -31,7 +31,7 @@ def problem_hash(data: Mapping[str, Any], base: Path, robot: Robot) -> str:
 
 
 def meshes_of(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """The `mesh` mappings of all shapes in the data of a problem, to be read or changed in place."""
+    """Return the `mesh` mappings of all shapes in the data of a problem, to be read or changed in place."""
     scene = data.get("scene", {})
     for body in (*scene.get("obstacles", ()), *scene.get("attached", ())):
         if "mesh" in body["shape"]:

@@ -1,4 +1,4 @@
-"""The way in: a problem file becomes a `Problem`, or every reason why it cannot."""
+"""Load problem files and problem data as a `Problem`, or report every issue."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -21,8 +21,8 @@ def load_problem(path: Path | str, folders: Iterable[Path | str] | None = None, 
     Args:
         path: the YAML file; meshes and robot files are looked for beside it.
         folders: the only ones from which any file is read, that of the problem, robots and meshes included, besides
-            the robots that come with OptiPlan; None allows all. Links are followed before it is looked where they lead.
-        overrides: values that stand in for the file's at the top level, such as `seed=3` or `planner="quintic"`.
+            the robots shipped with OptiPlan; None allows all. Symbolic links are resolved first.
+        overrides: values that replace the file's at the top level, such as `seed=3` or `planner="quintic"`.
 
     Raises:
         InputError: the file cannot be used; holds every issue found, in file order.
@@ -40,14 +40,14 @@ def problem_from_dict(
     robots: RobotLoader = load_robot,
     folders: Iterable[Path | str] | None = None,
 ) -> Problem:
-    """A problem from the content of a problem file; numpy arrays and paths may stand for lists and text.
+    """Build a problem from the content of a problem file; numpy arrays and paths may stand for lists and text.
 
     Also the inverse of `Problem.source`.
 
     Args:
         data: as in a file.
         base: folder that meshes and robot files are relative to.
-        robots: loads a robot; for whoever keeps those that were loaded before.
+        robots: loads a robot; for callers that cache them.
         folders: as of `load_problem`.
 
     Raises:
@@ -59,7 +59,7 @@ def problem_from_dict(
 
 
 def check_file(path: Path | str, folders: Iterable[Path | str] | None = None) -> list[Issue]:
-    """Everything that is wrong with a problem file, in file order; a part that does not fit hides no other."""
+    """Return every issue of a problem file, in file order; an invalid part hides no other."""
     with reading(_with_robots(folders)):
         try:
             document = read_yaml(path)

@@ -1,4 +1,4 @@
-"""The parts of a problem file that fit the schema, so that the rest can be checked although a part does not fit."""
+"""Valid parts of a problem file, so that they can be checked although another part is invalid."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class LocatedValue(Generic[T]):
 
 @dataclass(frozen=True)
 class Draft:
-    """A problem file without the parts that are missing or do not fit."""
+    """A problem file without its missing or invalid parts."""
 
     robot: str | Mapping[str, Any] | None
     group: str | None
@@ -45,7 +45,7 @@ class Draft:
 
     @classmethod
     def of_spec(cls, spec: ProblemSpec) -> "Draft":
-        """Every part of a valid file."""
+        """Return every part of a valid file."""
         scene = spec.scene
         return cls(
             robot=spec.robot,

@@ -41,14 +41,14 @@ _SAID = {
 class Problem:
     """A task: which robot goes from where to where, around what, within which limits; never changed.
 
-    What is stated here is read and checked as a problem file is, and gives the same problem with the same hash.
+    The arguments are checked as a problem file is, and give the same problem with the same hash.
 
     Args:
-        robot: a `Robot`, the name of one that comes along, or the path of a robot.yaml.
+        robot: a `Robot`, the name of a shipped one, or the path of a robot.yaml.
         start: values of the planned joints (n,), rad or m, or the name of a configuration of the robot.
-        goal: a `Pose`, values of the joints (n,), the name of a configuration, or a list of these: any of them will do.
-        scene: what stands around and what is held: a `Scene`, or a list of obstacles; None: nothing.
-        vias: places to be passed in this order: `ViaPoint`, `Pose`, joint values, names of configurations.
+        goal: a `Pose`, values of the joints (n,), the name of a configuration, or a list of alternatives.
+        scene: obstacles and attached objects: a `Scene`, or a list of obstacles; None: empty.
+        vias: via points in order: `ViaPoint`, `Pose`, joint values, names of configurations.
         limits: fractions in (0, 1] of the robot's own: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
         objective: weights of duration and of squared jerk; None: the duration alone.
         name: of the problem.
@@ -61,14 +61,14 @@ class Problem:
 
     Attributes:
         start: (n,), rad or m.
-        goal: any one of these ends is good.
+        goal: alternatives of the end.
         vias: to be passed in this order.
-        limits: the robot's limits times the fractions asked for.
+        limits: the robot's limits times the given fractions.
         source: the problem as plain data, all defaults filled in; what `save` writes and `run.json` stores.
         hash: SHA-256 of `source` with the contents of the files of the robot and the meshes.
 
     Raises:
-        InputError: everything that is wrong with it: what was found and what would be valid.
+        InputError: every issue found, with the valid values.
 
     Example:
         >>> import optiplan as op
@@ -135,25 +135,25 @@ class Problem:
 
     @classmethod
     def of(cls, parts: Parts) -> "Problem":
-        """The problem that was read."""
+        """Return the problem that was read."""
         problem = object.__new__(cls)
         problem._take(parts)
         return problem
 
     @property
     def one_end(self) -> bool:
-        """Whether every motion that solves the problem ends in the same configuration, up to a tolerance.
+        """Return whether every solution ends in the same configuration, up to a tolerance.
 
-        Not so for poses, for a choice of ends, and where a joint turns without end and may arrive a turn away.
+        False for poses, for several alternatives, and for unbounded joints, which may arrive a turn away.
         """
         endless = np.isinf(self.robot.limits.lower) & np.isinf(self.robot.limits.upper)
         return len(self.goal) == 1 and isinstance(self.goal[0], JointGoal) and not endless.any()
 
     def with_seed(self, seed: int) -> "Problem":
-        """The same problem with another seed, which is recorded beside source and hash and changes neither.
+        """Return the problem with another seed, which changes neither source nor hash.
 
         Raises:
-            InputError: it is no whole number from 0 upwards.
+            InputError: not a whole number from 0 upwards.
         """
         if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
             raise wrong_argument("Problem.with_seed", "seed", described(seed), "a whole number >= 0")
@@ -162,7 +162,7 @@ class Problem:
         return other
 
     def with_start(self, start: Values | str) -> "Problem":
-        """From another configuration (n,), rad or m, or the name of one.
+        """Return the problem with another start configuration (n,), rad or m, or the name of one.
 
         Raises:
             InputError: as for a file: it is outside the limits or in collision.
@@ -170,7 +170,7 @@ class Problem:
         return self._with(start=start)
 
     def with_goal(self, *goal: End | Sequence[End]) -> "Problem":
-        """To any one of other ends.
+        """Return the problem with another goal, or several alternatives.
 
         Raises:
             InputError: as for a file: none of them can be reached, or a joint tolerance that no file can state.
@@ -178,7 +178,7 @@ class Problem:
         return self._with(goal=goal[0] if len(goal) == 1 else goal)
 
     def with_vias(self, *vias: ViaPoint | Via | End) -> "Problem":
-        """Past other points, or past none.
+        """Return the problem with other vias, or none.
 
         Raises:
             InputError: as for a file.
@@ -186,7 +186,7 @@ class Problem:
         return self._with(vias=vias)
 
     def with_scene(self, scene: Scene | Sequence[Obstacle]) -> "Problem":
-        """In another scene.
+        """Return the problem in another scene.
 
         Raises:
             InputError: as for a file: names that are taken or unknown, a start in collision.
@@ -194,9 +194,9 @@ class Problem:
         return self._with(scene=scene)
 
     def with_limits(self, **fractions: float | str) -> "Problem":
-        """With other fractions of the robot's own limits: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
+        """Return the problem with other limit fractions: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
 
-        What is not given is 1.
+        Fractions not given are 1.
 
         Raises:
             InputError: as for a file: there is no such limit, or the fraction is not in (0, 1].
@@ -259,7 +259,7 @@ class Problem:
 
 
 def _read(robot: Any, given: Mapping[str, Any], labels: Mapping[str, Any]) -> Parts:
-    """The parts of a problem that is stated in Python."""
+    """Return the parts of a problem built in Python."""
     if not isinstance(robot, Robot | str | Path | Mapping):
         expected = "op.load_robot(…), op.Robot.from_urdf(…), the name of a robot or the path of a robot.yaml"
         raise wrong_argument("Problem", "robot", described(robot), expected)
@@ -281,10 +281,10 @@ def _read(robot: Any, given: Mapping[str, Any], labels: Mapping[str, Any]) -> Pa
 
 
 def _checked(data: Mapping[str, Any], robot: Robot | None = None) -> Parts:
-    """The parts of a problem of plain data, with this robot, if one is given.
+    """Return the parts of a problem of plain data, with this robot, if one is given.
 
     Raises:
-        InputError: what a file with these would be refused for.
+        InputError: as for a file.
     """
     loader = load_robot if robot is None else lambda *_: robot
     try:

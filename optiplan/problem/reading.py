@@ -1,4 +1,4 @@
-"""A problem as plain data becomes models and arrays, or every reason why it cannot."""
+"""Turn problem data into models and arrays, or report every issue."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ DECIDES_COLLISIONS = (("robot",), ("group",), ("locked",), ("scene", "allowed_co
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What a problem is made of; the attributes are those of `Problem`."""
+    """Parts of a problem; the attributes are those of `Problem`."""
 
     name: str
     robot: Robot
@@ -45,7 +45,7 @@ class Parts:
 
 @dataclass(frozen=True)
 class Reading:
-    """What a file gave: the parts of the problem if there are no issues."""
+    """Result of reading a file: the parts of the problem if there are no issues."""
 
     parts: Parts | None
     issues: tuple[Issue, ...]
@@ -63,7 +63,7 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class _Places:
-    """Where the motion begins, ends and passes, as far as that can be used."""
+    """Valid start, goal and vias."""
 
     start: Array | None
     goal: Sequence[LocatedValue[JointGoal | PoseGoal]]
@@ -71,7 +71,7 @@ class _Places:
 
 
 def read_problem(document: Document, base: Path, robots: RobotLoader = load_robot) -> Reading:
-    """Everything that a problem file says, or everything that is wrong with it, in file order.
+    """Read a problem file: its parts, or its issues in file order.
 
     Args:
         document: the file.
@@ -137,7 +137,7 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
 
 
 def _named(spec: ProblemSpec, robot: Robot) -> Any:
-    """`robot:` such that it means the same robot from anywhere."""
+    """Return `robot:` with absolute paths."""
     if isinstance(spec.robot, str):
         return spec.robot if spec.robot in robot_names() else str(robot.source)
     return robot.reference.robot
@@ -149,7 +149,7 @@ def _collisions(
     draft: Draft,
     places: _Places,
 ) -> list[Issue]:
-    """The start in collision, a via, or every alternative of the goal."""
+    """Report a start, a via, or a goal with all alternatives in collision."""
     issues = []
     cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
     if places.start is not None and draft.start is not None:
@@ -173,7 +173,7 @@ def _collisions(
 
 
 def _touching(model: CollisionModel, q: Array) -> str:
-    """The bodies that touch at q, the deepest first, in words; empty when none do."""
+    """Return the bodies in contact at q in words, the deepest first; empty if none."""
     contacts = sorted(model.contacts(q, TOUCHING), key=lambda contact: contact.distance)
     nearest = model.clearance(q) if not contacts and model.collides(q) else None
     contacts += [] if nearest is None else [nearest]  # touching by one query of coal, a rounding apart by the other

@@ -1,4 +1,4 @@
-"""Places as a person states them in Python: `Pose` and `ViaPoint`, checked by the schema of problem files."""
+"""`Pose` and `ViaPoint` for construction in Python, checked by the schema of problem files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ Spec = TypeVar("Spec", bound=BaseModel)
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a frame of the robot is to be in the world: the goal of a motion, or a place on its way.
+    """Desired pose of a frame of the robot in the world: a goal or a via.
 
     Attributes:
         position: [x, y, z], m.
@@ -33,7 +33,7 @@ class Pose:
         orientation_tolerance: rad; None: 1e-3 (of a via point: 1e-6).
 
     Raises:
-        InputError: a vector of another length, both rotations, a quaternion that is none, a tolerance that is not > 0.
+        InputError: a vector of another length, both rotations, a quaternion not of unit length, a tolerance not > 0.
 
     Example:
         >>> import optiplan as op
@@ -56,10 +56,10 @@ class Pose:
 
     @classmethod
     def from_matrix(cls, X_WG: Array | pin.SE3, frame: str | None = None) -> "Pose":
-        """The pose of a homogeneous matrix (4, 4), m, or of a `pinocchio.SE3`.
+        """Return the pose of a homogeneous matrix (4, 4), m, or of a `pinocchio.SE3`.
 
         Raises:
-            InputError: no rigid motion.
+            InputError: not a rigid transform.
         """
         if isinstance(X_WG, pin.SE3):
             return cls._of(X_WG, frame)
@@ -99,12 +99,12 @@ End: TypeAlias = Pose | JointGoal | PoseGoal | pin.SE3 | str | Values | Mapping[
 
 @dataclass(frozen=True, eq=False)
 class ViaPoint:
-    """A place to be passed on the way, and how.
+    """Via point of a motion.
 
     Attributes:
         at: a configuration (n,), rad or m, the name of one, or a `Pose`.
         tolerance: of each joint, or of both parts of a pose, rad or m; None: 1e-6.
-        velocity: (n,) rad/s or m/s, a wish, which the planner `spline` can grant.
+        velocity: (n,) rad/s or m/s, desired; only the planner `spline` meets it.
         time: s from the start, likewise; given for all via points or for none.
 
     Example:
@@ -134,7 +134,7 @@ class ViaPoint:
 
 
 def checked(spec: type[Spec], data: Mapping[str, Any], function: str, names: Mapping[str, str]) -> Spec:
-    """Data as a class of the schema, with what is wrong told of a call's arguments.
+    """Validate data by a class of the schema; issues name the arguments of the call.
 
     Args:
         spec: class of the schema.
@@ -159,10 +159,10 @@ def _argument(field: str, names: Mapping[str, str]) -> str:
 
 
 def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
-    """One end as a problem file says it.
+    """Return one end as in a problem file.
 
     Raises:
-        InputError: it is none, or a joint goal with a tolerance that no file can state.
+        InputError: not an end, or a joint goal with a tolerance that files cannot hold.
     """
     if isinstance(end, str):
         return {"configuration": end}
@@ -198,7 +198,7 @@ def _joint_goal_data(goal: JointGoal, function: str, argument: str) -> dict[str,
 
 
 def is_configuration(value: Any) -> bool:
-    """Whether it is a flat array or list of numbers."""
+    """Return whether a value is a flat array or list of numbers."""
     try:
         array = np.asarray(value)
     except ValueError:  # rows of several lengths
@@ -207,10 +207,10 @@ def is_configuration(value: Any) -> bool:
 
 
 def via_point_data(via: Any, argument: str) -> dict[str, Any]:
-    """One via as a problem file says it.
+    """Return one via as in a problem file.
 
     Raises:
-        InputError: it is none.
+        InputError: not a via.
     """
     if isinstance(via, ViaPoint):
         return via.to_data()

@@ -29,7 +29,7 @@ def goal_data(goal: Any) -> dict[str, Any]:
     """`goal:` of a file: one end, or any one of several.
 
     Raises:
-        InputError: something that is no end, or a joint goal with another tolerance than the only one that files know.
+        InputError: not an end, or a joint goal with a tolerance that files cannot hold.
     """
     several = isinstance(goal, Sequence | np.ndarray) and not isinstance(goal, str) and not is_configuration(goal)
     ends = [
@@ -50,7 +50,7 @@ def via_data(vias: Any) -> list[dict[str, Any]]:
 
 
 def scene_data(scene: Any) -> Any:
-    """`scene:` of a file; meshes keep their paths, poses the words in which they were said."""
+    """`scene:` of a file; meshes keep their paths, poses their form of rotation."""
     if isinstance(scene, Mapping):
         return plain(scene)
     if not isinstance(scene, Scene):
@@ -102,7 +102,7 @@ def planner_data(planner: Any, options: Any) -> Any:
 
 
 def _pose(X: pin.SE3, stated: Mapping[str, Any] | None) -> dict[str, Any]:
-    """In the words in which it was said, as long as they say the same."""
+    """Return the pose in its original form, if that is still equal."""
     same = stated is not None and (pose_from_data(stated).homogeneous == X.homogeneous).all()
     return dict(plain(stated)) if same else pose_to_data(X)
 

@@ -1,1 +1,1 @@
-"""Runs: planning meets verification, measures, the folder on disk."""
+"""Runs: planning and verification, metrics, the run folder."""

@@ -1,4 +1,4 @@
-"""Motions as files that other programs read."""
+"""Export motions for other programs."""
 
 import csv
 import io
@@ -50,7 +50,7 @@ def export(trajectory: Trajectory, path: Path, format: str | None, rate: float) 
     Args:
         trajectory: the motion.
         path: the file; folders that are missing are made.
-        format: a name of `FORMATS`; None: what the file is called.
+        format: a name of `FORMATS`; None: by the file's suffix.
         rate: samples a second, Hz.
 
     Raises:

@@ -1,6 +1,6 @@
 """Objective metrics of a motion: lengths, peak jerk, torque, clearance, manipulability.
 
-Lengths and torques are integrals over time of what is measured at an instant. They are taken panel by panel by
+Lengths and torques are integrals over time, computed panel by panel by
 Gauss-Legendre quadrature (five points); a panel is halved until halving it changes the integral by less than its
 share of 1e-6 of the whole.
 """
@@ -27,9 +27,9 @@ _NODES, _WEIGHTS = np.array(  # of five points on [0, 1]
 )
 _ACCURACY = 1e-6  # of an integral, relative
 _NOTHING = 1e-3  # m, rad, (N m)^2 s: integrals smaller than this need no more digits than this one
-_PANELS = 64  # at least, of a motion: a kink that slips between their points is too small to count
+_PANELS = 64  # least number per motion: a kink between their points is negligible
 _HALVINGS = 12  # at most, of a panel: speed has kinks where the tool stands still
-_MOST_PANELS = 20_000  # looked at together; beyond that the integral is taken as it is
+_MOST_PANELS = 20_000  # panels at a time; beyond that the integral is not refined further
 _JUMP = 1e-5  # share of a velocity or acceleration limit that counts as a jump; the verifier's own tolerance
 
 
@@ -48,7 +48,7 @@ class Metrics:
         rms_torque: sqrt(mean over time of the sum over all joints of tau^2), N m (sliding joints: N).
         joint_torques: sqrt(mean over time of tau_j^2) by joint, N m or N; attached objects weigh nothing.
         clearance: proved at all times by the verifier, m; None when it proved none, or no two bodies can meet.
-        lowest_clearance: smallest distance of two bodies that the verifier came across, m; not below `clearance`.
+        lowest_clearance: smallest distance of two bodies that the verifier measured, m; not below `clearance`.
         manipulability: smallest Yoshikawa measure of the tool's Jacobian (lengths in m): of all six rows, or with fewer
             than six joints of the three of the velocity. Sampled, then refined around the smallest sample.
     """
@@ -66,7 +66,7 @@ class Metrics:
     manipulability: float
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready up to what is not finite."""
+        """Return JSON-ready data, but for values that are not finite."""
         return asdict(self)
 
 
@@ -161,7 +161,7 @@ def peak_jerk(trajectory: Trajectory, limits: Limits) -> tuple[int, float, float
 
 
 def least_manipulability(robot: Robot, trajectory: Trajectory) -> float:
-    """Smallest Yoshikawa measure along the motion.
+    """Return the smallest Yoshikawa measure along the motion.
 
     Holds at: 4 samples a panel, then eight times 17 samples between the neighbours of the smallest.
     """

@@ -1,4 +1,4 @@
-"""The one place where planning meets verification: `run` plans, has the answer verified, and keeps both as a `Run`."""
+"""Pipeline of planning and verification: `run` plans, verifies the result and returns both as a `Run`."""
 
 import resource
 import time
@@ -30,18 +30,18 @@ def run(
 ) -> Run:
     """Plan, verify and measure; planning and proving are held to the budget.
 
-    The answer is the best of the planner's candidates that is verified, slowed down a little where only that helps.
+    The result is the best verified candidate of the planner, slowed down slightly where only that helps.
 
     Args:
-        problem: its own `planner` and `options` are not looked at.
+        problem: its own `planner` and `options` are ignored.
         planner: name in the registry, or a planner itself, which the run calls by its class.
         options: of the planner of that name; a planner itself has its own.
         budget: counted from the planner's start; loading its libraries is not part of it.
-        progress: told the planner's stages, then `verify`.
+        progress: called with the planner's stages, then `verify`.
 
     Raises:
-        UnknownChoiceError: there is no such planner, or it has no such option.
-        InputError: an option has a value that it cannot have.
+        UnknownChoiceError: no such planner or option.
+        InputError: an invalid value of an option.
     """
     if isinstance(planner, str):
         name, chosen = planner, make_planner(planner, options)
@@ -61,14 +61,14 @@ def proved(
     result: PlanResult,
     within: tuple[Budget, Progress, Mapping[str, float]],
 ) -> Run:
-    """A result, verified and measured.
+    """Verify and measure a planner's result.
 
     Args:
-        problem: what was asked.
-        planner: who answered.
-        options: with which options.
-        result: the answer.
-        within: what is left of the budget, who is told, and the seconds that `plan` took.
+        problem: the problem.
+        planner: its name.
+        options: its options.
+        result: the planner's result.
+        within: the remaining budget, the progress callback, and the seconds that `plan` took.
     """
     budget, progress, timings = within[0], within[1], dict(within[2])
     selection = bound = metrics = None
@@ -102,19 +102,19 @@ def proved(
 def chosen(
     problem: Problem, planner: str | None, options: Mapping[str, Any] | None = None
 ) -> tuple[str, Mapping[str, Any]]:
-    """The planner's name and options: the problem's own, unless others are asked for.
+    """Return the planner's name and options: those given, else the problem's own.
 
-    Options of the problem are those of its planner, and of no other.
+    Options of the problem apply to its own planner only.
     """
     name = problem.planner if planner is None else planner
     return name, options if options is not None else problem.options if name == problem.planner else {}
 
 
 def attempt(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budget, progress: Progress) -> Run:
-    """`run` as one of several: what the planner raises is its failure and does not end the comparison.
+    """Run one planner of a comparison: an exception of the planner becomes its failure.
 
-    Failure kinds besides those of planners: `input`, it cannot do this problem with these options (witness: `issues`);
-    `bug`, it raised what it must not (witness: `traceback`).
+    Failure kinds besides those of planners: `input`, the options do not fit this problem (witness: `issues`);
+    `bug`, an unexpected exception (witness: `traceback`).
     """
     began = time.perf_counter()
     try:
@@ -139,11 +139,11 @@ def attempt(problem: Problem, planner: str, options: Mapping[str, Any], budget: 
 
 
 def reserve(seconds: float) -> float:
-    """Seconds of a budget that the planner leaves for the proof."""
+    """Return the seconds of a budget reserved for verification."""
     return min(_PROVING * seconds, _MOST_PROVING)
 
 
 def processor_time() -> float:
-    """Seconds of processor time of this process and of the processes that it started and waited for."""
+    """Return the processor time, s, of this process and of the child processes that it waited for."""
     waited = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + waited.ru_utime + waited.ru_stime

@@ -1,4 +1,4 @@
-"""`Run`: what came of one problem and one planner."""
+"""`Run`: the result of one planner on one problem."""
 
 import platform
 from collections.abc import Mapping
@@ -27,22 +27,22 @@ SMALLEST_BOUND = 1e-4
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """What came of one problem and one planner.
+    """Result of one planner on one problem.
 
     Attributes:
         planner: name in the registry.
-        options: as the planner was given them, those left at their default not named.
+        options: the options given; those at their defaults are omitted.
         trajectory: None when the planner failed.
         failure: why there is no trajectory; None when there is one.
         report: the verdict on the trajectory; None when there is none.
         lower_bound: s; no motion from the start to the end that was reached is shorter. None without a trajectory.
             Whether that is a bound of the whole problem, `lower_bound_of` says.
-        metrics: what the trajectory measures, verified or not; None without one that moves the robot's joints.
+        metrics: metrics of the trajectory, verified or not; None without one that moves the robot's joints.
         timings: seconds of wall time: `plan`, `verify` and `measure`.
         stages: seconds of wall time of the planner's own stages.
-        info: what the planner tells about its work, JSON-ready; `slowed`, the factor on the planner's duration that
-            the verdict needed, if any.
-        improvements: (seconds of planning and proving, duration in s) of every verified answer on the way.
+        info: the planner's record of its work, JSON-ready; `slowed`, the factor on the planner's duration that
+            verification required, if any.
+        improvements: (seconds of planning and proving, duration in s) of every verified incumbent.
         plan_cpu: seconds of processor time of planning alone, with that of processes that the planner waited for.
     """
 
@@ -62,12 +62,12 @@ class Run:
 
     @property
     def verified(self) -> bool:
-        """Whether there is a trajectory and its report says so; nothing else makes a run verified."""
+        """Return whether the run has a trajectory whose report is verified."""
         return self.report is not None and self.report.verified
 
     @property
     def duration(self) -> float | None:
-        """Length of the motion in time, s."""
+        """Duration of the motion, s."""
         return None if self.trajectory is None else self.trajectory.duration
 
     @property
@@ -102,7 +102,7 @@ class Run:
 
         Args:
             path: the file; it is there whole or not at all.
-            format: of the file; None: what its name ends in.
+            format: of the file; None: by its suffix.
             rate: samples a second at least, Hz.
 
         Raises:
@@ -117,7 +117,7 @@ class Run:
         export(self.trajectory, path_argument("Run.export", "path", path, "the path of a file"), format, rate)
 
     def __repr__(self) -> str:
-        """The verdict, what it is about, and how good it is, in one line."""
+        """Return the verdict, its scope and the ratio to the bound in one line."""
         return f"Run: {self._verdict()}; {self.problem.name}, {self.planner}"
 
     def _verdict(self) -> str:
@@ -141,7 +141,7 @@ class Run:
         return f"<p><b>{escape(self._verdict())}</b></p><table>{cells}</table>{curves}"
 
     def to_dict(self) -> dict[str, Any]:
-        """What `run.json` holds: everything but the motion itself, JSON-ready up to numpy numbers."""
+        """Return the content of `run.json`: everything but the motion, JSON-ready but for numpy numbers."""
         failure = self.failure
         return {
             "name": self.problem.name,

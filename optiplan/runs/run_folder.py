@@ -1,4 +1,4 @@
-"""The run folder: `run.json` and `trajectory.json`, both or none, never half of one."""
+"""The run folder: `run.json` and `trajectory.json`, written atomically."""
 
 import json
 import tempfile
@@ -23,11 +23,11 @@ RATE = 200.0
 
 
 class Saved(Protocol):
-    """What is written of a run."""
+    """The parts of a run that are stored."""
 
     @property
     def trajectory(self) -> Trajectory | None:
-        """The motion, if there is one."""
+        """Return the motion, if there is one."""
 
     def to_dict(self) -> dict[str, Any]:
         """Everything else."""
@@ -38,11 +38,11 @@ class StoredRun:
     """A run as read from disk.
 
     Attributes:
-        place: the file or folder that was named.
-        record: content of `run.json`; empty when only a trajectory file was named.
+        place: the file or folder given.
+        record: content of `run.json`; empty when only a trajectory file was given.
         trajectory: None when the run has none, because the planner failed.
-        samples: what the trajectory file holds beside its pieces, or instead of them; None without any.
-        interpolation: what was put between the samples, in words, where the file has no pieces; else empty.
+        samples: samples of the trajectory file, beside its pieces or instead of them; None without any.
+        interpolation: the interpolation of the samples, in words, where the file has no pieces; else empty.
     """
 
     place: Path
@@ -70,7 +70,7 @@ def save_run(run: Saved, folder: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Find out before the work whether a run could be saved there, by writing; leaves nothing behind.
+    """Check by a trial write that a run can be saved in a folder; leaves nothing behind.
 
     Raises:
         InputError: it is a file, or it or its nearest parent cannot be written.
@@ -118,7 +118,7 @@ def load_run(place: Path | str, joint_names: Sequence[str] | None = None) -> Sto
 
 
 def _with_motion(run: StoredRun, file: Path, joint_names: Sequence[str] | None) -> StoredRun:
-    """The run with the motion of a trajectory file: its pieces, else what its samples are interpolated to."""
+    """Return the run with the motion of a trajectory file: its pieces, else its interpolated samples."""
     if file.suffix.lower() == ".csv":
         samples = read_samples(file, joint_names)
     else:
@@ -132,7 +132,7 @@ def _with_motion(run: StoredRun, file: Path, joint_names: Sequence[str] | None) 
 
 
 def _read_record(path: Path) -> dict[str, Any]:
-    """Content of a `run.json`; what it has of `planner`, `problem`, `failure` and `report` is of the right kind."""
+    """Read a `run.json` and check the types of `planner`, `problem`, `failure` and `report`."""
     record = _read(path)
     issues = []
     for key, kind in {"planner": str, "problem": dict, "failure": dict, "report": dict}.items():

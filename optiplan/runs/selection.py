@@ -16,11 +16,11 @@ _SLOWER = (1.002, 1.01, 1.03, 1.1)
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """A motion and the verdict on it.
+    """The selected motion.
 
     Attributes:
         trajectory: the shortest motion that is verified; where none is, the planner's own choice.
-        slowed: factor on the duration that the planner gave it; above 1 where only that made it hold its limits.
+        slowed: factor on the planner's duration; above 1 where only that satisfied the limits.
         improvements: (seconds of planning and proving, duration in s) of every verified answer on the way, in order of
             both; one whose proof would have ended after that of a better one is left out.
     """
@@ -32,10 +32,10 @@ class Selection:
 
 
 def best_verified(problem: Problem, candidates: list[Candidate], budget: Budget) -> Selection:
-    """Hold candidates, the planner's favourite last, against the verifier.
+    """Verify candidates, the planner's own choice last, and select the best.
 
-    One that is refused for a rate or a torque alone is tried again a little slower, unless another candidate is as fast
-    as that. The favourite is looked at in any case, everything else while the budget lasts.
+    One refused for a rate or a torque alone is tried again slightly slower, unless another candidate is as fast
+    as that. The planner's own choice is always verified, the others while the budget lasts.
     """
     refused: Selection | None = None
     for place in reversed(range(len(candidates))):
@@ -53,7 +53,7 @@ def best_verified(problem: Problem, candidates: list[Candidate], budget: Budget)
 
 
 def _slower_and_slower(problem: Problem, candidate: Candidate, other: float) -> Iterator[tuple[Selection, float]]:
-    """Yield the verdict on a candidate, then on slower ones shorter than `other`, s, while that may cure what fails.
+    """Yield the verdict on a candidate, then on slower ones shorter than `other`, s, while that may satisfy the checks.
 
     With each come the seconds of planning and proving.
     """

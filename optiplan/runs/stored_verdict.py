@@ -1,4 +1,4 @@
-"""The verdict on a motion that was stored, whoever made it."""
+"""Verdict on a stored motion of any origin."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from optiplan.verify.verify import verify
 
 
 def judged(problem: Problem, stored: StoredRun) -> Report:
-    """The report on a stored trajectory, with where it is from and what was put between its samples.
+    """Verify a stored trajectory; the report names its origin and interpolation.
 
     Raises:
         ValueError: the run has no trajectory.

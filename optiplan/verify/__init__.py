@@ -1,1 +1,1 @@
-"""The only source of the word *verified*: checks and the continuous-time certificate."""
+"""Verification of trajectories: checks and the continuous-time certificate; the only source of *verified*."""

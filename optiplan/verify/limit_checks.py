@@ -1,4 +1,4 @@
-"""One function a check, apart from collision: each takes (problem, trajectory, policy) and returns a `Check`."""
+"""Checks other than collision: each function takes (problem, trajectory, policy) and returns a `Check`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
 
 
 def same_problem(record: Mapping[str, Any], problem: Problem) -> Check:
-    """The hash in the record of a run is that of this very problem."""
+    """Check that the hash in the record of a run is that of the problem."""
     found = str(record["hash"])
     if found == problem.hash:
         return Check("problem", "exact", True, detail="the run was made from this very problem")
@@ -33,7 +33,7 @@ def same_problem(record: Mapping[str, Any], problem: Problem) -> Check:
 
 
 def form(trajectory: Trajectory) -> Check:
-    """The data is a trajectory at all: shapes fit, every number is finite, time increases."""
+    """Check that the data form a trajectory: shapes fit, every number is finite, time increases."""
     try:
         problem = defect(tuple(trajectory.joint_names), trajectory.breakpoints, trajectory.coefficients)
     except (AttributeError, TypeError, ValueError, IndexError) as error:
@@ -47,7 +47,7 @@ def form(trajectory: Trajectory) -> Check:
 
 
 def joints(problem: Problem, trajectory: Trajectory) -> Check:
-    """The columns are the robot's planned joints, in its order."""
+    """Check that the columns are the robot's planned joints, in its order."""
     found, expected = trajectory.joint_names, problem.robot.joint_names
     if found == expected:
         return Check("joints", "exact", True, detail="names and order are the robot's")
@@ -62,7 +62,7 @@ def start(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Che
 
 
 def goal(problem: Problem, trajectory: Trajectory) -> Check:
-    """The end lies in one of the goals, each within its own tolerance."""
+    """Check that the end lies in one of the goals, each within its own tolerance."""
     found = [miss(problem, one, trajectory.end) for one in problem.goal]
     ratios = [max(error / (limit + ROUNDING) for error, limit, _ in parts) for parts in found]
     nearest = int(np.argmin(ratios))
@@ -172,7 +172,7 @@ class _Between:
 
 
 def _proved(check: Check, problem: Problem, trajectory: Trajectory, asked: _Between) -> Check:
-    """The check, refused where a derivative is not proved to stay between its bounds.
+    """Return the check, refused where a derivative is not proved to stay between its bounds.
 
     Where no extremum shows it, because the terms of a polynomial cancel beyond the digits of their sum, its piece is
     named.

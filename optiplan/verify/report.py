@@ -1,4 +1,4 @@
-"""Report of the verifier: `VerifyPolicy` says how strict it was, `Report` what it found, check by check."""
+"""Report of the verifier: `VerifyPolicy` holds its tolerances, `Report` its checks."""
 
 import math
 from collections.abc import Mapping
@@ -14,9 +14,9 @@ class VerifyPolicy:
     """Tolerances and limits of the verifier; printed in every report.
 
     Attributes:
-        clearance: bodies must stay farther apart than this at all times, m.
+        clearance: required distance of bodies at all times, m.
         limit_tolerance: fraction of a velocity, acceleration, jerk or torque limit by which it may be passed.
-        position_tolerance: how far the start and the position limits may be missed, rad or m.
+        position_tolerance: tolerance of the start and of the position limits, rad or m.
         jump_tolerance: sum of all steps of position at breakpoints, rad or m; the certificate covers such steps.
         rest_tolerance: largest velocity and acceleration at both ends, and sum of all their steps at breakpoints, as a
             fraction of their limits.
@@ -37,19 +37,19 @@ class VerifyPolicy:
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was checked.
+    """Result of one check.
 
     Attributes:
-        name: what, e.g. `velocity`.
+        name: of the check, e.g. `velocity`.
         kind: `exact` (holds at all times, from polynomial extrema or from data), `continuous` (proved for all times by
             halving intervals), `sampled` (holds at the instants looked at) or `unchecked` (there is nothing to hold it
             against; the detail says why).
-        passed: whether the trajectory keeps to it.
+        passed: whether the trajectory satisfies it.
         worst: the value nearest to or farthest beyond the limit; None when nothing could be measured.
-        limit: what it was held against.
+        limit: the limit of the check.
         unit: of `worst` and `limit`.
-        time: when the worst happens, s.
-        place: which joint, frame or pair of bodies.
+        time: of the worst value, s.
+        place: joint, frame or pair of bodies.
         detail: one sentence for a person.
         witness: JSON-ready evidence: `points`, `pair`, `q`, counts.
     """
@@ -68,12 +68,12 @@ class Check:
 
 @dataclass(frozen=True, repr=False)
 class Report:
-    """The verdict on a trajectory and what it rests on.
+    """Verdict on a trajectory with its evidence.
 
     Attributes:
-        policy: how strict the verifier was.
-        checks: every check, in the order they were made.
-        link_geometry: what stands for each link: mesh, hull or convex pieces.
+        policy: tolerances of the verifier.
+        checks: every check, in order.
+        link_geometry: geometry used for each link: mesh, hull or convex pieces.
         notes: remarks on the robot, and what was not checked.
         scope: what the verdict is about: pairs, shapes, torques; short statements, said beside it.
         unchecked_pairs: how many pairs of links went unchecked, by reason (see `robot.self_collision.pairs`).
@@ -92,16 +92,16 @@ class Report:
 
     @property
     def verified(self) -> bool:
-        """Whether the trajectory passed every check; nothing else in OptiPlan says *verified*."""
+        """Return whether the trajectory passed every check."""
         return bool(self.checks) and all(check.passed for check in self.checks)
 
     @property
     def failures(self) -> tuple[Check, ...]:
-        """The checks that refused the trajectory."""
+        """Return the checks that failed."""
         return tuple(check for check in self.checks if not check.passed)
 
     def __repr__(self) -> str:
-        """The verdict in one line, with the checks that refused."""
+        """Return the verdict in one line, with the checks that failed."""
         refused = "; ".join(
             f"{check.name}: {check.detail or check.place or 'beyond its limit'}" for check in self.failures
         )
@@ -122,7 +122,7 @@ class Report:
         return f"<p><b>{'verified' if self.verified else 'not verified'}</b></p><table>{head}{rows}</table>"
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form: what is not finite becomes null."""
+        """Return JSON-ready data; values that are not finite become null."""
         return {
             "verified": self.verified,
             "policy": asdict(self.policy),

@@ -1,4 +1,4 @@
-"""The samples of a trajectory, which other programs execute, are samples of the motion that is proved."""
+"""Check that the samples of a trajectory, which other programs execute, are samples of the proved motion."""
 
 import numpy as np
 
@@ -45,7 +45,7 @@ def samples(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, give
 
 
 def _misfit(trajectory: Trajectory, given: Samples) -> str:
-    """Why these cannot be samples of the trajectory at all, or nothing."""
+    """Return why these cannot be samples of the trajectory, or an empty text."""
     k, n = len(given.t), trajectory.n
     if given.t.ndim != 1 or k < 2:
         return f"found t of shape {given.t.shape}; expected two times or more"

@@ -51,7 +51,7 @@ def _torque(problem: Problem, checks: Sequence[Check]) -> list[str]:
 
 
 def _allowed(problem: Problem) -> list[str]:
-    """Which contacts robot file and problem wave through: allowed pairs, and what attached objects may touch."""
+    """Describe the contacts allowed by robot file and problem: allowed pairs, and contacts of attached objects."""
     declared = [f"{a} – {b}" for (a, b), reason in problem.robot.allowed.items() if reason == FILE]
     own = [f"contacts allowed by the robot file, not checked: {', '.join(declared)}"] if declared else []
     pairs = {" – ".join(sorted(pair)) for pair in problem.scene.allowed}

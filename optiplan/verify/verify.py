@@ -1,4 +1,4 @@
-"""`verify`: hold a trajectory against its problem."""
+"""`verify`: check a trajectory against its problem."""
 
 from dataclasses import replace
 from typing import Any
@@ -24,13 +24,13 @@ _DEFAULT = VerifyPolicy()
 def verify(
     problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT, given: Samples | None = None
 ) -> Report:
-    """Check a trajectory against everything its problem demands; a bad trajectory is a refusal, never an exception.
+    """Check a trajectory against every requirement of its problem; a bad trajectory is refused, never an exception.
 
     Args:
-        problem: what was asked.
-        trajectory: what was answered, by whomever.
-        policy: how strict to be.
-        given: samples that came with the pieces of the trajectory, to be held against them.
+        problem: the problem.
+        trajectory: the trajectory, of any origin.
+        policy: tolerances.
+        given: samples stored with the pieces of the trajectory, to be checked against them.
 
     Returns:
         Every check with its worst value, limit, time and place; those that need a well-formed trajectory of the right
@@ -60,7 +60,7 @@ def verify(
 
 
 def _robot(problem: Problem, policy: VerifyPolicy) -> Robot:
-    """The robot with all pairs checked that are not proved for this problem.
+    """Return the robot with all pairs checked that are not proved for this problem.
 
     A proof is about the robot's own limits of position and a little beyond, and proved pairs may be nearer than a
     clearance asked for.
@@ -85,7 +85,7 @@ def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> l
 
 
 def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
-    """Every pair of bodies stays apart at all times, by the certificate.
+    """Check that every pair of bodies stays apart at all times, by the certificate.
 
     `worst` is the clearance proved; where none is proved, the smallest distance met.
     """
@@ -115,7 +115,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
 
 
 def _words(proof: Proof) -> str:
-    """The proof in one sentence."""
+    """Describe the proof in one sentence."""
     work = f"{proof.intervals} intervals, {proof.queries} distance queries"
     trust = f", {proof.gjk_only} of them of non-convex meshes, as measured less 1e-6 m" if proof.gjk_only else ""
     if proof.proved:

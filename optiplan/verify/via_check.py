@@ -1,4 +1,4 @@
-"""The check `via`: the vias are passed one after another, each within its tolerance."""
+"""Check `via`: the vias are passed in order, each within its tolerance."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""The page: our own template and scripts around meshcat's viewer, all in one HTML file that asks for nothing else."""
+"""The page: our own template and scripts around meshcat's viewer, in one self-contained HTML file."""
 
 import html
 import json
@@ -16,7 +16,7 @@ from optiplan.viewer.scene import SceneData, build_scene
 
 
 def render_page(scene: SceneData) -> str:
-    """The whole page as text; names from the problem file are escaped, nothing is loaded from elsewhere."""
+    """Return the self-contained page as text; names from the problem file are escaped."""
     own = resources.files("optiplan.viewer")
     meshcat = _meshcat()
     bundle = meshcat / "dist"
@@ -58,5 +58,5 @@ def _meshcat() -> Path:
 
 
 def _inline(script: str) -> str:
-    """A script that may stand between script tags: no text in it closes them."""
+    """Escape a script so that it cannot close its script tag."""
     return script.replace("</script", "<\\/script")

@@ -1,4 +1,4 @@
-"""Data of one run for the page: its motion sampled, its verdict in words, and where it failed."""
+"""Data of one run for the page: sampled motion, verdict in words, and place of the failure."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -22,7 +22,7 @@ class ViewedRun(NamedTuple):
     """One run to show; a plain tuple of the first three does as well.
 
     Attributes:
-        label: what the legend calls it.
+        label: name in the legend.
         trajectory: None when the planner failed.
         report: `Report.to_dict()`, or None when nothing was verified.
         failure: `kind`, `detail` and `witness` of a `Failure`, or None.

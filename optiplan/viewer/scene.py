@@ -1,4 +1,4 @@
-"""From a problem and its runs to `SceneData`: everything the page draws, as plain data."""
+"""Build `SceneData` from a problem and its runs: everything the page draws, as plain data."""
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import asdict, dataclass
@@ -39,8 +39,8 @@ class SceneData:
         start: poses of the joints at the start, (1, bodies, 7).
         goal: the same at the end to be reached, None when it is not known.
         targets: poses that the goal names, and those of the vias: the tool's where a via gives joint values.
-        runs: what is played, see `runs.show_run`.
-        note: what a person should know about the picture, empty for nothing.
+        runs: motions to play, see `runs.show_run`.
+        note: remark on the picture; empty for none.
     """
 
     name: str
@@ -67,7 +67,7 @@ class _Parts:
         self._known: dict[Hashable, int] = {}
 
     def geometry(self, key: Hashable, make: Callable[[], dict[str, Any]]) -> int:
-        """Index of the geometry that `make` gives, called once a key."""
+        """Return the index of the geometry of `make`, which is called once per key."""
         if key not in self._known:
             self._known[key] = len(self.geometries)
             self.geometries.append(make())
@@ -83,7 +83,7 @@ class _Parts:
 
 
 def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
-    """Everything the page needs to draw a problem and play its runs together.
+    """Build the data to draw a problem and play its runs together.
 
     Raises:
         OptiPlanError: a run whose trajectory moves another number of joints than the problem's robot has.
@@ -129,7 +129,7 @@ def _targets(problem: Problem) -> tuple[list[float], ...]:
 
 
 def _add_robot(parts: _Parts, robot: Robot) -> None:
-    """Collision geometry, and visual geometry of the links that have some: the others show what is checked."""
+    """Add collision geometry, and visual geometry of the links that have it; others show collision geometry."""
     seen: set[int] = set()
     for thing in robot.visual.geometryObjects:
         seen.add(thing.parentFrame)

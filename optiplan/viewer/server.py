@@ -1,4 +1,4 @@
-"""The page on a local port, until ctrl-C: one thread, no child process, nothing left behind."""
+"""Serve the page on a local port until ctrl-C, in one thread without child processes."""
 
 from collections.abc import Callable, Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -14,10 +14,10 @@ PORTS_TRIED = 100
 
 
 class PageServer(ThreadingHTTPServer):
-    """Serves one page, made beforehand, at `/`; a busy port means the next free one, 0 any.
+    """Serve one prepared page at `/`; if the port is busy, use the next free one; port 0: any.
 
     Raises:
-        OptiPlanError: none of the ports can be had.
+        OptiPlanError: no port is free.
     """
 
     daemon_threads = True
@@ -36,7 +36,7 @@ class PageServer(ThreadingHTTPServer):
         raise OptiPlanError(f"cannot serve the page on {host}, {tried}: {reason}")
 
     def answer(self, path: str) -> bytes | None:
-        """The page at an address of this server, without its host; None: there is none."""
+        """Return the page at an address of this server, without its host; None: no such page."""
         return self.page if path.split("?")[0] == "/" else None
 
     @property
@@ -63,7 +63,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(page)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Say nothing: standard error belongs to the command."""
+        """Suppress logging: standard error belongs to the command."""
 
 
 def serve(
@@ -76,7 +76,7 @@ def serve(
     """Serve the page of these runs until ctrl-C; `on_ready` is called with its address once it can be opened.
 
     Raises:
-        OptiPlanError: no port can be had.
+        OptiPlanError: no port is free.
     """
     with PageServer(render_page(build_scene(problem, runs)), host, port) as server:
         try:

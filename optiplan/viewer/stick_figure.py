@@ -1,4 +1,4 @@
-"""A robot without any geometry, drawn as what it still has: a rod to each joint and to the tool, and their axes."""
+"""Stick figure of a robot without geometry: a rod to each joint and to the tool, and their axes."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -27,7 +27,7 @@ class Piece(NamedTuple):
 
 
 def skeleton(robot: Robot) -> Iterator[Piece]:
-    """Rods from the origin of each body to those that hang on it and to the tool, and the three axes at each end."""
+    """Return rods from the origin of each body to its children and to the tool, and the three axes at each end."""
     model = robot.model
     tool = model.frames[model.getFrameId(robot.tool_frame)]
     joints = range(1, model.njoints)

@@ -135,7 +135,7 @@ def giving_up(most):
 
 def test_a_long_narrow_place_is_left_by_taking_turns():
     problem, how = cases.duct(), {"seed": 3, "detour": np.inf}
-    alone = sample(problem, searcher=giving_up(7000), otherwise=None, **how)
+    alone = sample(problem, searcher=giving_up(7000), alternate=None, **how)
     assert isinstance(alone, Failure)
     path, again = (sample(problem, searcher=giving_up(7000), **how) for _ in range(2))
     assert polyline_contact(CollisionModel(problem.robot, problem.scene), path.waypoints) is None
@@ -156,7 +156,7 @@ def test_rounds_take_turns_and_so_do_the_goals():
 
     goals = [cases.LEFT, cases.LEFT + 0.05, cases.LEFT + 0.1]
     fresh = iter([[cases.LEFT + 0.15], [], [], []])
-    options = {"searcher": never("mine"), "otherwise": never("other"), "more_goals": lambda count, stop: next(fresh)}
+    options = {"searcher": never("mine"), "alternate": never("other"), "more_goals": lambda count, stop: next(fresh)}
     assert sample(cases.wall(), goals=goals, **options).kind == "no-path"
     assert [name for name, _, _ in rounds] == ["mine", "mine", "other", "mine", "other"]
     assert [patience for _, patience, _ in rounds] == [500, 500, 10000, 1500, 30000]
@@ -176,7 +176,7 @@ def test_thinner_obstacles_take_turns_after_the_second_round_of_both():
 
         return searcher
 
-    options = {"searcher": never("R"), "otherwise": never("K"), "relaxed": never("T"), "detour": np.inf}
+    options = {"searcher": never("R"), "alternate": never("K"), "relaxed": never("T"), "detour": np.inf}
     assert sample(cases.wall(), goals=[cases.LEFT], **options).kind == "no-path"
     assert "".join(name for name, _ in rounds) == "RKRKTRTKTRTTTKTT"
     assert {patience for name, patience in rounds if name == "T"} == {90_000}

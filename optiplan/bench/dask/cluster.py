@@ -9,7 +9,7 @@ from collections.abc import Generator, Iterable, Iterator
 from dataclasses import replace
 from typing import Any, Final
 
-from optiplan.bench.dask import station
+from optiplan.bench.dask import cluster_worker
 from optiplan.bench.dask.file_transfer import Packer
 from optiplan.bench.results.records import BenchProblem, BenchTask, Outcome, Row, empty_row, failure
 from optiplan.errors import OptiPlanError
@@ -29,13 +29,13 @@ LOST: Final = "crashed (machine lost)"
 
 
 class ClusterError(OptiPlanError):
-    """A cluster that cannot be used (any more); what came of it before is stored."""
+    """Unusable or lost cluster; earlier results are stored."""
 
 
 class DaskCluster:
-    """The workers of a Dask scheduler; a worker's runs that are lost with it are made elsewhere.
+    """Workforce on the workers of a Dask scheduler; runs of a lost worker are repeated elsewhere.
 
-    A run counts when its outcome has arrived here: Dask makes a task again whose worker, or whose result, is gone.
+    A run counts when its outcome has arrived here: Dask repeats a task whose worker or result is lost.
     """
 
     def __init__(self, address: str) -> None:
@@ -54,14 +54,14 @@ class DaskCluster:
         self._packer = Packer()
         self._packed: tuple[str, BenchProblem] | None = None
         self._done: queue.Queue[Any] = queue.Queue()
-        self._flying: dict[Any, tuple[BenchTask, station.Bill]] = {}
+        self._running: dict[Any, tuple[BenchTask, cluster_worker.Bundles]] = {}
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # other versions of Dask: below we say so ourselves
                 self._client: Any = distributed.Client(address, timeout=CONNECT, set_as_default=False)
         except (OSError, ValueError, TypeError, ImportError) as error:
             expected = "a running one, as of `dask scheduler` (docs/how-to/cluster.md)"
-            raise ClusterError(f"no Dask scheduler at {address}: {_said(error)}; expected {expected}") from error
+            raise ClusterError(f"no Dask scheduler at {address}: {_one_line(error)}; expected {expected}") from error
         try:
             self._compare()
         except BaseException:
@@ -70,7 +70,7 @@ class DaskCluster:
 
     @property
     def slots(self) -> int:
-        """Threads of all workers that are there now."""
+        """Threads of all current workers."""
         return sum(self._client.nthreads().values())
 
     def outcomes(self, tasks: Iterable[BenchTask]) -> Generator[Outcome, None, None]:
@@ -84,72 +84,78 @@ class DaskCluster:
             while not self._stop.is_set():
                 now = time.monotonic()
                 if now - looked > LOOK:
-                    looked, workers = now, self._look()
+                    looked, workers = now, self._check_workers()
                     alone = now if workers else alone
                 if now - alone > WAIT:
                     raise ClusterError(f"no worker at {self.address} for {WAIT:g} s")
-                while len(self._flying) < AHEAD * max(workers, 1):
+                while len(self._running) < AHEAD * max(workers, 1):
                     task = next(waiting, None)
                     if task is None:
                         break
                     self._send(task, {})
-                if not self._flying:
+                if not self._running:
                     return
                 yield from self._arrived()
         finally:
-            self._leave()
+            self._end_session()
 
     def close(self) -> None:
         """End the session, as `Workforce` says."""
         self._stop.set()
 
-    def _look(self) -> int:
+    def _check_workers(self) -> int:
         try:
             return self.slots
         except (OSError, ValueError, AttributeError) as error:
-            raise self._gone() from error
+            raise self._lost() from error
 
     def _compare(self) -> None:
-        """Refuse workers whose results may differ; those that come later are asked with each task."""
-        expected = station.signature()
+        """Refuse workers whose results may differ; those that join later are checked with each task."""
+        expected = cluster_worker.signature()
         try:
-            answers = self._client.run(station.differences, dict(expected), on_error="return")
+            answers = self._client.run(cluster_worker.differences, dict(expected), on_error="return")
         except (OSError, ValueError) as error:
-            raise self._gone() from error
+            raise self._lost() from error
         for worker, words in answers.items():
             if isinstance(words, BaseException):
-                raise ClusterError(f"worker {worker} cannot be asked for its versions: {_said(words)}; {_SAME}")
+                raise ClusterError(f"worker {worker} cannot be asked for its versions: {_one_line(words)}; {_SAME}")
             if words:
                 raise _mismatch(worker, words)
 
-    def _send(self, task: BenchTask, bill: station.Bill) -> None:
+    def _send(self, task: BenchTask, bundles: cluster_worker.Bundles) -> None:
         packed = replace(task, problem=self._pack(task.problem))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that a bundle is large
             future = self._client.submit(
-                station.carry_out, self._session, station.signature(), packed, bill, pure=False, key=uuid.uuid4().hex
+                cluster_worker.carry_out,
+                self._session,
+                cluster_worker.signature(),
+                packed,
+                bundles,
+                pure=False,
+                key=uuid.uuid4().hex,
             )
-        self._flying[future] = task, bill
+        self._running[future] = task, bundles
         future.add_done_callback(self._done.put)
 
     def _pack(self, problem: BenchProblem) -> BenchProblem:
-        """Tasks come problem by problem: the last one is packed already."""
+        """Pack a problem; tasks come problem by problem, so the last one is cached."""
         if self._packed is None or self._packed[0] != problem.id:
             self._packed = problem.id, self._packer.pack(problem)
         return self._packed[1]
 
     def _arrived(self) -> Iterator[Outcome]:
-        """The next outcome, if one comes in time for the next look."""
+        """Return the next outcome, if one arrives before the next check."""
         from distributed import KilledWorker
 
         try:
             future = self._done.get(timeout=0.2)
         except queue.Empty:
             return
-        task, bill = self._flying[future]
+        task, bundles = self._running[future]
         try:
             answer = future.result(timeout=HAND_OVER)
-        except TimeoutError:  # its worker was lost before it could hand over: it is made again
+        except TimeoutError:  # its worker was lost before the transfer: the run is repeated
             self._done.put(future)
             return
         except KilledWorker as error:
@@ -157,26 +163,26 @@ class DaskCluster:
         except OptiPlanError:
             raise
         except Exception as error:
-            raise self._gone(error) from error
-        del self._flying[future]
+            raise self._lost(error) from error
+        del self._running[future]
         if isinstance(answer, Outcome):
             yield replace(answer, row=replace(answer.row, worker=answer.row.worker or self.address))
-        elif isinstance(answer, station.Wanted):
+        elif isinstance(answer, cluster_worker.MissingBundles):
             bundle_contents = {digest: self._packer.bundle_contents(digest) for digest in sorted(answer.digests)}
-            self._send(task, {**bill, **bundle_contents})
+            self._send(task, {**bundles, **bundle_contents})
         else:
             raise _mismatch("that came later", answer.words)
 
-    def _gone(self, error: BaseException | None = None) -> ClusterError:
-        why = f" ({_said(error)})" if error is not None else ""
+    def _lost(self, error: BaseException | None = None) -> ClusterError:
+        why = f" ({_one_line(error)})" if error is not None else ""
         return ClusterError(f"the Dask cluster at {self.address} fails{why}; what was stored is whole: go on later")
 
-    def _leave(self) -> None:
-        """Give up what is under way; workers end the processes of this session."""
+    def _end_session(self) -> None:
+        """Cancel running tasks; workers end the processes of this session."""
         if self._client.status == "running":
-            self._client.cancel(list(self._flying), force=True)
-            self._client.run(station.leave, self._session, on_error="ignore")
-        self._flying.clear()
+            self._client.cancel(list(self._running), force=True)
+            self._client.run(cluster_worker.end_session, self._session, on_error="ignore")
+        self._running.clear()
         self._client.close(timeout=2)
 
 
@@ -187,6 +193,6 @@ def _mismatch(worker: str, words: Iterable[str]) -> ClusterError:
     return ClusterError(f"worker {worker} has other versions: {'; '.join(words)}; {_SAME}")
 
 
-def _said(error: BaseException) -> str:
+def _one_line(error: BaseException) -> str:
     text = " ".join(str(error).split())
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -1,6 +1,6 @@
-"""Files that travel with a task: a machine elsewhere has optiplan, and neither our checkout nor our robots and meshes.
+"""Transfer of files with a task: other machines have optiplan, but neither this checkout nor its robots and meshes.
 
-A *bundle* is what belongs together: a mesh, or a robot with all that it is read from. A packed problem names bundles
+A *bundle* is a mesh, or a robot with all files that it is read from. A packed problem names bundles
 by the hash of their content in place of files; workers cache bundles by hash and request missing contents.
 """
 
@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from optiplan import cache
-from optiplan.bench.execution.robot_cache import RobotShelf
+from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchProblem
 from optiplan.errors import OptiPlanError
 from optiplan.problem.hashing import meshes_of
@@ -32,27 +32,27 @@ TEXTS = (".yaml", ".yml", ".urdf", ".srdf", ".xml")
 
 
 class TravelError(OptiPlanError):
-    """A robot that cannot be taken elsewhere."""
+    """A robot that cannot be transferred."""
 
 
 @dataclass(frozen=True)
 class BundleContents:
-    """Content of a bundle: the folder that it is of, at home, and its files by their path below that."""
+    """Content of a bundle: its original folder, and its files by their path below that."""
 
     home: str
     files: Mapping[str, bytes]
 
 
 class Packer:
-    """Packs the problems of a suite; reads a robot and a mesh once, and keeps their names, not their bytes."""
+    """Pack the problems of a suite; each robot and mesh is read once and kept by hash, not by content."""
 
     def __init__(self) -> None:
-        self._robots = RobotShelf()
+        self._robots = RobotCache()
         self._digests: dict[str, str] = {}
         self._bundles: dict[str, tuple[Path, tuple[Path, ...]]] = {}
 
     def pack(self, problem: BenchProblem) -> BenchProblem:
-        """The problem with bundles in place of files; shipped robots stay names.
+        """Return the problem with bundles in place of files; shipped robots stay names.
 
         Raises:
             TravelError: a robot that cannot be loaded from its files alone.
@@ -75,7 +75,7 @@ class Packer:
         return BundleContents(str(home), {str(path.relative_to(home)): path.read_bytes() for path in paths})
 
     def _robot(self, ref: str) -> str:
-        """Try it out before it goes: a robot that is not whole without its surroundings is told of here."""
+        """Pack a robot and check that it loads from its bundle alone."""
         known = ref in self._digests
         robot = self._robots(ref)
         paths = tuple(dict.fromkeys(Path(os.path.normpath(path)) for path in robot.files))
@@ -85,7 +85,7 @@ class Packer:
         if not known:
             keep(self._digests[ref], self.bundle_contents(self._digests[ref]))
             try:
-                RobotShelf()(str(_unpacked(packed)))
+                RobotCache()(str(_unpacked(packed)))
             except OptiPlanError as error:
                 raise TravelError(f"robot {ref} cannot be taken to other machines: {error}") from error
         return packed
@@ -100,12 +100,12 @@ class Packer:
 
 
 def lacking(problem: BenchProblem) -> set[str]:
-    """The bundles of a packed problem that are not here."""
+    """Return the bundles of a packed problem that are not cached here."""
     return {ref.removeprefix(SCHEME).partition("/")[0] for ref in _refs(problem.data) if not _folder(ref).is_dir()}
 
 
 def keep(digest: str, bundle_contents: BundleContents) -> None:
-    """Put a bundle into the cache, whole or not at all."""
+    """Store a bundle in the cache atomically."""
     folder = _folder(f"{SCHEME}{digest}/")
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = Path(tempfile.mkdtemp(dir=folder.parent))
@@ -120,7 +120,7 @@ def keep(digest: str, bundle_contents: BundleContents) -> None:
 
 
 def unpack(problem: BenchProblem) -> BenchProblem:
-    """The problem with files in place of bundles, which are all here."""
+    """Return the problem with files in place of bundles, which are all cached."""
     data: dict[str, Any] = deepcopy(dict(problem.data))
     data["robot"] = _unpacked(data["robot"])
     for mesh in meshes_of(data):
@@ -143,6 +143,6 @@ def _folder(ref: str) -> Path:
 
 
 def _settled(content: bytes, home: str, folder: Path) -> bytes:
-    """Absolute paths below the old home, where they stand as a value, point below the new one."""
+    """Replace absolute paths below the original folder by paths below the new one."""
     pattern = rb"([\"'\s>]|file://)" + re.escape(home.rstrip("/").encode()) + b"/"
     return re.sub(pattern, rb"\g<1>" + str(folder).encode().replace(b"\\", rb"\\") + b"/", content)

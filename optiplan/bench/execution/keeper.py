@@ -1,4 +1,4 @@
-"""The keeper of a worker: ends and reaps all processes that the worker started, whatever process 1 does.
+"""Keeper of a worker: ends and reaps all processes that the worker started, independent of process 1.
 
 The keeper is a child subreaper: processes whose parent ends become its children, also those with a session of their
 own, so none of them is lost and none stays behind as a zombie.

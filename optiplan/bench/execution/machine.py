@@ -1,4 +1,4 @@
-"""The machine that runs are made on, so that times can be judged."""
+"""Description and load of the machine that runs are made on."""
 
 import os
 import platform
@@ -21,7 +21,7 @@ def machine() -> dict[str, Any]:
 
 
 def load() -> float:
-    """Processes that ran or waited for a core, on average over the last minute."""
+    """Return the load average of the last minute."""
     return os.getloadavg()[0]
 
 
@@ -52,7 +52,7 @@ def descendants(pid: int) -> list[int]:
 
 
 def ended(pid: int) -> bool:
-    """Whether a process has ended; a zombie has, whoever is to reap it."""
+    """Return whether a process has ended; a zombie has."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] in "ZX"
     except OSError:

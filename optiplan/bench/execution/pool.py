@@ -1,4 +1,4 @@
-"""Several slots on this machine, each in a thread of its own: tasks in, outcomes out as they come."""
+"""Pool of slots on this machine, each in a thread of its own: tasks in, outcomes out in order of completion."""
 
 import queue
 import threading
@@ -14,10 +14,10 @@ PATIENCE = 5.0
 
 
 class Workforce(Protocol):
-    """Whoever carries out tasks: slots on this machine, or machines elsewhere."""
+    """Executor of tasks: slots on this machine, or a cluster."""
 
     def outcomes(self, tasks: Iterable[BenchTask]) -> Generator[Outcome, None, None]:
-        """One outcome for every task, in any order; a task is taken from `tasks` only when a slot is free for it."""
+        """Yield one outcome for every task, in any order; a task is taken from `tasks` only when a slot is free."""
         ...
 
     def close(self) -> None:
@@ -96,7 +96,7 @@ class LocalPool:
             self._put(None)
 
     def _put(self, item: Outcome | BaseException | None) -> None:
-        """Hand over; once stopped nobody may be there to take it."""
+        """Put an outcome into the queue, unless stopped."""
         while True:
             try:
                 return self._done.put(item, timeout=0.1)

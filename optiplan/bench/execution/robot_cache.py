@@ -8,8 +8,8 @@ from typing import Any
 from optiplan.robot.robot import Robot, load_robot, robot_file
 
 
-class RobotShelf:
-    """Stands in for `load_robot`; files that change meanwhile are not looked at again."""
+class RobotCache:
+    """Cached `load_robot`; files are not read again when they change."""
 
     def __init__(self) -> None:
         self._robots: dict[tuple[object, ...], Robot] = {}

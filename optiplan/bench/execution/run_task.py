@@ -1,4 +1,4 @@
-"""One task, carried out: load, warm up, plan and verify, and what came of it as a row. Runs inside a worker."""
+"""Execute one task inside a worker: load, warm up, plan and verify, and return the result as a row."""
 
 import hashlib
 import json
@@ -13,7 +13,7 @@ import numpy as np
 
 from optiplan.bench.execution import machine
 from optiplan.bench.execution.code_version import own_digest, planner_code
-from optiplan.bench.execution.robot_cache import RobotShelf
+from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask, Outcome, Row, empty_row, failure
 from optiplan.errors import OptiPlanError
 from optiplan.planners.base import Budget
@@ -40,16 +40,16 @@ Phase = Callable[[str], None]
 
 
 class Executor:
-    """Carries out tasks one after another; keeps robots, the last problems and warm planners."""
+    """Execute tasks in turn; robots, the last problems and warm planners are cached."""
 
     def __init__(self) -> None:
-        self._robots = RobotShelf()
+        self._robots = RobotCache()
         self._problems: dict[str, Problem] = {}
         self._warm: set[tuple[str, ...]] = set()
         self._codes: dict[str, str] = {}
 
     def __call__(self, task: BenchTask, phase: Phase) -> Outcome:
-        """The outcome; whatever goes wrong inside is one, too."""
+        """Return the outcome; any error inside is an outcome too."""
         began, cpu = time.perf_counter(), processor_time()
         row = {**empty_row(task), "started_at": machine.now(), "optiplan": own_digest()}
         row["code"] = self._code(task.planner)
@@ -70,13 +70,13 @@ class Executor:
                 task.budget
             )
             spent = timings | {**done.timings, "stages": dict(done.stages)}
-            json.dumps([columns, spent], allow_nan=False)  # a planner may tell what nobody can store
+            json.dumps([columns, spent], allow_nan=False)  # a planner's info may not be storable
             row, timings = row | columns, spent
         except OptiPlanError as error:
             row |= failure("bad-input", str(error))
         except MemoryError:
             row |= failure("out-of-memory", "an allocation was refused")
-        except BaseException as error:  # SystemExit, KeyboardInterrupt: the planner's, nobody else is here
+        except BaseException as error:  # SystemExit and KeyboardInterrupt can only come from the planner
             blob = None
             what = traceback.format_exception_only(error)[-1].strip()
             row |= failure("bug", what, {"traceback": traceback.format_exc(limit=-8)})
@@ -99,7 +99,7 @@ class Executor:
         return self._codes[planner.label]
 
     def _warm_up(self, planner: BenchPlanner, problem: Problem, phase: Phase, timings: dict[str, Any]) -> None:
-        """Let the planner, as it is labelled, move this robot once where nothing is measured; forget what came of it.
+        """Run the planner once on a simple problem of this robot, unmeasured, and discard the result.
 
         Libraries are loaded, code compiled and caches filled by it: by planner, by its options, and by robot.
         """
@@ -118,7 +118,7 @@ class Executor:
 
 
 def warm_up_problem(problem: Problem) -> dict[str, Any]:
-    """Content of a problem file: the same robot and start, nothing in the way, a short motion to a joint goal."""
+    """Return problem data: the same robot and start, no obstacles, a short motion to a joint goal."""
     limits = problem.robot.limits
     middle = np.clip(problem.start, limits.lower, limits.upper)
     bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
@@ -129,7 +129,7 @@ def warm_up_problem(problem: Problem) -> dict[str, Any]:
 
 
 def forget(seed: int) -> None:
-    """Seed the generators that belong to the whole process: what a run draws from them no other run decides."""
+    """Seed the process-wide generators, so that runs do not influence each other."""
     random.seed(seed)
     np.random.seed(seed)  # noqa: NPY002
 

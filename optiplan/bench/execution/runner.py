@@ -1,4 +1,4 @@
-"""A suite run into a folder: what is there stays, what is missing is made, every run once."""
+"""Run a suite into a folder: stored runs are kept, missing ones are made, every run once."""
 
 import json
 from collections.abc import Callable
@@ -24,7 +24,7 @@ class CodeError(OptiPlanError):
 
 @dataclass(frozen=True)
 class Summary:
-    """Progress of a suite: all runs, those found in the folder, those made now."""
+    """Progress of a suite: all runs, those found in the folder, those made in this session."""
 
     total: int
     found: int
@@ -37,7 +37,7 @@ class Summary:
 
 
 def open_results(suite: Suite, folder: Path) -> Store:
-    """The results of this suite in a folder, ready to be added to; made when there are none.
+    """Open the results of this suite in a folder for writing; create them if missing.
 
     Raises:
         InputError: the folder holds the results of another suite or of other code (what differs is named), or another
@@ -81,7 +81,7 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
         store: its results, from `open_results`.
         workforce: carries out the tasks; closing it from elsewhere (a signal's handler) ends this with what is stored.
         label: of the workforce, for table `sessions`.
-        watch: told every outcome once it is stored.
+        watch: called with every outcome once it is stored.
 
     Raises:
         StoreError: a run cannot be stored; those before it are.
@@ -109,7 +109,7 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
 
 
 def _with_code(outcome: Outcome, suite: Suite) -> Outcome:
-    """The outcome with the code it was made by, also where its process ended before telling.
+    """Return the outcome with the code it was made by, also where its process died first.
 
     Raises:
         CodeError: a worker that was started later has read other code than the suite's.

@@ -1,4 +1,4 @@
-"""A slot: one run at a time, in a process of its own under hard limits; whatever happens there ends in an outcome."""
+"""Slot: one run at a time, in a process of its own under hard limits; every end of it is an outcome."""
 
 import json
 import os
@@ -35,11 +35,11 @@ FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)
 
 
 class WorkerError(OptiPlanError):
-    """A worker that cannot even start."""
+    """A worker that cannot start."""
 
 
 class Stopped(Exception):
-    """Somebody asked to stop; the run under way is given up and not recorded."""
+    """Stop requested; the current run is given up and not recorded."""
 
 
 @dataclass(frozen=True)
@@ -168,17 +168,17 @@ class _Worker:
         self.gone = False
 
     def greet(self, patience: float) -> None:
-        """Learn the worker's `pid` from its first message, if that comes within so many seconds."""
+        """Read the worker's `pid` from its first message, if that arrives within this time, s."""
         message = self.message(patience)
         self.pid = 0 if message is None else message["pid"]
 
     def processes(self) -> list[int]:
-        """The worker, first, and what it started that has not been reaped."""
+        """Return the worker, first, and its descendants that have not been reaped."""
         others = [pid for pid in machine.descendants(self._process.pid) if pid != self.pid]
         return [self.pid, *others]
 
     def begin(self, task: BenchTask) -> None:
-        """Send a task; what was printed before it is forgotten."""
+        """Send a task; discard earlier output."""
         self._drain()
         self._tail = b""
         try:
@@ -187,7 +187,7 @@ class _Worker:
             self.gone = True
 
     def message(self, patience: float) -> dict[str, Any] | None:
-        """The next message if there is one within so many seconds; sets `gone` when there can be none any more."""
+        """Return the next message if it arrives within this time, s; set `gone` when the worker has ended."""
         if self.gone:
             return None
         ready = wait([self._connection] if self._silent else [self._connection, self._printed], patience)
@@ -217,11 +217,11 @@ class _Worker:
         return _Death("crashed", "the process ended", how=f"exit {code}")
 
     def output(self) -> str:
-        """The end of what was printed since the task began."""
+        """Return the end of the output since the task began."""
         return self._rest().decode(errors="replace")
 
     def kill(self) -> None:
-        """End it together with what it started, also in sessions of their own; returns when all of it is reaped."""
+        """End the worker and its descendants, also in other sessions; return when all are reaped."""
         self.gone = True
         self._process.terminate()  # the keeper ends the others
         try:
@@ -240,7 +240,7 @@ class _Worker:
         return self._tail
 
     def _drain(self) -> None:
-        """Read what is there now, within reason: a worker may print faster than we read."""
+        """Read the available output, up to a limit: a worker may print faster than it is read."""
         for _ in range(CHUNKS):
             try:
                 read = os.read(self._printed, 65536)

@@ -1,4 +1,4 @@
-"""The process behind a slot: takes tasks from a pipe one by one, sends back what came of them.
+"""Process of a slot: takes tasks from a pipe one by one and sends back their outcomes.
 
 Its arguments are the folders of Python modules (JSON), one end of a pair of sockets, the process that must live for
 this one to live, and the core to stay on (-1: any). Standard output and standard error belong to the planners: what
@@ -29,7 +29,7 @@ def main() -> None:
     from optiplan.bench.results.records import BenchTask
 
     def send(message: dict[str, object]) -> None:
-        if os.getpid() != ours:  # a planner forked, and both came back from it: one answer is enough
+        if os.getpid() != ours:  # a planner forked and both processes returned: only the original one answers
             os._exit(0)
         for stream in (sys.stdout, sys.stderr):
             with suppress(Exception):  # a planner may have closed it

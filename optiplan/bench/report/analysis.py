@@ -1,4 +1,4 @@
-"""The numbers of a report, from the runs alone: no text, no pictures.
+"""Statistics of a report, from the runs alone.
 
 A run succeeds when it is *verified*. Times and durations are of verified runs only; a failure has none, and counts as
 a failure wherever shares of all runs are told.
@@ -36,9 +36,9 @@ class PlannerNumbers(NamedTuple):
 
     Attributes:
         label: of the planner.
-        runs: how many are stored.
+        runs: number of stored runs.
         planned, timed, verified: how many got so far.
-        executed: how many a controller followed; None where that was not tried.
+        executed: number followed by a controller; None where that was not tried.
         success: share of verified runs.
         plan_time: s by the clock, of verified runs.
         plan_cpu: s of the processor, of planning alone, likewise.

@@ -1,4 +1,4 @@
-"""Failures grouped by reason: the same words but for names and numbers are the same reason."""
+"""Failures grouped by reason: details that differ only in names and numbers are one reason."""
 
 import re
 from collections import Counter
@@ -69,7 +69,7 @@ def reasons(store: Store) -> list[Reason]:
 
 
 def alike(detail: str) -> str:
-    """A detail without what differs from run to run: its first line, names in quotes and numbers left out."""
+    """Return the part of a detail common to runs: its first line without quoted names and numbers."""
     line = detail[:WORDS].split("\n", 1)[0]
     return _VARIABLE.sub("…", line).strip()
 

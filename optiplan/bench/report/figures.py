@@ -61,7 +61,7 @@ class Figure(NamedTuple):
 
 
 def figures(analysis: Analysis) -> list[Figure]:
-    """The figures there is something to draw in."""
+    """Return the figures that are not empty."""
     found = [FIGURES[0]]
     if analysis.runs.verified.any():
         found += [figure for figure in FIGURES[1:] if analysis.common > 1 or not figure.name.startswith("profile")]

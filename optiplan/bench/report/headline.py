@@ -16,7 +16,7 @@ Card = tuple[str, str, str]
 
 
 def cards(analysis: Analysis) -> list[Card]:
-    """The answers that a person wants within ten seconds."""
+    """Return the summary cards."""
     planners = [one for one in analysis.planners if one.runs]
     if not planners:
         return [("No runs yet", "–", "The suite has not been run.")]

@@ -1,4 +1,4 @@
-"""The page: one HTML file with everything in it, which asks for nothing from anywhere."""
+"""The page: one self-contained HTML file."""
 
 import html
 import shlex
@@ -39,7 +39,7 @@ def write_page(store: Store, analysis: Analysis, path: Path | None = None) -> Pa
 
 
 def render(store: Store, analysis: Analysis, found: list[Reason], link: Link) -> str:
-    """The page as text; everything that comes from the results is escaped."""
+    """Return the page as text; all values from the results are escaped."""
     own = resources.files("optiplan.bench.report")
     name = str(store.meta("name"))
     return Template((own / "report.html").read_text("utf-8")).substitute(

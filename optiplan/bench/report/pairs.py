@@ -1,4 +1,4 @@
-"""Two planners on the problems that both solve: which is quicker, whose motions are shorter, and is it chance?
+"""Paired comparison of planners on the problems that both solve: planning time, duration, significance.
 
 The unit is the problem: its runs (seeds, repetitions) are alike, so they are taken together, by the geometric mean of
 the ratio over the runs that both solved.
@@ -25,7 +25,7 @@ class Paired(NamedTuple):
         wins: problems on which the first costs less, beyond 1 %.
         losses: problems on which it costs more.
         sign: probability of wins and losses so uneven by chance, sign test.
-        rank: the same by Wilcoxon's signed ranks of the ratios' logarithms, which heeds by how much.
+        rank: the same by Wilcoxon's signed ranks of the ratios' logarithms.
     """
 
     ratio: Interval

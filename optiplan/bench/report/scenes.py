@@ -1,4 +1,4 @@
-"""Pages of the viewer beside a report: one failure of every reason, so that its link opens also without a server."""
+"""Viewer pages beside a report: one failure of every reason, for links that work without a server."""
 
 import hashlib
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""The report on a local port: there its failures are links that open scene and witness in the viewer."""
+"""Serve the report on a local port, with links from failures to the viewer."""
 
 import html
 from pathlib import Path
@@ -32,7 +32,7 @@ class ReportServer(PageServer):
         super().__init__(page, port=port)
 
     def answer(self, path: str) -> bytes | None:
-        """The report, or the viewer's page of a run; what is wrong with a run is told as a page, too."""
+        """Return the report, the viewer's page of a run, or a page with the run's error."""
         parts = urlsplit(path)
         if parts.path != "/show":
             return super().answer(path)

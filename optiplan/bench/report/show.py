@@ -1,4 +1,4 @@
-"""A stored run as the viewer takes it: its motion judged afresh, or the witness of its failure."""
+"""Stored run for the viewer: its motion verified again, or the witness of its failure."""
 
 import json
 
@@ -12,7 +12,7 @@ from optiplan.viewer.runs import ViewedRun
 
 
 def stored_view(store: Store, key: Key) -> tuple[Problem, ViewedRun]:
-    """The problem of a run, and what to show of the run.
+    """Return the problem of a run, and the data to show of the run.
 
     Raises:
         InputError: there is no such run, or its problem cannot be loaded (which may be why the run failed).

@@ -1,4 +1,4 @@
-"""Tables of the page. Every value is escaped here; a cell knows by what it is sorted."""
+"""Tables of the page. Every value is escaped here; a cell holds its sort key."""
 
 import html
 import math
@@ -109,7 +109,7 @@ def success(value: Interval) -> Cell:
 
 
 def ladder(analysis: Analysis) -> str:
-    """The main table: how far runs get, and what the verified ones cost."""
+    """Return the main table: stages reached by runs, and costs of the verified ones."""
     heads = [Head("planner", words=True), Head("success", "share of all runs that are verified")]
     heads += [Head("runs"), Head("planned", "a path was found"), Head("timed", "it got its times")]
     heads += [

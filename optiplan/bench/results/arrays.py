@@ -1,4 +1,4 @@
-"""The runs of a suite as arrays: one entry a run, or a grid of what every planner made of the same task."""
+"""Runs of a suite as arrays: one entry per run, or a grid of tasks by planners."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple

@@ -34,11 +34,11 @@ INSERT = f"INSERT INTO runs ({', '.join(COLUMNS)}, session) VALUES ({', '.join('
 
 
 class StoreError(OptiPlanError):
-    """The results cannot be read or written; what was stored before is whole."""
+    """The results cannot be read or written; earlier runs are intact."""
 
 
 class Store:
-    """The results of one suite, open; use as a context manager.
+    """Open results of one suite; use as a context manager.
 
     One process at a time may write (`for_writing`), any number may read.
     """
@@ -57,7 +57,7 @@ class Store:
             raise InputError([Issue(str(folder), None, "folder", f"no {FILE}", "a folder that a suite was run into")])
         self._lock = _locked(folder) if write else None
         try:
-            with self._told():
+            with self._translated_errors():
                 self._db = _connected(self.path, write)
             self._check_version()
             self._rate()
@@ -67,7 +67,7 @@ class Store:
 
     @classmethod
     def create(cls, folder: Path, meta: Mapping[str, Any]) -> "Store":
-        """Make an empty database in a folder, whole or not at all, and open it for writing.
+        """Create an empty database in a folder atomically, and open it for writing.
 
         Args:
             folder: made when it is not there; holds no results yet.
@@ -131,18 +131,18 @@ class Store:
 
     def query(self, sql: str, values: tuple[Any, ...] = ()) -> list[sqlite3.Row]:
         """The rows of any SELECT; they can be asked by column name."""
-        with self._told():
+        with self._translated_errors():
             return self._db.execute(sql, values).fetchall()
 
     def batches(self, sql: str, values: tuple[Any, ...] = ()) -> Iterator[list[sqlite3.Row]]:
         """The rows of any SELECT as of now, some at a time: memory does not grow with the results."""
-        with self._told():
+        with self._translated_errors():
             cursor = self._db.execute(sql, values)
             while rows := cursor.fetchmany(BATCH):
                 yield rows
 
     def done(self) -> set[Key]:
-        """The runs that are there."""
+        """Return the keys of the stored runs."""
         return {tuple(row) for row in self.query("SELECT problem, planner, seed, repetition FROM runs")}
 
     def problem(self, id_: str) -> BenchProblem:
@@ -208,7 +208,7 @@ class Store:
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        with self._told():
+        with self._translated_errors():
             self._db.execute("BEGIN IMMEDIATE")
             try:
                 yield
@@ -219,7 +219,7 @@ class Store:
                 raise
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _translated_errors(self) -> Iterator[None]:
         """Return the error of SQLite as one that says what to do."""
         try:
             yield
@@ -251,7 +251,7 @@ class Store:
     def _rate(self) -> None:
         """Make the view `rated`, which lives as long as the connection."""
         names = [row["name"] for row in self.query("PRAGMA table_info(runs)") if row["name"] != "ratio"]
-        with self._told():
+        with self._translated_errors():
             self._db.execute(VIEW.format(columns=", ".join(f"runs.{name} AS {name}" for name in names)))
 
 
@@ -267,7 +267,7 @@ def _connected(path: Path, write: bool) -> sqlite3.Connection:
 
 
 def _locked(folder: Path) -> int:
-    """A lock that ends with this process, however that ends."""
+    """Take a lock that is released when this process ends."""
     try:
         handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Results that were made elsewhere, beside ours: times as their authors tell, trajectories verified here.
+"""Import of foreign results: times as their authors report, trajectories verified here.
 
 The file is JSON: `{set: [entry, …]}` as robometrics has it, or `[entry, …]`. An entry is matched by its `problem`, the
 id that we use, and its `seed` (0 without one). It may have the fields of `foreign.py`, and a `trajectory`: samples
@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from optiplan.bench.execution.robot_cache import RobotShelf
+from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.execution.run_task import packed, result_columns
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import BenchPlanner, BenchTask, Outcome, Row, empty_row, failure
@@ -35,7 +35,7 @@ FORM = "{set: [entry, …]} or [entry, …] in JSON"
 
 
 class Entry(NamedTuple):
-    """One run of the file: where it stands there, and its fields."""
+    """One run of the file: its place there, and its fields."""
 
     place: str
     fields: Mapping[str, Any]
@@ -50,11 +50,11 @@ class Imported(NamedTuple):
 
 
 def read_results(file: Path, label: str, beside: Store, folder: Path) -> Imported:
-    """Read results from elsewhere into a folder of their own, for `optiplan bench compare`.
+    """Read foreign results into a folder of their own, for `optiplan bench compare`.
 
     Args:
         file: as the module says.
-        label: what the planner is to be called.
+        label: name of the planner.
         beside: our results on the same problems.
         folder: holds no results yet.
 
@@ -112,11 +112,11 @@ def _outcomes(file: Path, tasks: Mapping[Any, tuple[BenchTask, Entry]]) -> Itera
     Raises:
         InputError: samples that cannot be read, of all entries.
     """
-    robots = RobotShelf()
+    robots = RobotCache()
     issues: list[Issue] = []
     found: list[Outcome] = []
     for task, entry in tasks.values():
-        row = _told(task, entry.fields)
+        row = _claimed_row(task, entry.fields)
         given = entry.fields.get("trajectory")
         if given is None:
             found.append(Outcome(row))
@@ -143,7 +143,7 @@ def _samples(file: Path, entry: Entry, given: Any, problem: Problem) -> Samples:
 
 
 def _judged(row: Row, problem: Problem, samples: Samples) -> Outcome:
-    """The row with our verdict on a motion through samples, and our measures of it.
+    """Return the row of a motion through samples, verified and measured here.
 
     Raises:
         InputError: samples that are no motion.
@@ -173,8 +173,8 @@ def _judged(row: Row, problem: Problem, samples: Samples) -> Outcome:
     return Outcome(replace(row, **told | columns), blob)
 
 
-def _told(task: BenchTask, item: Mapping[str, Any]) -> Row:
-    """An entry's own numbers as a row, which is planned and timed at most."""
+def _claimed_row(task: BenchTask, item: Mapping[str, Any]) -> Row:
+    """Return the row of an entry's own numbers, planned and timed at most."""
     duration, seconds = _finite(item.get("motion_time")), _finite(item.get("solve_time"))
     turned = _finite(item.get("eef_orientation_path_length"))
     lengths = {

@@ -66,8 +66,8 @@ class BenchTask:
 
     Attributes:
         problem: what to plan.
-        planner: with what.
-        seed: stands in for the problem's own.
+        planner: the planner.
+        seed: replaces the problem's own.
         repetition: from 0.
         budget: s, of the planner.
         wall: hard limit of wall-clock time, s.
@@ -159,7 +159,7 @@ def empty_row(task: BenchTask) -> dict[str, Any]:
 def failure(
     kind: FailureKind | RunFailureKind, detail: str, witness: Mapping[str, Any] | None = None, how: str = ""
 ) -> dict[str, Any]:
-    """The columns that tell why there is no verified trajectory; `how`, in words, is told with the kind."""
+    """Return the columns of a failure; `how`, in words, belongs to the kind."""
     told = f"{kind} ({how})" if how else str(kind)
     told, detail = (text.encode(errors="replace").decode() for text in (told, detail))  # databases hold UTF-8 alone
     return {"failure_kind": told, "failure_detail": detail, "witness": None if witness is None else jsonable(witness)}

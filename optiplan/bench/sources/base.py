@@ -1,4 +1,4 @@
-"""What a source of a suite's problems is given, and what it gives.
+"""Interface of the sources of a suite's problems.
 
 A reader is a function `(Place) -> Iterator[Found]`. It yields problems in a fixed order, the same at every call, and
 raises `InputError` for a source that cannot be used; `Place` makes the issues, with the line in the suite file.
@@ -18,7 +18,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class Found:
-    """A problem as a source gives it.
+    """Problem found by a source.
 
     Attributes:
         name: unique in its set.
@@ -46,7 +46,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Place:
-    """A source of a suite: what it asks for and where that stands.
+    """A source of a suite with its place in the suite file.
 
     Attributes:
         spec: the source.
@@ -70,11 +70,11 @@ class Place:
         return self.document.issue(("problems", self.index, key), found, expected)
 
     def refuse(self, key: str, found: str, expected: str) -> InputError:
-        """An error about one key of the source, to be raised."""
+        """Return an error about one key of the source, to be raised."""
         return InputError([self.issue(key, found, expected)])
 
     def path(self, key: str) -> Path:
-        """The path that a key of the source means, variables replaced.
+        """Return the path of a key of the source, variables replaced.
 
         Raises:
             InputError: a variable that is not set.
@@ -95,7 +95,7 @@ class Place:
             raise self.refuse(key, f"'{text}'", expected) from None
 
     def robot(self) -> str | None:
-        """The robot asked for: a shipped one's name, or an absolute path."""
+        """Return the robot of the source: a shipped one's name, or an absolute path."""
         from optiplan.robot.robot import robot_names
 
         if self.spec.robot is None or self.spec.robot in robot_names():

@@ -13,7 +13,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 import optiplan
 from optiplan import cache
 from optiplan.arrays import Array
-from optiplan.bench.execution.robot_cache import RobotShelf
+from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.sources.base import Found, Place
 from optiplan.bench.sources.room_scenes import Aisle, Clutter, Machine, Slot
 from optiplan.bench.sources.tabletop_scenes import Arm, Cage, DrawnScene, Generator, OpenBox, Shelf, Table, UnderTable
@@ -57,7 +57,7 @@ def generated(place: Place) -> Iterator[Found]:
     """
     spec = place.spec
     level, generator = _generator(place)
-    robots = RobotShelf()
+    robots = RobotCache()
     robot = _ROBOTS.get(str(spec.generate), {"robot": "panda"})
     if spec.robot is not None:
         robot = robot | {"robot": str(place.robot())}
@@ -87,7 +87,7 @@ def _kept(identity: list[str], make: Callable[[], dict[str, Any] | None]) -> dic
 
 @once
 def _code() -> str:
-    """Identity of all that has a say in a scene: no one remembers to count a version up."""
+    """Return a hash of all code that determines a scene, in place of a version number."""
     folder = Path(optiplan.__file__).parent
     rooms = ("bench/sources", "geometry", "robot", "kinematics", "collision", "workspace", "problem")
     files = [path for room in rooms for path in sorted((folder / room).rglob("*.py"))]
@@ -128,7 +128,7 @@ def _generator(place: Place) -> tuple[str, Generator]:
 
 
 def _problem(
-    generator: Generator, arm: Arm, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotShelf]
+    generator: Generator, arm: Arm, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotCache]
 ) -> dict[str, Any] | None:
     """Content of a problem file; None when no scene drawn can be used."""
     names, robot, shelf = robots
@@ -142,13 +142,13 @@ def _problem(
         q = _solved(data, rng, shelf)
         if q is not None and robot.n <= _ARM:
             return data
-        if q is not None:  # with so much freedom another search might find no configuration at all
+        if q is not None:  # with many joints another search might find no configuration
             return data | {"goal": {"joints": _rounded(q)}}
     return None
 
 
 def _start(
-    blank: dict[str, Any], draft: DrawnScene, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotShelf]
+    blank: dict[str, Any], draft: DrawnScene, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotCache]
 ) -> dict[str, Any] | None:
     """Return the start: the scene's pose, or the first free configuration of the robot; or None."""
     _, robot, shelf = robots
@@ -165,7 +165,7 @@ def _start(
     return None
 
 
-def _solved(data: dict[str, Any], rng: np.random.Generator, shelf: RobotShelf) -> Array | None:
+def _solved(data: dict[str, Any], rng: np.random.Generator, shelf: RobotCache) -> Array | None:
     """A free configuration at the goal of a problem whose start is free, or None."""
     problem = _loaded(data, shelf)
     if problem is None:
@@ -174,7 +174,7 @@ def _solved(data: dict[str, Any], rng: np.random.Generator, shelf: RobotShelf) -
     return found.configurations[0] if found.configurations else None
 
 
-def _loaded(data: dict[str, Any], shelf: RobotShelf) -> Problem | None:
+def _loaded(data: dict[str, Any], shelf: RobotCache) -> Problem | None:
     """The problem, or None where its start collides."""
     try:
         return problem_from_dict(data, robots=shelf)

@@ -49,7 +49,7 @@ def _found(place: Place, converter: "_Converter", scene: Path, request: Path) ->
 
 
 class _Converter:
-    """Converts with the robot that was asked for, and keeps what came of it: reading these files takes long."""
+    """Convert with the source's robot and cache the results: reading these files is slow."""
 
     def __init__(self, robot: str | None) -> None:
         self._importer = Importer(robot)

@@ -1,4 +1,4 @@
-"""Two results of the same problems, an old and a new one: what became better or worse, and is it chance?
+"""Compare an old and a new result of the same problems: changes and their significance.
 
 Runs are compared in pairs of the same problem (by content), planner, seed and repetition; what has no counterpart is
 told, and left out. As in the report the unit is the problem: its runs are taken together.
@@ -197,12 +197,12 @@ def _origins(one: tuple[Store, Runs], other: tuple[Store, Runs]) -> Iterable[str
     words = code_differences(old.code, new.code) if old.code and new.code else []
     yield from (text.replace("there,", "before,").replace("here", "now") for text in words)
     for column, text in (("versions", "versions of the software"), ("machine", "machines (times may differ by that)")):
-        before_, after_ = (_told(store, column) for store in (old, new))
+        before_, after_ = (_recorded(store, column) for store in (old, new))
         if before_ != after_:
             yield f"other {text}: {_some(sorted(before_ - after_))} before, {_some(sorted(after_ - before_))} now"
 
 
-def _told(store: Store, column: str) -> set[str]:
+def _recorded(store: Store, column: str) -> set[str]:
     """Return the recorded machines or versions of all sessions, as `name value`."""
     ignored = ("load", "memory")
     sql = f"SELECT DISTINCT key || ' ' || value FROM sessions, json_each(sessions.{column}) WHERE key NOT IN (?, ?)"

@@ -54,10 +54,10 @@ class SourceSpec(Strict):
         generate: name of a generator of scenes.
         set: name of the set; for `mbm` what stands before the names of its folders.
         difficulty: label of all problems of this source that the suite's own table does not name.
-        robot: a name or a robot file relative to the suite file, instead of the one that the data ask for.
+        robot: a name or a robot file relative to the suite file, instead of the one in the data.
         sets: only these folders or groups.
-        first: only so many problems of each set.
-        every: only each so-manieth problem of each set, the first included.
+        first: number of problems to keep of each set.
+        every: keep every k-th problem of each set, the first included.
         count: how many problems to generate.
         seed: of the generator.
         params: of the generator.
@@ -90,7 +90,7 @@ class SourceSpec(Strict):
 
     @property
     def kind(self) -> str:
-        """The key that says where from."""
+        """Key of the source's kind."""
         return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
 

@@ -1,4 +1,4 @@
-"""A suite with all its problems found and its planners checked: the list of runs to be made, and its identity."""
+"""Resolved suite: problems, checked planners, the list of runs, and its hash."""
 
 import hashlib
 import json
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.bench.execution.code_version import own_code, own_digest, planner_code
-from optiplan.bench.execution.robot_cache import RobotShelf
+from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask
 from optiplan.bench.sources.base import Found, Place
 from optiplan.bench.sources.readers import read_source
@@ -96,11 +96,11 @@ def load_suite(path: Path | str, scratch: Path, progress: Progress = lambda stag
     Args:
         path: the YAML file.
         scratch: folder for files that problems need and that no source holds; made only for such files.
-        progress: told every problem that was read, and the fraction of sources that are done.
+        progress: called with every problem read and the fraction of sources done.
 
     Raises:
         InputError: with every issue found; problems are checked as far as is possible without loading their scenes.
-        UnknownChoiceError: a robot that there is not.
+        UnknownChoiceError: no such robot.
     """
     spec, document = read_suite(path)
     issues: list[Issue] = []
@@ -161,14 +161,14 @@ def _planners(spec: SuiteSpec, document: Document, issues: list[Issue]) -> tuple
             issues.append(document.issue(place, f"unknown {error.kind} '{error.found}'", ", ".join(error.choices)))
         except InputError as error:
             issues += [document.issue((*place, issue.field), issue.found, issue.expected) for issue in error.issues]
-        except (Exception, SystemExit):  # a planner from outside that cannot be made: its runs will tell
+        except (Exception, SystemExit):  # a third-party planner that cannot be constructed: reported by its runs
             continue
     return tuple(BenchPlanner(planner.shown, planner.name, planner.options) for planner in spec.planners)
 
 
 def _problems(places: list[Place], issues: list[Issue], progress: Progress) -> dict[str, BenchProblem]:
     """The problems of all sources by their ids."""
-    robots = RobotShelf()
+    robots = RobotCache()
     found: dict[str, BenchProblem] = {}
     for place in places:
         try:
@@ -186,7 +186,7 @@ def _problems(places: list[Place], issues: list[Issue], progress: Progress) -> d
     return found
 
 
-def _problem(item: Found, difficulty: str | None, robots: RobotShelf) -> BenchProblem:
+def _problem(item: Found, difficulty: str | None, robots: RobotCache) -> BenchProblem:
     """Check an item against the schema, and take its identity.
 
     Raises:

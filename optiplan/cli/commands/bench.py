@@ -1,4 +1,4 @@
-"""`optiplan bench`: run a suite of problems and planners, go on with one, export what came of it."""
+"""`optiplan bench`: run or resume a suite of problems and planners, export its results."""
 
 import os
 import signal
@@ -145,7 +145,7 @@ def import_results(
 
 
 def _workforce(workers: int | None, dask: str | None, pin: bool) -> tuple[Any, str]:
-    """Whoever makes the runs, and its name in the results."""
+    """Return the workforce, and its name in the results."""
     if dask is None:
         from optiplan.bench.execution.pool import LocalPool
 
@@ -168,7 +168,7 @@ app.command("compare")(bench_report.compare)
 
 
 def _tell(store: Any, done: Any, as_json: bool) -> None:
-    """The end of a suite: one line a planner, and the page once every run is there."""
+    """Print the end of a suite: one line per planner; write the page once every run is there."""
     from optiplan.bench.report.analysis import analyse
     from optiplan.bench.report.page import write_page
     from optiplan.cli.printing.bench_summary import show_summary, summary_data
@@ -184,13 +184,13 @@ def _tell(store: Any, done: Any, as_json: bool) -> None:
 
 
 def _scratch(suite: Path, out: Path | None) -> Path:
-    """Folder of files that problems need and no source holds, such as meshes out of scenes."""
+    """Return the folder of files generated for problems, such as meshes of scenes."""
     return (out or Path("runs", "bench", suite.stem)).resolve() / "files"
 
 
 @contextmanager
 def _stopped_by_signals(pool: Any) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end the runs under way and let what is done be stored."""
+    """On Ctrl-C and SIGTERM end the current runs and let finished ones be stored."""
 
     def stop(number: int, frame: FrameType | None) -> None:
         pool.close()

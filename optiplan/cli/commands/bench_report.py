@@ -1,4 +1,4 @@
-"""`optiplan bench report`, `show`, `compare`: what came of a suite, as a page, as a scene, against another time."""
+"""`optiplan bench report`, `show`, `compare`: results of a suite as a page, a run as a scene, two results compared."""
 
 import signal
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`optiplan check`: everything that is wrong with problem files, at once."""
+"""`optiplan check`: report every issue of problem files at once."""
 
 from typing import Annotated
 

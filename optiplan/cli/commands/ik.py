@@ -93,10 +93,10 @@ def ik(
 
 
 def _goal(options: Mapping[str, str | None]) -> Any:
-    """The one pose that is given, a `pinocchio.SE3`.
+    """Return the one pose given, a `pinocchio.SE3`.
 
     Raises:
-        BadParameter: none or several, not so many numbers, or no rotation.
+        BadParameter: no pose or several, a wrong number of values, or not a rotation.
     """
     from optiplan.geometry.poses import pose_from_data, pose_from_matrix
 
@@ -117,7 +117,7 @@ def _goal(options: Mapping[str, str | None]) -> Any:
 
 
 def _numbers(text: str) -> list[float]:
-    """Numbers with commas between them; none if one of them is not finite, or no number."""
+    """Parse numbers separated by commas; empty if one of them is not finite, or not a number."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
@@ -126,7 +126,7 @@ def _numbers(text: str) -> list[float]:
 
 
 def _numbers_of_file(name: str) -> list[float]:
-    """Numbers of a file, between them commas, semicolons, brackets or space; none as above, or if there is no file."""
+    """Read numbers of a file, separated by commas, semicolons, brackets or space; empty as above or without a file."""
     from optiplan.files import is_file, read_bytes
 
     if not is_file(Path(name)):

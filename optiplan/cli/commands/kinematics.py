@@ -88,10 +88,10 @@ def kinematics(
 
 
 def _per_joint(option: str, text: str, joints: tuple[str, ...], names: tuple[str, ...] = ()) -> list[float]:
-    """One number a joint; `names` could have been given instead.
+    """Parse one number per joint; `names` are the alternatives, for the error.
 
     Raises:
-        OptiPlanError: something else.
+        OptiPlanError: anything else.
     """
     try:
         values = [float(word) for word in text.split(",")]

@@ -82,7 +82,7 @@ def plan(
 
 
 def _run(path: Path, problem: Any, planner: str | None, seconds: float) -> Any:
-    """One run of one planner; what it finds wrong with the options of the file is told with their lines."""
+    """Run one planner; issues with the options of the file carry their lines."""
     from optiplan.cli.planner_choice import choose, placed
     from optiplan.planners.base import Budget
     from optiplan.runs import pipeline
@@ -96,7 +96,7 @@ def _run(path: Path, problem: Any, planner: str | None, seconds: float) -> Any:
 
 
 def _finish(run: Any, out: Path | None, as_json: bool, full: bool) -> Exit:
-    """Save the run and print it, even where it cannot be saved; its exit code."""
+    """Save the run and print it, even where it cannot be saved; return its exit code."""
     from optiplan.cli.printing.report import show_run
     from optiplan.runs.run_folder import save_run
     from optiplan.verify.report import jsonable

@@ -1,4 +1,4 @@
-"""Several planners on one problem: run one after the other, kept in folders of their own, shown in one table."""
+"""Several planners on one problem: run in turn, saved in their own folders, shown in one table."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -31,27 +31,27 @@ NARROW = 116
 """Characters of a line without the reasons."""
 
 
-def several(asked: str | None) -> tuple[str, ...]:
-    """The planners that `--planner` asks to compare: `all`, or names with commas between; () for a single one.
+def several(requested: str | None) -> tuple[str, ...]:
+    """Return the planners of `--planner` to compare: `all`, or names separated by commas; () for a single one.
 
     Raises:
-        UnknownChoiceError: there is no planner of such a name.
+        UnknownChoiceError: no such planner.
     """
-    if asked is None or (asked != ALL and "," not in asked):
+    if requested is None or (requested != ALL and "," not in requested):
         return ()
-    names = tuple(PLANNERS) if asked == ALL else tuple(dict.fromkeys(name.strip() for name in asked.split(",")))
+    names = tuple(PLANNERS) if requested == ALL else tuple(dict.fromkeys(name.strip() for name in requested.split(",")))
     return tuple(planner_entry(name).name for name in names)
 
 
 def run_all(
     path: Path, problem: Problem, names: Sequence[str], seconds: float, out: Path | None
 ) -> tuple[list[Run], list[InputError]]:
-    """One run a planner with the same budget each, best first; those of the file's planner take its options.
+    """Run each planner with the same budget, best first; the file's planner takes the file's options.
 
-    Each is saved in `out / name` as soon as it is there, and told on stderr. Also returned: why some are not saved.
+    Each run is saved in `out / name` when finished, and reported on stderr. Also returned: why some are not saved.
 
     Raises:
-        InputError: what the file says of its own planner is wrong.
+        InputError: invalid planner options in the file.
     """
     if problem.planner in names:
         choose(path, problem, None)
@@ -89,7 +89,7 @@ def _place(path: Path, run: Run) -> Run:
 
 
 def _rank(run: Run) -> tuple[bool, bool, float]:
-    """Verified ones first, then those that were refused, both by duration; then those without a motion."""
+    """Sort verified runs first, then refused ones, both by duration; then those without a motion."""
     return not run.verified, run.trajectory is None, run.duration or 0.0
 
 
@@ -105,7 +105,7 @@ class Bound(NamedTuple):
 
 
 def bound_of(runs: Sequence[Run]) -> Bound:
-    """The bound of the problem that these runs are of.
+    """Return the lower bound of the problem of these runs.
 
     No motion to an end configuration is shorter than its bound. Of the problem it is the least over the end
     configurations that the verified runs reached and those that the problem lists.
@@ -126,7 +126,7 @@ def bound_of(runs: Sequence[Run]) -> Bound:
 
 
 def exit_code(runs: Sequence[Run]) -> Exit:
-    """The best of the runs decides, unless a planner has a bug."""
+    """Return the exit code of the best run, unless a planner has a bug."""
     if any(run.failure is not None and run.failure.kind == "bug" for run in runs):
         return Exit.BUG
     if any(run.verified for run in runs):
@@ -135,7 +135,7 @@ def exit_code(runs: Sequence[Run]) -> Exit:
 
 
 def show(runs: Sequence[Run], as_json: bool, unsaved: Sequence[InputError] = ()) -> Exit:
-    """Print the comparison on stdout, as a table or as one JSON object; its exit code."""
+    """Print the comparison on stdout, as a table or as one JSON object; return its exit code."""
     code, bound = Exit.BAD_INPUT if unsaved else exit_code(runs), bound_of(runs)
     for error in unsaved:
         print_error(f"a run is not saved: {error}")
@@ -164,7 +164,7 @@ MEASURES = (
 
 
 def _print(console: Console, runs: Sequence[Run], bound: Bound) -> None:
-    """The table as the width allows: reasons in a column, reasons below it, or measures in a second half as well."""
+    """Print the table as the width allows: reasons in a column or below it, or measures in a second half as well."""
     if console.width >= WIDTH:
         console.print(_table(runs, bound, (*TIMES, *MEASURES), reasons=True))
     else:
@@ -214,7 +214,7 @@ def _text(value: float | None, form: str) -> str:
 
 
 def _reason(run: Run) -> str:
-    """Why a run is not verified: its failure, or the first check that refused it; one line."""
+    """Return why a run is not verified, in one line: its failure, or the first check that failed."""
     if run.failure is not None:
         return " ".join(f"{run.failure.kind}: {run.failure.detail}".split())
     refused = run.report.failures[:1] if run.report is not None else ()
@@ -222,7 +222,7 @@ def _reason(run: Run) -> str:
 
 
 def _outcome(run: Run) -> str:
-    """A run in a few words."""
+    """Describe a run in a few words."""
     took = f"planned in {run.timings['plan']:.2f} s"
     if run.trajectory is None:
         return f"no plan ({took}): {_reason(run)}"

@@ -1,4 +1,4 @@
-"""`optiplan planners`: who can plan, and what can be set."""
+"""`optiplan planners`: list planners and their options."""
 
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -52,7 +52,7 @@ def _table(options: Sequence[Any]) -> Table:
 
 
 def _yaml(value: Any) -> str:
-    """A default as a problem file would have it."""
+    """Return a default as in a problem file."""
     if value is None:
         return "not given"
     if isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""A robot.yaml and an SRDF made of a URDF: the choices of a user, the files, and what is said of them."""
+"""Make a robot.yaml and an SRDF from a URDF: the user's choices, the files, and the messages."""
 
 import os
 import re
@@ -37,7 +37,7 @@ class Choices:
 
 
 def refuse_files(folder: Path, force: bool) -> None:
-    """Raise an `InputError` for files that are there already and must not be replaced."""
+    """Raise an `InputError` for existing files that must not be replaced."""
     there = [folder / name for name in (YAML_NAME, SRDF_NAME) if (folder / name).exists()]
     if there and not force:
         found, expected = "a file that is there already", "--force to replace it, or another folder: --out DIR"
@@ -45,19 +45,19 @@ def refuse_files(folder: Path, force: bool) -> None:
 
 
 def title_of(urdf: Path) -> str:
-    """The name in the URDF, else that of its file.
+    """Return the name in the URDF, else that of its file.
 
     Raises:
-        InputError: no URDF, or one that cannot be planned with.
+        InputError: not a URDF, or one that is not supported.
     """
     return ET.fromstring(read_urdf(urdf, urdf.parent).xml).get("name") or urdf.stem
 
 
 def read_choices(group: str, tool: str, lock: Sequence[str], limit: Sequence[str]) -> Choices:
-    """The choices that the texts of flags make.
+    """Parse the choices given by flags.
 
     Raises:
-        OptiPlanError: no number, or a limit that is none.
+        OptiPlanError: not a number, or not a limit.
     """
     locked = tuple(_pair("--lock", text, "finger=0.02") for text in lock)
     limits = tuple(_limit(*_pair("--limit", text, "acceleration=5")) for text in limit)
@@ -99,7 +99,7 @@ def _data(urdf: str, title: str, choices: Choices) -> dict[str, Any]:
 
 
 def load(urdf: Path, title: str, choices: Choices) -> Robot:
-    """The robot of a robot.yaml that is not written yet."""
+    """Load the robot of a robot.yaml that is not written yet."""
     with tempfile.TemporaryDirectory() as made:
         path = Path(made) / YAML_NAME
         write_text(path, problem_text(_data(str(urdf.resolve()), title, choices)))
@@ -113,7 +113,7 @@ def load(urdf: Path, title: str, choices: Choices) -> Robot:
 
 
 def ask(load: Callable[[Choices], Robot], choices: Choices) -> Choices:
-    """The choices after asking for those that no flag made; a wrong name is asked for again."""
+    """Prompt for the choices not given by flags; repeat for an invalid name."""
     if not choices.group:
         robot = load(choices)
         joints = [name for name in (*robot.joint_names, *robot.locked) if name not in _following(robot)]
@@ -136,7 +136,7 @@ def ask(load: Callable[[Choices], Robot], choices: Choices) -> Choices:
 
 
 def _following(robot: Robot) -> set[str | None]:
-    """Joints that follow others in the URDF, whether those are planned or not."""
+    """Return the mimic joints of the URDF."""
     return {joint.get("name") for joint in ET.fromstring(robot.urdf).iter("joint") if joint.find("mimic") is not None}
 
 
@@ -164,7 +164,7 @@ def write(urdf: Path, folder: Path, robot: Robot, choices: Choices) -> None:
 
 
 def show(robot: Robot, folder: Path, as_json: bool) -> None:
-    """Say what was made, and what to type next."""
+    """Print the files written and the next command."""
     data = describe(robot) | {"source": str(folder / YAML_NAME)}
     files = [str(folder / YAML_NAME), str(folder / SRDF_NAME)]
     follow = "optiplan plan problem.yaml --view"

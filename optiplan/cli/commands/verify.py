@@ -1,4 +1,4 @@
-"""`optiplan verify`: judge a trajectory again, whoever made it."""
+"""`optiplan verify`: verify a trajectory of any origin."""
 
 from pathlib import Path
 from typing import Annotated

@@ -18,7 +18,7 @@ STYLES = {REGRESSION: "red", IMPROVEMENT: "green"}
 
 
 def comparison_data(found: Comparison) -> dict[str, Any]:
-    """JSON-ready form; what is not known is null."""
+    """Return JSON-ready data; unknown values are null."""
     names = ("problem", "planner", "seed", "repetition")
     lists = {"new_failures": found.new_failures, "fixed": found.fixed}
     return {
@@ -41,7 +41,7 @@ def _change_data(change: Change) -> dict[str, Any]:
 
 
 def show_comparison(console: Console, found: Comparison) -> None:
-    """A table of changes, then the ones that matter in words, then failures."""
+    """Print a table of changes, then the significant ones in words, then failures."""
     for note in found.notes:
         console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
     table = Table(box=None, pad_edge=False)
@@ -66,7 +66,7 @@ def show_comparison(console: Console, found: Comparison) -> None:
 
 
 def words(change: Change) -> str:
-    """A change as a sentence."""
+    """Describe a change in a sentence."""
     sure = f"(p = {change.corrected:.2g}; {change.better} problems better, {change.worse} worse)"
     if change.quantity == "success":
         return f"{change.planner}: {100 * change.before:.1f} % verified before, {100 * change.after:.1f} % now {sure}"

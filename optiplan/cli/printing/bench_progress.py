@@ -16,7 +16,7 @@ Watch = Callable[[Any], None]
 
 
 class Pace:
-    """Runs made and their rate: what both kinds of progress tell."""
+    """Number and rate of the runs made."""
 
     def __init__(self, total: int, found: int) -> None:
         self.total = total
@@ -42,7 +42,7 @@ class Pace:
 
 @contextmanager
 def progress(total: int, found: int) -> Iterator[Watch]:
-    """Show on stderr how many of `total` runs there are, `found` of them from before."""
+    """Show on stderr the number of runs done of `total`, `found` of them earlier."""
     pace = Pace(total, found)
     with _bar(pace) if sys.stderr.isatty() else _lines(pace) as watch:
         yield watch
@@ -75,7 +75,7 @@ def _bar(pace: Pace) -> Iterator[Watch]:
 
 @contextmanager
 def _lines(pace: Pace) -> Iterator[Watch]:
-    """A plain line with the first run and the last, and every `EVERY` seconds between."""
+    """Print a plain line with the first run and the last, and every `EVERY` seconds between."""
     shown = -EVERY
 
     def watch(outcome: Any) -> None:

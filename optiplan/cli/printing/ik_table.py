@@ -1,4 +1,4 @@
-"""Solutions of inverse kinematics as `optiplan ik` tells them."""
+"""Print the solutions of `optiplan ik`."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""Pose, Jacobians, measures and singularities of a tool as `optiplan kinematics` tells them."""
+"""Print pose, Jacobians, measures and singularities of `optiplan kinematics`."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -190,7 +190,7 @@ def _show_rates(console: Console, data: Mapping[str, Any], joints: Sequence[str]
 
 
 def show_formulas(console: Console, symbolic: Mapping[str, Any]) -> None:
-    """Every element that is not 0 on lines of its own: rotation, position, then the columns of the Jacobian."""
+    """Print every nonzero element on lines of its own: rotation, position, then the columns of the Jacobian."""
     names = ", ".join(f"q{k} {name}" for k, name in enumerate(symbolic["joint_names"], 1))
     _say(console, f"frame {symbolic['frame']}; {symbolic['legend']}")
     _say(console, names, "dim")

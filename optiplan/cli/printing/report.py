@@ -1,4 +1,4 @@
-"""Runs and reports as a person reads them in a terminal."""
+"""Print runs and reports."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,7 +13,7 @@ from optiplan.verify.report import Check, Report
 
 
 def show_run(console: Console, run: Run, full: bool = False) -> None:
-    """The verdict of a run first, then how good the motion is, what the verdict is about, and what took how long."""
+    """Print a run: verdict, quality of the motion, scope of the verdict, and timings."""
     title = f"{run.problem.name} · {run.problem.robot.name} · {run.planner} · seed {run.problem.seed}"
     if run.report is not None:
         show_report(console, run.report, full, title, _quality(run))
@@ -25,14 +25,14 @@ def show_run(console: Console, run: Run, full: bool = False) -> None:
 
 
 def show_report(console: Console, report: Report, full: bool = False, title: str = "", quality: str = "") -> None:
-    """The one word that counts; what refused the motion; what the verdict is about.
+    """Print a report: verdict, failed checks and scope.
 
     Args:
-        console: where to.
+        console: the console.
         report: the verdict.
-        full: every check with its worst value, not only those that failed, and what stands for every link.
-        title: of what, beside the verdict.
-        quality: how good the motion is, below the verdict.
+        full: every check with its worst value, not only those that failed, and the geometry of every link.
+        title: text beside the verdict.
+        quality: quality of the motion, below the verdict.
     """
     verdict = "[bold green]verified[/]" if report.verified else "[bold red]not verified[/]"
     console.print(verdict + (f" · [bold]{escape(title)}[/]" if title else ""))
@@ -81,7 +81,7 @@ def _number(value: float | None, scale: float) -> str:
 
 
 def _quality(run: Run) -> str:
-    """Duration beside its bound, and what that is a bound of."""
+    """Describe the duration beside its bound, and the scope of the bound."""
     words = f"duration [bold]{run.duration:.3f} s[/]"
     if run.lower_bound is None:
         return words

@@ -1,4 +1,4 @@
-"""A robot as `optiplan robots show` tells it."""
+"""Print a robot for `optiplan robots show`."""
 
 import math
 from collections.abc import Mapping
@@ -86,7 +86,7 @@ def show_robot(console: Console, data: Mapping[str, Any]) -> None:
 
 
 def _show_pairs(console: Console, data: Mapping[str, Any]) -> None:
-    """Every pair of links that joints move: why it goes unchecked, if so, and how often it touches."""
+    """Print every pair of links that joints move: why it is not checked, if so, and how often it touches."""
     reasons = {tuple(pair["links"]): pair["reason"] for pair in data["allowed_pairs"]}
     counted = reasons_in_words(count_reasons(reasons))
     console.print(f"pairs of links: {len(data['checked_pairs'])} checked; {counted}", markup=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""What the steps of one call of `plan` share."""
+"""Context shared by the steps of one call of `plan`."""
 
 from dataclasses import dataclass, field
 
@@ -10,7 +10,7 @@ from optiplan.problem.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """One call of `plan`: the model is that of the problem's robot in its scene."""
+    """Context of one call of `plan`; the model is that of the problem's robot in its scene."""
 
     problem: Problem
     model: CollisionModel
@@ -19,5 +19,5 @@ class Work:
 
     @classmethod
     def on(cls, problem: Problem, budget: Budget) -> "Work":
-        """Work that begins."""
+        """Return the context of a call that begins."""
         return cls(problem, CollisionModel(problem.robot, problem.scene), budget)

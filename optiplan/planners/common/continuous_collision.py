@@ -1,7 +1,7 @@
-"""Is a whole curve free, between samples too? Planners ask this of themselves; the word *verified* is not theirs.
+"""Continuous collision checking of curves for planners; only `optiplan.verify` calls a motion *verified*.
 
 An interval of the curve is free for a pair when the distance at its middle exceeds the bound on how far the pair can
-travel to both ends. Where it does not, the interval is cut into as many pieces as the ratio of the two asks for.
+travel to both ends. Where it does not, the interval is subdivided into as many parts as the ratio of the two requires.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,39 +22,39 @@ far every joint moves away from them within the interval."""
 
 _MARGIN = 2 * DISTANCE_ERROR  # m; subtracted from every distance
 _MOST_CUTS = 12
-_FIRST_STEP = 0.1  # rad or m, summed over joints: length of an interval to begin with
+_FIRST_STEP = 0.1  # rad or m, summed over joints: length of the initial intervals
 _RESOLUTION = 1e-6  # s
 _CHUNK = 256  # intervals proved together: bounds the memory
 
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """A contact along a curve: the parameter `t` (s, or fraction of a path), the configuration and the bodies."""
+    """Contact along a curve: the parameter `t` (s, or fraction of a path), the configuration and the bodies."""
 
     t: float
     q: Array
     contact: Contact
 
     def witness(self) -> dict[str, Any]:
-        """JSON-ready form, as `Failure.witness` wants it."""
+        """Return the contact as a JSON-ready `Failure.witness`."""
         return {"t": self.t, **contact_witness(self.q, self.contact)}
 
 
 def first_contact(
     model: CollisionModel, trajectory: Trajectory, stop: Callable[[], bool] = lambda: False
 ) -> Touch | None:
-    """Earliest place found where two bodies of a trajectory touch, or None: free at all times; see `contacts_along`."""
+    """Return the earliest contact found along a trajectory, or None: free at all times; see `contacts_along`."""
     return next(contacts_along(model, trajectory, stop), None)
 
 
 def contacts_along(
     model: CollisionModel, trajectory: Trajectory, stop: Callable[[], bool] = lambda: False
 ) -> Iterator[Touch]:
-    """Places where two bodies of a trajectory touch, one for each stretch of time that is seen to; none: it is free.
+    """Return contacts along a trajectory, one for each stretch of time in contact; empty: it is free.
 
-    Holds at: everywhere; no place is a proof up to coal's tolerance. An interval shorter than 1e-6 s that is neither
-    proved free nor seen to touch counts as a touch. So does what is not proved yet when `stop` says so: callers look at
-    their budget before they believe in a touch.
+    Holds at: everywhere; an empty list is a proof up to coal's tolerance. An interval below 1e-6 s that is neither
+    proved free nor found in contact counts as a contact, and so does any interval left when `stop` returns True:
+    callers check their budget before they rely on a contact.
     """
     curve, edges = trajectory_curve(trajectory), trajectory.breakpoints
     _, D = curve(0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
@@ -80,7 +80,7 @@ def contacts_along(
 
 
 def trajectory_curve(trajectory: Trajectory) -> Curve:
-    """Curve of a trajectory over time, for intervals within one piece each: D = sum_k |c_k| h^k about the middle."""
+    """Return a trajectory as a curve over time, for intervals in one piece: D = sum_k |c_k| h^k about the middle."""
 
     def curve(middle: Array, half: Array) -> tuple[Array, Array]:
         piece = np.searchsorted(trajectory.breakpoints[1:-1], middle, side="right")
@@ -99,7 +99,7 @@ def trajectory_curve(trajectory: Trajectory) -> Curve:
 def _prove(
     model: CollisionModel, curve: Curve, intervals: tuple[Array, Array], stop: Callable[[], bool]
 ) -> Touch | None:
-    """Cut the intervals (middles (N,), half widths (N,)) until each is proved free, or one touches or is too small."""
+    """Subdivide intervals (middles (N,), half widths (N,)) until each is proved free, one touches or is too small."""
     middle, half = intervals
     Q, D = curve(middle, half)
     bounds, travel = model.lower_bounds(Q), model.travel(Q, D)
@@ -124,7 +124,7 @@ def _prove(
 
 
 def _subdivide(edges: Array, parts: Array) -> tuple[Array, Array]:
-    """Middles and half widths of the intervals between `edges` (m + 1,), each cut into `parts` (m,) equal ones."""
+    """Return middles and half widths of the intervals between `edges` (m + 1,), each in `parts` (m,) equal parts."""
     count = np.maximum(parts, 1).astype(int)
     half = np.repeat(np.diff(edges) / (2.0 * count), count)
     place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
@@ -134,7 +134,7 @@ def _subdivide(edges: Array, parts: Array) -> tuple[Array, Array]:
 def _gaps(
     model: CollisionModel, Q: Array, rows: Index, pairs: Index, stop: Callable[[], bool]
 ) -> tuple[Array, tuple[int, Contact] | None]:
-    """Distance of each (row, pair), rows ascending, or the deepest contact of the first row that has one."""
+    """Return the distance of each (row, pair), rows ascending, or the deepest contact of the first row that has one."""
     gap = np.empty(len(rows))
     placed, worst = -1, None
     for k, (row, pair) in enumerate(zip(rows.tolist(), pairs.tolist(), strict=True)):
@@ -153,7 +153,7 @@ def _gaps(
 
 
 def _cut(middle: Array, half: Array, rows: Index, pairs: Index, ratio: Array) -> tuple[Array, Array, Index, Index]:
-    """Cut every interval that is left into equal parts, as many as its neediest pair asks for."""
+    """Subdivide every remaining interval into equal parts, as many as its worst pair requires."""
     used, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
     need = np.clip(np.ceil(np.maximum.reduceat(ratio, first) * 1.05), 2, _MOST_CUTS).astype(int)
     parent = np.repeat(np.arange(len(used)), need)

@@ -1,4 +1,4 @@
-"""Reasons that several planners give in the same words."""
+"""Failures that several planners report."""
 
 from itertools import pairwise
 from typing import Any, Literal
@@ -13,7 +13,7 @@ from optiplan.robot.robot import Limits, Robot
 
 
 def contact_witness(q: Array, contact: Contact) -> dict[str, Any]:
-    """JSON-ready place of a contact: configuration, bodies, nearest points (world, m) and distance (m)."""
+    """Return a contact as JSON-ready data: configuration, bodies, nearest points (world, m) and distance (m)."""
     return {
         "q": q.tolist(),
         "pair": [contact.pair.name_a, contact.pair.name_b],
@@ -23,7 +23,7 @@ def contact_witness(q: Array, contact: Contact) -> dict[str, Any]:
 
 
 def end_collides(model: CollisionModel, q: Array, end: Literal["start", "goal"]) -> Failure:
-    """The `start` or the `goal` configuration q (n,), known to collide, as a failure that names the bodies."""
+    """Return the failure for a colliding `start` or `goal` configuration q (n,), naming the bodies."""
     contact = model.clearance(q)
     if contact is None:
         raise ValueError("a model without pairs does not collide")
@@ -34,13 +34,13 @@ def end_collides(model: CollisionModel, q: Array, end: Literal["start", "goal"])
 
 
 def too_heavy(robot: Robot, limits: Limits, waypoints: Array) -> Failure:
-    """A free path of straight segments between waypoints (k, n), but holding the arm on it takes too much torque."""
+    """Return the failure for a free path through waypoints (k, n) on which gravity exceeds the torque limits."""
     Q = np.vstack([waypoints[:1], *(np.linspace(a, b, 50) for a, b in pairwise(waypoints))])
     return _heavy(Gravity(robot, limits.torque), Q, "on the free path that was found")
 
 
 def end_too_heavy(gravity: Gravity, Q: Array, end: str) -> Failure:
-    """Holding the arm takes too much torque at the `start`, or at every `goal`: configurations Q (N, n)."""
+    """Return the failure for gravity above the torque limits at the `start`, or at every `goal`: Q (N, n)."""
     return _heavy(gravity, Q, f"at the {end}")
 
 
@@ -53,7 +53,7 @@ def _heavy(gravity: Gravity, Q: Array, where: str) -> Failure:
 
 
 def out_of_time(budget: Budget, doing: str) -> Failure:
-    """The budget ended, or somebody cancelled, while `doing` something."""
+    """Return the failure for a budget that ended, or a cancellation, while `doing` something."""
     if budget.cancelled:
         return Failure("cancelled", f"cancelled while {doing}")
     return Failure("budget", f"the budget of {budget.seconds:.3g} s ended while {doing}")

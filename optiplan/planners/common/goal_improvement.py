@@ -1,4 +1,4 @@
-"""Goal configurations that the start reaches sooner: a pose's tolerance and an arm's redundancy, used."""
+"""Move goal configurations nearer to the start within a pose's tolerance and along an arm's redundancy."""
 
 from itertools import product
 
@@ -11,27 +11,27 @@ from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.problem.problem import PoseGoal, Problem
 from optiplan.trajectory.timing.lower_bound import joint_times, lower_bound
 
-_SHARE = 0.9  # of the tolerance that is used; the rest is for what planning does to the end
-_FINE = 1e-3  # m and rad: tolerances up to it are met exactly, since a program's own accuracy is of that size
+_SHARE = 0.9  # share of the tolerance used; the rest is for the error of the planned end
+_FINE = 1e-3  # m and rad: smaller tolerances are met exactly, since the program's own accuracy is of that size
 _STEPS, _LEAST_GAIN = 25, 1e-3
-_FIRST, _SHORTEST, _LONGEST = 0.3, 0.02, 0.4  # of one step: shares of the distance to go, and rad or m
-_SMOOTH = 1e-3  # weight of the square of a step beside the time, so that only one step is best
+_FIRST, _SHORTEST, _LONGEST = 0.3, 0.02, 0.4
+_SMOOTH = 1e-3  # weight of the squared step beside the time, so that the minimiser is unique
 _NORMALS = np.array([v for v in product((-1.0, 0.0, 1.0), repeat=3) if any(v)])
 _NORMALS /= np.linalg.norm(_NORMALS, axis=1, keepdims=True)
-_INNER = 0.87  # of a radius: the polytope of these 26 half-spaces then lies within the ball, nearly
+_INNER = 0.87  # share of a radius: the polytope of these 26 half-spaces then lies within the ball, nearly
 
 
 class NearerEnds:
-    """For one pose goal: configurations within its tolerance with ever smaller lower bounds of the duration.
+    """Find configurations within a pose goal's tolerance with successively smaller lower bounds of the duration.
 
     The bound is max_j T_j(|q_j - start_j|), with T_j the fastest motion of joint j from rest to rest. With s_j the
-    distance that joint j makes in the time T of the slowest, each step solves
+    distance that joint j covers in the time T of the slowest, each step solves
 
         min_{d, tau} tau + 1/2 1e-3 |d / s|^2   s.t.  |q_j + d_j - start_j| <= tau s_j,  |d_j| <= r s_j,  limits,
                                                       |e_p - J_p d| <= rho_p,  |e_R - J_R d| <= rho_R
 
     for the pose error e and the Jacobian J of the frame, the balls as polytopes; then the error is brought back within
-    the tolerance, and the step counts if the bound has fallen. Sequential linear programming in a trust region r.
+    the tolerance, and the step is accepted if the bound has fallen. Sequential linear programming in a trust region r.
     """
 
     def __init__(self, problem: Problem, goal: PoseGoal) -> None:
@@ -47,7 +47,7 @@ class NearerEnds:
         self._idle = robot.n <= rows and max(goal.position, goal.orientation if rows == 6 else 0.0) <= _FINE
 
     def contains(self, q: Array) -> bool:
-        """Whether q (n,) is within the tolerance."""
+        """Return whether q (n,) is within the tolerance."""
         e, _ = self._descent.error(q)
         return bool(np.linalg.norm(e[:3]) <= self._radii[0] and np.linalg.norm(e[3:]) <= self._radii[1])
 
@@ -72,7 +72,7 @@ class NearerEnds:
         return passed
 
     def _step(self, q: Array, bound: float, radius: float) -> Array | None:
-        """The best step d (n,) within the trust region, by the linearised pose; None where the program has none."""
+        """Return the best step d (n,) within the trust region, by the linearised pose; None if infeasible."""
         n, offset = len(q), q - self._start
         scale = np.array([np.interp(bound, times, self._distances) for times in self._times.T])
         e, J = self._descent.error(q)

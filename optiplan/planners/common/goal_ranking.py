@@ -1,4 +1,4 @@
-"""Goal configurations as planners want them: free, light enough to hold, ranked, or a Failure; more while searching."""
+"""Rank goal configurations that are free and within the torque limits; sample more on request."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -20,19 +20,22 @@ from optiplan.problem.goals import SHARE, GoalOptions, goal_configurations
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 
-_LOOKING = 0.25  # share of the budget after which goal configurations that all collide are the answer
-_STARTS = 40  # of inverse kinematics for each configuration that `more` is asked for, at most
-_DISTINCT, _NEARLY = 0.1, 0.02  # rad or m: configurations drawn, and those moved towards the start, differ by more
+_LOOKING = 0.25  # share of the budget after which colliding goal configurations only are a failure
+_STARTS = 40  # inverse kinematics runs for each configuration requested of `more`, at most
+_DISTINCT, _NEARLY = (
+    0.1,
+    0.02,
+)  # rad or m: least difference of sampled configurations, and of those moved towards the start
 _ITERATIONS = 60
-_FINE = 1e-3, 1e-2  # m and rad: within a tolerance that small nothing else is free if one configuration is not
+_FINE = 1e-3, 1e-2  # m and rad: within a tolerance that small all configurations collide if one does
 
 
 def ranked_goals(
     problem: Problem, model: CollisionModel, budget: Budget, count: int = 8, *, nearer: bool = True
 ) -> list[Array] | Failure:
-    """Up to `count` goal configurations (n,), the one with the smallest lower bound first.
+    """Return up to `count` goal configurations (n,), the one with the smallest lower bound first.
 
-    With `nearer`, also those that use the tolerance and the redundancy to be reached sooner; without, all of a pose
+    With `nearer`, also those moved towards the start within the tolerance and the redundancy; without, all of a pose
     goal are within half its tolerance.
 
     Failure kinds: `start-in-collision`, `goal-unreachable`, `goal-in-collision`, `unsupported` (gravity exceeds the
@@ -45,9 +48,9 @@ def ranked_goals(
 def goal_sampler(
     problem: Problem, model: CollisionModel, budget: Budget, count: int = 8, *, nearer: bool = True
 ) -> "GoalSampler | Failure":
-    """A source of goal configurations that has found at least one, or why there is none; see `ranked_goals`.
+    """Return a source of goal configurations that has found at least one, or a Failure; see `ranked_goals`.
 
-    That all goal configurations collide is final where the list is complete, else when a quarter of the budget is gone.
+    It fails when all goal configurations collide and the list is complete or a quarter of the budget is used up.
     """
     gravity = Gravity(problem.robot, problem.limits.torque)
     if model.collides(problem.start):
@@ -67,14 +70,14 @@ def goal_sampler(
 
 
 class GoalSampler:
-    """Goal configurations of a problem, more of them when asked; same problem, seed and calls, same configurations.
+    """Goal configurations of a problem, extended on request; deterministic for a problem, a seed and the calls made.
 
     Attributes:
-        configurations: (n,) each, free and not too heavy to hold, the one with the smallest lower bound first.
-        complete: whether there are no others: joint goals, and poses with fine tolerances for which a closed form has
+        configurations: (n,) each, free and within the torque limits, the one with the smallest lower bound first.
+        complete: whether no others exist: joint goals, and poses with fine tolerances for which a closed form has
             found all branches.
         reachable: whether any configuration reaches the goal, in collision or not.
-        failure: why there was no configuration to begin with; None where there was one.
+        failure: why no initial configuration was found; None if one was.
     """
 
     def __init__(
@@ -85,7 +88,7 @@ class GoalSampler:
         options: GoalOptions | None = None,
         nearer: bool = True,
     ) -> None:
-        """Look for the first ones, as the options say; with `nearer` also for what is reached sooner."""
+        """Find the first configurations; with `nearer` also those moved towards the start."""
         options = options or GoalOptions()
         self._problem, self._model = problem, model
         self._gravity = Gravity(problem.robot, problem.limits.torque)
@@ -108,10 +111,10 @@ class GoalSampler:
         self._draws = self._draw([_Draw(problem, goal, self._rng) for goal in poses])
 
     def more(self, count: int, stop: Callable[[], bool] = lambda: False) -> list[Array]:
-        """Up to `count` configurations that were not there before, with those nearer to the start that they lead to.
+        """Return up to `count` new configurations, with those moved from them towards the start.
 
-        They are among `configurations` from now on; ends early, perhaps with none, when `stop` says so or after 40
-        fruitless starts of the inverse kinematics for each.
+        They are added to `configurations`; ends early, perhaps with none, when `stop` returns True or after 40
+        failed runs of the inverse kinematics for each.
         """
         new: list[Array] = []
         for _ in range(0 if self.complete else _STARTS * count):
@@ -127,7 +130,7 @@ class GoalSampler:
         return self._add(new)
 
     def _add(self, found: list[Array]) -> list[Array]:
-        """Rank those in that are not there yet."""
+        """Insert new configurations by rank."""
         new: list[Array] = []
         for q in found:
             if all(np.abs(q - other).max() > _NEARLY for other in (*self.configurations, *new)):
@@ -145,27 +148,27 @@ class GoalSampler:
         return not self._gravity.too_much(q) and not self._model.collides(q)
 
     def _sooner(self, q: Array) -> Iterator[Array]:
-        """For each pose goal that q (n,) is in: the free configuration reached soonest among those passed from q."""
+        """Return, for each pose goal that holds q (n,), the free configuration nearest to the start on its way."""
         for ends in self._nearer:
             if ends.contains(q):
                 passed = ends.towards_start(q)
                 yield from [end for end in passed[::-1] if self._good(end)][:1]
 
     def _draw(self, draws: "list[_Draw]") -> Iterator[Array | None]:
-        """One start of the inverse kinematics each, of the poses in turn."""
+        """Run the inverse kinematics once for each of the poses in turn."""
         for draw in cycle(draws):
             yield draw()
 
 
 class _Draw:
-    """Random configurations that reach a pose, from random starts and within the tolerance aiming at random poses."""
+    """Random configurations that reach a pose, from random initial guesses and random targets within the tolerance."""
 
     def __init__(self, problem: Problem, goal: PoseGoal, rng: np.random.Generator) -> None:
         self._problem, self._goal, self._rng = problem, goal, rng
         self._descent = Descent(problem.robot, goal.frame, goal.orientation < np.pi)
 
     def __call__(self) -> Array | None:
-        """A configuration (n,) within half the tolerance; None where this start leads to none."""
+        """Return a configuration (n,) within half the tolerance; None if this initial guess does not converge."""
         goal, start = self._goal, self._problem.start
         seed = random_seeds(self._problem.robot, start, self._rng, 1, goal.frame)[0]
         self._descent.aim(self._target())
@@ -175,7 +178,7 @@ class _Draw:
         return q if reached else None
 
     def _target(self) -> pin.SE3:
-        """Uniform within 0.45 of the tolerance; the pose itself where that is fine."""
+        """Return a pose drawn uniformly within 0.45 of the tolerance; the pose itself where that is fine."""
         goal = self._goal
         target = pin.SE3(goal.X_WG)
         shift, turn = (0.9 * SHARE * self._ball() for _ in range(2))
@@ -186,13 +189,13 @@ class _Draw:
         return target
 
     def _ball(self) -> Array:
-        """A point of the unit ball, uniform: (3,)."""
+        """Return a uniform point (3,) of the unit ball."""
         direction = self._rng.standard_normal(3)
         return np.asarray(direction / np.linalg.norm(direction) * self._rng.uniform() ** (1.0 / 3.0))
 
 
 def _complete(problem: Problem, goal: JointGoal | PoseGoal) -> bool:
-    """Whether all configurations of an alternative are found at once."""
+    """Return whether all configurations of an alternative are found at once."""
     if isinstance(goal, JointGoal):
         return True
     fine = goal.position <= _FINE[0] and goal.orientation <= _FINE[1]

@@ -11,7 +11,7 @@ from optiplan.robot.limits import ORDERS, UNITS
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.trajectory import Trajectory
 
-_ROUNDING = 5e-7  # share of a limit, and rad or m: short pieces late in a long motion have few digits left
+_ROUNDING = 5e-7  # share of a limit, and rad or m: rounding of short pieces late in a long motion
 _ACCELERATION_STEP = 1e-6  # share of the acceleration limit: smaller steps are rounding
 _SAMPLES = 1000
 
@@ -28,9 +28,9 @@ class Excess:
 
 
 def excess(trajectory: Trajectory, limits: Limits) -> Excess | None:
-    """The limit of position, velocity, acceleration or jerk that a motion exceeds most, or None; at all times.
+    """Return the worst violation of the position, velocity, acceleration and jerk limits, or None; at all times.
 
-    Most is by how much slower it would have to be, (value / limit)^(1 / order).
+    Violations are compared by the slowdown that they require, (value / limit)^(1 / order).
     """
     found: list[tuple[float, Excess]] = []
     e = trajectory.extrema_at(0)
@@ -52,14 +52,14 @@ def excess(trajectory: Trajectory, limits: Limits) -> Excess | None:
 
 
 def acceleration_steps(trajectory: Trajectory, limits: Limits) -> bool:
-    """Whether the acceleration of a joint with a jerk limit jumps, from and to rest included."""
+    """Return whether the acceleration of a joint with a jerk limit jumps, from and to rest included."""
     ends = trajectory(np.array([0.0, trajectory.duration]), 2)
     steps = np.abs(np.vstack([ends, trajectory.jumps(2)])).max(axis=0)
     return bool((np.isfinite(limits.jerk) & (steps > _ACCELERATION_STEP * limits.acceleration)).any())
 
 
 def beyond_limits(over: Excess, trajectory: Trajectory, shortest: float | None) -> Failure:
-    """A `limits` failure: what is exceeded, and the shortest duration (s) in which it is not, if there is one."""
+    """Return a `limits` failure with the limit exceeded and the shortest duration (s) that respects it, if any."""
     joint = trajectory.joint_names[over.joint]
     unit = UNITS.get(over.quantity, "rad")
     reached = f"'{joint}' would reach {over.quantity} {over.value:.4g} {unit}, beyond its limit {over.limit:.4g}"
@@ -87,6 +87,6 @@ def _other_duration(shortest: float | None) -> str:
 
 
 def rounded_up(value: float) -> str:
-    """A positive number in six digits, not smaller than it is: who asks for what is written gets it."""
+    """Return a positive number in six digits, rounded up so that the value printed is feasible."""
     digit = 10.0 ** (floor(log10(value)) - 5)
     return f"{ceil(value / digit) * digit:.6g}"

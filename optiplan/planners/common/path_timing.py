@@ -1,4 +1,4 @@
-"""A proved path of straight segments becomes a proved trajectory: corners as round as the obstacles allow."""
+"""Time a collision-free path of straight segments, rounding its corners as far as the obstacles allow."""
 
 import numpy as np
 
@@ -14,20 +14,20 @@ from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 
 _SHRINK = 0.5
-_SHARPEST = 0.01  # share of half a segment; below it a corner is not worth rounding
+_SHARPEST = 0.01  # share of half a segment: smallest corner that is rounded
 
 
 def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory | None:
-    """The faster of a run through rounded corners and one that stops at every corner.
+    """Return the faster of the motion through rounded corners and the one that stops at every corner.
 
     Args:
         model: of the robot in its scene.
         waypoints: (k, n), rad or m; the straight segments between them are free.
         limits: of the n joints.
-        budget: once it is over, the stops are the answer.
+        budget: once it is over, the motion with stops is returned.
 
     Returns:
-        A trajectory within all limits that is free at all times because the path is; None where gravity alone takes
+        A trajectory within all limits that is free at all times because the path is; None where gravity alone requires
         more torque than allowed.
     """
     robot = model.robot
@@ -40,7 +40,7 @@ def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: 
 
 
 def within_torque(model: CollisionModel, limits: Limits, trajectory: Trajectory) -> Trajectory | None:
-    """The trajectory, slowed down where its torques ask for it; None where even standing still takes too much."""
+    """Return the trajectory, slowed down where its torques require it; None where gravity alone exceeds the limits."""
     slower = torque_scale(model.robot, limits.torque, trajectory)
     return trajectory.scaled(trajectory.duration * slower) if np.isfinite(slower) else None
 

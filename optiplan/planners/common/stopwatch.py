@@ -1,4 +1,4 @@
-"""Seconds by named stage."""
+"""Wall time by named stage."""
 
 import time
 from collections.abc import Iterator
@@ -6,14 +6,14 @@ from contextlib import contextmanager
 
 
 class Stopwatch:
-    """Adds up wall time by stage in `seconds`, the `timings` of a PlanResult."""
+    """Accumulate wall time by stage in `seconds`, the `timings` of a PlanResult."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Count the time spent inside towards `name`, but for that in stages within it, which counts towards them."""
+        """Add the time spent inside to `name`, without that of nested stages, which is added to theirs."""
         begin, before = time.perf_counter(), sum(self.seconds.values())
         try:
             yield

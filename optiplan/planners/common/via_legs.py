@@ -1,4 +1,4 @@
-"""Any planner from one point to another passes vias: leg by leg, at rest at each."""
+"""Plan through vias with any point-to-point planner: leg by leg, at rest at each via."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -16,9 +16,9 @@ from optiplan.trajectory.trajectory import Trajectory
 def plan_through(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
     """Plan the problem, or leg by leg between vias.
 
-    A planner that `passes_vias` gets the whole problem. Each leg of another ends where the planner
-    likes it best among the configurations that reach the via, the next begins there, and it may take its share of the
-    time that is left. A failure names its leg, counted from 1, in words and as `leg` of the witness.
+    A planner that `passes_vias` plans the whole problem. For any other, each leg ends where the planner
+    prefers among the configurations that reach the via, the next begins there, and each leg has its share of the
+    remaining time. A failure names its leg, counted from 1, in words and as `leg` of the witness.
 
     Raises:
         InputError: a planner from outside returns what is no answer.
@@ -58,7 +58,7 @@ def _answer(planner: Planner[Any], problem: Problem, budget: Budget, progress: P
 
 
 def joined(legs: Sequence[Trajectory]) -> Trajectory:
-    """One motion after another; each begins where the one before ends."""
+    """Concatenate motions; each begins where the one before ends."""
     size = max(leg.coefficients.shape[1] for leg in legs)
     padded = [np.pad(leg.coefficients, ((0, 0), (0, size - leg.coefficients.shape[1]), (0, 0))) for leg in legs]
     begins = np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])])

@@ -52,7 +52,7 @@ class How:
 
 
 def plan_sampled(task: PlanTask, options: SampledOptions, how: How) -> PlanResult:
-    """A search between the start and all goal configurations; its path is shortened, smoothed and timed."""
+    """Search between the start and all goal configurations; shorten, smooth and time the path."""
     problem, budget, watch = task.problem, task.budget, Stopwatch()
     with watch.stage("set-up"):
         model = CollisionModel(problem.robot, problem.scene)

@@ -1,4 +1,4 @@
-"""`bitstar`: batches of samples, searched in the order of the path they promise, OMPL's BIT*."""
+"""`bitstar`: batches of samples, searched in the order of potential path cost, OMPL's BIT*."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +20,7 @@ class BitStarOptions(SampledOptions):
 
 
 class BitStar(Planner[BitStarOptions]):
-    """Shortens the path of RRT-Connect in time (`shortcut.path_time`); proves few edges, the promising ones."""
+    """Planner by BIT*: shorten the path of RRT-Connect in time (`shortcut.path_time`), checking few edges."""
 
     Options = BitStarOptions
 

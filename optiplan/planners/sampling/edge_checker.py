@@ -1,4 +1,4 @@
-"""Is a straight motion free at all its points? What samplers ask thousands of times."""
+"""Exact collision checking of straight segments for sampling planners."""
 
 from copy import copy
 from dataclasses import replace
@@ -15,12 +15,12 @@ from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.planners.common.gravity import Gravity
 from optiplan.robot.robot import Limits
 
-_FIRST = 0.1  # m; a motion is cut to begin with so that no pair travels farther within half a part
-_MARGIN = 4 * DISTANCE_ERROR  # m; added to the travel that a part is free for
+_FIRST = 0.1  # m; initial subdivision: no pair travels farther within half a part
+_MARGIN = 4 * DISTANCE_ERROR  # m; added to the travel of a part
 _LEAST = 1e-6  # m of travel; a part not proved free by then counts as blocked
 _MOST = 1000  # queries, some 20 ms; a motion that takes more slides along an obstacle and counts as blocked
-_HEAVY_STEP = 0.05  # rad or m, largest joint, between looks at gravity, whose reserve covers what is between
-_UNIT, _SHORT_LEVER = 1.5, 0.1  # m; a joint that moves less than the second is measured as if it moved as much
+_HEAVY_STEP = 0.05  # rad or m, largest joint, between gravity checks, whose reserve covers the rest
+_UNIT, _SHORT_LEVER = 1.5, 0.1  # m; unit of `by_moment_arms`, and least moment arm assumed there
 _UNBOUNDED = 1e6  # m, the stroke of a prismatic joint without bounds
 
 
@@ -28,7 +28,7 @@ Joints = npt.NDArray[np.bool_]
 
 
 class MotionCheck:
-    """Proves straight segments between configurations free: the distance of every pair exceeds its travel.
+    """Prove straight segments between configurations free: the distance of every pair exceeds its travel.
 
     Half a part of the motion, of length |d| per joint, moves the bodies of pair p against each other by at most
     t_p = sum_j moment_arms[p, j] |d_j|. The part is free when every pair is farther apart than t_p in the middle of it
@@ -41,7 +41,7 @@ class MotionCheck:
     Attributes:
         model: of the robot in its scene.
         limits: of its joints; `moment_arms` hold within the position limits.
-        units: (n,) rad or m, what a search counts as one: the way of each joint in a second at full speed.
+        units: (n,) rad or m, scale of a search's coordinates: the way of each joint in a second at full speed.
     """
 
     def __init__(self, model: CollisionModel, limits: Limits, gravity: Gravity | None = None) -> None:
@@ -51,11 +51,11 @@ class MotionCheck:
         self._moment_arms, self._margins = model.bounds.moment_arms(stroke), PairMargins(model)
 
     def blocked(self, q: Array) -> bool:
-        """Whether q (n,) collides, or is too heavy to hold."""
+        """Return whether q (n,) collides or exceeds the torque limits."""
         return self.model.collides(q) or (self._gravity is not None and self._gravity.too_much(q))
 
     def free(self, a: Array, b: Array) -> bool:
-        """Whether the segment from a to b (n,) is proved free; `a` known not to be blocked.
+        """Return whether the segment from a to b (n,) is proved free; `a` known not to be blocked.
 
         Holds at: every point of the segment; gravity at steps of 0.05 rad or m.
         """
@@ -67,13 +67,13 @@ class MotionCheck:
         return all(self.free(a, b) for a, b in pairwise(waypoints))
 
     def lift(self, q: Array) -> Array:
-        """The robot's configuration (n,) of a configuration of this check."""
+        """Return the robot's configuration (n,) for a configuration of this check."""
         return q
 
     def by_moment_arms(self) -> "MotionCheck":
         """Return a check in which one unit of a joint moves some point of the robot by up to `_UNIT`.
 
-        A slow joint is far in time and near in space; what is free depends on space.
+        A slow joint is far in time and near in space; collisions depend on space.
         """
         twin = copy(self)
         twin.units = _UNIT / np.maximum(self._moment_arms.max(axis=0, initial=0.0), _SHORT_LEVER)
@@ -82,7 +82,7 @@ class MotionCheck:
     def finer(self) -> "MotionCheck":
         """Return a check in which a unit of each joint, and so the longest step of a tree, is a quarter of that here.
 
-        Out of narrow places only short steps lead.
+        Narrow passages need short steps.
         """
         twin = copy(self)
         twin.units = 0.25 * self.units
@@ -123,7 +123,7 @@ class MotionCheck:
 
 
 class PartialCheck(MotionCheck):
-    """The checks for some of the joints, within a box, while the others stand still.
+    """Collision checks for some of the joints, within a box, while the others stand still.
 
     Attributes:
         limits: of those joints, with the box for their position limits.
@@ -139,23 +139,23 @@ class PartialCheck(MotionCheck):
         self.still, self._whole, self._joints = still, whole, joints
 
     def lift(self, q: Array) -> Array:
-        """The robot's configuration (n,) with its searched joints at q (m,); of many (k, m): (k, n)."""
+        """Return the robot's configuration (n,) with its searched joints at q (m,); of many (k, m): (k, n)."""
         full = np.broadcast_to(self.still, (*q.shape[:-1], len(self.still))).copy()
         full[..., self._joints] = q
         return full
 
     def blocked(self, q: Array) -> bool:
-        """Whether q (m,) collides, or is too heavy to hold."""
+        """Return whether q (m,) collides or exceeds the torque limits."""
         return self._whole.blocked(self.lift(q))
 
     def free(self, a: Array, b: Array) -> bool:
-        """Whether the segment from a to b (m,) is proved free; see `MotionCheck.free`."""
+        """Return whether the segment from a to b (m,) is proved free; see `MotionCheck.free`."""
         return self._whole.free(self.lift(a), self.lift(b))
 
 
 @lru_cache(maxsize=1024)
 def _middles(parts: int) -> tuple[float, ...]:
-    """Middles of equal parts of [0, 1], far apart first: collisions are met sooner in that order."""
+    """Return middles of equal parts of [0, 1], far apart first: collisions are found sooner in that order."""
     order, spans = [], [(0, parts - 1)]
     for low, high in spans:
         if low <= high:

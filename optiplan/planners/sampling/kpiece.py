@@ -18,7 +18,7 @@ class KpieceOptions(SampledOptions):
 
 
 class Kpiece(Planner[KpieceOptions]):
-    """Coverage is counted in cells of the tool's position; motions are proved only when a path needs them."""
+    """Planner by LBKPIECE1: coverage is counted in cells of the tool's position; edges are checked lazily."""
 
     Options = KpieceOptions
 

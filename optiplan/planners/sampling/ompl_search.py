@@ -1,4 +1,4 @@
-"""OMPL's searches, made repeatable, interruptible and silent."""
+"""OMPL's planners, made deterministic, interruptible and silent."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -18,12 +18,12 @@ from optiplan.planners.sampling.ompl_space import Ends, SearchSpace
 Kind = Literal["rrtconnect", "rrtstar", "informed_rrtstar", "bitstar", "kpiece"]
 
 _START, _GOAL = 1, 2  # OMPL's tags of the two trees
-_SAMPLE = 500  # states of a tree that are reported
+_SAMPLE = 500  # states of a tree reported, at most
 _BATCH = 100  # samples that BIT* adds at a time
 _SEARCHING = 0.7  # share of the budget for improving a path; the rest is for shortening and timing it
-_AROUND, _LOOKS = 0.4, 50  # s at full speed, and configurations looked at to tell how narrow a place is
+_AROUND, _LOOKS = 0.4, 50  # s at full speed: radius, and number of configurations to measure free space
 _NARROW = 0.2  # longest edge of trees in narrow places, in units of the check
-_OMPL = threading.Lock()  # OMPL's random numbers start from one seed of the whole process
+_OMPL = threading.Lock()  # OMPL's seed is global to the process
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Search:
         goal_tree: (g, n) states from which a goal is reached, likewise; the goals alone where one tree is grown. BIT*
             does not show its tree.
         sizes: number of states of the two trees.
-        cut_short: the clock ended it before its effort was spent.
+        cut_short: the time limit ended it before its effort was spent.
         impatient: it ended without a path because its patience was spent, not the budget.
     """
 
@@ -115,12 +115,12 @@ def search(  # noqa: PLR0913
 
 
 def rrt_connect(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
-    """The quickest `Searcher`, as its options are by default."""
+    """Run RRT-Connect with default options, the fastest `Searcher`."""
     return search(check, ends, budget, seed, SearchOptions("rrtconnect"), patience=patience)
 
 
 def kpiece(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
-    """The `Searcher` that finds through long narrow places, with edges half as long as by default.
+    """Run KPIECE with short edges, a `Searcher` for long narrow passages.
 
     It grows from the borders of what the tool has covered, where RRT-Connect aims at the large free space outside.
     """
@@ -128,7 +128,7 @@ def kpiece(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patienc
 
 
 def _goals_are_tighter(check: MotionCheck, ends: Ends, seed: int) -> bool:
-    """A single tree finds out of a narrow place more easily than into it, so it is rooted where less space is free."""
+    """Return whether less space is free at the goals: a tree leaves a narrow place more easily than it enters one."""
     steps = np.random.default_rng(seed).uniform(-_AROUND, _AROUND, (_LOOKS, len(ends[0]))) * check.limits.velocity
     start, *goals = [sum(not check.blocked(q + step) for step in steps) for q in np.vstack(ends)]
     return max(goals) < start
@@ -136,7 +136,7 @@ def _goals_are_tighter(check: MotionCheck, ends: Ends, seed: int) -> bool:
 
 @contextmanager
 def seeded(seed: int, budget: Budget) -> Iterator[bool]:
-    """OMPL for this thread alone, its random numbers from `seed`; False when the budget ended before its turn came."""
+    """Lock OMPL for this thread and seed it; False when the budget ended before the lock was free."""
     from ompl import util
 
     while not _OMPL.acquire(timeout=0.02):
@@ -187,7 +187,7 @@ def _improved(planner: Any, spent: bool) -> bool:
 
 
 def _connected(planner: Any, problem: Any) -> bool:
-    """Whether there is a path; those that improve it tell the problem only when they end."""
+    """Return whether a path exists; optimising planners report it only when they end."""
     return bool(problem.hasExactSolution()) or (hasattr(planner, "bestCost") and isfinite(planner.bestCost().value()))
 
 
@@ -214,7 +214,7 @@ def _collect(planner: Any, space: SearchSpace, problem: Any, roots: tuple[Array,
     from ompl import base, geometric
 
     data = base.PlannerData(space.information)
-    if not isinstance(planner, geometric.BITstar):  # asked for its data, it never frees what it holds (OMPL 2.0.1)
+    if not isinstance(planner, geometric.BITstar):  # BIT* leaks memory after `getPlannerData` (OMPL 2.0.1)
         planner.getPlannerData(data)
     tags = np.array([data.getVertex(i).getTag() for i in range(data.numVertices())])
     if not (tags == _GOAL).any():

@@ -1,4 +1,4 @@
-"""A robot's joint space in OMPL's words: states, validity of states and motions, the cost of a path, cells of space."""
+"""A robot's joint space for OMPL: states, validity of states and motions, path costs, projections."""
 
 from math import hypot
 from typing import Any
@@ -11,7 +11,7 @@ from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.shortcutting import TWO_NORM_SHARE
 from optiplan.robot.robot import Limits
 
-_TURN = np.pi  # rad beyond start and goals that a joint without bounds may go
+_TURN = np.pi  # rad beyond start and goals: range of a joint without bounds
 _CELL = 0.1  # m, edge of the cells in which tool positions are counted
 
 
@@ -20,7 +20,7 @@ Ends = tuple[Array, Array]
 
 
 def search_bounds(limits: Limits, ends: Ends) -> tuple[Array, Array]:
-    """Box (n,), (n,) of a search: the position limits; half a turn beyond the ends for a joint without bounds."""
+    """Return the search box (n,), (n,): the position limits; half a turn beyond the ends for a joint without bounds."""
     both = np.vstack(ends)
     lower = np.where(np.isfinite(limits.lower), limits.lower, both.min(axis=0) - _TURN)
     upper = np.where(np.isfinite(limits.upper), limits.upper, both.max(axis=0) + _TURN)
@@ -49,11 +49,11 @@ class SearchSpace:
         self.information: Any = self._information()
 
     def close(self) -> None:
-        """Let go of OMPL, which holds this object and is held by it where no garbage collector sees it."""
+        """Break the reference cycle with OMPL, which the garbage collector cannot see."""
         self.information = None
 
     def read(self, state: Any) -> Array:
-        """The configuration (n,) of a state."""
+        """Return the configuration (n,) of a state."""
         return np.array([state[j] for j in range(self._n)]) * self._units
 
     def _valid(self, state: Any) -> bool:
@@ -77,7 +77,7 @@ class SearchSpace:
         return information
 
     def problem(self, roots: Array, targets: Array) -> Any:
-        """OMPL's problem definition: from any of the roots (r, n) to any of the targets (k, n)."""
+        """Return OMPL's problem definition: from any of the roots (r, n) to any of the targets (k, n)."""
         from ompl import base
 
         problem, goals = base.ProblemDefinition(self.information), base.GoalStates(self.information)
@@ -95,7 +95,7 @@ class SearchSpace:
         return state
 
     def path_time(self) -> Any:
-        """The objective sum over segments of max_j |dq_j / v_j| + 0.1 ||dq / v||, as `shortcut.path_time` has it."""
+        """Objective: sum over segments of max_j |dq_j / v_j| + 0.1 ||dq / v||, as `shortcut.path_time` has it."""
         from ompl import base
 
         seconds = (self._units / self._check.limits.velocity).tolist()
@@ -114,13 +114,13 @@ class SearchSpace:
         return PathTime(self.information)
 
     def path_length(self) -> Any:
-        """The objective sum over segments of ||dx||: where a path can still shorten is an ellipsoid, as OMPL knows."""
+        """Return the objective sum over segments of ||dx||, for which OMPL samples the informed ellipsoid."""
         from ompl import base
 
         return base.PathLengthOptimizationObjective(self.information)
 
     def tool_cells(self) -> Any:
-        """A projection of states to the tool's position, m: coverage is counted in cells of 0.1 m of the work space."""
+        """Return the projection of states to the tool's position, m: coverage is counted in cells of 0.1 m."""
         from ompl import base
 
         model, read, lift = self._robot.model, self.read, self._check.lift

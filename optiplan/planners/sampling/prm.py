@@ -1,4 +1,4 @@
-"""`prm`: a roadmap of the scene that later queries of the same planner object find again."""
+"""`prm`: a roadmap of the scene, reused by later queries of the same planner object."""
 
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from optiplan.planners.sampling.ompl_space import Ends, search_bounds
 from optiplan.planners.sampling.roadmap import Roadmap
 from optiplan.problem.problem import Problem
 
-_KEPT = 4  # roadmaps of the scenes asked for last
+_KEPT = 4  # roadmaps kept: those of the latest scenes
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class PrmOptions(SampledOptions):
 
 
 class Prm(Planner[PrmOptions]):
-    """Use one object for many queries, in one thread: each leaves the roadmap of its scene richer.
+    """Planner by probabilistic roadmaps; use one object for many queries, in one thread: roadmaps grow with each.
 
     The first query of a scene answers as every other planner does: the same for the same problem and seed. The answer
     to a later one depends on the queries before it.
 
     Attributes:
-        roadmaps: by what they are valid for: the bodies, the pairs, the limits and the seed.
+        roadmaps: by the inputs they are valid for: the bodies, the pairs, the limits and the seed.
     """
 
     Options = PrmOptions
@@ -50,9 +50,9 @@ class Prm(Planner[PrmOptions]):
         return plan_sampled(PlanTask(problem, budget, progress), self.options, How(self.search, detour=inf))
 
     def search(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
-        """Ask the roadmap of this scene, and let it grow until it knows a way; a `search.Searcher`.
+        """Query the roadmap of this scene and grow it until it connects the ends; a `search.Searcher`.
 
-        It keeps what it learns, so its patience does not end before its vertices.
+        The roadmap is kept, so its patience does not end before its vertices.
         """
         roadmap = self._roadmap(check, ends, seed)
         count = max(self.options.vertices, len(roadmap.vertices))
@@ -68,7 +68,7 @@ class Prm(Planner[PrmOptions]):
         bounds = (check.limits.torque, check.limits.velocity, *box)
         key = (*world_key(check.model), *(bound.tobytes() for bound in bounds), seed)
         if key in self.roadmaps and len(self.roadmaps[key].vertices) > 2 * self.options.most_vertices:
-            del self.roadmaps[key]  # full of the ends of queries
+            del self.roadmaps[key]  # mostly ends of queries
         roadmap = self.roadmaps.setdefault(key, Roadmap(box, check.limits.velocity, seed))
         self.roadmaps.move_to_end(key)
         while len(self.roadmaps) > _KEPT:

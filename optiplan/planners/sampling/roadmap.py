@@ -18,10 +18,10 @@ from optiplan.planners.sampling.shortcutting import path_times
 _NEIGHBOURS = np.e * 1.1
 """Neighbours of a vertex, times log(N): enough for paths to approach the shortest (Karaman and Frazzoli, 2011)."""
 
-_LOOKS = 64  # samples between two looks at the clock, some 2 ms
-_LOCAL = 0.5  # share of samples near the ends of the query that asks for more: there the ways are narrow
+_LOOKS = 64  # samples between two checks of the clock, some 2 ms
+_LOCAL = 0.5  # share of samples near the ends of the current query, where passages are narrow
 _NARROW, _WIDE = 0.03, 0.5  # s at full speed: standard deviations of those, evenly over their logarithm
-_SAMPLE = 500  # vertices that are reported
+_SAMPLE = 500  # vertices reported, at most
 
 Edges = npt.NDArray[np.intp]
 
@@ -29,13 +29,13 @@ Edges = npt.NDArray[np.intp]
 class Roadmap:
     """Vertices are free configurations; edges join near ones and are proved when a path needs them.
 
-    What was proved free or found blocked is remembered. OMPL's PRM grows and searches in two threads by the clock,
+    Results of edge checks are kept. OMPL's PRM grows and searches in two threads by the clock,
     which no seed makes repeatable, so this one is our own. Sources: Kavraki et al., "Probabilistic roadmaps", IEEE
     T-RA 1996; Bohlin and Kavraki, "Path planning using lazy PRM", ICRA 2000.
 
     Attributes:
         vertices: (N, n), rad or m.
-        tried: motions between vertices that were held against the scene, and whether they are free.
+        tried: edges checked against the scene, and whether they are free.
     """
 
     def __init__(self, box: tuple[Array, Array], velocity: Array, seed: int) -> None:
@@ -43,19 +43,19 @@ class Roadmap:
         self.vertices = np.zeros((0, len(velocity)))
         self.tried: dict[tuple[int, int], bool] = {}
         self._edges: Edges = np.zeros((0, 2), dtype=np.intp)
-        self._linked = 0  # vertices that have their edges
+        self._linked = 0  # vertices whose edges are computed
 
     def grow(self, check: MotionCheck, count: int, ends: Ends, budget: Budget) -> None:
-        """Draw until there are `count` vertices, half of the new ones near the ends; a cut budget leaves fewer."""
+        """Sample until there are `count` vertices, half of the new ones near the ends; fewer if the budget ends."""
         found = list(self.vertices)
         while len(found) < count and not budget.over:
             found += [q for q in self._draw(np.vstack(ends)) if not check.blocked(q)]
         self.vertices = np.array(found[: max(count, len(self.vertices))]).reshape(-1, len(self._velocity))
 
     def query(self, check: MotionCheck, ends: Ends, budget: Budget) -> Search:
-        """The shortest path from the start to a goal whose edges are proved free, or how far the two sides reach.
+        """Return the shortest path from the start to a goal whose edges are proved free, or the two components reached.
 
-        The ends become vertices, so that a place that is left or reached again is known.
+        The ends become vertices, so that later queries can reuse them.
         """
         start, *goals = (self._vertex(q) for q in np.vstack(ends))
         if self._linked < len(self.vertices) and not budget.over:
@@ -77,7 +77,7 @@ class Roadmap:
         return self._failed(start, goals)
 
     def _vertex(self, q: Array) -> int:
-        """Index of the vertex at q (n,), a new one where there was none."""
+        """Return the index of the vertex at q (n,), inserting it if new."""
         there = np.flatnonzero((self.vertices == q).all(axis=1))
         if len(there):
             return int(there[0])
@@ -94,7 +94,7 @@ class Roadmap:
         return np.where(local, np.clip(near, low, high), anywhere)
 
     def _links(self) -> Edges:
-        """Edges (E, 2), i < j, from every vertex to its nearest neighbours."""
+        """Return edges (E, 2), i < j, from every vertex to its nearest neighbours."""
         total = len(self.vertices)
         count = min(total, 1 + int(np.ceil(_NEIGHBOURS * np.log(total))))
         scaled = self.vertices / self._velocity
@@ -104,7 +104,7 @@ class Roadmap:
         return np.asarray(np.unique(pairs, axis=0), dtype=np.intp)
 
     def _first_blocked(self, check: MotionCheck, path: list[int]) -> tuple[int, int] | None:
-        """The first edge of a path that is not free; every one looked at is remembered."""
+        """Return the first edge of a path that is not free; every result is kept."""
         for a, b in pairwise(path):
             edge = (min(a, b), max(a, b))
             if edge not in self.tried:
@@ -114,7 +114,7 @@ class Roadmap:
         return None
 
     def _failed(self, start: int, goals: list[int]) -> Search:
-        """No path: what is joined with the start, and with a goal, by motions that are proved free."""
+        """Return the search without a path: the vertices connected with the start, and with a goal."""
         points = self.vertices
         edges = np.array([edge for edge, free in self.tried.items() if free], dtype=np.intp).reshape(-1, 2)
         graph = csr_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
@@ -125,7 +125,7 @@ class Roadmap:
 
 
 def _shortest(count: int, edges: Edges, cost: Array, start: int) -> tuple[Array, Edges]:
-    """Cost (count,) of the shortest way from the start to every point, inf where there is none, and its last step."""
+    """Return the cost (count,) of the shortest path from the start to every point (inf: none) and its predecessor."""
     graph = csr_array((cost, (edges[:, 0], edges[:, 1])), shape=(count, count))
     reached, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
     return reached, before

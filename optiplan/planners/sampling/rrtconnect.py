@@ -1,4 +1,4 @@
-"""`rrtconnect`: two trees that grow towards each other, OMPL's RRT-Connect; the quickest to a path."""
+"""`rrtconnect`: two trees that grow towards each other, OMPL's RRT-Connect; the fastest to find a path."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -18,7 +18,7 @@ class RrtConnectOptions(SampledOptions):
 
 
 class RrtConnect(Planner[RrtConnectOptions]):
-    """Takes the path that comes first."""
+    """Planner by RRT-Connect: return the first path found, shortened."""
 
     Options = RrtConnectOptions
 

@@ -24,7 +24,7 @@ class RrtStarOptions(SampledOptions):
 
 
 class RrtStar(Planner[RrtStarOptions]):
-    """Shortens the path of RRT-Connect, by joint-space path time (`shortcut.path_time`)."""
+    """Planner by RRT*: shorten the path of RRT-Connect, by joint-space path time (`shortcut.path_time`)."""
 
     Options = RrtStarOptions
 
@@ -38,10 +38,10 @@ class RrtStar(Planner[RrtStarOptions]):
 
 
 class InformedRrtStar(RrtStar):
-    """Samples only where a shorter path than the best one can pass, once there is one; short in ||dq / v||.
+    """Planner by informed RRT*: sample only the ellipsoid that can shorten the best path; length is ||dq / v||.
 
-    That place is an ellipsoid. For a cost of ours OMPL would need to know what is left to the goal, which its Python
-    binding cannot be told (2.0.1: `setCostToGoHeuristic` takes no function): it would sample everywhere, as RRT* does.
+    For the path time OMPL would need a cost-to-go heuristic, which its Python
+    binding does not accept (2.0.1: `setCostToGoHeuristic` takes no function): it would sample everywhere, as RRT* does.
     """
 
     kind: Kind = "informed_rrtstar"

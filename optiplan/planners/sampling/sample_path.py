@@ -1,4 +1,4 @@
-"""A free path from a start to one of several goals: searched for, shortened, every segment proved."""
+"""Find a free path from a start to one of several goals: search, shorten, every segment proved."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -22,10 +22,10 @@ from optiplan.robot.robot import Limits
 _RESERVE = 3e-3  # share of the torque limits kept free for gravity between the steps
 _BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line to fall back on
 _PATIENCE, _GROWTH = 500, 3.0  # iterations of the first round, and factor from one round to the next
-CHEAP = 20.0  # iterations of `otherwise` for each of the searcher's: it proves few motions, and takes about as long
-_LATE, _RELAXED = 2, 90e3  # the round of the searcher, from 0, that `relaxed` has one before; its iterations
-_FRESH = 4  # goals asked for between two rounds
-_SHORT = 0.5  # s: ends nearer than this to each other are searched as if they were so far apart
+ALTERNATE_RATIO = 20.0  # iterations of `alternate` per iteration of the searcher in about the same time
+_LATE, _RELAXED = 2, 90e3  # round of the searcher, from 0, before which `relaxed` has one; its iterations
+_FRESH = 4  # new goals requested between two rounds
+_SHORT = 0.5  # s: least distance of the ends assumed for the detour
 _STALE, _GAIN = 3, 0.01  # rounds that gain less than this share end the search for shorter paths
 _IMPROVING = 0.7  # share of the budget for it; the rest is for timing
 _POINT_TOLERANCE = 1e-9  # rad or m
@@ -40,19 +40,19 @@ class SamplingOptions:
         seed: of all random numbers.
         attempts: random shortcuts to try.
         searcher: finds a first path.
-        otherwise: takes turns with it where that is hard; None: nobody does.
-        detour: the first round looks only where a path through some place can take at most so many times as long as
-            the straight line; infinite: everywhere at once.
-        improve: searches on for shorter paths, each time where only such can pass, until that gains nothing more.
-        more_goals: asked for so many new goals between rounds, with something to poll.
-        relaxed: takes turns with both where that is very hard; None: nobody does.
+        alternate: second searcher, in turn with the first where that needs several rounds; None: none.
+        detour: the first round samples only configurations through which a path can take at most this factor of
+            the straight line's time; infinite: everywhere.
+        improve: searcher for shorter paths, each time where only such can pass, until it gains nothing more.
+        more_goals: returns up to this many new goals between rounds; polls its second argument.
+        relaxed: third searcher, in later rounds; None: none.
     """
 
     budget: Budget
     seed: int = 0
     attempts: int = 120
     searcher: Searcher = rrt_connect
-    otherwise: Searcher | None = kpiece
+    alternate: Searcher | None = kpiece
     detour: float = 2.0
     improve: Searcher | None = None
     more_goals: Callable[[int, Callable[[], bool]], list[Array]] = field(default=lambda count, stop: [])
@@ -114,7 +114,7 @@ def sample_path(
 
 
 def _shorter(check: MotionCheck, paths: list[Array | None], draws: Array, budget: Budget) -> Array:
-    """The cheapest of the paths that there are, each shortened."""
+    """Shorten each path and return the cheapest."""
     velocity = check.limits.velocity
     short = [shorten(check, path, velocity, draws, budget) for path in paths if path is not None]
     return min(short, key=lambda path: float(path_time(path, velocity).sum()))
@@ -128,14 +128,14 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
     a few take very long (Gomes, Selman and Kautz, "Boosting combinatorial search through randomization", AAAI 1998).
     """
     start, goals = ends
-    ways, near = _ways(check, options), bool(np.isfinite(options.detour))
+    schedule, near = _schedule(check, options), bool(np.isfinite(options.detour))
     while True:
         seed = int(rng.integers(1, 2**31))
         if near:
             straight = np.maximum((np.abs(goals - start) / check.limits.velocity).max(axis=1), _SHORT)
             found = _near_the_ends(check, (start, goals), options.detour * straight, options, seed)
         else:
-            searcher, measure, patience = next(ways)
+            searcher, measure, patience = next(schedule)
             found = searcher(measure, (start, goals), options.budget, seed, patience=patience)
         if not found.impatient or options.budget.over:
             return found
@@ -145,12 +145,12 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
         near = False
 
 
-def _ways(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Searcher, MotionCheck, float]]:
-    """Who searches in one round after another, the measure of distances, and the patience.
+def _schedule(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Searcher, MotionCheck, float]]:
+    """Yield the searcher, the check whose units measure distances, and the patience of each round.
 
     The searcher measures by time and by space, with long and then with short steps, in turn. After each of its rounds
-    `otherwise` takes one of about the same time; it measures by space. So does `relaxed`, which comes after each of
-    both from the second round of `otherwise` on: its patience stays the same, more and more searches share its turn.
+    `alternate` has one of about the same time; it measures by space. So does `relaxed`, which comes after each of
+    both from the second round of `alternate` on: its patience is constant, the number of its searches grows.
     """
     moment_arms, patience = check.by_moment_arms(), float(_PATIENCE)
     measures = (check, moment_arms, check.finer(), moment_arms.finer()) if np.isfinite(options.detour) else (check,)
@@ -159,8 +159,8 @@ def _ways(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Search
         times = _GROWTH ** (number - _LATE)
         yield options.searcher, measure, patience
         yield from others * int(times)
-        if options.otherwise is not None:
-            yield options.otherwise, moment_arms, CHEAP * patience
+        if options.alternate is not None:
+            yield options.alternate, moment_arms, ALTERNATE_RATIO * patience
         yield from others * ceil(times) * (number >= _LATE - 1)
         patience *= _GROWTH
 
@@ -168,7 +168,7 @@ def _ways(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Search
 def _improved(
     check: MotionCheck, path: Array, ends: Ends, options: SamplingOptions, rng: np.random.Generator
 ) -> tuple[Array, dict[str, Any]]:
-    """The shortest path that rounds of the search find where only shorter ones than the best so far can pass.
+    """Improve a path by rounds of a search that samples only where shorter paths can pass.
 
     They end when `_STALE` of them in a row have gained less than 1 %, or most of the budget is gone.
     """

@@ -11,10 +11,10 @@ TWO_NORM_SHARE = 0.1
 
 
 def path_times(start: Array, end: Array, velocity: Array) -> Array:
-    """Cost of each motion from start (k, n) to end (k, n): (k,) in s.
+    """Return the cost of each motion from start (k, n) to end (k, n): (k,) in s.
 
     max_j |dq_j| / v_j + 0.1 ||dq / v||: the time at full speed, plus a little of the 2-norm, because many paths share
-    the same largest joint and the straight one of them is wanted.
+    the same largest joint and the straight one among them is preferred.
     """
     x = np.abs(end - start) / velocity
     cost: Array = x.max(axis=1) + TWO_NORM_SHARE * np.linalg.norm(x, axis=1)
@@ -27,7 +27,7 @@ def path_time(waypoints: Array, velocity: Array) -> Array:
 
 
 def shorten(check: MotionCheck, waypoints: Array, velocity: Array, draws: Array, budget: Budget) -> Array:
-    """A path with the same ends that costs no more; every new segment passes `check`. Shapes (k, n) -> (m, n).
+    """Return a path with the same ends at no higher cost; every new segment passes `check`. Shapes (k, n) -> (m, n).
 
     Each row of `draws` (attempts, 3), uniform in [0, 1), is one attempt: where it begins and ends along the path, and
     whether it straightens all joints (third number below one half) or which single one.

@@ -1,4 +1,4 @@
-"""A smooth curve beside a path of straight segments: a B-spline whose control points lie on the path."""
+"""Smooth a path of straight segments by a B-spline whose control points lie on the path."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ _SPANS = (4, 8, 16, 32, 64, 128)  # few are smooth, many follow the path closely
 
 
 def smooth_path(model: CollisionModel, waypoints: Array, velocity: Array, budget: Budget) -> Trajectory | None:
-    """The smoothest of the B-splines tried that is proved free, over a path parameter in s; None when none is.
+    """Return the smoothest B-spline that is proved free, over a path parameter in s; None if none is.
 
     Control point i is the path's point at the Greville abscissa (t_{i+1} + … + t_{i+d}) / d of its knots, so that
     straight stretches are kept, and the spline cuts corners within the convex hull of d + 1 neighbouring points
@@ -25,7 +25,7 @@ def smooth_path(model: CollisionModel, waypoints: Array, velocity: Array, budget
         model: of the robot in its scene.
         waypoints: (k, n), rad or m.
         velocity: (n,) limits, which measure the path's parameter (`shortcut.path_time`).
-        budget: once it is over, None is the answer.
+        budget: once it is over, None is returned.
     """
     cost = path_time(waypoints, velocity)
     along = np.concatenate([[0.0], np.cumsum(cost)])
@@ -42,7 +42,7 @@ def smooth_path(model: CollisionModel, waypoints: Array, velocity: Array, budget
 
 
 def spline_along(along: Array, waypoints: Array, spans: int) -> tuple[Array, Array]:
-    """Breakpoints (spans + 1,) and coefficients (spans, d + 1, n) of that spline on equal spans of [0, along[-1]]."""
+    """Return breakpoints (spans + 1,) and coefficients (spans, d + 1, n) on equal spans of [0, along[-1]]."""
     inner = np.linspace(0.0, along[-1], spans + 1)
     knots = np.concatenate([np.zeros(_DEGREE), inner, np.full(_DEGREE, along[-1])])
     greville = np.convolve(knots[1:-1], np.full(_DEGREE, 1.0 / _DEGREE), mode="valid")

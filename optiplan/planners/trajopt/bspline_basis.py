@@ -67,9 +67,9 @@ class SplineBasis:
         return np.asarray(BSpline.design_matrix(np.clip(u, 0.0, 1.0), knots, degree) @ self.derivative[order])
 
     def fit(self, u: Array, points: Array) -> Array:
-        """Control points (K, n) of the least-squares spline through points (N, n) at u (N,), at rest at both ends.
+        """Fit control points (K, n) of the least-squares spline through points (N, n) at u (N,), at rest at both ends.
 
-        A small weight on the third derivative settles control points that no sample determines.
+        A small weight on the third derivative determines control points that no sample does.
         """
         basis = self.at(u)
         control = np.empty((self.size, points.shape[1]))
@@ -82,7 +82,7 @@ class SplineBasis:
         return control
 
     def shortest_duration(self, control: Array, bounds: tuple[Array, Array, Array]) -> float:
-        """Least T, s, for which the derivative control points respect velocity, acceleration and jerk bounds (n,)."""
+        """Return the least T, s, at which velocity, acceleration and jerk control points respect the bounds (n,)."""
         ratios = [
             float((np.abs(self.derivative[order] @ control) / bounds[order - 1]).max()) ** (1.0 / order)
             for order in (1, 2, 3)

@@ -1,4 +1,4 @@
-"""Curves to start from."""
+"""Initial guesses of the optimiser."""
 
 import numpy as np
 
@@ -7,13 +7,13 @@ from optiplan.planners.trajopt.bspline_basis import SplineBasis
 from optiplan.robot.robot import Limits
 
 _POINTS = 200
-_RAMP = 0.2  # share of the time for speeding up, and for slowing down
-_BUMP = 0.15  # share of the motion's time that a bump is worth at full joint speed
-_WIDTHS = 0.15, 0.5  # of bumps, in shares of the motion
+_RAMP = 0.2  # share of the time for acceleration, and for deceleration
+_BUMP = 0.15  # amplitude: share of the motion's time at full joint speed
+_WIDTHS = 0.15, 0.5  # half widths of bumps, in shares of the motion
 
 
 def along_path(basis: SplineBasis, waypoints: Array, velocity: Array) -> Array:
-    """Control points (K, n) of a spline near the straight segments between waypoints (k, n), at rest at both ends.
+    """Return control points (K, n) of a spline near straight segments between waypoints (k, n), at rest at both ends.
 
     The path is measured in time at full joint speed, sum of max_j |dq_j| / velocity_j, and run through with constant
     acceleration, constant speed and constant deceleration.
@@ -28,7 +28,7 @@ def along_path(basis: SplineBasis, waypoints: Array, velocity: Array) -> Array:
 
 
 def with_bump(basis: SplineBasis, control: Array, duration: float, limits: Limits, rng: np.random.Generator) -> Array:
-    """The curve with a smooth bump somewhere: a seed beside a local optimum, perhaps on the other side of an obstacle.
+    """Return the curve with a random smooth bump: a seed away from a local optimum, perhaps beyond an obstacle.
 
     Control points (K, n) move by cos²(pi (u - m) / 2 w) v_j r_j within w of m, u being their place along the curve:
     middle m, half width w and amplitudes r_j, normal and of 15 % of the `duration` (s) that it takes, drawn at random.

@@ -1,4 +1,4 @@
-"""One attempt: from control points to a trajectory that is free between samples too, or not."""
+"""Optimise one initial guess to a trajectory that is checked between samples too."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.qp import Subproblem
-from optiplan.planners.trajopt.sqp import GROWN, HOPELESS, SLOW, STUCK, optimise
+from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, optimise
 from optiplan.planners.trajopt.transcription import Margins, Transcription
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -32,8 +32,8 @@ class Attempt:
     Attributes:
         control: (K, n) control points, rad or m.
         trajectory: the curve in time.
-        touch: where it still touches; None: it is free.
-        close: whether some pair is as near as its margin lets it be, so that a smaller margin may save time.
+        touch: the remaining contact; None: it is free.
+        close: whether the margin of some pair is active, so that a smaller margin may save time.
         iterations: steps taken.
     """
 
@@ -45,7 +45,7 @@ class Attempt:
 
 
 class Optimiser:
-    """Optimises curves of one problem from any seed; what depends only on the problem is built once.
+    """Optimise curves of one problem from any seed; data that depend only on the problem are built once.
 
     Attributes:
         steps: taken so far, in all attempts.
@@ -65,14 +65,14 @@ class Optimiser:
         *,
         patient: bool = False,
     ) -> Attempt | None:
-        """Optimise from control points (K, n), look between the samples, add some where bodies touch there, and again.
+        """Optimise from control points (K, n), check between the samples, add samples at contacts there, and repeat.
 
-        None when the bodies stay far inside each other, the arm is too heavy, or somebody cancelled. A curve that is
-        stuck is looked at between the samples, but no samples are added to it.
+        None when bodies stay in deep penetration, gravity exceeds the torque limits, or the budget is cancelled. A
+        curve that is stuck is checked between the samples, but no samples are added to it.
 
         Args:
             control: of the first curve; its ends stay as they are.
-            budget: polled at every step; once it is over, the curve as it is gets timed and looked at.
+            budget: polled at every step; once it is over, the current curve is timed and checked.
             margin: m, instead of the option's.
             best: cost, s, of the best motion so far: a curve that stays far from it is given up.
             patient: whether a curve may take any time; else it is given up after 30 steps where it takes twice the time
@@ -92,7 +92,7 @@ class Optimiser:
             self.steps += used
             control = point.control
             late = budget.over and self.problem.objective.time * point.duration >= best
-            if late or budget.cancelled or point.contacts.violation() > HOPELESS:
+            if late or budget.cancelled or point.contacts.violation() > MAX_VIOLATION:
                 return None
             trajectory = self.timed(control, point.duration)
             if trajectory is None:
@@ -116,14 +116,14 @@ class Optimiser:
         return float(np.linalg.norm(steps, axis=2).sum(axis=0).max())
 
     def timed(self, control: Array, duration: float) -> Trajectory | None:
-        """The curve at the least duration at which exact extrema and torques hold; None when gravity is too much."""
+        """Return the curve at the least duration within limits and torques; None if gravity is too much."""
         names = self.problem.robot.joint_names
         trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
         return within_torque(self.model, self.problem.limits, scale_to_limits(trajectory, self.problem.limits))
 
 
 def _instants(basis: SplineBasis, count: int) -> Array:
-    """`count` equal steps of u, and the ends and middles of the short spans: torques peak within the first instants."""
+    """Return `count` equal steps of u, and ends and middles of the short spans: torques peak in the first instants."""
     edges = basis.breakpoints
     short = np.diff(edges) < 1.0 / count
     extra = np.concatenate([edges[1:][short], 0.5 * (edges[1:] + edges[:-1])[short]])
@@ -132,7 +132,7 @@ def _instants(basis: SplineBasis, count: int) -> Array:
 
 
 def _around(u: Array, where: float) -> Array:
-    """New samples at `where` and half-way to both neighbours of it among u (N,)."""
+    """Return new samples at `where` and half-way to both of its neighbours among u (N,)."""
     place = int(np.searchsorted(u, where))
     low, high = (u[place - 1] if place else 0.0), (u[place] if place < len(u) else 1.0)
     return np.array([0.5 * (low + where), where, 0.5 * (where + high)])

@@ -43,7 +43,7 @@ class TrajOptOptions(PlannerOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.solver != "piqp":  # the default is there: looking up all takes a quarter of a second
+        if self.solver != "piqp":  # the default is always installed: listing all solvers takes a quarter of a second
             import qpsolvers
 
             if self.solver not in qpsolvers.available_solvers:

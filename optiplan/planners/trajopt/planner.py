@@ -1,4 +1,4 @@
-"""`trajopt`: seeds, optimisation of each, and the best of all motions that are free at all times."""
+"""`trajopt`: optimise several initial guesses and return the best motion that is free at all times."""
 
 import time
 from typing import Any, Literal
@@ -14,7 +14,7 @@ from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.path_timing import timed_path, within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.ompl_search import kpiece, rrt_connect
-from optiplan.planners.sampling.sample_path import CHEAP, SampledPath, SamplingOptions, sample_path
+from optiplan.planners.sampling.sample_path import ALTERNATE_RATIO, SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.thinner import through_thinner
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
@@ -63,7 +63,7 @@ class TrajOpt(Planner[TrajOptOptions]):
 
 
 class _Run:
-    """The state of one call: stages timed, the best motions so far, the reason why there is none."""
+    """State of one call: timed stages, the best motions so far, the failure."""
 
     def __init__(self, problem: Problem, budget: Budget, progress: Progress, options: TrajOptOptions) -> None:
         self.problem, self.budget, self.progress, self.options = problem, budget, progress, options
@@ -73,8 +73,8 @@ class _Run:
         self.candidates: list[Candidate] = []
         self.best = np.inf  # cost of the best candidate
         self.curve: Attempt | None = None  # the best optimised one
-        self.searched_in_vain = False  # whether a search has ended without a path
-        self.direct = True  # whether straight lines, with a bump or without, may be expected to lead to a motion
+        self.searched_in_vain = False  # whether a search ended without a path
+        self.direct = True  # whether straight lines, with or without a bump, are still tried
         self.touching: Touch | None = None
         self.bound = 0.0
         self.patience = Patience(budget, options.good_enough)
@@ -83,7 +83,7 @@ class _Run:
             self.optimiser = Optimiser(problem, self.model, options)
 
     def result(self) -> PlanResult:
-        """Search, and put what came of it into words."""
+        """Search and return the best motion, or the failure."""
         failure = self._search()
         self.info["cut_short"] |= self.budget.over
         if self.candidates:
@@ -118,9 +118,9 @@ class _Run:
         return self._further(sampler)
 
     def _further(self, sampler: GoalSampler) -> Failure | None:
-        """Sampled paths, lines with a bump and the best curve with a bump in turn, while they are worth it.
+        """Try sampled paths, lines with a bump and the best curve with a bump in turn, while `Patience` allows.
 
-        Lines are left out once one of them has led to nothing, until a search has, too.
+        Lines are skipped once one of them has failed, until a search has failed too.
         """
         failure: Failure | None = None
         rng = np.random.default_rng(self.problem.seed)
@@ -143,18 +143,18 @@ class _Run:
         return failure if failure is not None else self._why_not()
 
     def _line(self, sampler: GoalSampler, number: int) -> Array:
-        """The straight line to one goal after another, those first that can be reached soonest."""
+        """Try the straight line to each goal, by lower bound of the duration."""
         goals = self._promising(sampler)
         return self._along(np.array([self.problem.start, goals[number % len(goals)]]))
 
     def _bumped(self, kind: Kind, control: Array, rng: np.random.Generator) -> None:
-        """An attempt from a curve with a bump."""
+        """Optimise from a curve with a bump."""
         limits = self.problem.limits
         duration = self.optimiser.basis.shortest_duration(control, self.optimiser.problem.limits.rates)
         self._attempt(kind, with_bump(self.optimiser.basis, control, duration, limits, rng), self.budget)
 
     def _sampled(self, path: SampledPath) -> Failure | None:
-        """A sampled path timed as it is, where that may be the best, and optimised."""
+        """Time a sampled path where that may be the best motion, and optimise from it."""
         failure = None if self.candidates else self._time_path(path)
         self._attempt("sampled", self._along(path.waypoints), self.budget)
         if self.best > self._cost_bound(float(path_time(path.waypoints, self.problem.limits.velocity).sum())):
@@ -162,13 +162,13 @@ class _Run:
         return failure
 
     def _promising(self, sampler: GoalSampler) -> list[Array]:
-        """The goals that a motion shorter than the best can end in, soonest first."""
+        """Return the goals whose lower bound is below the best motion, soonest first."""
         bounds = lower_bounds(self.problem.start, np.array(sampler.configurations), self.problem.limits)
         costs = [self._cost_bound(float(bound)) for bound in bounds]
         return [q for q, cost in zip(sampler.configurations, costs, strict=True) if cost < self.best]
 
     def _sample(self, sampler: GoalSampler, number: int) -> SampledPath | Failure:
-        """The path of one seed to any of the goals that a shorter motion than the best can end in."""
+        """Return the sampled path of one seed to any of the promising goals."""
         share = _SEARCH if self.candidates else _FIRST_SEARCH
         budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
         worth = self.patience.worth(self.best, self.bound) if self.candidates else np.inf
@@ -178,8 +178,8 @@ class _Run:
                 budget,
                 seed=self.problem.seed + 1000 * number,
                 searcher=counted(rrt_connect, self.patience, most),
-                otherwise=counted(kpiece, self.patience, most, STATE / CHEAP),
-                relaxed=counted(through_thinner(self._repaired), self.patience, most, STATE / CHEAP),
+                alternate=counted(kpiece, self.patience, most, STATE / ALTERNATE_RATIO),
+                relaxed=counted(through_thinner(self._repaired), self.patience, most, STATE / ALTERNATE_RATIO),
                 more_goals=sampler.more,
             )
             path = sample_path(self.model, self.problem.start, self._promising(sampler), self.problem.limits, options)
@@ -197,7 +197,7 @@ class _Run:
         return dense
 
     def _straight(self, ends: Array) -> None:
-        """The straight line between ends (2, n), timed exactly, if it is free."""
+        """Return the straight line between ends (2, n), timed exactly, if it is free."""
         with self.watch.stage("straight line"):
             line = stop_at_corners(ends, self.problem.limits, self.problem.robot.joint_names)
             timed = within_torque(self.model, self.problem.limits, line)
@@ -205,7 +205,7 @@ class _Run:
                 self._offer(timed, None)
 
     def _time_path(self, path: SampledPath) -> Failure | None:
-        """The sampled path, timed as it is."""
+        """Time the sampled path without optimising it."""
         with self.watch.stage("timing of sampled paths"):
             timed = timed_path(self.model, path.waypoints, self.problem.limits, self.budget)
         if timed is None:
@@ -218,7 +218,7 @@ class _Run:
         return along_path(self.optimiser.basis, waypoints, self.problem.limits.velocity)
 
     def _attempt(self, kind: Kind, control: Array, budget: Budget) -> None:
-        """Optimise from a seed; where what comes of it is the best so far, once more with less margin."""
+        """Optimise from a seed; if the result is the best so far, optimise it again with a smaller margin."""
         attempt = self._optimised(kind, control, budget, None)
         if kind in ("straight", "line"):
             self.direct = attempt is not None
@@ -249,7 +249,7 @@ class _Run:
         return attempt
 
     def _offer(self, trajectory: Trajectory, attempt: Attempt | None) -> bool:
-        """Make a free motion the answer where it is better than the best; whether it is."""
+        """Keep a free motion if it is better than the best; return whether it is."""
         cost = self._cost(trajectory)
         if cost >= self.best * (1.0 - _NO_GAIN):
             return False
@@ -266,11 +266,11 @@ class _Run:
         return objective.time * trajectory.duration + objective.jerk * trajectory.squared_jerk()
 
     def _cost_bound(self, duration: float) -> float:
-        """A bound on the cost of motions that take at least so many seconds."""
+        """Return a lower bound on the cost of motions of at least this duration, s."""
         return self.problem.objective.time * duration
 
     def _worth(self) -> bool:
-        """Whether there is time, and reason, for more."""
+        """Return whether the budget and `Patience` allow another attempt."""
         if self.budget.over:
             return False
         return not self.candidates or self.patience.worth_another(self.best, self.bound)

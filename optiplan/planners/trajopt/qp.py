@@ -1,4 +1,4 @@
-"""The quadratic program of one step: everything linear, inside a trust region."""
+"""Quadratic program of one step: linearised constraints inside a trust region."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -30,19 +30,19 @@ TOLERANCES: dict[str, dict[str, Any]] = {
 
 
 class Penalty(NamedTuple):
-    """Soft rows and what a violation costs: `price` in s for each `unit` of the rows' value."""
+    """Soft rows and the price of a violation: `price` in s for each `unit` of the rows' value."""
 
     rows: SoftRows
     price: float
     unit: float
 
     def cost(self) -> float:
-        """Cost, s, of the violation as it is."""
+        """Return the cost, s, of the current violation."""
         return self.price * self.rows.violation() / self.unit
 
 
 class Step(NamedTuple):
-    """A proposed step: new control points, new duration, and the decrease of the merit that the model promises."""
+    """Proposed step: new control points, new duration, and the decrease of the merit predicted by the model."""
 
     control: Array
     duration: float
@@ -50,21 +50,21 @@ class Step(NamedTuple):
 
 
 class _Objective(NamedTuple):
-    """1/2 x' `quadratic` x + `linear`' x, of which `hessian` is the part that the merit has too."""
+    """1/2 x' `quadratic` x + `linear`' x, of which `hessian` is the part shared with the merit."""
 
     quadratic: sp.csc_matrix
     linear: Array
     hessian: sp.csc_matrix
 
     def cost(self, x: Array, count: int) -> float:
-        """The model's change of the merit over T, slacks as they are, without what only makes the program convex."""
+        """Return the model's change of the merit over T at the given slacks, without the regularisation."""
         moved, slack = x[:count], np.maximum(x[count + 1 :], 0.0)
         smooth = self.linear[: count + 1] @ x[: count + 1] + 0.5 * moved @ (self.hessian @ moved)
         return float(smooth + self.linear[count + 1 :] @ slack)
 
 
 class Subproblem:
-    """Builds and solves the program; what depends only on the spline and the limits is built once.
+    """Build and solve the program; data that depend only on the spline and the limits are built once.
 
     Variables have no unit, whatever the robot: changes of the free control points over v_j `span` (joint speed times a
     time typical of the motion), control point by control point so that neighbours in time are neighbours in the
@@ -81,12 +81,12 @@ class Subproblem:
         self._free_rows = self._rows[:, basis.free]  # (R, M)
         self._order = np.concatenate([np.full(len(basis.derivative[r]), r) for r in (1, 2, 3)])  # (R,)
         self._limit = np.array(bounds)[self._order - 1]  # (R, n)
-        self._met = np.zeros((2, *self._limit.shape), dtype=bool)  # rows that some solution has exceeded
+        self._met = np.zeros((2, *self._limit.shape), dtype=bool)  # rows exceeded by an earlier solution
 
     def solve(
         self, control: Array, duration: float, soft: Sequence[Penalty], radius: float, span: float
     ) -> Step | None:
-        """One step from (control, duration); None when the solver gives up.
+        """Return one step from (control, duration); None when the solver fails.
 
         Args:
             control: (K, n), rad or m.
@@ -131,7 +131,7 @@ class Subproblem:
         return Step(control + change, duration * (1.0 + float(x[count])), float(promise))
 
     def _program(self, control: Array, duration: float, scale: Array, prices: Array) -> "_Objective":
-        """The objective: time, jerk and the slacks' prices, over T, with a little curvature for all variables."""
+        """Return the objective: time, jerk and the slacks' prices, over T, with a small regularisation."""
         jerk, weight = self.transcription.jerk_cost(control, duration), self.transcription.objective.time
         hessian = jerk.hessian.multiply(scale[:, None]).multiply(scale[None, :]) / duration
         curvature = hessian + REGULARISATION * sp.eye(len(scale))
@@ -140,7 +140,7 @@ class Subproblem:
         return _Objective(quadratic, linear, hessian)
 
     def _hard(self, wanted: npt.NDArray[np.bool_], share: Array, scale: Array, duration: float) -> tuple[Array, Array]:
-        """Rows (k, M n + 1) and right sides (k,) of the wanted (2, R, n) derivative control points, both signs."""
+        """Return rows (k, M n + 1), right sides (k,) of the wanted (2, R, n) derivative control points, both signs."""
         side, row, joint = np.nonzero(wanted)
         sign = 1.0 - 2.0 * side
         n, knots = wanted.shape[2], self._free_rows.shape[1]
@@ -152,13 +152,13 @@ class Subproblem:
 
 
 def _within_reach(rows: SoftRows, travel: Array, duration: float) -> SoftRows:
-    """The rows that a step can violate, in which variables move by `travel` (M n,) and T by itself at most."""
+    """Return the rows that a step can violate, in which variables move by `travel` (M n,) and T by itself at most."""
     reach = np.abs(rows.by_control) @ travel + np.abs(rows.by_duration) * duration
     return rows.only(rows.value < reach)
 
 
 def _soft(soft: Sequence[Penalty], scale: Array, duration: float) -> tuple[Array, Array, Array]:
-    """Rows (k, M n + 1 + slacks), right sides (k,) and the price, s, of each slack, one a sample of each kind."""
+    """Return rows (k, M n + 1 + slacks), right sides (k,) and the price, s, of each slack: one per sample and kind."""
     blocks, right, prices = [], [], []
     columns = [np.unique(part.rows.sample, return_inverse=True) for part in soft]
     total, begin = sum(len(samples) for samples, _ in columns), 0

@@ -21,14 +21,14 @@ FIRST_RADIUS, LEAST_RADIUS = 0.1, 3e-5
 
 SHRINK = 0.35
 
-HOPELESS = 0.05
-"""Missing clearance summed over the samples, m, above which a curve leads to nothing."""
+MAX_VIOLATION = 0.05
+"""Clearance violation summed over the samples, m, above which a curve is given up."""
 
 STUCK = 0.01
-"""Missing clearance, m, likewise, above which a curve that no longer gets any nearer to being free is given up."""
+"""Clearance violation, m, likewise, above which a curve whose violation no longer decreases is given up."""
 
 STALLED, HALVED = 8, 0.5
-"""Steps after which a stuck curve must have come down to this share of the missing clearance that it had."""
+"""Steps within which the clearance violation of a stuck curve must fall to this share."""
 
 SLOW, WORSE = 30, 1.5
 """Steps after which a curve's merit must be within this factor of the best motion known."""
@@ -44,7 +44,7 @@ class Point:
     Attributes:
         control: (K, n), rad or m.
         duration: s.
-        span: s, what prices and trust region are measured by: the duration of the curve that was begun with.
+        span: s, scale of prices and trust region: the duration of the initial curve.
     """
 
     control: Array
@@ -56,12 +56,12 @@ class Point:
 
     @property
     def soft(self) -> list[Penalty]:
-        """Rows with the penalty of each kind."""
+        """Return the rows with the penalty of each kind."""
         return penalties(self.contacts, self.torques, self.span)
 
     @property
     def feasible(self) -> bool:
-        """Whether next to no clearance is missing (0.1 mm over all samples), nor torque."""
+        """Return whether the violations of clearance (0.1 mm over all samples) and torque are negligible."""
         return self.contacts.violation() < 1e-4 and self.torques.violation() < 0.01
 
 
@@ -71,7 +71,7 @@ def penalties(contacts: SoftRows, torques: SoftRows, span: float) -> list[Penalt
 
 
 def evaluate(transcription: Transcription, control: Array, duration: float, span: float | None = None) -> Point:
-    """The curve at a duration not shorter than its derivative control points allow; `span` is that by default."""
+    """Evaluate the curve at a duration that its derivative control points allow; `span` is that by default."""
     duration = max(duration, transcription.basis.shortest_duration(control, transcription.rates))
     span = span or duration
     contacts, torques = transcription.contacts(control), transcription.torques(control, duration)
@@ -88,13 +88,13 @@ def optimise(  # noqa: PLR0913
     best: float = inf,
     longest: float = inf,
 ) -> tuple[Point, int]:
-    """Descend from control points (K, n) until a step gains less than 0.2 % of the duration: the point, steps taken.
+    """Descend from control points (K, n) until a step gains less than 0.2 %; return the point and the steps taken.
 
-    A step is accepted when the merit falls by a tenth of what the linear model promised; the trust region doubles
-    where it fell by more than 70 %. A step that is refused gets a second one from where it led (the watchdog of
+    A step is accepted when the merit falls by a tenth of the decrease predicted by the model; the trust region doubles
+    where it fell by more than 70 %. A rejected step is followed by a second one from its end (the watchdog of
     Chamberlain et al., Mathematical Programming Study 16, 1982): curved constraints make good steps look bad, and the
-    second step often repairs it. Where it does not, both are taken back and the trust region shrinks to 35 %. What
-    misses clearance and has hardly come nearer to it in several steps is given up, and so is what after 30 steps takes
+    second step often repairs it. Where it does not, both are undone and the trust region shrinks to 35 %. A curve
+    whose clearance violation has hardly decreased in several steps is given up, and so is one that after 30 steps takes
     longer than `longest`, s, or costs more than 1.5 times the `best` motion known, s.
     """
     transcription = subproblem.transcription
@@ -131,18 +131,18 @@ def optimise(  # noqa: PLR0913
 
 
 def _stalled(missing: list[float]) -> bool:
-    """Whether clearance is missing, m, one figure a step, and hardly any less of it than some steps ago."""
+    """Return whether the clearance violation, m, one value per step, has stopped decreasing."""
     return len(missing) > STALLED and missing[-1] > max(STUCK, HALVED * missing[-1 - STALLED])
 
 
 def _second(subproblem: Subproblem, trial: Point, radius: float) -> Point:
-    """The better of a trial and what a step from it leads to."""
+    """Return the better of a trial point and the point one step from it."""
     step = subproblem.solve(trial.control, trial.duration, trial.soft, radius, trial.span)
     again = trial if step is None else _follow(subproblem.transcription, trial, step)
     return again if again.merit < trial.merit else trial
 
 
 def _follow(transcription: Transcription, point: Point, step: Step) -> Point:
-    # Where no torque binds, the derivative control points alone say how short T may be.
+    # Where no torque binds, the derivative control points alone determine the least T.
     duration = step.duration if len(point.torques.value) else 0.0
     return evaluate(transcription, step.control, duration, point.span)

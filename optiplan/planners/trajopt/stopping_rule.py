@@ -1,4 +1,4 @@
-"""Is another attempt worth its time?"""
+"""Stopping rule: the expected gain of another attempt against its time."""
 
 from dataclasses import dataclass, field, replace
 from math import ceil, inf
@@ -20,7 +20,7 @@ SAME = 1.005
 
 @dataclass(eq=False)
 class Patience:
-    """Judges attempts by what they gained.
+    """Estimate the gain of another attempt from the gains of those made.
 
     With n attempts made and the two best of them costing c_1 <= c_2, a further one is expected to gain
     (c_2 - c_1) / n: that is what the last one gained, averaged over all orders in which they could have come (the
@@ -42,11 +42,11 @@ class Patience:
     seconds: float = 0.0
 
     def work(self, steps: int = 0, states: int = 0) -> None:
-        """Work done on the attempt: steps of the optimiser, states of a search."""
+        """Count work done on the attempt: steps of the optimiser, states of a search."""
         self.seconds += STEP * steps + STATE * states
 
     def record(self, cost: float | None) -> None:
-        """One more attempt is over: the cost of its free motion (None: it has none)."""
+        """Record a finished attempt: the cost of its free motion (None: it has none)."""
         self.attempts += 1
         gained = cost is not None and SAME * cost < min(self.costs, default=inf)
         self.in_vain = 0 if gained else self.in_vain + 1
@@ -54,11 +54,11 @@ class Patience:
             self.costs.append(cost)
 
     def worth_another(self, best: float, bound: float) -> bool:
-        """Whether to go on, with a motion of cost `best` at hand and none below `bound` possible."""
+        """Return whether to go on, with a motion of cost `best` found and none below `bound` possible."""
         return self.worth(best, bound) > 0.0
 
     def worth(self, best: float, bound: float) -> float:
-        """Seconds of further work, without a gain, after which no other attempt is worth making; infinite at first."""
+        """Return the seconds of work without a gain after which to stop; infinite at first."""
         if best <= self.good_enough * bound:
             return 0.0
         if not self.attempts:
@@ -71,7 +71,7 @@ class Patience:
 
 
 def counted(searcher: Searcher, patience: Patience, most: float, state: float = STATE) -> Searcher:
-    """The searcher, with its states counted as work of `state` seconds each; it gives up for good at `most` of work."""
+    """Wrap a searcher: count its states as work of `state` seconds each and end it for good at `most` of work."""
 
     def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, **how: float) -> Search:
         allowed = min(how["patience"], max(1.0, (most - patience.seconds) / state))

@@ -44,11 +44,11 @@ class SoftRows:
 
     @classmethod
     def none(cls, free: int, exceeded: Mask | None = None) -> "SoftRows":
-        """No rows, for `free` = M n variables."""
+        """Return no rows, for `free` = M n variables."""
         return cls(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, free)), np.zeros(0), exceeded)
 
     def only(self, kept: Mask) -> "SoftRows":
-        """Those of the rows that are `kept` (K,)."""
+        """Return the rows selected by `kept` (K,)."""
         if kept.all():
             return self
         return replace(
@@ -60,7 +60,7 @@ class SoftRows:
         )
 
     def violation(self) -> float:
-        """Sum over the samples of the worst shortfall of each."""
+        """Return the sum over the samples of the worst violation of each."""
         if not len(self.value):
             return 0.0
         worst = np.zeros(int(self.sample.max()) + 1)
@@ -74,10 +74,10 @@ _KEPT = 0.6
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Clearance aimed at along the curve: a wish, for each pair not more than what its ends allow.
+    """Desired clearance along the curve (soft), for each pair at most what its ends allow.
 
-    A pair that is nearer than the margin at one end leaves it as fast as its clearance at the other end asks for; one
-    that is near at both ends stays as near.
+    For a pair nearer than the margin at one end, the margin rises linearly to the clearance at the other end; for one
+    near at both ends it stays as small.
 
     Attributes:
         middle: m, of pairs that are far apart at both ends.
@@ -91,14 +91,14 @@ class Margins:
 
     @classmethod
     def between(cls, model: CollisionModel, ends: Array, middle: float) -> "Margins":
-        """Margins of a curve between two configurations, `ends` (2, n)."""
+        """Return the margins of a curve between two configurations, `ends` (2, n)."""
         clearance = np.full((2, len(model.pairs)), CUTOFF)
         found = model.near(ends, CUTOFF)
         clearance[found.rows, found.pairs] = np.maximum(found.distance, 0.0)
         return cls(middle, clearance[0], clearance[1])
 
     def at(self, u: Array, pairs: npt.NDArray[np.intp]) -> Array:
-        """Margins (K,), m, of pairs (K,) at fractions u (K,) of the duration."""
+        """Return margins (K,), m, of pairs (K,) at fractions u (K,) of the duration."""
         ends = (1.0 - u) * self.start[pairs] + u * self.end[pairs]
         return np.minimum(self.middle, _KEPT * ends)
 
@@ -113,11 +113,11 @@ class JerkCost(NamedTuple):
 
 
 class Transcription:
-    """A problem as functions of control points C (K, n) and duration T, at chosen samples of u.
+    """Constraints and cost as functions of control points C (K, n) and duration T, at chosen samples of u.
 
     Collision rows: d + grad d . (B dC) - margin, from coal's witness points, exact shapes. Torque rows:
-    1 -+ tau / limit, with pinocchio's analytic derivatives of inverse dynamics. Holds at: samples; what happens between
-    them is found by the sweep, which adds samples.
+    1 -+ tau / limit, with pinocchio's analytic derivatives of inverse dynamics. Holds at: samples; contacts between
+    them are found by continuous collision checking, which adds samples.
     """
 
     def __init__(self, problem: Problem, model: CollisionModel, basis: SplineBasis, margins: Margins) -> None:
@@ -127,19 +127,19 @@ class Transcription:
         self.objective = problem.objective
         self._pin = problem.robot.model
         self._data = self._pin.createData()
-        self._plain = unfold(self._pin)  # pinocchio's derivatives do not know joints that follow others
+        self._plain = unfold(self._pin)  # pinocchio's derivatives do not support mimic joints
         self._plain_data = self._plain.model.createData()
         self._limited = np.flatnonzero(np.isfinite(problem.limits.torque))
         self.u = np.zeros(0)
 
     def set_samples(self, u: Array) -> None:
-        """Instants, as fractions of the duration, at which contacts and torques are looked at."""
+        """Set the instants, as fractions of the duration, at which contacts and torques are evaluated."""
         self.u = np.unique(u)
         self._at = [self.basis.at(self.u, order) for order in range(3)]
         self._watched: Mask = np.zeros((len(self.u), len(self._limited)), dtype=bool)
 
     def contacts(self, control: Array) -> SoftRows:
-        """Rows of all pairs nearer than the cutoff."""
+        """Return the rows of all pairs nearer than the cutoff."""
         Q = self._at[0] @ control
         found = _pushed_one_way(self.model.near(Q, CUTOFF))
         value = found.distance - self.margins.at(self.u[found.rows], found.pairs)
@@ -147,7 +147,7 @@ class Transcription:
         return SoftRows(found.rows, value, by_control, np.zeros(len(value)))
 
     def jerk_cost(self, control: Array, duration: float) -> JerkCost:
-        """The cost w * (integral of squared jerk) = w T^-5 C' H C, with w from the objective."""
+        """Return the cost w * (integral of squared jerk) = w T^-5 C' H C, with w from the objective."""
         joints, free = control.shape[1], self.basis.free
         if self.objective.jerk == 0.0:
             moving = (self.basis.size - 2 * FIXED) * joints
@@ -159,7 +159,7 @@ class Transcription:
         return JerkCost(cost, hessian, 2.0 * scale * push[free].ravel(), -5.0 * cost / duration)
 
     def torques(self, control: Array, duration: float) -> SoftRows:
-        """Rows 1 - |tau_j| / limit_j >= 0 of joints and samples above `TORQUE_SHARE` of the limit, or watched."""
+        """Return rows 1 - |tau_j| / limit_j >= 0 of joints, samples above `TORQUE_SHARE` of the limit, or watched."""
         free = (self.basis.size - 2 * FIXED) * control.shape[1]
         if not len(self._limited):
             return SoftRows.none(free)
@@ -185,7 +185,7 @@ class Transcription:
         return SoftRows(sample, value, np.asarray(by_control), by_duration / duration, exceeded)
 
     def _torque_derivatives(self, motion: list[Array]) -> list[Array]:
-        """Derivatives of inverse dynamics by q, v and a at (q, v, a) of shape (H, n) each: three arrays (H, n, n)."""
+        """Return the derivatives of inverse dynamics by q, v and a, (H, n) each: three arrays (H, n, n)."""
         A, b, data = self._plain.A, self._plain.b, self._plain_data
         by_q, by_v, mass = (np.empty((len(motion[0]), len(A), len(A))) for _ in range(3))
         states = zip(motion[0] @ A.T + b, motion[1] @ A.T, motion[2] @ A.T, strict=True)
@@ -197,9 +197,9 @@ class Transcription:
         return [A.T @ matrix @ A for matrix in (by_q, by_v, mass)]
 
     def watch(self, torques: SoftRows) -> bool:
-        """From now on give rows to the joints and samples whose torque is too large in `torques`; whether any is new.
+        """Add rows for the joints and samples whose torque is too large in `torques`; return whether any is new.
 
-        A refused step showed that they matter, although they were far from their limit where the step began.
+        A rejected step showed that they matter, although they were far from their limit where the step began.
         """
         if torques.exceeded is None or not (torques.exceeded & ~self._watched).any():
             return False
@@ -215,8 +215,8 @@ class Transcription:
 def _pushed_one_way(contacts: Contacts) -> Contacts:
     """Give a pair that penetrates at consecutive samples the mean of its normals at all of them.
 
-    Deep inside each other, bodies find their nearest way out on different sides from sample to sample, and pushing a
-    curve both ways at once leaves it where it is. Where bodies are apart the normals are left as they are.
+    In deep penetration the nearest way out changes sides from sample to sample, and pushing a
+    curve both ways at once leaves it in place. Where bodies are apart the normals are unchanged.
     """
     inside = np.flatnonzero(contacts.distance < 0.0)
     inside = inside[np.lexsort((contacts.rows[inside], contacts.pairs[inside]))]

@@ -26,12 +26,12 @@ class Converted:
 
 
 def convert(scene: Mapping[str, Any], request: Mapping[str, Any], robot: Robot, prefix: str) -> Converted:
-    """The problem that a scene and a request pose to `robot`, without `robot` and `name`.
+    """Convert a scene and a request for `robot` to problem data, without `robot` and `name`.
 
     Args:
         scene: `moveit_msgs/PlanningScene` as YAML data.
         request: `moveit_msgs/MotionPlanRequest` as YAML data.
-        robot: tells which joints are planned, which can be locked, and which bodies there are.
+        robot: determines which joints are planned or can be locked, and the bodies.
         prefix: start of the names of mesh files.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Bodies as arrays: where they are at many configurations, how far they reach in a direction, what moves them."""
+"""Bodies as arrays: poses at many configurations, support functions, and the joints that move them."""
 
 from dataclasses import dataclass
 
@@ -51,7 +51,7 @@ class Bodies:
         self.moves: Flags = carried & ~carried[:, ::-1]
 
     def unsupported(self) -> int | None:
-        """A body of some pair for which no bound is known: a half-space that moves, or a shape unknown here."""
+        """Return a body of some pair for which no bound is known: a moving half-space, or an unsupported shape."""
         for body in np.unique(self.pairs):
             shape = self.shapes[body]
             moving_plane = isinstance(shape, coal.Halfspace) and self.joints[body] != 0
@@ -60,7 +60,7 @@ class Bodies:
         return None
 
     def kind(self, kind: type) -> Flags:
-        """Which side of each pair is of this class of coal: (P, 2)."""
+        """Return which side of each pair is of this class of coal: (P, 2)."""
         found = [isinstance(shape, kind) for shape in self.shapes]
         return np.array([(found[a], found[b]) for a, b in self.pairs], dtype=bool).reshape(-1, 2)
 

@@ -1,4 +1,4 @@
-"""The certificate: a proof that no two bodies touch at any time, or the time and place where it fails."""
+"""Certificate: a proof that no two bodies touch at any time, or the time and place where it fails."""
 
 from dataclasses import dataclass, field, replace
 
@@ -16,15 +16,15 @@ from optiplan.verify.report import VerifyPolicy
 
 ROUNDING = 1e-9  # m, subtracted from every proved clearance
 _EASY = 5e-3  # m, margin by which bounding volumes must clear a pair at first
-_TOLD = 0.8  # of the smallest distance measured: this much is to be proved, so that the clearance is a true figure
-_FAR = 0.1  # m: a larger clearance need not be told any better
-_HULLS = 5e-3  # m: where hulls are proved farther apart, meshes need not be asked
-_ROOM = 1.25  # times what must be proved: less than that between hulls, and meshes are asked
-_MOST_AGAIN = 4_000  # questions answered to tell the clearance better, after the proof
-_FIRST_TRAVEL = 0.1  # rad or m, summed over joints: how coarse the first intervals may be
+_TOLD = 0.8  # share of the smallest distance measured that is proved as clearance
+_FAR = 0.1  # m: a larger clearance is not refined
+_HULLS = 5e-3  # m: where hulls are proved farther apart, meshes are not queried
+_ROOM = 1.25  # factor on the clearance to prove, below which meshes are queried instead of hulls
+_MOST_AGAIN = 4_000  # items examined to refine the clearance after the proof
+_FIRST_TRAVEL = 0.1  # rad or m, summed over joints: travel within the first intervals
 _LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up ROUNDING
-_MOST_HALVINGS = 12  # of a piece before the first look
-_MOST_ITEMS = 20_000  # answered at once, to bound memory
+_MOST_HALVINGS = 12  # of a piece before the first query
+_MOST_ITEMS = 20_000  # items processed at once, to bound memory
 _CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memory
 
 
@@ -46,7 +46,7 @@ class Proof:
     Attributes:
         proved: every pair stays farther apart than the policy's clearance at all times.
         reason: why not, else empty.
-        intervals: how many different intervals of time were looked at.
+        intervals: number of different intervals of time examined.
         queries: exact distance queries made.
         gjk_only: how many of them no separating plane confirmed (non-convex meshes): coal's distance less 1e-6 m.
         clearance: the smallest clearance proved of all intervals, m: no pair ever comes nearer.
@@ -106,7 +106,7 @@ class _Coarse:
 
     @property
     def clearance(self) -> float:
-        """The least that is proved of those near, m."""
+        """Return the smallest clearance proved of those near, m."""
         return float(self.margin[self.near].min(initial=np.inf))
 
     def members(self, chosen: Flags) -> Intervals:
@@ -120,7 +120,7 @@ class _Coarse:
 
 @dataclass(eq=False)
 class _Search:
-    """`advance` answers many open items at once and returns those still open, divided."""
+    """Branch and bound over intervals: `advance` processes many open items and returns those still open, divided."""
 
     model: CollisionModel
     trajectory: Trajectory
@@ -137,7 +137,7 @@ class _Search:
         return boxes(self.trajectory, items, self.jump)
 
     def look_first(self) -> None:
-        """Refuse at once what cannot be proved: absurd numbers, bodies without bounds, bodies inside a mesh."""
+        """Refuse at once what cannot be proved: huge numbers, bodies without bounds, bodies inside a mesh."""
         absurd = self.absurd()
         if absurd:
             self.proof = replace(self.proof, reason=f"{absurd} beyond {_LARGEST:g} leaves no digits for a proof")
@@ -201,13 +201,13 @@ class _Search:
         return items
 
     def work_off(self, items: Intervals) -> None:
-        """Answer these and what they are divided into, until none is open or there is a reason to stop."""
+        """Process these items and their parts until none is open or there is a reason to stop."""
         while len(items.pair) and not self.proof.reason:
             head, tail = np.split(np.arange(len(items.pair)), [_MOST_ITEMS])
             items = Intervals.join([self.advance(items.take(head)), items.take(tail)])
 
     def advance(self, items: Intervals) -> Intervals:
-        """Ask the exact distance of every item; stop at a contact, divide what is not proved."""
+        """Query the exact distance of every item; stop at a contact, divide items not proved."""
         items, unique, rows = items.grouped()
         b = self.boxes(unique)
         poses = self.bodies.kinematics.poses(b.q)

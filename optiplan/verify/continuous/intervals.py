@@ -1,4 +1,4 @@
-"""Intervals of time with the pairs still in question on them, and what the joints can do there."""
+"""Intervals of time with their open pairs, and bounds on the joint motion there."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from optiplan.verify.continuous.motion_bounds import Boxes
 
 @dataclass(frozen=True, eq=False)
 class Intervals:
-    """Open questions: is this pair clear on this interval? Intervals are dyadic parts of polynomial pieces.
+    """Open items: pairs not yet proved clear on an interval. Intervals are dyadic parts of polynomial pieces.
 
     Item k covers [i / 2^level, (i + 1) / 2^level] of piece `piece`, i = `index`. All arrays are (K,).
     """
@@ -25,21 +25,21 @@ class Intervals:
 
     @classmethod
     def whole(cls, pieces: int) -> "Intervals":
-        """Every piece once, pair 0."""
+        """Return every piece once, pair 0."""
         zero = np.zeros(pieces, dtype=np.intp)
         return cls(np.arange(pieces), zero, zero, zero)
 
     @classmethod
     def join(cls, parts: Sequence["Intervals"]) -> "Intervals":
-        """All items of several."""
+        """Concatenate items."""
         return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("piece", "level", "index", "pair")))
 
     def take(self, chosen: Index) -> "Intervals":
-        """The items at these positions."""
+        """Return the items at these positions."""
         return Intervals(self.piece[chosen], self.level[chosen], self.index[chosen], self.pair[chosen])
 
     def split(self, halvings: Index) -> "Intervals":
-        """Every item k in 2^halvings[k] equal parts."""
+        """Split every item k into 2^halvings[k] equal parts."""
         parts = 2**halvings
         parent = np.repeat(np.arange(len(parts)), parts)
         offset = np.arange(len(parent)) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -47,7 +47,7 @@ class Intervals:
         return Intervals(self.piece[parent], level, index, self.pair[parent])
 
     def grouped(self) -> tuple["Intervals", "Intervals", Index]:
-        """These items ordered by interval, the different intervals (pair 0), and which of them each item is on."""
+        """Return the items ordered by interval, the unique intervals (pair 0), and the interval index of each item."""
         order = np.lexsort((self.index, self.level, self.piece))
         items = self.take(order)
         new = np.ones(len(order), dtype=bool)

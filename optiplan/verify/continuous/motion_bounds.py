@@ -29,7 +29,7 @@ class Boxes:
 
 @dataclass(frozen=True, eq=False)
 class DistanceQuery:
-    """K questions: pair pairs[k] on interval rows[k], where `placed` has its bodies.
+    """K queries: pair pairs[k] on interval rows[k], where `placed` has its bodies.
 
     `direction` and `point`, both (N, J, 3), are all joints' axes in the world at the middles of all N intervals.
     """

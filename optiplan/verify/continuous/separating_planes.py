@@ -1,4 +1,4 @@
-"""Distances of pairs of bodies, each confirmed by a plane between the two that needs no trust in the query."""
+"""Distances of pairs of bodies, each confirmed by a separating plane, independent of the query's accuracy."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ _MARGIN = DISTANCE_ERROR  # m, and fraction of the distance: subtracted from a d
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """Answers to K queries.
+    """Results of K queries.
 
     Attributes:
         measured: (K,) m, what coal measured; negative is depth of penetration.
@@ -41,7 +41,7 @@ class PairDistances:
     For a unit vector n from a to b, with support function h_X(n) = max over x in X of n . x,
         distance(a, b) >= -h_b(-n) - h_a(n),
     whatever n is; with the right normal both sides are equal for convex bodies. Between cylinders coal's normal is at
-    times a tenth of a millimetre off: then it is asked again, by another criterion of convergence. The support
+    times a tenth of a millimetre off: then the query is repeated with another convergence criterion. The support
     functions of boxes, balls, cylinders and capsules are closed formulas, those of polyhedra and meshes maxima over
     vertices. So a plane between the hulls of two meshes is one between the meshes, and found in a tenth of
     the time.
@@ -62,7 +62,7 @@ class PairDistances:
     def query(self, Q: Array, rows: Index, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
         """Distance k of pair pairs[k] at Q[rows[k]], where `placed` has its bodies; rows ascend, Q (N, n).
 
-        Meshes are asked only where a plane between their hulls proves no more than `enough`, m.
+        Meshes are queried only where a plane between their hulls proves no more than `enough`, m.
         """
         normals, bound = self._between_hulls(Q, rows, pairs, placed) if np.isfinite(enough) else (None, None)
         if normals is None or bound is None:

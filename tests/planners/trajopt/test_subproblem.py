@@ -105,7 +105,7 @@ def test_programs_have_no_units(unit: float) -> None:
 
 
 def test_a_curve_that_stays_deep_inside_is_stalled() -> None:
-    after, hopeless = sqp.STALLED, 10.0 * sqp.HOPELESS
+    after, hopeless = sqp.STALLED, 10.0 * sqp.MAX_VIOLATION
     assert not sqp._stalled([hopeless] * after)
     assert sqp._stalled([hopeless] * (after + 1))
     assert not sqp._stalled([hopeless] * after + [0.9 * sqp.HALVED * hopeless])
@@ -123,7 +123,7 @@ def test_hopeless_curves_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     made.set_samples(np.linspace(0.0, 1.0, 66)[1:-1])
     monkeypatch.setattr(sqp, "STALLED", 3)
     point, few = optimise(Subproblem(made, "piqp"), line, 120, lambda: False)
-    assert point.contacts.violation() > sqp.HOPELESS
+    assert point.contacts.violation() > sqp.MAX_VIOLATION
     monkeypatch.setattr(sqp, "_stalled", lambda missing: False)
     assert few < optimise(Subproblem(made, "piqp"), line, 120, lambda: False)[1]
 

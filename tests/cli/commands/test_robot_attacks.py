@@ -10,7 +10,7 @@ from optiplan.problem.load import load_problem
 from optiplan.verify.verify import verify
 from tests.verify.motions import quintic
 
-ATTACKS = Path(__file__).parent.parent / "attacks"
+ATTACKS = Path(__file__).parents[2] / "attacks"
 
 
 def test_a_link_that_follows_the_planned_joint_is_where_it_is(optiplan, tmp_path):

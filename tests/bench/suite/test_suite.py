@@ -12,7 +12,7 @@ from optiplan.bench.suite.suite import differences, load_suite
 from optiplan.errors import InputError
 from optiplan.problem.load import load_problem, problem_from_dict
 
-SUITES = Path(__file__).parents[2] / "benchmarks" / "suites"
+SUITES = Path(__file__).parents[3] / "benchmarks" / "suites"
 
 
 @pytest.fixture

@@ -123,7 +123,7 @@ def test_what_peers_are_not_told_of(tmp_path):
 
 def in_adapter(code):
     """What code prints that runs where the adapters do: importing `common` keeps standard output for the answer."""
-    folder = Path(__file__).parents[2] / "benchmarks" / "peers"
+    folder = Path(__file__).parents[3] / "benchmarks" / "peers"
     command = [sys.executable, "-c", code]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stderr
 

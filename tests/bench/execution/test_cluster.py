@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from optiplan.bench.dask import station
+from optiplan.bench.dask import cluster_worker
 from optiplan.bench.dask.cluster import ClusterError, DaskCluster
 from optiplan.bench.execution.runner import open_results, run_suite
 from optiplan.bench.suite.suite import load_suite
@@ -70,7 +70,7 @@ class Dask:
 
 @pytest.fixture
 def dask(tmp_path, planners):
-    station.signature.cache_clear()  # who edits optiplan while tests run has another one
+    cluster_worker.signature.cache_clear()  # who edits optiplan while tests run has another one
     started = Dask(tmp_path)
     yield started
     started.close()
@@ -127,17 +127,17 @@ def test_no_scheduler(address, monkeypatch):
 
 
 def test_a_worker_of_another_version_is_refused(write_suite, dask, tmp_path, monkeypatch):
-    theirs = station.signature()
+    theirs = cluster_worker.signature()
     dask.workers(1)
-    monkeypatch.setattr(station, "signature", lambda: theirs | {"numpy": "0.1", "code": "x"})
+    monkeypatch.setattr(cluster_worker, "signature", lambda: theirs | {"numpy": "0.1", "code": "x"})
     with pytest.raises(ClusterError, match=r"worker tcp://.* numpy [\d.]+ there, 0.1 here; code None there, x here"):
         DaskCluster(dask.address)
 
 
 def test_one_that_comes_later_too(write_suite, dask, tmp_path, monkeypatch):
     cluster = DaskCluster(dask.address)
-    theirs = station.signature()
-    monkeypatch.setattr(station, "signature", lambda: theirs | {"numpy": "0.1"})
+    theirs = cluster_worker.signature()
+    monkeypatch.setattr(cluster_worker, "signature", lambda: theirs | {"numpy": "0.1"})
     dask.workers(1)
     suite = load_suite(write_suite(count=1), tmp_path / "files")
     with pytest.raises(ClusterError, match=r"that came later has other versions: numpy"):

@@ -1,6 +1,6 @@
-"""Run tasks of a suite on a machine of a cluster: take one, request missing files, run it in a slot.
+"""Run tasks of a suite on a worker of a cluster: request missing files, then run the task in a slot.
 
-Knows nothing of Dask but that its functions are called there: `carry_out` in the worker's threads, the others between.
+Independent of Dask: `carry_out` is called in the worker's threads, the other functions between tasks.
 """
 
 import os
@@ -17,26 +17,26 @@ from optiplan.bench.execution.slot import WorkerSlot
 from optiplan.bench.results.records import BenchTask, Outcome
 from optiplan.runs.run import versions
 
-Bill = Mapping[str, BundleContents]
+Bundles = Mapping[str, BundleContents]
 """Bundles by their digest."""
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """The answer of a machine that lacks bundles: send the task again, with these."""
+class MissingBundles:
+    """Answer of a worker that lacks bundles: the task is sent again with these."""
 
     digests: frozenset[str]
 
 
 @dataclass(frozen=True)
-class Other:
-    """The answer of a machine that would not give the same results: what differs, in words."""
+class Incompatible:
+    """Answer of a worker whose results may differ: the differences in words."""
 
     words: tuple[str, ...]
 
 
 @dataclass
-class _Seat:
+class _ThreadSlot:
     """A thread of a worker and its slot; the lock is held while a task runs."""
 
     slot: WorkerSlot
@@ -44,14 +44,14 @@ class _Seat:
 
 
 @dataclass
-class _Shift:
+class _SessionState:
     """State of one session of `optiplan bench` on this machine."""
 
     stop: threading.Event = field(default_factory=threading.Event)
-    seats: dict[int, _Seat] = field(default_factory=dict)
+    slots: dict[int, _ThreadSlot] = field(default_factory=dict)
 
 
-_shifts: dict[str, _Shift] = {}
+_sessions: dict[str, _SessionState] = {}
 _lock = threading.Lock()
 
 
@@ -77,14 +77,16 @@ def differences(theirs: Mapping[str, str]) -> tuple[str, ...]:
     )
 
 
-def carry_out(session: str, expected: Mapping[str, str], task: BenchTask, bill: Bill) -> Outcome | Wanted | Other:
+def carry_out(
+    session: str, expected: Mapping[str, str], task: BenchTask, bundles: Bundles
+) -> Outcome | MissingBundles | Incompatible:
     """Run a packed task in this thread's slot.
 
     Args:
         session: of `optiplan bench`; its slots end with it.
-        expected: the `signature` of who asks.
+        expected: the `signature` of the runner.
         task: with its problem packed.
-        bill: bundles that were found lacking before.
+        bundles: bundles requested before.
 
     Raises:
         Stopped: the session has ended.
@@ -92,37 +94,37 @@ def carry_out(session: str, expected: Mapping[str, str], task: BenchTask, bill: 
     """
     words = differences(expected)
     if words:
-        return Other(words)
-    for digest, bundle_contents in bill.items():
+        return Incompatible(words)
+    for digest, bundle_contents in bundles.items():
         keep(digest, bundle_contents)
     missing = lacking(task.problem)
     if missing:
-        return Wanted(frozenset(missing))
-    seat = _seat(session)
-    with seat.lock:
-        return seat.slot.run(replace(task, problem=unpack(task.problem)))
+        return MissingBundles(frozenset(missing))
+    thread_slot = _thread_slot(session)
+    with thread_slot.lock:
+        return thread_slot.slot.run(replace(task, problem=unpack(task.problem)))
 
 
-def leave(session: str) -> None:
-    """End a session here: runs under way are given up, its processes ended."""
+def end_session(session: str) -> None:
+    """End a session here: cancel its runs and end its processes."""
     with _lock:
-        shift = _shifts.setdefault(session, _Shift())
-        shift.stop.set()
-        seats = list(shift.seats.values())
-    for seat in seats:
-        with seat.lock:
-            seat.slot.close()
+        state = _sessions.setdefault(session, _SessionState())
+        state.stop.set()
+        slots = list(state.slots.values())
+    for thread_slot in slots:
+        with thread_slot.lock:
+            thread_slot.slot.close()
 
 
-def _seat(session: str) -> _Seat:
-    """This thread's; processes of sessions that ended without a word are ended now."""
+def _thread_slot(session: str) -> _ThreadSlot:
+    """Return this thread's slot; end the processes of sessions lost without notice."""
     thread = threading.get_ident()
     with _lock:
-        for other, shift in _shifts.items():
-            if other != session and thread in shift.seats:
-                shift.seats.pop(thread).slot.close()
-        shift = _shifts.setdefault(session, _Shift())
-        if thread not in shift.seats:
-            name = f"{platform.node()}/{os.getpid()}/{len(shift.seats)}"
-            shift.seats[thread] = _Seat(WorkerSlot(name, shift.stop))
-        return shift.seats[thread]
+        for other, state in _sessions.items():
+            if other != session and thread in state.slots:
+                state.slots.pop(thread).slot.close()
+        state = _sessions.setdefault(session, _SessionState())
+        if thread not in state.slots:
+            name = f"{platform.node()}/{os.getpid()}/{len(state.slots)}"
+            state.slots[thread] = _ThreadSlot(WorkerSlot(name, state.stop))
+        return state.slots[thread]

@@ -14,7 +14,7 @@ from optiplan.bench.suite.schema import KINDS
 from optiplan.errors import OptiPlanError
 from optiplan.problem.load import load_problem
 
-DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "benchmarks.md"
+DOCS = Path(__file__).parents[3] / "docs" / "how-to" / "benchmarks.md"
 
 
 @pytest.fixture

@@ -48,7 +48,7 @@ def rows(tmp_path_factory):
     suite |= {"budget": 1, "limits": {"wall": 4, "memory": 300}}
     (folder / "suite.yaml").write_text(json.dumps(suite))
     with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(Path(__file__).parent))
+        patch.syspath_prepend(str(Path(__file__).parents[1]))
         patch.setenv("KILLED_ONCE", str(folder / "killed"))
         patch.setenv("CHILDREN", str(folder / "children"))
         suite = load_suite(folder / "suite.yaml", folder / "files")
