@@ -125,3 +125,7 @@ class InputError(OptiPlanError):
         return InputError(
             replace(issue, file=name) if Path(issue.file).name == file else issue for issue in self.issues
         )
+
+
+class PlannerAnswerError(InputError):
+    """A planner from outside returned what is no answer; in comparisons a bug of that planner."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from optiplan.errors import InputError, OptiPlanError
+from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner, options_set
@@ -119,6 +119,8 @@ def attempt(problem: Problem, planner: str, options: Mapping[str, Any], budget: 
     began = time.perf_counter()
     try:
         return run(problem, planner, options, budget, progress)
+    except PlannerAnswerError as error:
+        failure = Failure("bug", str(error), {})
     except OptiPlanError as error:
         issues = [vars(issue) for issue in error.issues] if isinstance(error, InputError) else []
         failure = Failure("input", str(error), {"issues": issues})

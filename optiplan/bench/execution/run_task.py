@@ -15,7 +15,7 @@ from optiplan.bench.execution import machine
 from optiplan.bench.execution.code_version import own_digest, planner_code
 from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask, Outcome, Row, empty_row, failure
-from optiplan.errors import OptiPlanError
+from optiplan.errors import OptiPlanError, PlannerAnswerError
 from optiplan.planners.base import Budget
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import JointGoal, Problem
@@ -72,6 +72,8 @@ class Executor:
             spent = timings | {**done.timings, "stages": dict(done.stages)}
             json.dumps([columns, spent], allow_nan=False)  # a planner's info may not be storable
             row, timings = row | columns, spent
+        except PlannerAnswerError as error:
+            row |= failure("bug", str(error))
         except OptiPlanError as error:
             row |= failure("bad-input", str(error))
         except MemoryError:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.errors import InputError, Issue, described
+from optiplan.errors import Issue, PlannerAnswerError, described
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
@@ -21,7 +21,7 @@ def plan_through(planner: Planner[Any], problem: Problem, budget: Budget, progre
     remaining time. A failure names its leg, counted from 1, in words and as `leg` of the witness.
 
     Raises:
-        InputError: a planner from outside returns what is no answer.
+        PlannerAnswerError: a planner from outside returns what is no answer.
     """
     if not problem.vias or planner.passes_vias:
         return _answer(planner, problem, budget, progress)
@@ -54,7 +54,7 @@ def _answer(planner: Planner[Any], problem: Problem, budget: Budget, progress: P
         found = f"a PlanResult of {described(motion)} and {described(failure)}"
     name = f"the planner {type(planner).__name__}"
     expected = "a PlanResult with a Trajectory, or with a Failure that says why there is none"
-    raise InputError([Issue(name, None, "plan", f"returned {found}", expected)])
+    raise PlannerAnswerError([Issue(name, None, "plan", f"returned {found}", expected)])
 
 
 def joined(legs: Sequence[Trajectory]) -> Trajectory:
