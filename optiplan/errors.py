@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from numbers import Integral
 from pathlib import Path
 
 
@@ -71,8 +72,8 @@ class Issue:
 
     @classmethod
     def of_argument(cls, function: str, argument: str, found: str, expected: str) -> "Issue":
-        """Return an issue about an argument of a function."""
-        return cls(f"{function}()", None, argument, found, expected, function=function)
+        """Return an issue about an argument of a function of the front door."""
+        return cls(f"op.{function}", None, argument, f"found {found}", expected, function=function)
 
     def __str__(self) -> str:
         """Return `file:line: field: found …; expected …`, a form that editors turn into a link."""
@@ -91,7 +92,7 @@ def described(value: object) -> str:
 
 def wrong_argument(function: str, argument: str, found: str, expected: str) -> "InputError":
     """Return the error for one argument of a Python call: `op.plan: budget: found -1.0; expected …`."""
-    return InputError([Issue(f"op.{function}", None, argument, f"found {found}", expected)])
+    return InputError([Issue.of_argument(function, argument, found, expected)])
 
 
 def path_argument(function: str, argument: str, value: object, expected: str) -> Path:
@@ -107,6 +108,17 @@ def path_argument(function: str, argument: str, value: object, expected: str) ->
     if not usable:
         raise wrong_argument(function, argument, described(value), expected)
     return Path(value)  # type: ignore[arg-type]  # it is text or a path
+
+
+def seed_argument(function: str, value: object) -> int:
+    """Return an argument as a seed.
+
+    Raises:
+        InputError: it is no whole number from 0 upwards.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < 0:
+        raise wrong_argument(function, "seed", described(value), "a whole number >= 0")
+    return int(value)
 
 
 class InputError(OptiPlanError):

@@ -11,8 +11,9 @@ import numpy as np
 
 from optiplan.arrays import Array, is_finite
 from optiplan.config.messages import choices
-from optiplan.errors import InputError, Issue, UnknownChoiceError, described, wrong_argument
+from optiplan.errors import InputError, Issue, UnknownChoiceError, described, seed_argument, wrong_argument
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
+from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.registry import planner_object
 from optiplan.problem.problem import JointGoal, Problem, Via
 from optiplan.runs import pipeline
@@ -21,7 +22,6 @@ from optiplan.runs.run_folder import load_run
 from optiplan.runs.stored_verdict import judged
 from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.timing.stops import stop_at_corners
-from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import verify as verifier
 from optiplan.verify.report import Report
@@ -78,9 +78,7 @@ def plan(
         raise wrong_argument("plan", "progress", described(progress), "a function of a stage's name and a fraction")
     clock, told = _budget(budget), progress or _silent
     if seed is not None:
-        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-            raise wrong_argument("plan", "seed", described(seed), "a whole number >= 0")
-        problem = problem.with_seed(int(seed))
+        problem = problem.with_seed(seed_argument("plan", seed))
     known, clock = _known(problem, warm_start, clock)
     try:
         run = pipeline.run(problem, asked, chosen, clock, told)
@@ -174,10 +172,8 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
     if deviation > 0.0:
         return plan(task, "rounded", {"deviation": float(deviation)})
     began = time.perf_counter()
-    motion = stop_at_corners(_corners(points), task.limits, task.robot.joint_names)
-    slower = torque_scale(task.robot, task.limits.torque, motion)
-    if np.isfinite(slower) and slower > 1.0:
-        motion = motion.scaled(motion.duration * slower)
+    fastest = stop_at_corners(_corners(points), task.limits, task.robot.joint_names)
+    motion = within_torque(task.robot, task.limits, fastest) or fastest  # which the verifier refuses for its torque
     timings = {"plan": time.perf_counter() - began}
     return pipeline.proved(task, "retime", {}, PlanResult(motion, None, {}), (Budget(BUDGET), _silent, timings))
 
@@ -234,18 +230,13 @@ def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
     if known is None:
         return replace(run, info={**run.info, "warm_start": "refused"})
     answer = run.trajectory if run.verified else None
-    if answer is not None and _cost(run.problem, answer) <= _cost(run.problem, known):
+    cost = run.problem.objective.cost
+    if answer is not None and cost(answer) <= cost(known):
         return replace(run, info={**run.info, "warm_start": "beaten"})
     info = {**run.info, "warm_start": "kept"}
     result = PlanResult(known, None, run.stages, info, seconds=0.0)
     kept = pipeline.proved(run.problem, run.planner, run.options, result, (Budget(BUDGET), progress, run.timings))
     return replace(kept, plan_cpu=run.plan_cpu)
-
-
-def _cost(problem: Problem, trajectory: Trajectory) -> float:
-    weights = problem.objective
-    jerk = weights.jerk * trajectory.squared_jerk() if weights.jerk else 0.0
-    return weights.time * trajectory.duration + jerk
 
 
 def _waypoints(problem: Problem, waypoints: Any) -> Array:

@@ -33,7 +33,7 @@ def Box(
         >>> op.Box("shelf", size=(0.8, 0.3, 0.02), position=(0.5, 0, 0.4))
         Obstacle: shelf, Box(size=(0.8, 0.3, 0.02)), at [0.5, 0, 0.4] m
     """
-    return _obstacle("Box", name, {"box": size}, (position, rpy, quaternion), {"shape.box": "size"})
+    return _obstacle("Box", name, {"box": size}, (position, rpy, quaternion), "size")
 
 
 def Sphere(name: str, radius: float, position: Values = (0, 0, 0)) -> Obstacle:
@@ -44,7 +44,7 @@ def Sphere(name: str, radius: float, position: Values = (0, 0, 0)) -> Obstacle:
         radius: m.
         position: of the centre in the world [x, y, z], m.
     """
-    return _obstacle("Sphere", name, {"sphere": radius}, (position, None, None), {"shape.sphere": "radius"})
+    return _obstacle("Sphere", name, {"sphere": radius}, (position, None, None), "radius")
 
 
 def Cylinder(
@@ -66,8 +66,7 @@ def Cylinder(
         quaternion: [x, y, z, w], instead of `rpy`.
     """
     shape = {"cylinder": {"radius": radius, "length": length}}
-    names = {f"shape.cylinder.{key}": key for key in ("radius", "length")}
-    return _obstacle("Cylinder", name, shape, (position, rpy, quaternion), names)
+    return _obstacle("Cylinder", name, shape, (position, rpy, quaternion))
 
 
 def Capsule(
@@ -89,8 +88,7 @@ def Capsule(
         quaternion: [x, y, z, w], instead of `rpy`.
     """
     shape = {"capsule": {"radius": radius, "length": length}}
-    names = {f"shape.capsule.{key}": key for key in ("radius", "length")}
-    return _obstacle("Capsule", name, shape, (position, rpy, quaternion), names)
+    return _obstacle("Capsule", name, shape, (position, rpy, quaternion))
 
 
 def HalfSpace(name: str, normal: Values = (0, 0, 1), offset: float = 0.0) -> Obstacle:
@@ -102,8 +100,7 @@ def HalfSpace(name: str, normal: Values = (0, 0, 1), offset: float = 0.0) -> Obs
         offset: m.
     """
     shape = {"half_space": {"normal": normal, "offset": offset}}
-    names = {f"shape.half_space.{key}": key for key in ("normal", "offset")}
-    return _obstacle("HalfSpace", name, shape, ((0, 0, 0), None, None), names)
+    return _obstacle("HalfSpace", name, shape, ((0, 0, 0), None, None))
 
 
 def Mesh(
@@ -131,19 +128,21 @@ def Mesh(
     """
     path = path_argument("Mesh", "file", file, f"the path of a mesh file ({FORMATS})")
     shape = {"mesh": {"file": str(path.resolve()), "scale": scale, "convex": convex}}
-    names = {f"shape.mesh.{key}": key for key in ("file", "scale", "convex")}
-    return _obstacle("Mesh", name, shape, (position, rpy, quaternion), names)
+    return _obstacle("Mesh", name, shape, (position, rpy, quaternion))
 
 
 def _obstacle(
-    function: str, name: str, shape: dict[str, Any], at: tuple[Any, Any, Any], names: dict[str, str]
+    function: str, name: str, shape: dict[str, Any], at: tuple[Any, Any, Any], only: str | None = None
 ) -> Obstacle:
+    """Check and build; `only` names the argument of a shape that has just one."""
+    ((kind, stated),) = shape.items()
+    names = {f"shape.{kind}": only} if only else {f"shape.{kind}.{key}": key for key in stated}
     pose = {key: value for key, value in zip(("position", "rpy", "quaternion"), at, strict=True) if value is not None}
     arguments = {**names, **{f"pose.{key}": key for key in ("position", "rpy", "quaternion")}, "pose": "rpy"}
     spec = checked(ObstacleSpec, {"name": name, "shape": shape, "pose": pose}, function, arguments)
-    X_WO, stated = stated_pose(spec.pose)
+    X_WO, words = stated_pose(spec.pose)
     if spec.shape.mesh is None:
-        return Obstacle(spec.name, shape_from_spec(spec.shape), X_WO, stated)
+        return Obstacle(spec.name, shape_from_spec(spec.shape), X_WO, words)
     mesh = spec.shape.mesh
     triangles = scene.Mesh(Path(mesh.file), (mesh.scale[0], mesh.scale[1], mesh.scale[2]), mesh.convex)
     try:
@@ -152,4 +151,4 @@ def _obstacle(
         missing = isinstance(error.__cause__, FileNotFoundError)
         found = f"{mesh.file!r}, which is not there" if missing else str(error)
         raise wrong_argument(function, "file", found, f"a mesh file ({FORMATS})") from None
-    return Obstacle(spec.name, triangles, X_WO, stated)
+    return Obstacle(spec.name, triangles, X_WO, words)

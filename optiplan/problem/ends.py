@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.trajectory.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,3 +57,8 @@ class Objective:
 
     time: float = 1.0
     jerk: float = 0.0
+
+    def cost(self, trajectory: Trajectory) -> float:
+        """Return the value for a motion, s."""
+        jerk = self.jerk * trajectory.squared_jerk() if self.jerk else 0.0
+        return self.time * trajectory.duration + jerk

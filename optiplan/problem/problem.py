@@ -10,7 +10,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.config.document import Document, plain
-from optiplan.errors import InputError, described, path_argument, wrong_argument
+from optiplan.errors import InputError, described, path_argument, seed_argument, wrong_argument
 from optiplan.files import reading, write_text
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.problem import to_data
@@ -155,9 +155,7 @@ class Problem:
         Raises:
             InputError: not a whole number from 0 upwards.
         """
-        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-            raise wrong_argument("Problem.with_seed", "seed", described(seed), "a whole number >= 0")
-        other = replace(self, seed=int(seed))
+        other = replace(self, seed=seed_argument("Problem.with_seed", seed))
         other._set({"source": self.source, "hash": self.hash})
         return other
 

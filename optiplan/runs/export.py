@@ -58,13 +58,9 @@ def export(trajectory: Trajectory, path: Path, format: str | None, rate: float) 
     """
     name = path.suffix.lower().removeprefix(".") if format is None else format
     if not isinstance(name, str) or name not in FORMATS:
-        found = (
-            f"{str(path)!r}, whose ending names none"
-            if format is None
-            else repr(format)
-            if isinstance(format, str)
-            else described(format)
-        )
+        found = repr(format) if isinstance(format, str) else described(format)
+        if format is None:
+            found = f"{str(path)!r}, whose ending names none"
         raise wrong_argument("Run.export", "format", found, f"one of: {', '.join(FORMATS)}")
     if not is_finite(rate) or not 0.0 < rate <= 1e6:
         raise wrong_argument("Run.export", "rate", described(rate), "a number of samples a second in (0, 1e6]")

@@ -6,7 +6,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.robot.robot import Limits
+from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.paths.corner_blends import blend_path
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
@@ -31,7 +31,7 @@ def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: 
         more torque than allowed.
     """
     robot = model.robot
-    stops = within_torque(model, limits, stop_at_corners(waypoints, limits, robot.joint_names))
+    stops = within_torque(robot, limits, stop_at_corners(waypoints, limits, robot.joint_names))
     distinct = np.any(np.diff(waypoints, axis=0) != 0.0, axis=1)
     if stops is None or not distinct.any():
         return stops
@@ -39,9 +39,9 @@ def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: 
     return stops if blended is None or blended.duration > stops.duration else blended
 
 
-def within_torque(model: CollisionModel, limits: Limits, trajectory: Trajectory) -> Trajectory | None:
+def within_torque(robot: Robot, limits: Limits, trajectory: Trajectory) -> Trajectory | None:
     """Return the trajectory, slowed down where its torques require it; None where gravity alone exceeds the limits."""
-    slower = torque_scale(model.robot, limits.torque, trajectory)
+    slower = torque_scale(robot, limits.torque, trajectory)
     return trajectory.scaled(trajectory.duration * slower) if np.isfinite(slower) else None
 
 

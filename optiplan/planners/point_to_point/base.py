@@ -148,7 +148,7 @@ class PointToPoint(Planner[Options]):
         if touch is not None:
             return _collision(touch)
         with watch.stage("torque"):
-            slower = within_torque(model, limits, motion)
+            slower = within_torque(model.robot, limits, motion)
         if slower is None:
             return too_heavy(model.robot, limits, np.array([motion.start, motion.end]))
         if slower is motion or slower.duration == motion.duration:
@@ -162,7 +162,7 @@ class PointToPoint(Planner[Options]):
         fastest = profile.trajectory()
         if excess(fastest, profile.limits) is not None:
             return None
-        slower = within_torque(model, profile.limits, fastest)
+        slower = within_torque(model.robot, profile.limits, fastest)
         if slower is None or (slower.duration > fastest.duration and not profile.stretchable):
             return None
         return slower.duration

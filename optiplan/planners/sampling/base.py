@@ -64,7 +64,14 @@ def plan_sampled(task: PlanTask, options: SampledOptions, how: How) -> PlanResul
     task.progress("sampling", 0.1)
     goals = sampler.configurations[: options.goals]
     sampling = SamplingOptions(
-        budget, problem.seed, options.attempts, how.searcher, None, how.detour, how.improve, sampler.more
+        budget,
+        seed=problem.seed,
+        attempts=options.attempts,
+        searcher=how.searcher,
+        alternate=None,
+        detour=how.detour,
+        improve=how.improve,
+        more_goals=sampler.more,
     )
     with watch.stage("sampling"):
         path = sample_path(model, problem.start, goals, problem.limits, sampling)

@@ -20,7 +20,7 @@ class BitStarOptions(SampledOptions):
 
 
 class BitStar(Planner[BitStarOptions]):
-    """Planner by BIT*: shorten the path of RRT-Connect in time (`shortcut.path_time`), checking few edges."""
+    """Planner by BIT*: shorten the path of RRT-Connect in time (`shortcutting.path_time`), checking few edges."""
 
     Options = BitStarOptions
 

@@ -95,7 +95,7 @@ class SearchSpace:
         return state
 
     def path_time(self) -> Any:
-        """Objective: sum over segments of max_j |dq_j / v_j| + 0.1 ||dq / v||, as `shortcut.path_time` has it."""
+        """Objective: sum over segments of max_j |dq_j / v_j| + 0.1 ||dq / v||, as `shortcutting.path_time` has it."""
         from ompl import base
 
         seconds = (self._units / self._check.limits.velocity).tolist()

@@ -24,7 +24,7 @@ class RrtStarOptions(SampledOptions):
 
 
 class RrtStar(Planner[RrtStarOptions]):
-    """Planner by RRT*: shorten the path of RRT-Connect, by joint-space path time (`shortcut.path_time`)."""
+    """Planner by RRT*: shorten the path of RRT-Connect, by joint-space path time (`shortcutting.path_time`)."""
 
     Options = RrtStarOptions
 

@@ -66,7 +66,7 @@ class SampledPath:
     Attributes:
         waypoints: (k, n), rad or m; k >= 2.
         goal_index: which of the goals it ends in; -1 for one that was drawn while searching.
-        cost: sum over segments of max_j |dq_j| / v_j, s, plus a tenth of the 2-norm (see `shortcut.path_time`).
+        cost: sum over segments of max_j |dq_j| / v_j, s, plus a tenth of the 2-norm (see `shortcutting.path_time`).
         info: number of `states` the search looked at, and whether it was `cut_short` by the clock; JSON-ready.
     """
 

@@ -24,7 +24,7 @@ def smooth_path(model: CollisionModel, waypoints: Array, velocity: Array, budget
     Args:
         model: of the robot in its scene.
         waypoints: (k, n), rad or m.
-        velocity: (n,) limits, which measure the path's parameter (`shortcut.path_time`).
+        velocity: (n,) limits, which measure the path's parameter (`shortcutting.path_time`).
         budget: once it is over, None is returned.
     """
     cost = path_time(waypoints, velocity)

@@ -119,7 +119,7 @@ class Optimiser:
         """Return the curve at the least duration within limits and torques; None if gravity is too much."""
         names = self.problem.robot.joint_names
         trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
-        return within_torque(self.model, self.problem.limits, scale_to_limits(trajectory, self.problem.limits))
+        return within_torque(self.problem.robot, self.problem.limits, scale_to_limits(trajectory, self.problem.limits))
 
 
 def _instants(basis: SplineBasis, count: int) -> Array:

@@ -143,14 +143,14 @@ class _Run:
         return failure if failure is not None else self._why_not()
 
     def _line(self, sampler: GoalSampler, number: int) -> Array:
-        """Try the straight line to each goal, by lower bound of the duration."""
+        """Return control points (K, n) of the straight line to one promising goal, a different one for each number."""
         goals = self._promising(sampler)
         return self._along(np.array([self.problem.start, goals[number % len(goals)]]))
 
     def _bumped(self, kind: Kind, control: Array, rng: np.random.Generator) -> None:
         """Optimise from a curve with a bump."""
         limits = self.problem.limits
-        duration = self.optimiser.basis.shortest_duration(control, self.optimiser.problem.limits.rates)
+        duration = self.optimiser.basis.shortest_duration(control, limits.rates)
         self._attempt(kind, with_bump(self.optimiser.basis, control, duration, limits, rng), self.budget)
 
     def _sampled(self, path: SampledPath) -> Failure | None:
@@ -197,10 +197,11 @@ class _Run:
         return dense
 
     def _straight(self, ends: Array) -> None:
-        """Return the straight line between ends (2, n), timed exactly, if it is free."""
+        """Offer the straight line between ends (2, n), timed exactly, if it is free."""
         with self.watch.stage("straight line"):
-            line = stop_at_corners(ends, self.problem.limits, self.problem.robot.joint_names)
-            timed = within_torque(self.model, self.problem.limits, line)
+            problem = self.problem
+            line = stop_at_corners(ends, problem.limits, problem.robot.joint_names)
+            timed = within_torque(problem.robot, problem.limits, line)
             if timed is not None and first_contact(self.model, timed, lambda: self.budget.over) is None:
                 self._offer(timed, None)
 
@@ -227,7 +228,7 @@ class _Run:
             closer = self._optimised("close", attempt.control, budget, _CLOSE * self.options.margin)
             if closer is not None:
                 self._offer(closer.trajectory, closer)
-        cost = None if attempt is None else self._cost(attempt.trajectory)
+        cost = None if attempt is None else self.problem.objective.cost(attempt.trajectory)
         self.patience.record(cost)
 
     def _optimised(self, kind: Kind, control: Array, budget: Budget, margin: float | None) -> Attempt | None:
@@ -250,7 +251,7 @@ class _Run:
 
     def _offer(self, trajectory: Trajectory, attempt: Attempt | None) -> bool:
         """Keep a free motion if it is better than the best; return whether it is."""
-        cost = self._cost(trajectory)
+        cost = self.problem.objective.cost(trajectory)
         if cost >= self.best * (1.0 - _NO_GAIN):
             return False
         self.best = cost
@@ -259,11 +260,6 @@ class _Run:
         if attempt is not None:
             self.curve = attempt
         return True
-
-    def _cost(self, trajectory: Trajectory) -> float:
-        """Return the value of the problem's objective, s."""
-        objective = self.problem.objective
-        return objective.time * trajectory.duration + objective.jerk * trajectory.squared_jerk()
 
     def _cost_bound(self, duration: float) -> float:
         """Return a lower bound on the cost of motions of at least this duration, s."""
