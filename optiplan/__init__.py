@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
-    from optiplan.problem.bodies import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
-    from optiplan.problem.ends import JointGoal, Objective, PoseGoal
+    from optiplan.problem.goals_and_vias import JointGoal, Objective, PoseGoal
+    from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
     from optiplan.robot.robot import Robot
@@ -43,8 +43,8 @@ _ROOMS = {
     "errors": ("InputError", "OptiPlanError"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
-    "problem.bodies": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
-    "problem.ends": ("JointGoal", "Objective", "PoseGoal"),
+    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
+    "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
     "robot.robot": ("Robot",),

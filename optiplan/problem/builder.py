@@ -17,7 +17,7 @@ from optiplan.geometry.meshes.reading import FORMATS, open_mesh
 from optiplan.geometry.poses import pose_from_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shapes import Mesh, MeshSpec, Shape, ShapeSpec, build_geometry, shape_from_spec
-from optiplan.problem.ends import JointGoal, PoseGoal, Via
+from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import (
     AlternativeSpec,

@@ -9,8 +9,8 @@ from optiplan.config.document import Document, plain, read_yaml
 from optiplan.errors import InputError, Issue
 from optiplan.files import reading
 from optiplan.problem.builder import RobotLoader
+from optiplan.problem.from_data import read_problem
 from optiplan.problem.problem import Problem
-from optiplan.problem.reading import read_problem
 from optiplan.resources import robots_dir
 from optiplan.robot.robot import load_robot
 

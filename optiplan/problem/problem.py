@@ -14,8 +14,8 @@ from optiplan.errors import InputError, described, path_argument, seed_argument,
 from optiplan.files import reading, write_text
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.problem import to_data
-from optiplan.problem.ends import Goal, JointGoal, Objective, PoseGoal, Via
-from optiplan.problem.reading import Parts, read_problem
+from optiplan.problem.from_data import Parts, read_problem
+from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
 from optiplan.problem.statement import End, Pose, Values, ViaPoint
 from optiplan.problem.write import problem_text
 from optiplan.robot.reference import UNKNOWN

@@ -13,7 +13,7 @@ from optiplan.arrays import Array, is_finite
 from optiplan.config.document import Document, plain, validate
 from optiplan.errors import InputError, described, wrong_argument
 from optiplan.geometry.poses import pose_from_data, pose_to_data
-from optiplan.problem.ends import JointGoal, PoseGoal, Via
+from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.schema import PoseGoalSpec, ViaSpec
 
 Values = Sequence[float] | Array

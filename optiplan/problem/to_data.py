@@ -11,7 +11,7 @@ from optiplan.errors import described, wrong_argument
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import shape_data
-from optiplan.problem.ends import Objective
+from optiplan.problem.goals_and_vias import Objective
 from optiplan.problem.statement import end_data, is_configuration, via_point_data
 
 

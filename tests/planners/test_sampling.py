@@ -15,7 +15,7 @@ from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import Search, rrt_connect
 from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time, shorten
-from optiplan.planners.sampling.thinner import thinned, through_thinner
+from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
 from optiplan.planners.trajopt import planner as trajopt
 from optiplan.planners.trajopt.options import TrajOptOptions
 from tests.planners import cases

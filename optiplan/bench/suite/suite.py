@@ -22,7 +22,7 @@ from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.planners.base import Progress
 from optiplan.planners.registry import make_planner
-from optiplan.problem.reading import source_of
+from optiplan.problem.from_data import source_of
 from optiplan.problem.schema import ProblemSpec
 from optiplan.runs.metrics import Metrics
 

@@ -16,7 +16,7 @@ from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.ompl_search import kpiece, rrt_connect
 from optiplan.planners.sampling.sample_path import ALTERNATE_RATIO, SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time
-from optiplan.planners.sampling.thinner import through_thinner
+from optiplan.planners.sampling.shrunk_obstacles import through_thinner
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions

@@ -11,7 +11,7 @@ from optiplan.config.document import Document, Place, validate
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
-from optiplan.problem.ends import Goal, JointGoal, Objective, PoseGoal, Via
+from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
 from optiplan.problem.hashing import meshes_of, problem_hash
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import ProblemSpec
