@@ -12,16 +12,18 @@ RUN := $(VENV)/.run-stamp
 TEST := $(VENV)/.test-stamp
 DEV := $(VENV)/.dev-stamp
 DOCS := $(VENV)/.docs-stamp
+CORE := $(VENV)/.core-stamp
 DEMO_PROBLEM ?= 02_shelf
 PORT ?= 7000
+BUILD_TOOLS := 'cmake>=3.18,<5' 'ninja>=1.11,<2' 'nanobind>=2.4,<4'
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help demo test docs lint format clean
+.PHONY: help demo core test docs lint format clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
 
-demo: $(RUN) ## plan a shelf problem, print the report, serve the viewer (DEMO_EXIT=1 writes demo/*.html and ends)
+demo: $(RUN) $(CORE) ## plan a shelf problem, print the report, serve the viewer (DEMO_EXIT=1 writes demo/*.html and ends)
 	$(BIN)/optiplan plan $(DEMO_PROBLEM) --out demo/run
 ifeq ($(DEMO_EXIT),1)
 	$(BIN)/optiplan view demo/run --export demo/view.html
@@ -31,7 +33,11 @@ else
 	$(BIN)/optiplan view demo/run --port $(PORT)
 endif
 
-test: $(TEST) ## every test, with the coverage gate of 90 % of lines
+core: $(RUN) ## build the native core into the checkout (needs a C++ compiler; planners work without, slower)
+	@rm -f $(CORE)
+	@$(MAKE) --no-print-directory $(CORE)
+
+test: $(TEST) $(CORE) ## every test, with the coverage gate of 90 % of lines
 	$(BIN)/python -m pytest -n $${TEST_WORKERS:-2} --dist loadfile --cov=optiplan --cov-report=term:skip-covered --cov-fail-under=90
 
 docs: $(DOCS) ## the documentation as a site, site/index.html; a warning is an error
@@ -48,7 +54,7 @@ format: $(DEV) ## let ruff lay out the code
 	$(BIN)/ruff format .
 
 clean: ## remove what make has made
-	rm -rf $(VENV) build dist demo site *.egg-info .coverage*
+	rm -rf $(VENV) build dist demo site *.egg-info .coverage* optiplan/_core/in_place
 
 $(BIN)/python:
 	@if [ -z "$(PYTHON)" ]; then echo "Python >= 3.11 is needed; name one with PYTHON=/path/to/python" >&2; exit 1; fi
@@ -59,9 +65,25 @@ $(BIN)/python:
 	    apt-get update -qq && apt-get install -y -qq python3-venv && $(PYTHON) -m venv $(VENV); \
 	  else echo "$(PYTHON) has no working venv module (on Debian: apt-get install python3-venv)" >&2; exit 1; fi; fi
 
-$(RUN): pyproject.toml setup.py constraints.txt | $(BIN)/python
+$(RUN): pyproject.toml constraints.txt | $(BIN)/python
 	@echo "installing optiplan and its libraries (about 300 MB the first time)"
 	$(PIP) --editable .
+	@touch $@
+
+# With a compiler, or with root rights to install one; without, a line says so and planners run in Python.
+$(CORE): $(wildcard optiplan/_core/src/*) CMakeLists.txt | $(RUN)
+	@if ! command -v $${CXX:-c++} >/dev/null && [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	   echo "installing a C++ compiler"; \
+	   apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends g++ || true; fi
+	@if ! command -v $${CXX:-c++} >/dev/null; then \
+	   echo "no C++ compiler: planners run on their reference path in Python, which is slower" >&2; \
+	 else \
+	   echo "building the native core (a minute or two)"; \
+	   $(PIP) $(BUILD_TOOLS); \
+	   export PATH="$(abspath $(BIN)):$$PATH"; \
+	   cmake -S . -B build/core -G Ninja -DOPTIPLAN_IN_PLACE=ON -DPython_EXECUTABLE="$(abspath $(BIN))/python" \
+	     --log-level=NOTICE && cmake --build build/core -- --quiet || \
+	   echo "the native core could not be built: planners run on their reference path in Python" >&2; fi
 	@touch $@
 
 $(TEST): $(RUN)

@@ -22,7 +22,7 @@ ROOMS = (
     {"cli"},
 )
 LEVELS = {name: level for level, names in enumerate(ROOMS, 1) for name in names}
-GROUND = {"arrays", "cache", "config", "errors", "files", "resources"}
+GROUND = {"_core", "arrays", "cache", "config", "errors", "files", "resources"}
 MAX_FILE, MAX_FUNCTION = 350, 48
 MAX_SIDE_BY_SIDE = 15
 

@@ -1,0 +1,1 @@
+"""What each build of the core offers; see the C++ sources for formulas."""
