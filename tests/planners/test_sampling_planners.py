@@ -15,7 +15,8 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.registry import make_planner
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.sampling.ompl_search import SearchOptions, search
+from optiplan.planners.sampling.ompl_search import search
+from optiplan.planners.sampling.search import SearchOptions
 from optiplan.planners.sampling.ompl_space import SearchSpace, search_bounds
 from optiplan.planners.sampling.prm import Prm, PrmOptions, world_key
 from optiplan.planners.sampling.roadmap import Roadmap

@@ -3,3 +3,9 @@
 
 #include <nanobind/nanobind.h>
 
+namespace optiplan {
+
+void bind_world(nanobind::module_ &m);
+void bind_search(nanobind::module_ &m);
+
+}  // namespace optiplan

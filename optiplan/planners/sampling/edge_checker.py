@@ -2,18 +2,24 @@
 
 from copy import copy
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.clearance_test import PairMargins
 from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.planners.common.gravity import Gravity
 from optiplan.robot.robot import Limits
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import EdgeChecker
 
 _FIRST = 0.1  # m; initial subdivision: no pair travels farther within half a part
 _MARGIN = 4 * DISTANCE_ERROR  # m; added to the travel of a part
@@ -42,16 +48,28 @@ class MotionCheck:
         model: of the robot in its scene.
         limits: of its joints; `moment_arms` hold within the position limits.
         units: (n,) rad or m, scale of a search's coordinates: the way of each joint in a second at full speed.
+        native: the same check in the native core; None where the model has none. There a part that is cut is asked
+            again for those pairs only that kept it from being proved free.
+        searched: configuration (n,) of the joints that stand still, and which joints (n,) do not.
     """
 
     def __init__(self, model: CollisionModel, limits: Limits, gravity: Gravity | None = None) -> None:
         self.model, self.limits, self._gravity = model, limits, gravity
         self.units = limits.velocity
+        n = len(self.units)
+        self.searched: tuple[Array, Joints] = np.zeros(n), np.ones(n, dtype=bool)
         stroke = np.minimum(np.maximum(np.abs(limits.lower), np.abs(limits.upper)), _UNBOUNDED)
-        self._moment_arms, self._margins = model.bounds.moment_arms(stroke), PairMargins(model)
+        self._moment_arms = model.bounds.moment_arms(stroke)
+        self.native = _native(model, self._moment_arms, gravity)
+
+    @cached_property
+    def _margins(self) -> PairMargins:
+        return PairMargins(self.model)
 
     def blocked(self, q: Array) -> bool:
         """Return whether q (n,) collides or exceeds the torque limits."""
+        if self.native is not None:
+            return self.native.blocked(np.ascontiguousarray(q))
         return self.model.collides(q) or (self._gravity is not None and self._gravity.too_much(q))
 
     def free(self, a: Array, b: Array) -> bool:
@@ -59,6 +77,8 @@ class MotionCheck:
 
         Holds at: every point of the segment; gravity at steps of 0.05 rad or m.
         """
+        if self.native is not None:
+            return self.native.free(np.ascontiguousarray(a), np.ascontiguousarray(b))
         d = b - a
         return not self.blocked(b) and not self._heavy(a, d) and self._apart(a, d)
 
@@ -137,6 +157,7 @@ class PartialCheck(MotionCheck):
         self.model, self.units = whole.model, whole.units[joints]
         self.limits = replace(limits, lower=box[0][joints], upper=box[1][joints], **fields)
         self.still, self._whole, self._joints = still, whole, joints
+        self.native, self.searched = whole.native, (still, joints)
 
     def lift(self, q: Array) -> Array:
         """Return the robot's configuration (n,) with its searched joints at q (m,); of many (k, m): (k, n)."""
@@ -151,6 +172,14 @@ class PartialCheck(MotionCheck):
     def free(self, a: Array, b: Array) -> bool:
         """Return whether the segment from a to b (m,) is proved free; see `MotionCheck.free`."""
         return self._whole.free(self.lift(a), self.lift(b))
+
+
+def _native(model: CollisionModel, moment_arms: Array, gravity: Gravity | None) -> "EdgeChecker | None":
+    if not isinstance(model, NativeCollisionModel) or model.world is None:
+        return None
+    torque = np.zeros(0) if gravity is None or gravity.allowed is None else gravity.allowed
+    rules = np.array([_FIRST, _MARGIN, _LEAST, _MOST, _HEAVY_STEP])
+    return core.EdgeChecker(model.world, np.ascontiguousarray(moment_arms), torque, rules)
 
 
 @lru_cache(maxsize=1024)

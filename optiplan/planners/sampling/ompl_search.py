@@ -1,12 +1,12 @@
-"""OMPL's planners, made deterministic, interruptible and silent."""
+"""OMPL's planners, made deterministic, interruptible and silent; RRT-Connect in the native core where that is."""
 
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
 from math import inf, isfinite
-from typing import Any, Literal, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -14,63 +14,14 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends, SearchSpace
-
-Kind = Literal["rrtconnect", "rrtstar", "informed_rrtstar", "bitstar", "kpiece"]
+from optiplan.planners.sampling.search import TREE_SAMPLE, Kind, Search, SearchOptions, native_rrt_connect
 
 _START, _GOAL = 1, 2  # OMPL's tags of the two trees
-_SAMPLE = 500  # states of a tree reported, at most
 _BATCH = 100  # samples that BIT* adds at a time
 _SEARCHING = 0.7  # share of the budget for improving a path; the rest is for shortening and timing it
 _AROUND, _LOOKS = 0.4, 50  # s at full speed: radius, and number of configurations to measure free space
 _NARROW = 0.2  # longest edge of trees in narrow places, in units of the check
 _OMPL = threading.Lock()  # OMPL's seed is global to the process
-
-
-@dataclass(frozen=True, eq=False)
-class Search:
-    """Result of a search.
-
-    Attributes:
-        path: (k, n) waypoints from the start to one of the goals, rad or m; None when none was found.
-        start_tree: (s, n) states reached from the start, at most some hundreds of them.
-        goal_tree: (g, n) states from which a goal is reached, likewise; the goals alone where one tree is grown. BIT*
-            does not show its tree.
-        sizes: number of states of the two trees.
-        cut_short: the time limit ended it before its effort was spent.
-        impatient: it ended without a path because its patience was spent, not the budget.
-    """
-
-    path: Array | None
-    start_tree: Array
-    goal_tree: Array
-    sizes: tuple[int, int]
-    cut_short: bool = False
-    impatient: bool = False
-
-
-@dataclass(frozen=True)
-class SearchOptions:
-    """Options of a search.
-
-    Attributes:
-        kind: which of OMPL's planners.
-        reach: longest tree edge, s at full joint speed (2-norm over joints).
-        effort: where the path improves with time, the iterations (batches of samples for `bitstar`) after which it
-            is good enough; a search that has no path by then goes on until it has one. When most of the budget is
-            gone, any path is good enough.
-    """
-
-    kind: Kind
-    reach: float = 0.4
-    effort: int = 0
-
-
-class Searcher(Protocol):
-    """Protocol of `search` with its options given."""
-
-    def __call__(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float) -> Search:
-        """See `search`."""
-        ...
 
 
 def search(  # noqa: PLR0913
@@ -83,6 +34,8 @@ def search(  # noqa: PLR0913
     Karaman and Frazzoli, "Sampling-based algorithms for optimal motion planning", IJRR 2011 (RRT*); Gammell et al.,
     "Informed RRT*", IROS 2014, and "Batch informed trees", IJRR 2020; Sucan and Kavraki, "KPIECE", WAFR 2008.
     """
+    if options.kind == "rrtconnect" and check.native is not None:
+        return native_rrt_connect(check, ends, budget, seed, options.reach, patience=patience)
     from ompl import base
 
     back = options.kind in _ONE_TREE and _goals_are_tighter(check, ends, seed)
@@ -222,7 +175,7 @@ def _collect(planner: Any, space: SearchSpace, problem: Any, roots: tuple[Array,
     trees, sizes = [], []
     for tag, ends in zip((_START, _GOAL), roots, strict=True):
         members = np.flatnonzero(tags == tag)
-        some = members[:: len(members) // _SAMPLE + 1].tolist()
+        some = members[:: len(members) // TREE_SAMPLE + 1].tolist()
         trees.append(np.array([space.read(data.getVertex(i).getState()) for i in some]) if some else ends)
         sizes.append(max(len(members), len(ends)))
     path = None

@@ -14,7 +14,8 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import contact_witness, end_collides, out_of_time
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.sampling.edge_checker import MotionCheck, PartialCheck
-from optiplan.planners.sampling.ompl_search import Search, Searcher, kpiece, rrt_connect
+from optiplan.planners.sampling.ompl_search import kpiece, rrt_connect
+from optiplan.planners.sampling.search import Search, Searcher
 from optiplan.planners.sampling.ompl_space import Ends
 from optiplan.planners.sampling.shortcutting import path_time, path_times, shorten
 from optiplan.robot.robot import Limits

@@ -2,12 +2,15 @@
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
 
 TWO_NORM_SHARE = 0.1
 """Share of the 2-norm in the cost of a path."""
+
+_TOGETHER = 40  # attempts of the native core
 
 
 def path_times(start: Array, end: Array, velocity: Array) -> Array:
@@ -32,12 +35,25 @@ def shorten(check: MotionCheck, waypoints: Array, velocity: Array, draws: Array,
     Each row of `draws` (attempts, 3), uniform in [0, 1), is one attempt: where it begins and ends along the path, and
     whether it straightens all joints (third number below one half) or which single one.
     """
+    if check.native is not None:
+        return _shorten_natively(check, waypoints, velocity, draws, budget)
     path = drop_corners(check, waypoints, velocity, budget)
     for draw in draws:
         if len(path) < 3 or budget.over:
             break
         path = _attempt(check, path, velocity, draw)
     return drop_corners(check, path, velocity, budget)
+
+
+def _shorten_natively(check: MotionCheck, path: Array, velocity: Array, draws: Array, budget: Budget) -> Array:
+    """Do the same in the native core, a few attempts between two looks at the budget."""
+    path = np.ascontiguousarray(path)
+    for k in range(0, max(len(draws), 1), _TOGETHER):
+        if budget.over:
+            break
+        some = np.ascontiguousarray(draws[k : k + _TOGETHER])
+        path = core.shorten(check.native, path, velocity, some, budget.remaining)
+    return path
 
 
 def _attempt(check: MotionCheck, path: Array, velocity: Array, draw: Array) -> Array:

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Box, Capsule, Cylinder, Scene, Shape, Sphere
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.sampling.ompl_search import Search, Searcher, kpiece
+from optiplan.planners.sampling.ompl_search import kpiece
+from optiplan.planners.sampling.search import Search, Searcher
 from optiplan.planners.sampling.ompl_space import Ends
 from optiplan.planners.sampling.shortcutting import shorten
 
@@ -52,7 +53,7 @@ def through_thinner(repair: Callable[[Array], Array | None]) -> Searcher:
 
     def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float) -> Search:
         model = check.model
-        thinner = check.among(CollisionModel(model.robot, thinned(model.scene)))
+        thinner = check.among(planning_model(model.robot, thinned(model.scene)))
         found = kpiece(thinner, ends, budget, seed, patience=patience)
         if found.path is None:
             return found

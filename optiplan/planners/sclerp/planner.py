@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
@@ -29,7 +29,7 @@ class Sclerp(Planner[SclerpOptions]):
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        watch, model = Stopwatch(), CollisionModel(problem.robot, problem.scene)
+        watch, model = Stopwatch(), planning_model(problem.robot, problem.scene)
         with watch.stage("goals"):
             goals = ranked_goals(problem, model, budget, self.options.goals, nearer=False)
         if isinstance(goals, Failure) and goals.kind != "goal-unreachable":

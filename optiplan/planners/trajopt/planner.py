@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time, too_heavy
@@ -79,7 +79,7 @@ class _Run:
         self.bound = 0.0
         self.patience = Patience(budget, options.good_enough)
         with self.watch.stage("set-up"):
-            self.model = CollisionModel(problem.robot, problem.scene)
+            self.model = planning_model(problem.robot, problem.scene)
             self.optimiser = Optimiser(problem, self.model, options)
 
     def result(self) -> PlanResult:

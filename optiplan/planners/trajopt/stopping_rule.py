@@ -5,7 +5,7 @@ from math import ceil, inf
 
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.sampling.ompl_search import Search, Searcher
+from optiplan.planners.sampling.search import Search, Searcher
 from optiplan.planners.sampling.ompl_space import Ends
 
 PRICE = 0.1

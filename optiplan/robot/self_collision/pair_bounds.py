@@ -15,6 +15,7 @@ class PairBounds:
 
     Attributes:
         joint: (G,) joint that carries each body; `placement` (G, 4, 4): pose of the body in that joint's frame.
+        centre, half: (G, 3) centre and half edges of each body's box, m, in its own frame; `radius` (G,) of its ball.
         pairs: (P, 2) bodies of each pair.
         moves: (P, 2, J) which joints, followers too, move that side of the pair against the other.
         plane_pairs: indices of the pairs with a half-space.
@@ -27,12 +28,12 @@ class PairBounds:
         self.joint = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
         self.placement = np.array([body.placement.homogeneous for body in bodies]).reshape(-1, 4, 4)
         boxes = [_local_box(body.geometry) for body in bodies]
-        self._centre = np.array([box[0] for box in boxes]).reshape(-1, 3)
-        self._half = np.array([box[1] for box in boxes]).reshape(-1, 3)
-        self._radius = np.array([box[2] for box in boxes])
+        self.centre = np.array([box[0] for box in boxes]).reshape(-1, 3)
+        self.half = np.array([box[1] for box in boxes]).reshape(-1, 3)
+        self.radius = np.array([box[2] for box in boxes])
         signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-        edges = np.where(np.isfinite(self._half), self._half, 0.0)
-        self._corners = self._centre[:, None] + edges[:, None] * signs  # (G, 8, 3)
+        edges = np.where(np.isfinite(self.half), self.half, 0.0)
+        self._corners = self.centre[:, None] + edges[:, None] * signs  # (G, 8, 3)
         self.pairs: Index = np.array(pairs, dtype=np.intp).reshape(-1, 2)
         moves = carrying_joints(model)[self.joint[self.pairs]]  # (P, 2, J)
         # A joint that carries both bodies of a pair does not change their distance.
@@ -49,7 +50,7 @@ class PairBounds:
         """
         poses = self.kinematics.poses(Q)[:, self.joint] @ self.placement  # X_WG of every body, (N, G, 4, 4)
         rotation, origin = poses[..., :3, :3], poses[..., :3, 3]
-        centre = origin + np.einsum("ngij,gj->ngi", rotation, self._centre)
+        centre = origin + np.einsum("ngij,gj->ngi", rotation, self.centre)
         a, b = self.pairs[:, 0], self.pairs[:, 1]
         result = np.maximum(
             self._ball_to_box(rotation[:, b], centre[:, a] - centre[:, b], b, a),
@@ -62,13 +63,13 @@ class PairBounds:
             normal, offset = self._plane_of[int(plane)]
             world_normal = rotation[:, plane] @ normal
             height = np.einsum("ni,ni->n", world_normal, centre[:, body] - origin[:, plane]) - offset
-            result[:, pair] = height - self._radius[body]
+            result[:, pair] = height - self.radius[body]
         return np.asarray(result)
 
     def _ball_to_box(self, rotation: Array, apart: Array, box: Index, ball: Index) -> Array:
         local = np.einsum("npji,npj->npi", rotation, apart)
-        outside = np.maximum(np.abs(local) - self._half[box], 0.0)
-        return np.asarray(np.sqrt(np.einsum("npi,npi->np", outside, outside)) - self._radius[ball])
+        outside = np.maximum(np.abs(local) - self.half[box], 0.0)
+        return np.asarray(np.sqrt(np.einsum("npi,npi->np", outside, outside)) - self.radius[ball])
 
     def travel(self, Q: Array, D: Array) -> Array:
         """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j; Q, D (N, n), result (N, P)."""
@@ -108,7 +109,7 @@ class PairBounds:
     def distances_of(self, placed: Array, pairs: Index) -> Array:
         """The bound of `distances` for K pairs without half-spaces, placed (K, 2, 4, 4); result (K,), m."""
         rotation, bodies = placed[..., :3, :3], self.pairs[pairs]
-        centre = placed[..., :3, 3] + np.einsum("ksij,ksj->ksi", rotation, self._centre[bodies])
+        centre = placed[..., :3, 3] + np.einsum("ksij,ksj->ksi", rotation, self.centre[bodies])
         result = np.full(len(pairs), -np.inf)
         for box, ball in ((0, 1), (1, 0)):
             apart = centre[:, ball] - centre[:, box]
@@ -136,8 +137,8 @@ class PairBounds:
         total = np.zeros_like(D)
         for side in (0, 1):
             bodies = self.pairs[pairs, side]
-            centre = np.einsum("kij,kj->ki", placed[:, side, :3, :3], self._centre[bodies]) + placed[:, side, :3, 3]
-            arm = np.linalg.norm(np.cross(direction, centre[:, None] - point), axis=2) + self._radius[bodies, None]
+            centre = np.einsum("kij,kj->ki", placed[:, side, :3, :3], self.centre[bodies]) + placed[:, side, :3, 3]
+            arm = np.linalg.norm(np.cross(direction, centre[:, None] - point), axis=2) + self.radius[bodies, None]
             step = stroke * self.moves[pairs, side]
             own = np.zeros(len(pairs))
             for j in reversed(range(D.shape[1])):
@@ -153,11 +154,11 @@ class PairBounds:
             Row of Q and pair of each of the K found, and poses of both bodies in the world, (K, 2, 4, 4).
         """
         poses = self.kinematics.poses(Q)[:, self.joint] @ self.placement
-        centre = np.einsum("ngij,gj->ngi", poses[..., :3, :3], self._centre) + poses[..., :3, 3]
+        centre = np.einsum("ngij,gj->ngi", poses[..., :3, :3], self.centre) + poses[..., :3, 3]
         a, b = self.pairs.T
         apart = centre[:, b] - centre[:, a]
         rows, pairs = np.nonzero(
-            np.einsum("npi,npi->np", apart, apart) <= (self._radius[a] + self._radius[b] + gap) ** 2
+            np.einsum("npi,npi->np", apart, apart) <= (self.radius[a] + self.radius[b] + gap) ** 2
         )
         placed = poses[rows[:, None], self.pairs[pairs]]
         meet = self.distances_of(placed, pairs) <= gap
@@ -166,9 +167,9 @@ class PairBounds:
     def reach_of(self, q: Array, pairs: Index) -> Array:
         """Upper bound, m, of the distance of K pairs at one configuration q (n,): that of the farthest points."""
         poses = self.kinematics.poses(q[None])[0, self.joint] @ self.placement
-        centre = np.einsum("gij,gj->gi", poses[:, :3, :3], self._centre) + poses[:, :3, 3]
+        centre = np.einsum("gij,gj->gi", poses[:, :3, :3], self.centre) + poses[:, :3, 3]
         a, b = self.pairs[pairs].T
-        return np.asarray(np.linalg.norm(centre[b] - centre[a], axis=1) + self._radius[a] + self._radius[b])
+        return np.asarray(np.linalg.norm(centre[b] - centre[a], axis=1) + self.radius[a] + self.radius[b])
 
     def moment_arms(self, stroke: Array) -> Array:
         """Metres that a pair's bodies travel against each other at most for each rad or m of each joint: (P, n).

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from optiplan.planners.base import Budget
-from optiplan.planners.sampling.ompl_search import Search
+from optiplan.planners.sampling.search import Search
 from optiplan.planners.trajopt.stopping_rule import PRICE, SAME, STATE, STEP, Patience, counted
 
 

@@ -1,0 +1,212 @@
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/vector.h>
+
+#include "arrays.hpp"
+#include "module.hpp"
+#include "world/world.hpp"
+
+namespace optiplan {
+
+using namespace nb::literals;
+
+static Tree make_tree(const Indices &parents, const Stack &placements, const Matrix &screws, const Indices &leaders,
+                      const Matrix &couplings, const Matrix &inertias, int planned, const Vector &gravity) {
+    const std::size_t count = parents.size();
+    expect(placements.shape(0) == count && screws.shape(0) == count && screws.shape(1) == 6 &&
+               leaders.size() == count && couplings.shape(0) == count && couplings.shape(1) == 2 &&
+               inertias.shape(0) == count && inertias.shape(1) == 13 && gravity.size() == 3,
+           "a tree of J joints is made of arrays with J rows");
+    Tree tree;
+    tree.planned = planned;
+    tree.gravity = vec3_at(gravity.data());
+    tree.joints.push_back(Joint{});
+    for (std::size_t j = 0; j < count; ++j) {
+        const double *screw = screws.data() + 6 * j, *mass = inertias.data() + 13 * j;
+        const bool revolute = norm(vec3_at(screw + 3)) > 0.5;
+        expect(parents.data()[j] >= 0 && parents.data()[j] <= static_cast<std::int64_t>(j), "parents come first");
+        expect(leaders.data()[j] >= 0 && leaders.data()[j] < planned, "leaders are planned joints");
+        tree.joints.push_back({static_cast<int>(parents.data()[j]), pose_at(placements.data() + 16 * j), revolute,
+                               vec3_at(revolute ? screw + 3 : screw), static_cast<int>(leaders.data()[j]),
+                               couplings.data()[2 * j], couplings.data()[2 * j + 1], mass[0], vec3_at(mass + 1),
+                               {{vec3_at(mass + 4), vec3_at(mass + 7), vec3_at(mass + 10)}}});
+    }
+    return tree;
+}
+
+static Body make_body(int joint, const Matrix &placement, std::vector<Shape> shapes, const Vector &box, double radius) {
+    expect(placement.shape(0) == 4 && placement.shape(1) == 4 && box.size() == 6, "a placement (4, 4), a box (6,)");
+    expect(shapes.size() == 1 || shapes.size() == 2, "a shape, or a hull and triangles");
+    Body body{joint, pose_at(placement.data()), std::move(shapes), vec3_at(box.data()), vec3_at(box.data() + 3), radius,
+              false, {}, 0.0};
+    if (body.solid().kind == Kind::half_space) {
+        body.half_space = true;
+        body.normal = body.solid().normal;
+        body.offset = body.solid().offset;
+    }
+    return body;
+}
+
+static World make_world(const Tree &tree, const std::vector<Body> &bodies, const IndexPairs &pairs) {
+    std::vector<std::pair<int, int>> found;
+    const auto count = static_cast<std::int64_t>(bodies.size());
+    for (std::size_t k = 0; k < 2 * pairs.shape(0); ++k)
+        expect(pairs.data()[k] >= 0 && pairs.data()[k] < count, "pairs are indices of bodies");
+    for (std::size_t k = 0; k < pairs.shape(0); ++k)
+        found.emplace_back(static_cast<int>(pairs.data()[2 * k]), static_cast<int>(pairs.data()[2 * k + 1]));
+    for (const Body &body : bodies) expect(body.joint >= 0 && body.joint < tree.count(), "bodies are on joints");
+    return World(tree, bodies, found);
+}
+
+static nb::ndarray<nb::numpy, double> poses(const Tree &tree, const Matrix &Q) {
+    expect(Q.shape(1) == static_cast<std::size_t>(tree.planned), "configurations (N, n)");
+    std::vector<double> out;
+    std::vector<Pose> at(tree.joints.size());
+    out.reserve(Q.shape(0) * at.size() * 16);
+    for (std::size_t row = 0; row < Q.shape(0); ++row) {
+        tree.poses(Q.data() + row * Q.shape(1), at.data());
+        for (const Pose &X : at) {
+            for (int i = 0; i < 3; ++i)
+                out.insert(out.end(), {X.R.rows[i].x, X.R.rows[i].y, X.R.rows[i].z, X.p[i]});
+            out.insert(out.end(), {0.0, 0.0, 0.0, 1.0});
+        }
+    }
+    return to_numpy(std::move(out), {Q.shape(0), at.size(), 4, 4});
+}
+
+static nb::ndarray<nb::numpy, double> gravity(const Tree &tree, const Matrix &Q) {
+    expect(Q.shape(1) == static_cast<std::size_t>(tree.planned), "configurations (N, n)");
+    std::vector<double> out(Q.size());
+    std::vector<Pose> at(tree.joints.size());
+    for (std::size_t row = 0; row < Q.shape(0); ++row) {
+        tree.poses(Q.data() + row * Q.shape(1), at.data());
+        tree.gravity_torques(at.data(), out.data() + row * Q.shape(1));
+    }
+    return to_numpy(std::move(out), {Q.shape(0), Q.shape(1)});
+}
+
+static void expect_configurations(const World &world, const Matrix &Q) {
+    expect(Q.shape(1) == static_cast<std::size_t>(world.tree().planned), "configurations (N, n)");
+}
+
+// Rows, pairs, distances (K,), vectors (K, 3, 3): points on a and b, normal; and gradients (K, n).
+static nb::tuple contacts_as_arrays(const World &world, const std::vector<Contact> &found, std::vector<double> slopes) {
+    std::vector<std::int64_t> rows, pairs;
+    std::vector<double> distances, vectors;
+    for (const Contact &contact : found) {
+        rows.push_back(contact.row);
+        pairs.push_back(contact.pair);
+        distances.push_back(contact.witness.distance);
+        for (const Vec3 &v : {contact.witness.a, contact.witness.b, contact.witness.normal})
+            vectors.insert(vectors.end(), {v.x, v.y, v.z});
+    }
+    const std::size_t count = found.size();
+    return nb::make_tuple(to_numpy(std::move(rows), {count}), to_numpy(std::move(pairs), {count}),
+                          to_numpy(std::move(distances), {count}), to_numpy(std::move(vectors), {count, 3, 3}),
+                          to_numpy(std::move(slopes), {count, static_cast<std::size_t>(world.tree().planned)}));
+}
+
+static nb::tuple near(const World &world, const Matrix &Q, double cutoff) {
+    expect_configurations(world, Q);
+    const std::size_t n = Q.shape(1);
+    std::vector<Contact> found;
+    std::vector<double> slopes;
+    {
+        nb::gil_scoped_release release;
+        Placement at = world.placement();
+        for (std::size_t row = 0; row < Q.shape(0); ++row) {
+            world.place(Q.data() + row * n, at);
+            const std::size_t before = found.size();
+            world.near(at, static_cast<int>(row), cutoff, found);
+            slopes.resize(found.size() * n);
+            for (std::size_t k = before; k < found.size(); ++k) world.gradient(at, found[k], slopes.data() + k * n);
+        }
+    }
+    return contacts_as_arrays(world, found, std::move(slopes));
+}
+
+static nb::object nearest(const World &world, const Matrix &Q) {
+    expect_configurations(world, Q);
+    Placement at = world.placement();
+    world.place(Q.data(), at);
+    const Contact contact = world.nearest(at);
+    if (contact.pair < 0) return nb::none();
+    std::vector<double> slope(Q.shape(1));
+    world.gradient(at, contact, slope.data());
+    return contacts_as_arrays(world, {contact}, std::move(slope));
+}
+
+static nb::ndarray<nb::numpy, double> gradients(const World &world, const Matrix &Q, const Indices &rows,
+                                                const Indices &pairs, const Stack &points, const Matrix &normals) {
+    expect_configurations(world, Q);
+    const std::size_t count = rows.size(), n = Q.shape(1);
+    expect(pairs.size() == count && points.shape(0) == count && points.shape(1) == 2 && points.shape(2) == 3 &&
+               normals.shape(0) == count && normals.shape(1) == 3,
+           "K contacts");
+    std::vector<double> out(count * n);
+    Placement at = world.placement();
+    std::int64_t placed = -1;
+    for (std::size_t k = 0; k < count; ++k) {
+        const std::int64_t row = rows.data()[k], pair = pairs.data()[k];
+        expect(row >= 0 && row < static_cast<std::int64_t>(Q.shape(0)), "rows of the configurations");
+        expect(pair >= 0 && pair < static_cast<std::int64_t>(world.pairs().size()), "pairs of the world");
+        if (row != placed) world.place(Q.data() + row * n, at);
+        placed = row;
+        const double *p = points.data() + 6 * k;
+        const Contact contact{0, static_cast<int>(pair), {0.0, vec3_at(p), vec3_at(p + 3), vec3_at(normals.data() + 3 * k)}};
+        world.gradient(at, contact, out.data() + k * n);
+    }
+    return to_numpy(std::move(out), {count, n});
+}
+
+static bool collides(const World &world, const Vector &q) {
+    expect(q.size() == static_cast<std::size_t>(world.tree().planned), "a configuration (n,)");
+    Placement at = world.placement();
+    world.place(q.data(), at);
+    return world.collides(at);
+}
+
+static nb::ndarray<nb::numpy, double> lower_bounds(const World &world, const Matrix &Q) {
+    expect_configurations(world, Q);
+    const std::size_t count = world.pairs().size();
+    std::vector<double> out(Q.shape(0) * count);
+    Placement at = world.placement();
+    for (std::size_t row = 0; row < Q.shape(0); ++row) {
+        world.place(Q.data() + row * Q.shape(1), at);
+        for (std::size_t pair = 0; pair < count; ++pair)
+            out[row * count + pair] = world.lower_bound(at, static_cast<int>(pair));
+    }
+    return to_numpy(std::move(out), {Q.shape(0), count});
+}
+
+static nb::ndarray<nb::numpy, double> travel(const World &world, const Matrix &Q, const Matrix &D) {
+    expect_configurations(world, Q);
+    expect(D.shape(0) == Q.shape(0) && D.shape(1) == Q.shape(1), "half widths as configurations");
+    const std::size_t count = world.pairs().size();
+    std::vector<double> out(Q.shape(0) * count);
+    Placement at = world.placement();
+    for (std::size_t row = 0; row < Q.shape(0); ++row) {
+        world.place(Q.data() + row * Q.shape(1), at);
+        for (std::size_t pair = 0; pair < count; ++pair)
+            out[row * count + pair] = world.travel(at, D.data() + row * Q.shape(1), static_cast<int>(pair));
+    }
+    return to_numpy(std::move(out), {Q.shape(0), count});
+}
+
+void bind_world(nb::module_ &m) {
+    nb::class_<Tree>(m, "Tree")
+        .def_static("of", &make_tree, "parents"_a, "placements"_a, "screws"_a, "leaders"_a, "couplings"_a, "inertias"_a,
+                    "planned"_a, "gravity"_a)
+        .def("poses", &poses, "Q"_a)
+        .def("gravity", &gravity, "Q"_a);
+    nb::class_<Body>(m, "Body").def_static("of", &make_body, "joint"_a, "placement"_a, "shapes"_a, "box"_a, "radius"_a);
+    nb::class_<World>(m, "World")
+        .def_static("of", &make_world, "tree"_a, "bodies"_a, "pairs"_a)
+        .def("near", &near, "Q"_a, "cutoff"_a)
+        .def("nearest", &nearest, "Q"_a)
+        .def("gradients", &gradients, "Q"_a, "rows"_a, "pairs"_a, "points"_a, "normals"_a)
+        .def("collides", &collides, "q"_a)
+        .def("lower_bounds", &lower_bounds, "Q"_a)
+        .def("travel", &travel, "Q"_a, "D"_a);
+}
+
+}  // namespace optiplan

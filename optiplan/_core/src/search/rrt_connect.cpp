@@ -1,0 +1,126 @@
+#include "search/rrt_connect.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+namespace optiplan {
+
+int SearchTree::add(const double *x, int parent) {
+    for (int k = 0; k < dimension_; ++k) columns_[k].push_back(x[k]);
+    parents_.push_back(parent);
+    return size() - 1;
+}
+
+int SearchTree::nearest(const double *x) const {
+    constexpr int BLOCK = 256;
+    double squared[BLOCK];
+    double least = std::numeric_limits<double>::infinity();
+    int found = -1;
+    for (int begin = 0; begin < size(); begin += BLOCK) {
+        const int count = std::min(BLOCK, size() - begin);
+        std::fill(squared, squared + count, 0.0);
+        for (int k = 0; k < dimension_; ++k) {
+            const double *column = columns_[k].data() + begin;
+            for (int i = 0; i < count; ++i) squared[i] += (column[i] - x[k]) * (column[i] - x[k]);
+        }
+        for (int i = 0; i < count; ++i)
+            if (squared[i] < least) least = squared[i], found = begin + i;
+    }
+    return found;
+}
+
+RrtConnect::RrtConnect(EdgeChecker &check, SearchSpace space, const double *start, const std::vector<double> &goals,
+                       double reach, std::uint64_t seed)
+    : check_(check), space_(std::move(space)), goals_(goals), reach_(reach), random_(seed) {
+    const int m = static_cast<int>(space_.joints.size());
+    trees_.assign(2, SearchTree(m));
+    target_.resize(m), x_.resize(m), from_.resize(check.joints()), to_.resize(check.joints());
+    for (int k = 0; k < m; ++k) x_[k] = start[k] / space_.units[k];
+    trees_[0].add(x_.data(), -1);
+    root_another_goal();
+}
+
+void RrtConnect::root_another_goal() {
+    const int m = static_cast<int>(space_.joints.size());
+    if (rooted_ * m >= static_cast<int>(goals_.size())) return;
+    for (int k = 0; k < m; ++k) x_[k] = goals_[rooted_ * m + k] / space_.units[k];
+    trees_[1].add(x_.data(), -1);
+    ++rooted_;
+}
+
+void RrtConnect::lift(const double *x, double *q) const {
+    std::copy(space_.still.begin(), space_.still.end(), q);
+    for (std::size_t k = 0; k < space_.joints.size(); ++k) q[space_.joints[k]] = x[k] * space_.units[k];
+}
+
+RrtConnect::Step RrtConnect::extend(int tree, int from) {
+    const SearchTree &grown = trees_[tree];
+    const int m = static_cast<int>(target_.size());
+    double squared = 0.0;
+    for (int k = 0; k < m; ++k) squared += (target_[k] - grown.at(from, k)) * (target_[k] - grown.at(from, k));
+    const double length = std::sqrt(squared);
+    const bool reaches = length <= reach_;
+    const double share = reaches ? 1.0 : reach_ / length;
+    std::vector<double> node(m);
+    for (int k = 0; k < m; ++k) {
+        node[k] = grown.at(from, k);
+        x_[k] = reaches ? target_[k] : node[k] + share * (target_[k] - node[k]);
+    }
+    lift(node.data(), from_.data());
+    lift(x_.data(), to_.data());
+    if (!check_.free(from_.data(), to_.data())) return Step::blocked;
+    last_ = trees_[tree].add(x_.data(), from);
+    return reaches ? Step::reached : Step::advanced;
+}
+
+bool RrtConnect::grow(int iterations, double seconds) {
+    using Clock = std::chrono::steady_clock;
+    const auto end = Clock::now() + std::chrono::duration<double>(seconds);
+    const int m = static_cast<int>(target_.size());
+    for (int k = 0; k < iterations && !met() && Clock::now() < end; ++k) {
+        const int tree = iterations_++ % 2, other = 1 - tree;
+        if (rooted_ < trees_[1].size() / 2) root_another_goal();
+        for (int j = 0; j < m; ++j) {
+            const double low = space_.lower[j] / space_.units[j], high = space_.upper[j] / space_.units[j];
+            target_[j] = low + random_.uniform() * (high - low);
+        }
+        if (extend(tree, trees_[tree].nearest(target_.data())) == Step::blocked) continue;
+        const int grown = last_;
+        for (int j = 0; j < m; ++j) target_[j] = trees_[tree].at(grown, j);
+        Step step;
+        last_ = trees_[other].nearest(target_.data());
+        do step = extend(other, last_);
+        while (step == Step::advanced);
+        if (step == Step::reached) met_[tree] = grown, met_[other] = last_;
+    }
+    return met();
+}
+
+void RrtConnect::append(std::vector<double> &out, int tree, int node) const {
+    const std::size_t begin = out.size();
+    out.resize(begin + space_.still.size());
+    std::vector<double> x(space_.joints.size());
+    for (std::size_t k = 0; k < x.size(); ++k) x[k] = trees_[tree].at(node, static_cast<int>(k));
+    lift(x.data(), out.data() + begin);
+}
+
+std::vector<double> RrtConnect::path() const {
+    std::vector<int> first;
+    for (int node = met_[0]; node >= 0; node = trees_[0].parent(node)) first.push_back(node);
+    std::vector<double> out;
+    for (auto node = first.rbegin(); node != first.rend(); ++node) append(out, 0, *node);
+    // Both trees end in the same configuration: it is told once.
+    for (int node = trees_[1].parent(met_[1]); node >= 0; node = trees_[1].parent(node)) append(out, 1, node);
+    return out;
+}
+
+std::vector<double> RrtConnect::sample(int tree, int most) const {
+    std::vector<double> out;
+    const int stride = size(tree) / most + 1;
+    for (int node = 0; node < size(tree); node += stride) append(out, tree, node);
+    return out;
+}
+
+}  // namespace optiplan

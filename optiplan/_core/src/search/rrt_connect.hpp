@@ -1,0 +1,77 @@
+// Two random trees that grow towards each other. Source: Kuffner and LaValle, "RRT-Connect", ICRA 2000.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "search/edges.hpp"
+#include "search/random.hpp"
+
+namespace optiplan {
+
+// Where a search may go: m of the robot's n joints, the searched ones, within a box; the others stand still.
+struct SearchSpace {
+    std::vector<double> still;          // (n,)
+    std::vector<int> joints;            // (m,)
+    std::vector<double> lower, upper;   // (m,), rad or m
+    std::vector<double> units;          // (m,), scale of distances: |x| with x = q / units
+};
+
+// Configurations x (m,) in units, each reached from its parent.
+class SearchTree {
+  public:
+    explicit SearchTree(int dimension) : dimension_(dimension), columns_(dimension) {}
+
+    int size() const { return static_cast<int>(parents_.size()); }
+    int parent(int node) const { return parents_[node]; }
+    double at(int node, int axis) const { return columns_[axis][node]; }
+    int add(const double *x, int parent);
+    int nearest(const double *x) const;
+
+  private:
+    int dimension_;
+    std::vector<std::vector<double>> columns_;
+    std::vector<int> parents_;
+};
+
+class RrtConnect {
+  public:
+    // Goals (k, m) take root one after another while the tree at the goals grows.
+    RrtConnect(EdgeChecker &check, SearchSpace space, const double *start, const std::vector<double> &goals,
+               double reach, std::uint64_t seed);
+
+    // Grow for so many iterations, or so long, or until the trees have met: whether they have. Where it is cut changes
+    // nothing but the time at which it goes on.
+    bool grow(int iterations, double seconds);
+
+    int iterations() const { return iterations_; }
+    bool met() const { return met_[0] >= 0; }
+
+    // Configurations (k, n) from the start to a goal.
+    std::vector<double> path() const;
+
+    // At most `most` configurations (k, n) of a tree, evenly chosen.
+    std::vector<double> sample(int tree, int most) const;
+    int size(int tree) const { return trees_[tree].size(); }
+
+  private:
+    enum class Step { blocked, advanced, reached };
+
+    // One step of at most `reach` from a node towards `target_`; `last_` is the node it made.
+    Step extend(int tree, int from);
+    void lift(const double *x, double *q) const;
+    void append(std::vector<double> &out, int tree, int node) const;
+    void root_another_goal();
+
+    EdgeChecker &check_;
+    SearchSpace space_;
+    std::vector<double> goals_;
+    double reach_;
+    Random random_;
+    std::vector<SearchTree> trees_;
+    std::vector<double> target_, x_, from_, to_;
+    int last_ = -1, rooted_ = 0, iterations_ = 0;
+    int met_[2] = {-1, -1};
+};
+
+}  // namespace optiplan

@@ -1,0 +1,190 @@
+#include "world/world.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace optiplan {
+
+static constexpr double INF = std::numeric_limits<double>::infinity();
+static constexpr double ROUNDING = 2e-6;  // m; what a hull's distance may exceed that of its mesh by, rounded
+
+World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs)
+    : tree_(std::move(tree)), bodies_(std::move(bodies)) {
+    still_.resize(bodies_.size());
+    for (std::size_t k = 0; k < bodies_.size(); ++k) {
+        if (bodies_[k].joint > 0)
+            moving_.push_back(static_cast<int>(k));
+        else
+            still_[k] = bodies_[k].X_JB;
+    }
+    std::vector<char> carries(tree_.joints.size());
+    for (auto [a, b] : pairs) {
+        const bool plane = bodies_[a].half_space || bodies_[b].half_space;
+        pairs_.push_back({a, b, (bodies_[a].mesh() || bodies_[b].mesh()) && !plane});
+        std::fill(carries.begin(), carries.end(), 0);
+        for (int j = bodies_[a].joint; j > 0; j = tree_.joints[j].parent) carries[j] = 1;
+        int j = bodies_[b].joint;
+        while (j > 0 && !carries[j]) j = tree_.joints[j].parent;
+        common_.push_back(j);
+    }
+}
+
+Placement World::placement() const {
+    Placement at;
+    at.joints.resize(tree_.joints.size());
+    at.bodies = still_;
+    at.centres.resize(bodies_.size());
+    for (std::size_t k = 0; k < bodies_.size(); ++k)
+        if (bodies_[k].joint == 0) at.centres[k] = still_[k] * bodies_[k].centre;
+    return at;
+}
+
+void World::place(const double *q, Placement &at) const {
+    tree_.poses(q, at.joints.data());
+    for (int k : moving_) {
+        at.bodies[k] = at.joints[bodies_[k].joint] * bodies_[k].X_JB;
+        at.centres[k] = at.bodies[k] * bodies_[k].centre;
+    }
+}
+
+double World::ball_to_box(const Placement &at, int ball, int box) const {
+    const Vec3 local = transposed(at.bodies[box].R, at.centres[ball] - at.centres[box]);
+    const Vec3 &half = bodies_[box].half;
+    const Vec3 outside{std::max(std::fabs(local.x) - half.x, 0.0), std::max(std::fabs(local.y) - half.y, 0.0),
+                       std::max(std::fabs(local.z) - half.z, 0.0)};
+    return norm(outside) - bodies_[ball].radius;
+}
+
+double World::lower_bound(const Placement &at, int pair) const {
+    const auto [a, b, by_outline] = pairs_[pair];
+    if (bodies_[a].half_space || bodies_[b].half_space) {
+        const int plane = bodies_[a].half_space ? a : b, body = plane == a ? b : a;
+        const Vec3 normal = at.bodies[plane].R * bodies_[plane].normal;
+        return dot(normal, at.centres[body] - at.bodies[plane].p) - bodies_[plane].offset - bodies_[body].radius;
+    }
+    return std::max(ball_to_box(at, a, b), ball_to_box(at, b, a));
+}
+
+bool World::within(const Placement &at, int pair, double margin) const {
+    const auto [a, b, by_outline] = pairs_[pair];
+    const Pose &X_a = at.bodies[a], &X_b = at.bodies[b];
+    if (by_outline) {
+        if (!overlap_within(bodies_[a].outline(), X_a, bodies_[b].outline(), X_b, margin)) return false;
+        if (margin > WIDE) return true;
+    }
+    return overlap_within(bodies_[a].solid(), X_a, bodies_[b].solid(), X_b, margin);
+}
+
+bool World::collides(Placement &at) const {
+    const int count = static_cast<int>(pairs_.size());
+    auto touches = [&](int pair) { return !(lower_bound(at, pair) > 0.0) && within(at, pair, 0.0); };
+    if (count > 0 && touches(at.touching)) return true;
+    for (int pair = 0; pair < count; ++pair) {
+        if (balls_apart(at, pair, 0.0) || pair == at.touching) continue;
+        if (touches(pair)) {
+            at.touching = pair;
+            return true;
+        }
+    }
+    return false;
+}
+
+Witness World::distance(const Placement &at, int pair, double cutoff) const {
+    const auto [a, b, by_outline] = pairs_[pair];
+    return optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], cutoff);
+}
+
+void World::near(const Placement &at, int row, double cutoff, std::vector<Contact> &found) const {
+    for (int pair = 0; pair < static_cast<int>(pairs_.size()); ++pair) {
+        if (balls_apart(at, pair, cutoff) || !(lower_bound(at, pair) < cutoff)) continue;
+        const auto [a, b, by_outline] = pairs_[pair];
+        Witness witness;
+        if (by_outline) {
+            witness = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], cutoff,
+                                         nullptr);
+            if (witness.distance <= SETTLED) {
+                const Witness nearer = distance(at, pair, INF);
+                if (nearer.distance > 0.0) witness = nearer;
+            }
+        } else {
+            witness = distance(at, pair, cutoff);
+        }
+        if (witness.distance < cutoff) found.push_back({row, pair, witness});
+    }
+}
+
+Contact World::nearest(const Placement &at) const {
+    const int count = static_cast<int>(pairs_.size());
+    std::vector<double> bound(count);
+    for (int pair = 0; pair < count; ++pair) {
+        bound[pair] = lower_bound(at, pair);
+        const auto [a, b, by_outline] = pairs_[pair];
+        if (by_outline)
+            bound[pair] = std::max(bound[pair], optiplan::distance(bodies_[a].outline(), at.bodies[a],
+                                                                   bodies_[b].outline(), at.bodies[b], INF)
+                                                        .distance - ROUNDING);
+    }
+    std::vector<int> order(count);
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(), [&](int i, int k) { return bound[i] < bound[k]; });
+    Contact best{0, -1, {}};
+    best.witness.distance = INF;
+    for (int pair : order) {
+        if (best.pair >= 0 && bound[pair] >= best.witness.distance) break;
+        const Witness witness = distance(at, pair, INF);
+        if (best.pair < 0 || witness.distance < best.witness.distance) best = {0, pair, witness};
+    }
+    return best;
+}
+
+void World::push(const Placement &at, int joint, const Vec3 &point, const Vec3 &direction, double *out) const {
+    const Joint &moved = tree_.joints[joint];
+    const Vec3 axis = tree_.axis(at.joints.data(), joint);
+    const Vec3 column = moved.revolute ? cross(axis, point - at.joints[joint].p) : axis;
+    out[moved.leader] += moved.multiplier * dot(column, direction);
+}
+
+void World::gradient(const Placement &at, const Contact &contact, double *out) const {
+    const Witness &w = contact.witness;
+    const Pair &pair = pairs_[contact.pair];
+    const int common = common_[contact.pair];
+    std::fill(out, out + tree_.planned, 0.0);
+    for (int j = bodies_[pair.a].joint; j != common; j = tree_.joints[j].parent) push(at, j, w.a, -w.normal, out);
+    for (int j = bodies_[pair.b].joint; j != common; j = tree_.joints[j].parent) push(at, j, w.b, w.normal, out);
+}
+
+// Farthest corner of a body's box from the axis of each joint of one side of a pair, then tip to base:
+// t <- t + D_j (R_j + t) for a joint that turns, t + D_j for one that slides.
+double World::travel(const Placement &at, const double *D, int pair) const {
+    double moved = 0.0;
+    const int common = common_[pair];
+    for (int body : {pairs_[pair].a, pairs_[pair].b}) {
+        const Vec3 &half = bodies_[body].half;
+        const bool bounded = std::isfinite(half.x);
+        double own = 0.0;
+        for (int j = bodies_[body].joint; j != common; j = tree_.joints[j].parent) {
+            const Joint &joint = tree_.joints[j];
+            const double step = std::fabs(joint.multiplier) * D[joint.leader];
+            if (!joint.revolute) {
+                own += step;
+                continue;
+            }
+            const Vec3 axis = tree_.axis(at.joints.data(), j);
+            double squared = 0.0;
+            for (int corner = 0; corner < 8; ++corner) {
+                Vec3 local = bodies_[body].centre;
+                if (bounded)
+                    local += Vec3{corner & 4 ? half.x : -half.x, corner & 2 ? half.y : -half.y,
+                                  corner & 1 ? half.z : -half.z};
+                squared = std::max(squared, squared_norm(cross(axis, at.bodies[body] * local - at.joints[j].p)));
+            }
+            own += step * (std::sqrt(squared) + 1e-9 + own);
+        }
+        moved += own;
+    }
+    return moved;
+}
+
+}  // namespace optiplan

@@ -1,0 +1,102 @@
+// A robot among obstacles: bodies on the joints of a tree, and the pairs of them that must stay apart.
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "convex/convex.hpp"
+#include "world/tree.hpp"
+
+namespace optiplan {
+
+// A body, enclosed by a box along the axes of its own frame and by the ball about that box's centre.
+struct Body {
+    int joint;                    // that carries it
+    Pose X_JB;
+    std::vector<Shape> shapes;    // one; of a mesh two: its hull, then its triangles
+    Vec3 centre, half;            // of the box
+    double radius;                // of the ball
+    bool half_space = false;      // without bounds: {x | normal . x <= offset}
+    Vec3 normal;
+    double offset = 0.0;
+
+    const Shape &outline() const { return shapes.front(); }
+    const Shape &solid() const { return shapes.back(); }
+    bool mesh() const { return shapes.size() > 1; }
+};
+
+struct Pair {
+    int a, b;
+    bool by_outline;  // a mesh takes part, and no half-space: hulls are asked first
+};
+
+// A pair at configuration `row`; normal . (b - a) = distance.
+struct Contact {
+    int row, pair;
+    Witness witness;
+};
+
+// Where everything is at one configuration.
+struct Placement {
+    std::vector<Pose> joints, bodies;
+    std::vector<Vec3> centres;
+    int touching = 0;  // the pair that touched last is asked first: answers come sooner, and are the same
+};
+
+class World {
+  public:
+    World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs);
+
+    const Tree &tree() const { return tree_; }
+    const std::vector<Pair> &pairs() const { return pairs_; }
+    const std::vector<Body> &bodies() const { return bodies_; }
+
+    Placement placement() const;
+    void place(const double *q, Placement &at) const;
+
+    // Lower bound, m, of a pair's distance: from the ball of one body to the box of the other, both ways.
+    double lower_bound(const Placement &at, int pair) const;
+
+    // Whether the balls are farther apart than `gap`: the first and cheapest test.
+    bool balls_apart(const Placement &at, int pair, double gap) const {
+        const Pair &p = pairs_[pair];
+        const double reach = bodies_[p.a].radius + bodies_[p.b].radius + gap;
+        return squared_norm(at.centres[p.b] - at.centres[p.a]) > reach * reach;
+    }
+
+    // Whether a pair is nearer than a margin, m. Above WIDE the hull of a mesh is asked in its place.
+    bool within(const Placement &at, int pair, double margin) const;
+
+    bool collides(Placement &at) const;
+
+    // Every pair nearer than `cutoff`, m. Where a body is a mesh, distance and points are the hulls' if these are
+    // farther apart than SETTLED, and if the bodies touch: triangles do not tell how deep, or which way is out.
+    void near(const Placement &at, int row, double cutoff, std::vector<Contact> &found) const;
+
+    // The nearest pair of all; -1 where there are no pairs.
+    Contact nearest(const Placement &at) const;
+
+    // Distance of a pair; of meshes that of their triangles.
+    Witness distance(const Placement &at, int pair, double cutoff) const;
+
+    // d(distance)/dq (n,) = n . (J_b - J_a), with J the linear Jacobian of the nearest point.
+    void gradient(const Placement &at, const Contact &contact, double *out) const;
+
+    // Bound, m, on the change of a pair's distance while |q_j - Q_j| <= D_j (n,): see `PairBounds.travel_of`.
+    double travel(const Placement &at, const double *D, int pair) const;
+
+    static constexpr double WIDE = 0.03, SETTLED = 0.01;
+
+  private:
+    double ball_to_box(const Placement &at, int ball, int box) const;
+    void push(const Placement &at, int joint, const Vec3 &point, const Vec3 &direction, double *out) const;
+
+    Tree tree_;
+    std::vector<Body> bodies_;
+    std::vector<Pair> pairs_;
+    std::vector<int> moving_;             // bodies that a joint carries
+    std::vector<Pose> still_;             // poses of the bodies that none carries
+    std::vector<int> common_;             // of each pair: the last joint that carries both bodies
+};
+
+}  // namespace optiplan

@@ -1,0 +1,103 @@
+"""The collision model of planners: queries in the native core where that is there and knows the shapes."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optiplan._core import core
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel, Contact, Contacts
+from optiplan.collision.native_shapes import native_shape
+from optiplan.geometry.scene import Scene
+from optiplan.robot.native_tree import native_tree
+from optiplan.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import World
+
+
+def planning_model(robot: Robot, scene: Scene) -> CollisionModel:
+    """A model for planners; the verifier's is `CollisionModel` itself, which never asks the core."""
+    if core is None:
+        return CollisionModel(robot, scene)
+    return NativeCollisionModel(robot, scene)
+
+
+class NativeCollisionModel(CollisionModel):
+    """A `CollisionModel` whose queries the native core answers: same meaning, other rounding.
+
+    Attributes:
+        world: the bodies and pairs in the core; None where a shape is of a kind that it does not know.
+    """
+
+    def __init__(self, robot: Robot, scene: Scene) -> None:
+        super().__init__(robot, scene)
+        self.world = _world(self)
+
+    def collides(self, q: Array) -> bool:
+        """See `CollisionModel.collides`."""
+        return super().collides(q) if self.world is None else self.world.collides(_row(q))
+
+    def clearance(self, q: Array) -> Contact | None:
+        """See `CollisionModel.clearance`."""
+        if self.world is None:
+            return super().clearance(q)
+        found = self.world.nearest(_rows(q[None]))
+        if found is None:
+            return None
+        _, pairs, distances, vectors, _ = found
+        return Contact(self.pairs[int(pairs[0])], float(distances[0]), *vectors[0])
+
+    def contacts(self, q: Array, cutoff: float) -> list[Contact]:
+        """See `CollisionModel.contacts`."""
+        if self.world is None:
+            return super().contacts(q, cutoff)
+        _, pairs, distances, vectors, _ = self.world.near(_rows(q[None]), cutoff)
+        found = zip(pairs.tolist(), distances.tolist(), vectors, strict=True)
+        return [Contact(self.pairs[pair], distance, *triple) for pair, distance, triple in found]
+
+    def near(self, Q: Array, cutoff: float) -> Contacts:
+        """See `CollisionModel.near`."""
+        if self.world is None:
+            return super().near(Q, cutoff)
+        rows, pairs, distances, vectors, _ = self.world.near(_rows(Q), cutoff)
+        return Contacts(rows, pairs, distances, vectors[:, :2], vectors[:, 2])
+
+    def lower_bounds(self, Q: Array) -> Array:
+        """See `CollisionModel.lower_bounds`."""
+        return super().lower_bounds(Q) if self.world is None else self.world.lower_bounds(_rows(Q))
+
+    def travel(self, Q: Array, D: Array) -> Array:
+        """See `CollisionModel.travel`."""
+        return super().travel(Q, D) if self.world is None else self.world.travel(_rows(Q), _rows(D))
+
+    def gradients(self, Q: Array, contacts: Contacts) -> Array:
+        """See `CollisionModel.gradients`."""
+        if self.world is None:
+            return super().gradients(Q, contacts)
+        points, normals = np.ascontiguousarray(contacts.points), np.ascontiguousarray(contacts.normals)
+        return self.world.gradients(_rows(Q), contacts.rows, contacts.pairs, points, normals)
+
+
+def _row(q: Array) -> Array:
+    return np.ascontiguousarray(q, dtype=np.float64)
+
+
+_rows = _row
+
+
+def _world(model: CollisionModel) -> "World | None":
+    bodies, bounds = [], model.bounds
+    hulls = list(model.outline.geometry.geometryObjects)
+    for k, body in enumerate(model.geometry.geometryObjects):
+        outline, solid = hulls[k].geometry, body.geometry
+        kinds = [solid] if type(outline) is type(solid) else [outline, solid]  # of a mesh its hull, too
+        shapes = [native_shape(kind) for kind in kinds]
+        if any(shape is None for shape in shapes):
+            return None
+        box = np.concatenate([bounds.centre[k], bounds.half[k]])
+        bodies.append(
+            core.Body.of(int(body.parentJoint), body.placement.homogeneous, shapes, box, float(bounds.radius[k]))
+        )
+    pairs = np.array([(pair.a, pair.b) for pair in model.pairs], dtype=np.int64).reshape(-1, 2)
+    return core.World.of(native_tree(model.robot.model), bodies, pairs)

@@ -1,0 +1,90 @@
+"""What a search for a path is given and gives back; RRT-Connect in the native core."""
+
+from dataclasses import dataclass
+from math import inf
+from typing import Literal, Protocol
+
+import numpy as np
+
+from optiplan._core import core
+from optiplan.arrays import Array
+from optiplan.planners.base import Budget
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.ompl_space import Ends, search_bounds
+
+Kind = Literal["rrtconnect", "rrtstar", "informed_rrtstar", "bitstar", "kpiece"]
+
+TREE_SAMPLE = 500
+"""States of a tree reported, at most."""
+
+_SLICE = 0.02  # s between looks at the budget
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Result of a search.
+
+    Attributes:
+        path: (k, n) waypoints from the start to one of the goals, rad or m; None when none was found.
+        start_tree: (s, n) states reached from the start, at most some hundreds of them.
+        goal_tree: (g, n) states from which a goal is reached, likewise; the goals alone where one tree is grown. BIT*
+            does not show its tree.
+        sizes: number of states of the two trees.
+        cut_short: the time limit ended it before its effort was spent.
+        impatient: it ended without a path because its patience was spent, not the budget.
+    """
+
+    path: Array | None
+    start_tree: Array
+    goal_tree: Array
+    sizes: tuple[int, int]
+    cut_short: bool = False
+    impatient: bool = False
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """Options of a search.
+
+    Attributes:
+        kind: which of OMPL's planners.
+        reach: longest tree edge, s at full joint speed (2-norm over joints).
+        effort: where the path improves with time, the iterations (batches of samples for `bitstar`) after which it
+            is good enough; a search that has no path by then goes on until it has one. When most of the budget is
+            gone, any path is good enough.
+    """
+
+    kind: Kind
+    reach: float = 0.4
+    effort: int = 0
+
+
+class Searcher(Protocol):
+    """Protocol of `search` with its options given."""
+
+    def __call__(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float) -> Search:
+        """See `search`."""
+        ...
+
+
+def native_rrt_connect(  # noqa: PLR0913
+    check: MotionCheck, ends: Ends, budget: Budget, seed: int, reach: float, *, patience: float = inf
+) -> Search:
+    """Run RRT-Connect of the native core, for a check that it makes; see `ompl_search.search`."""
+    still, joints = check.searched
+    (start, goals), n = ends, len(still)
+    box = np.vstack([*search_bounds(check.limits, ends), check.units])
+    places = np.flatnonzero(joints)
+    trees = core.RrtConnect(
+        check.native, still, places, box, np.ascontiguousarray(start), np.ascontiguousarray(goals), reach, seed
+    )
+    while not (trees.met or budget.over or trees.iterations >= patience):
+        left = int(min(patience - trees.iterations, 1_000_000))
+        trees.grow(left, min(_SLICE, budget.remaining))
+    path = None
+    if trees.met:
+        path = trees.path(n)[:, places]
+        path[0], path[-1] = start, goals[np.argmin(np.abs(goals - path[-1]).max(axis=1))]
+    samples = [trees.sample(tree, TREE_SAMPLE, n)[:, places] for tree in (0, 1)]
+    impatient = path is None and not budget.over
+    return Search(path, samples[0], samples[1], (trees.size(0), trees.size(1)), impatient=impatient)

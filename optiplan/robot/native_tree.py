@@ -1,0 +1,33 @@
+"""The native core's kinematic tree of a model."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan._core import core
+from optiplan.robot.mimic_joints import coupling, screws
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import Tree
+
+
+def native_tree(model: pin.Model) -> "Tree":
+    """Joints, with what follows what, and the inertia of the links that they carry; the core must be there."""
+    joints = range(1, model.njoints)
+    A, b = coupling(model)
+    leaders = np.abs(A).argmax(axis=1)
+    inertias = [
+        np.concatenate([[body.mass], body.lever, np.asarray(body.inertia).ravel()])
+        for body in (model.inertias[j] for j in joints)
+    ]
+    return core.Tree.of(
+        parents=np.array([model.parents[j] for j in joints], dtype=np.int64),
+        placements=np.array([model.jointPlacements[j].homogeneous for j in joints]).reshape(-1, 4, 4),
+        screws=screws(model),
+        leaders=leaders.astype(np.int64),
+        couplings=np.column_stack([A[np.arange(len(A)), leaders], b]),
+        inertias=np.array(inertias).reshape(-1, 13),
+        planned=model.nv,
+        gravity=np.array(model.gravity.linear),
+    )
