@@ -1,6 +1,7 @@
 // Shapes and their distances.
 #include "arrays.hpp"
 #include "convex/convex.hpp"
+#include "convex/triangle_mesh.hpp"
 #include "module.hpp"
 
 namespace optiplan {
@@ -19,11 +20,26 @@ Shape box(const Vector &half) {
     return Shape::box({length(half.data()[0]), length(half.data()[1]), length(half.data()[2])});
 }
 
-Shape convex_hull(const Matrix &points) {
+std::vector<Vec3> points_of(const Matrix &points) {
     expect(points.shape(1) == 3, "points (K, 3)");
     std::vector<Vec3> found;
     for (std::size_t k = 0; k < points.shape(0); ++k) found.push_back(vec3_at(points.data() + 3 * k));
-    return Shape::convex_hull(std::move(found));
+    return found;
+}
+
+Shape triangles(const Matrix &vertices, const nb::ndarray<const std::int64_t, nb::shape<-1, 3>, nb::c_contig> &corners) {
+    const std::vector<Vec3> points = points_of(vertices);
+    std::vector<TriangleMesh::Corners> found;
+    for (std::size_t k = 0; k < corners.shape(0); ++k) {
+        TriangleMesh::Corners triangle;
+        for (std::size_t i = 0; i < 3; ++i) {
+            const std::int64_t vertex = corners.data()[3 * k + i];
+            expect(vertex >= 0 && vertex < std::int64_t(points.size()), "triangles are indices of vertices");
+            triangle[i] = std::uint32_t(vertex);
+        }
+        found.push_back(triangle);
+    }
+    return Shape::triangles(std::make_shared<const TriangleMesh>(points, found));
 }
 
 Shape half_space(const Vector &normal, double offset) {
@@ -79,7 +95,10 @@ void bind_convex(nb::module_ &m) {
             return Shape::cylinder(length(radius), length(half_length));
         }, "radius"_a, "half_length"_a, "About z.")
         .def_static("box", &box, "half"_a, "Half edges (3,).")
-        .def_static("convex_hull", &convex_hull, "points"_a, "Convex hull of points (K, 3).")
+        .def_static("convex_hull", [](const Matrix &points) { return Shape::convex_hull(points_of(points)); }, "points"_a,
+                    "Convex hull of points (K, 3).")
+        .def_static("triangles", &triangles, "vertices"_a, "triangles"_a,
+                    "Surface of triangles (M, 3), indices of vertices (K, 3); it encloses nothing.")
         .def_static("half_space", &half_space, "normal"_a, "offset"_a, "All p with normal . p <= offset; unit normal (3,).");
     m.def("distances", &distances, "a"_a, "X_WA"_a, "b"_a, "X_WB"_a, "cutoff"_a = HUGE_VAL,
           "Signed distances (N,) of two shapes at N poses (N, 4, 4), their nearest points (N, 2, 3) and normals (N, 3) "

@@ -6,7 +6,7 @@
 namespace optiplan {
 
 // From points of A and B that are `distance` apart along b - a; `fallback` is the normal where they coincide.
-inline Penetration between(const Vec3 &a, const Vec3 &b, const Vec3 &fallback) {
+inline Witness between(const Vec3 &a, const Vec3 &b, const Vec3 &fallback) {
     const Vec3 apart = b - a;
     const double length = norm(apart);
     if (length > 0.0) return {length, a, b, (1.0 / length) * apart};
@@ -20,7 +20,7 @@ inline double nearest_parameter(const Vec3 &p, const Vec3 &d, const Vec3 &q) {
 }
 
 // Segments a + s u and b + t v with s and t in [-1, 1].
-inline Penetration segments(const Vec3 &a, const Vec3 &u, const Vec3 &b, const Vec3 &v) {
+inline Witness segments(const Vec3 &a, const Vec3 &u, const Vec3 &b, const Vec3 &v) {
     const Vec3 c = cross(u, v), apart = b - a;
     const double area = squared_norm(c), uu = squared_norm(u), vv = squared_norm(v), uv = dot(u, v);
     const auto unit_clamp = [](double t) { return std::max(-1.0, std::min(1.0, t)); };
@@ -40,12 +40,12 @@ inline Penetration segments(const Vec3 &a, const Vec3 &u, const Vec3 &b, const V
 }
 
 // A point p of A against a box about the origin of A's frame; here the box is A and the point is B.
-inline Penetration box_to_point(const Vec3 &half, const Vec3 &p) {
+inline Witness box_to_point(const Vec3 &half, const Vec3 &p) {
     const BoxCore box{half};
     const Vec3 on_box = box.near(p);
     if (on_box.x != p.x || on_box.y != p.y || on_box.z != p.z) return between(on_box, p, {1, 0, 0});
     const double x = half.x - std::fabs(p.x), y = half.y - std::fabs(p.y), z = half.z - std::fabs(p.z);
-    Penetration result{-std::min({x, y, z}), p, p, {}};
+    Witness result{-std::min({x, y, z}), p, p, {}};
     if (x <= y && x <= z) result.normal.x = std::copysign(1.0, p.x), result.a.x = std::copysign(half.x, p.x);
     else if (y <= z) result.normal.y = std::copysign(1.0, p.y), result.a.y = std::copysign(half.y, p.y);
     else result.normal.z = std::copysign(1.0, p.z), result.a.z = std::copysign(half.z, p.z);
@@ -53,7 +53,7 @@ inline Penetration box_to_point(const Vec3 &half, const Vec3 &p) {
 }
 
 // A cylinder about z and a point.
-inline Penetration cylinder_to_point(double radius, double half_length, const Vec3 &p) {
+inline Witness cylinder_to_point(double radius, double half_length, const Vec3 &p) {
     const double across = std::sqrt(p.x * p.x + p.y * p.y);
     const Vec3 outward = across > 0.0 ? Vec3{p.x / across, p.y / across, 0.0} : Vec3{1, 0, 0};
     const double to_side = radius - across, to_cap = half_length - std::fabs(p.z);
@@ -72,7 +72,7 @@ inline Penetration cylinder_to_point(double radius, double half_length, const Ve
 
 // A core and the half-space of all points with n . p <= offset, in the core's frame.
 template <class A>
-Penetration to_half_space(const A &core, const Vec3 &n, double offset) {
+Witness to_half_space(const A &core, const Vec3 &n, double offset) {
     const Vec3 lowest = core.support(-n);
     const double height = dot(n, lowest) - offset;
     return {height, lowest, lowest - height * n, -n};

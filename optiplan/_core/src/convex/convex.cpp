@@ -1,6 +1,7 @@
 #include "convex.hpp"
 
 #include "closed_forms.hpp"
+#include "triangle_mesh.hpp"
 
 namespace optiplan {
 
@@ -40,30 +41,19 @@ Shape Shape::half_space(const Vec3 &normal, double offset) {
     return s;
 }
 
+Shape Shape::triangles(std::shared_ptr<const TriangleMesh> mesh) {
+    Shape s;
+    s.kind = Kind::mesh, s.mesh = std::move(mesh);
+    return s;
+}
+
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Calls f(core) with the core of a bounded convex shape.
-template <class F>
-auto with_core(const Shape &shape, F &&f) {
-    switch (shape.kind) {
-        case Kind::capsule: return f(SegmentCore{shape.half_length});
-        case Kind::box: return f(BoxCore{shape.half});
-        case Kind::cylinder: return f(CylinderCore{shape.radius, shape.half_length});
-        case Kind::hull: return f(HullCore{shape.hull.get()});
-        default: return f(PointCore{});
-    }
-}
-
-// Radius of the ball about each point of the core.
-double rounding_radius(const Shape &shape) {
-    return shape.kind == Kind::sphere || shape.kind == Kind::capsule ? shape.radius : 0.0;
-}
-
 template <class A, class B>
-Penetration iterative(const A &a, const B &b, const Pose &X_AB, double cutoff) {
-    const Difference<A, B> difference{a, b, X_AB};
+Witness iterative(const A &a, const B &b, const Pose &X_AB, double cutoff) {
+    const auto difference = difference_of(a, b, X_AB);
     const GjkResult found = gjk(difference, cutoff);
     switch (found.status) {
         case GjkResult::Status::beyond_cutoff: return {found.lower, {}, {}, {}};
@@ -79,12 +69,8 @@ Vec3 along_axis(const Pose &X, double length) {
     return {length * X.R.rows[0].z, length * X.R.rows[1].z, length * X.R.rows[2].z};
 }
 
-Penetration flipped(const Penetration &p) { return {p.distance, p.b, p.a, -p.normal}; }
-
-Penetration moved(const Pose &X, const Penetration &p) { return {p.distance, X * p.a, X * p.b, X.R * p.normal}; }
-
 // Cores of A and B, a.kind <= b.kind, both bounded; in the frame of A.
-Penetration cores(const Shape &a, const Shape &b, const Pose &X_AB, double cutoff) {
+Witness cores(const Shape &a, const Shape &b, const Pose &X_AB, double cutoff) {
     if (a.kind == Kind::sphere) {
         const Pose X_BA = X_AB.inverse();
         switch (b.kind) {
@@ -102,40 +88,46 @@ Penetration cores(const Shape &a, const Shape &b, const Pose &X_AB, double cutof
     });
 }
 
-// A bounded shape against a half-space; two half-spaces are not asked for.
-Penetration above(const Shape &a, const Shape &plane, const Pose &X_AB) {
+// A shape against a half-space; two half-spaces are nowhere apart.
+Witness above(const Shape &a, const Shape &plane, const Pose &X_AB) {
     const Vec3 n = X_AB.R * plane.normal;
     const double offset = plane.offset + dot(n, X_AB.p);
     if (a.kind == Kind::half_space) return {-kInfinity, {}, {}, -n};
+    if (a.kind == Kind::mesh) return a.mesh->above(n, offset);
     return with_core(a, [&](const auto &core) { return to_half_space(core, n, offset); });
+}
+
+Witness between_meshes(const Shape &a, const Shape &b, const Pose &X_AB, double cutoff, double enough) {
+    if (a.kind == Kind::mesh) return a.mesh->distance(*b.mesh, X_AB, cutoff, enough);
+    return flipped(moved(X_AB, b.mesh->distance(a, X_AB.inverse(), cutoff, enough)));
 }
 
 }  // namespace
 
 Witness distance(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB, double cutoff) {
-    if (a.kind > b.kind) {
-        const Witness w = distance(b, X_WB, a, X_WA, cutoff);
-        return {w.distance, w.b, w.a, -w.normal};
-    }
+    if (a.kind > b.kind) return flipped(distance(b, X_WB, a, X_WA, cutoff));
     const Pose X_AB = relative(X_WA, X_WB);
     const double radius_a = rounding_radius(a), radius_b = rounding_radius(b), radii = radius_a + radius_b;
-    const Penetration p = b.kind == Kind::half_space ? above(a, b, X_AB) : cores(a, b, X_AB, cutoff + radii);
-    const double distance = p.distance - radii;
+    const Witness found = b.kind == Kind::half_space ? above(a, b, X_AB)
+                          : b.kind == Kind::mesh     ? between_meshes(a, b, X_AB, cutoff + radii, 0.0)
+                                                     : cores(a, b, X_AB, cutoff + radii);
+    const double distance = found.distance - radii;
     if (distance > cutoff) return {distance, {}, {}, {}};
-    const Vec3 normal = X_WA.R * p.normal;
-    return {distance, X_WA * p.a + radius_a * normal, X_WA * p.b - radius_b * normal, normal};
+    const Vec3 normal = X_WA.R * found.normal;
+    return {distance, X_WA * found.a + radius_a * normal, X_WA * found.b - radius_b * normal, normal};
 }
 
 bool overlap_within(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB, double margin) {
     if (a.kind > b.kind) return overlap_within(b, X_WB, a, X_WA, margin);
-    if (a.kind == Kind::sphere || b.kind == Kind::half_space) return distance(a, X_WA, b, X_WB).distance <= margin;
     const Pose X_AB = relative(X_WA, X_WB);
     const double within = margin + rounding_radius(a) + rounding_radius(b);
-    if (a.kind == Kind::capsule && b.kind == Kind::capsule) return cores(a, b, X_AB, within).distance <= within;
+    if (b.kind == Kind::half_space) return above(a, b, X_AB).distance <= within;
+    if (b.kind == Kind::mesh) return between_meshes(a, b, X_AB, within, within).distance <= within;
+    if (a.kind == Kind::sphere || (a.kind == Kind::capsule && b.kind == Kind::capsule))
+        return cores(a, b, X_AB, within).distance <= within;
     return with_core(a, [&](const auto &core_a) {
         return with_core(b, [&](const auto &core_b) {
-            return gjk(Difference<std::decay_t<decltype(core_a)>, std::decay_t<decltype(core_b)>>{core_a, core_b, X_AB},
-                       within, within).status != GjkResult::Status::beyond_cutoff;
+            return gjk(difference_of(core_a, core_b, X_AB), within, within).status != GjkResult::Status::beyond_cutoff;
         });
     });
 }

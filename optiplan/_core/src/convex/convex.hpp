@@ -4,15 +4,9 @@
 #include <limits>
 
 #include "shape.hpp"
+#include "witness.hpp"
 
 namespace optiplan {
-
-// Nearest points of two shapes, or how they are parted by the shortest translation; world frame.
-struct Witness {
-    double distance;  // m; negative: minus the depth of penetration
-    Vec3 a, b;        // on the surfaces of A and B; b - a = distance * normal
-    Vec3 normal;      // unit vector from A to B
-};
 
 // Signed distance of two shapes at poses X_WA and X_WB.
 //

@@ -8,25 +8,20 @@
 #include <array>
 
 #include "gjk.hpp"
+#include "witness.hpp"
 
 namespace optiplan {
 
 constexpr double kDepthGap = 1e-10;  // m; between the two bounds, where the search ends
-
-// The shortest translation that makes two cores touch; distance = normal . (b - a), negative where they overlap.
-struct Penetration {
-    double distance;  // m; minus the support function of A - B along the normal, so never above the truth
-    Vec3 a, b;        // points of the cores
-    Vec3 normal;      // unit vector from A to B: moving B by -distance * normal makes them touch
-};
 
 template <class A, class B>
 class ExpandingPolytope {
 public:
     explicit ExpandingPolytope(const Difference<A, B> &difference) : difference_(difference) {}
 
-    // `simplex`: where GJK ended, about the origin or touching it.
-    Penetration solve(const Simplex &simplex) {
+    // `simplex`: where GJK ended, about the origin or touching it. The distance returned is minus the support function of
+    // A - B along the normal, so never above the truth.
+    Witness solve(const Simplex &simplex) {
         if (!begin(simplex)) return flat(simplex);
         int nearest = nearest_face();
         while (!faces_[nearest].closed) {
@@ -150,7 +145,7 @@ private:
     }
 
     // The nearest point of the polytope's surface lies in the face, or in another one of the same plane.
-    Penetration read(const Face &nearest) const {
+    Witness read(const Face &nearest) const {
         simplex::Face best;
         best.squared = HUGE_VAL;
         const Vec3 foot = nearest.bound * nearest.normal;
@@ -172,7 +167,7 @@ private:
     }
 
     // A - B lies in a plane, which touches the origin: the depth across it is nothing.
-    Penetration flat(const Simplex &simplex) const {
+    Witness flat(const Simplex &simplex) const {
         const double up = dot(difference_.support(flat_normal_).w, flat_normal_);
         const double down = -dot(difference_.support(-flat_normal_).w, flat_normal_);
         const Vec3 a = simplex.on_a();

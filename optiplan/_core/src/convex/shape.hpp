@@ -12,7 +12,7 @@ namespace optiplan {
 class TriangleMesh;
 
 // In the order in which a pair is sorted before it is asked.
-enum class Kind : std::uint8_t { sphere, capsule, box, cylinder, hull, half_space, mesh };
+enum class Kind : std::uint8_t { sphere, capsule, box, cylinder, hull, mesh, half_space };
 
 struct Shape {
     Kind kind = Kind::sphere;

@@ -1,7 +1,7 @@
 // The simplex of GJK: up to four points of A - B and the point of their hull that is nearest to the origin.
 #pragma once
 
-#include "supports.hpp"
+#include "cores.hpp"
 
 namespace optiplan {
 

@@ -1,13 +1,14 @@
-// Support functions of the convex cores that the iterative distance works on.
+// Convex cores and their support functions, which the iterative distance works on.
 //
 // A core and a ball about each of its points make a shape: a sphere is a point and a radius, a capsule a segment and a
-// radius. Each core tells its farthest point along a direction, a middle point, and a point near to a given one.
+// radius. Each core tells its farthest point along a direction, a point of it (or of a box around it) near to a given
+// one, and a ball that holds it.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 
-#include "hull.hpp"
+#include "shape.hpp"
 
 namespace optiplan {
 
@@ -17,6 +18,7 @@ struct PointCore {
     Vec3 support(const Vec3 &) const { return {}; }
     Vec3 near(const Vec3 &) const { return {}; }
     Vec3 middle() const { return {}; }
+    double radius_about_middle() const { return 0.0; }
 };
 
 struct SegmentCore {  // along z
@@ -24,6 +26,7 @@ struct SegmentCore {  // along z
     Vec3 support(const Vec3 &d) const { return {0.0, 0.0, std::copysign(half_length, d.z)}; }
     Vec3 near(const Vec3 &p) const { return {0.0, 0.0, clamped(p.z, half_length)}; }
     Vec3 middle() const { return {}; }
+    double radius_about_middle() const { return half_length; }
 };
 
 struct BoxCore {
@@ -33,6 +36,7 @@ struct BoxCore {
     }
     Vec3 near(const Vec3 &p) const { return {clamped(p.x, half.x), clamped(p.y, half.y), clamped(p.z, half.z)}; }
     Vec3 middle() const { return {}; }
+    double radius_about_middle() const { return norm(half); }
 };
 
 struct CylinderCore {  // about z
@@ -48,6 +52,7 @@ struct CylinderCore {  // about z
         return {s * p.x, s * p.y, clamped(p.z, half_length)};
     }
     Vec3 middle() const { return {}; }
+    double radius_about_middle() const { return std::sqrt(radius * radius + half_length * half_length); }
 };
 
 struct HullCore {
@@ -58,6 +63,7 @@ struct HullCore {
         return c + Vec3{clamped(l.x, h.x), clamped(l.y, h.y), clamped(l.z, h.z)};
     }
     Vec3 middle() const { return hull->centre(); }
+    double radius_about_middle() const { return hull->radius(); }
 };
 
 struct TriangleCore {
@@ -69,6 +75,23 @@ struct TriangleCore {
     Vec3 near(const Vec3 &) const { return middle(); }
     Vec3 middle() const { return (1.0 / 3.0) * (corners[0] + corners[1] + corners[2]); }
 };
+
+// Calls f(core) with the core of a bounded convex shape.
+template <class F>
+auto with_core(const Shape &shape, F &&f) {
+    switch (shape.kind) {
+        case Kind::capsule: return f(SegmentCore{shape.half_length});
+        case Kind::box: return f(BoxCore{shape.half});
+        case Kind::cylinder: return f(CylinderCore{shape.radius, shape.half_length});
+        case Kind::hull: return f(HullCore{shape.hull.get()});
+        default: return f(PointCore{});
+    }
+}
+
+// Radius of the ball about each point of the core.
+inline double rounding_radius(const Shape &shape) {
+    return shape.kind == Kind::sphere || shape.kind == Kind::capsule ? shape.radius : 0.0;
+}
 
 // The difference A - B of two cores, in the frame of A: a point w = a - b of it and the point a of A.
 struct DifferencePoint {
@@ -96,5 +119,10 @@ struct Difference {
         return squared_norm(middles) > 0.0 ? middles : Vec3{1.0, 0.0, 0.0};
     }
 };
+
+template <class A, class B>
+Difference<A, B> difference_of(const A &a, const B &b, const Pose &X_AB) {
+    return {a, b, X_AB};
+}
 
 }  // namespace optiplan
