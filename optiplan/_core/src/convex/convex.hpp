@@ -1,0 +1,22 @@
+// Distance, nearest points and penetration of two shapes.
+#pragma once
+
+#include <limits>
+
+#include "shape.hpp"
+#include "witness.hpp"
+
+namespace optiplan {
+
+// Signed distance of two shapes at poses X_WA and X_WB.
+//
+// Where it exceeds `cutoff` (m) the search may stop early: `distance` is then a lower bound above the cutoff, and points
+// and normal are not set. Exact to rounding for spheres, capsules, boxes, hulls, triangles and half-spaces, to 1e-9 m for
+// cylinders. Meshes are surfaces: 0 where a triangle meets the other shape. Nothing is remembered from call to call.
+Witness distance(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB,
+                 double cutoff = std::numeric_limits<double>::infinity());
+
+// Whether two shapes are nearer than `margin` (m, >= 0), or touch.
+bool overlap_within(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB, double margin);
+
+}  // namespace optiplan

@@ -1,0 +1,186 @@
+// Penetration depth of two convex cores by the expanding polytope algorithm.
+//
+// G. van den Bergen, "Proximity queries and penetration depth computation on 3D game objects", 2001. A polytope within
+// A - B grows where its surface is nearest to the origin, until A - B does not reach beyond that face. The depth is known
+// from both sides: the least distance of a face from below, the support function along its normal from above.
+#pragma once
+
+#include <array>
+
+#include "gjk.hpp"
+#include "witness.hpp"
+
+namespace optiplan {
+
+constexpr double kDepthGap = 1e-10;  // m; between the two bounds, where the search ends
+
+template <class A, class B>
+class ExpandingPolytope {
+public:
+    explicit ExpandingPolytope(const Difference<A, B> &difference) : difference_(difference) {}
+
+    // `simplex`: where GJK ended, about the origin or touching it. The distance returned is minus the support function of
+    // A - B along the normal, so never above the truth.
+    Witness solve(const Simplex &simplex) {
+        if (!begin(simplex)) return flat(simplex);
+        int nearest = nearest_face();
+        while (!faces_[nearest].closed) {
+            Face &face = faces_[nearest];
+            const DifferencePoint next = difference_.support(face.normal);
+            const double reach = dot(next.w, face.normal);
+            if (reach - face.plane <= std::max(kDepthGap, rounding_) || vertices_used_ == kVertices || !expand(next))
+                face.closed = true, face.bound = reach;
+            nearest = nearest_face();
+        }
+        return read(faces_[nearest]);
+    }
+
+private:
+    static constexpr int kVertices = 200, kFaces = 2 * kVertices;
+
+    struct Face {
+        int corners[3];  // counter-clockwise, seen from outside
+        bool closed;     // A - B does not reach beyond it
+        Vec3 normal;
+        double plane;    // distance of its plane from the origin, along the normal
+        double bound;    // the same, or of the plane that supports A - B where closed
+    };
+
+    struct Edge {
+        int from, to;
+    };
+
+    Vec3 edge(int i, int j) const { return vertices_[j].w - vertices_[i].w; }
+
+    // A tetrahedron of support points; false where A - B has no volume, `flat_normal_` being perpendicular to it.
+    bool begin(const Simplex &simplex) {
+        double scale = 0.0;
+        for (const Vec3 &axis : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}})
+            scale = std::max({scale, dot(difference_.support(axis).w, axis), -dot(difference_.support(-axis).w, axis)});
+        rounding_ = 1e-14 * scale;
+        const double least = 1e-9 * scale;  // lengths below it give no direction
+        const auto farthest = [&](std::initializer_list<Vec3> directions, auto height) {
+            double most = -1.0;
+            DifferencePoint best;
+            for (const Vec3 &d : directions) {
+                const DifferencePoint point = difference_.support(d);
+                const double found = height(point.w - vertices_[0].w);
+                if (found > most) most = found, best = point;
+            }
+            vertices_[vertices_used_] = best;
+            return most > least;
+        };
+        for (int i = 0; i < simplex.size; ++i) vertices_[i] = simplex.points[i];
+        vertices_used_ = simplex.size;
+
+        if (vertices_used_ > 1 && norm(edge(0, 1)) <= least) vertices_used_ = 1;
+        if (vertices_used_ == 1) {
+            flat_normal_ = {1, 0, 0};
+            if (!farthest({{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}}, norm)) return false;
+            vertices_used_ = 2;
+        }
+        const Vec3 along = (1.0 / norm(edge(0, 1))) * edge(0, 1);
+        const auto off_line = [&](const Vec3 &from_first) { return norm(cross(along, from_first)); };
+        if (vertices_used_ > 2 && off_line(edge(0, 2)) <= least) vertices_used_ = 2;
+        if (vertices_used_ == 2) {
+            const Vec3 u = flat_normal_ = perpendicular(along), v = cross(along, u);
+            if (!farthest({u, v, -u, -v}, off_line)) return false;
+            vertices_used_ = 3;
+        }
+        const Vec3 c = cross(along, edge(0, 2)), n = (1.0 / norm(c)) * c;
+        if (vertices_used_ > 3 && std::fabs(dot(n, edge(0, 3))) <= least) vertices_used_ = 3;
+        if (vertices_used_ == 3) {
+            flat_normal_ = n;
+            if (!farthest({n, -n}, [&](const Vec3 &from_first) { return std::fabs(dot(n, from_first)); })) return false;
+            vertices_used_ = 4;
+        }
+        if (dot(n, edge(0, 3)) > 0.0) std::swap(vertices_[1], vertices_[2]);  // face 0 1 2 looks away from vertex 3
+        for (const auto &corners : {std::array{0, 1, 2}, std::array{0, 3, 1}, std::array{1, 3, 2}, std::array{2, 3, 0}})
+            add_face(corners[0], corners[1], corners[2]);
+        return true;
+    }
+
+    void add_face(int i, int j, int k) {
+        Face &face = faces_[faces_used_++];
+        const Vec3 n = cross(edge(i, j), edge(i, k));
+        const double length = norm(n);
+        face = {{i, j, k}, true, {}, HUGE_VAL, HUGE_VAL};  // without area it is never the nearest, and sees nothing
+        if (length > 0.0) {
+            face.normal = (1.0 / length) * n;
+            face.plane = face.bound = dot(face.normal, vertices_[i].w);
+            face.closed = false;
+        }
+    }
+
+    int nearest_face() const {
+        int best = 0;
+        for (int i = 1; i < faces_used_; ++i)
+            if (faces_[i].bound < faces_[best].bound) best = i;
+        return best;
+    }
+
+    // Replaces the faces that see a new point by faces to it from their rim; false where there is no room.
+    bool expand(const DifferencePoint &point) {
+        int rim_used = 0, kept = 0, seeing = 0;
+        const auto sees = [&](const Face &face) { return dot(face.normal, point.w) - face.plane > rounding_; };
+        for (int i = 0; i < faces_used_; ++i) {
+            if (!sees(faces_[i])) continue;
+            ++seeing;
+            for (int side = 0; side < 3; ++side) {
+                const int from = faces_[i].corners[side], to = faces_[i].corners[(side + 1) % 3];
+                int opposite = 0;
+                while (opposite < rim_used && (rim_[opposite].from != to || rim_[opposite].to != from)) ++opposite;
+                if (opposite < rim_used) rim_[opposite] = rim_[--rim_used];
+                else if (rim_used < kFaces) rim_[rim_used++] = {from, to};
+            }
+        }
+        if (seeing == 0 || faces_used_ - seeing + rim_used > kFaces) return false;
+        for (int i = 0; i < faces_used_; ++i)
+            if (!sees(faces_[i])) faces_[kept++] = faces_[i];
+        faces_used_ = kept;
+        vertices_[vertices_used_] = point;
+        for (int i = 0; i < rim_used; ++i) add_face(rim_[i].from, rim_[i].to, vertices_used_);
+        ++vertices_used_;
+        return true;
+    }
+
+    // The nearest point of the polytope's surface lies in the face, or in another one of the same plane.
+    Witness read(const Face &nearest) const {
+        simplex::Face best;
+        best.squared = HUGE_VAL;
+        const Vec3 foot = nearest.bound * nearest.normal;
+        for (int i = 0; i < faces_used_; ++i) {
+            const Face &face = faces_[i];
+            if (dot(face.normal, nearest.normal) < 1.0 - 1e-6 || std::fabs(face.plane - nearest.plane) > 1e-6) continue;
+            std::array<DifferencePoint, 3> corners;
+            for (int k = 0; k < 3; ++k) corners[k].w = vertices_[face.corners[k]].w - foot;
+            simplex::Face found = simplex::nearest_of_triangle(corners.data());
+            for (int k = 0; k < found.size; ++k) found.at[k] = face.corners[found.at[k]];
+            best = simplex::nearer(best, found);
+        }
+        Vec3 a, w;
+        for (int k = 0; k < best.size; ++k) {
+            a += best.weights[k] * vertices_[best.at[k]].a;
+            w += best.weights[k] * vertices_[best.at[k]].w;
+        }
+        return {-nearest.bound, a, a - w, nearest.normal};
+    }
+
+    // A - B lies in a plane, which touches the origin: the depth across it is nothing.
+    Witness flat(const Simplex &simplex) const {
+        const double up = dot(difference_.support(flat_normal_).w, flat_normal_);
+        const double down = -dot(difference_.support(-flat_normal_).w, flat_normal_);
+        const Vec3 a = simplex.on_a();
+        return {-std::min(up, down), a, a - simplex.v, up <= down ? flat_normal_ : -flat_normal_};
+    }
+
+    const Difference<A, B> &difference_;
+    std::array<DifferencePoint, kVertices> vertices_;
+    std::array<Face, kFaces> faces_;
+    std::array<Edge, kFaces> rim_;
+    int vertices_used_ = 0, faces_used_ = 0;
+    double rounding_ = 0.0;
+    Vec3 flat_normal_;
+};
+
+}  // namespace optiplan

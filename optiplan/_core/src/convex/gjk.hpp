@@ -1,0 +1,56 @@
+// Distance of two convex cores by the algorithm of Gilbert, Johnson and Keerthi.
+//
+// "A fast procedure for computing the distance between complex objects in three-dimensional space", IEEE Journal on
+// Robotics and Automation 4 (2), 1988. The distance is known from both sides at every step: |v| for the nearest point v
+// of a simplex in A - B from above, v . w / |v| for the support point w against v from below.
+#pragma once
+
+#include "simplex.hpp"
+
+namespace optiplan {
+
+constexpr double kDistanceGap = 1e-11;  // m; between the two bounds, where the search ends
+constexpr double kTouching = 1e-9;      // m; cores nearer than this are asked for their penetration, which may be negative
+constexpr int kGjkSteps = 200;
+
+struct GjkResult {
+    enum class Status { apart, beyond_cutoff, touching } status;
+    double lower;  // bound of the distance, m; the distance itself to `kDistanceGap` when apart
+    Simplex simplex;
+};
+
+// Stops early with a lower bound above `cutoff` (m), or as soon as the distance is at most `enough` (status touching).
+template <class A, class B>
+GjkResult gjk(const Difference<A, B> &difference, double cutoff, double enough = kTouching) {
+    GjkResult result{GjkResult::Status::apart, -HUGE_VAL, {}};
+    Simplex &simplex = result.simplex;
+    Vec3 v = difference.first_guess();
+    double squared = squared_norm(v);
+    for (int step = 0; step < kGjkSteps; ++step) {
+        const DifferencePoint next = difference.support(-v);
+        const double length = std::sqrt(squared), lower = dot(v, next.w) / length;
+        if (lower > result.lower) {
+            result.lower = lower;
+            if (lower > cutoff) {
+                result.status = GjkResult::Status::beyond_cutoff;
+                return result;
+            }
+        }
+        if (step > 0 && (length - result.lower <= kDistanceGap || simplex.contains(next.w))) return result;
+        const Simplex before = simplex;
+        simplex.add(next);
+        const double now = squared_norm(simplex.v);
+        if (simplex.holds_origin || now <= enough * enough) {
+            result.status = GjkResult::Status::touching;
+            return result;
+        }
+        if (step > 0 && now >= squared) {  // rounding: no step is left
+            simplex = before;
+            return result;
+        }
+        v = simplex.v, squared = now;
+    }
+    return result;
+}
+
+}  // namespace optiplan

@@ -1,0 +1,89 @@
+#include "hull.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <stdexcept>
+
+namespace optiplan {
+
+namespace {
+
+constexpr double kRounding = 1e-13;  // of a dot product, as a part of the extent: a vertex is left out by more than that
+
+// Cells along an edge of the cube, a power of two.
+std::uint32_t cells_for(std::size_t points) { return points <= 8 ? 1 : points <= 32 ? 4 : points <= 400 ? 16 : 32; }
+
+}  // namespace
+
+// Cells of one face of the cube: `size` of them along each edge, from cell (i, j) on.
+struct Hull::Square {
+    std::uint32_t face;  // twice the axis, and 1 for the negative side
+    std::uint32_t i, j, size;
+
+    Vec3 direction(double u, double v) const {
+        const double major = face % 2 ? -1.0 : 1.0;
+        return face / 2 == 0 ? Vec3{major, u, v} : face / 2 == 1 ? Vec3{v, major, u} : Vec3{u, v, major};
+    }
+};
+
+Hull::Hull(std::vector<Vec3> points) : points_(std::move(points)), cells_(cells_for(points_.size())) {
+    if (points_.empty() || points_.size() > std::numeric_limits<std::uint16_t>::max())
+        throw std::invalid_argument("a hull takes 1 to 65535 points");
+    Vec3 low = points_[0], high = points_[0];
+    for (const Vec3 &p : points_) {
+        if (!std::isfinite(p.x + p.y + p.z)) throw std::invalid_argument("a hull of points that are not finite");
+        low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+        high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+    }
+    centre_ = 0.5 * (low + high), half_ = 0.5 * (high - low), radius_ = 0.0;
+    for (const Vec3 &p : points_) radius_ = std::max(radius_, norm(p - centre_));
+
+    Candidates all(points_.size());
+    for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint16_t(i);
+    std::vector<Candidates> cells(6 * cells_ * cells_);
+    for (std::uint32_t face = 0; face < 6; ++face) divide({face, 0, 0, cells_}, all, cells);
+    first_.reserve(cells.size() + 1);
+    first_.push_back(0);
+    for (const Candidates &cell : cells) {
+        candidates_.insert(candidates_.end(), cell.begin(), cell.end());
+        first_.push_back(std::uint32_t(candidates_.size()));
+    }
+}
+
+void Hull::divide(const Square &square, const Candidates &candidates, std::vector<Candidates> &cells) const {
+    Candidates kept = kept_in(square, candidates);
+    if (square.size == 1) {
+        cells[(square.face * cells_ + square.i) * cells_ + square.j] = std::move(kept);
+        return;
+    }
+    const std::uint32_t half = square.size / 2;
+    for (std::uint32_t i : {square.i, square.i + half})
+        for (std::uint32_t j : {square.j, square.j + half}) divide({square.face, i, j, half}, kept, cells);
+}
+
+// The candidates that no other one beats along all four corners of a square. Directions within it are positive sums of
+// its corners, so a vertex that another one beats along all four is never the farthest.
+Hull::Candidates Hull::kept_in(const Square &square, const Candidates &candidates) const {
+    const double step = 2.0 / cells_, slack = kRounding * (norm(centre_) + radius_);
+    const double u = -1.0 + step * square.i, v = -1.0 + step * square.j, side = step * square.size;
+    const Vec3 corners[4] = {square.direction(u, v), square.direction(u + side, v), square.direction(u, v + side),
+                             square.direction(u + side, v + side)};
+    Candidates kept = candidates;
+    const auto drop_beaten_by = [&](std::uint16_t best) {
+        const auto beaten = [&](std::uint16_t other) {
+            const Vec3 ahead = points_[best] - points_[other];
+            return std::all_of(corners, corners + 4, [&](const Vec3 &corner) { return dot(ahead, corner) > slack; });
+        };
+        kept.erase(std::remove_if(kept.begin(), kept.end(), beaten), kept.end());
+    };
+    const Vec3 middle = square.direction(u + 0.5 * side, v + 0.5 * side);
+    for (const Vec3 &d : {middle, corners[0], corners[1], corners[2], corners[3]})
+        drop_beaten_by(*std::max_element(kept.begin(), kept.end(), [&](std::uint16_t a, std::uint16_t b) {
+            return dot(points_[a], d) < dot(points_[b], d);
+        }));
+    if (square.size == 1)
+        for (std::uint16_t one : Candidates(kept)) drop_beaten_by(one);
+    return kept;
+}
+
+}  // namespace optiplan
