@@ -5,6 +5,7 @@
 
 namespace optiplan {
 
+void bind_convex(nanobind::module_ &m);
 void bind_world(nanobind::module_ &m);
 void bind_search(nanobind::module_ &m);
 

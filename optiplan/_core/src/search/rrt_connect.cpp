@@ -33,21 +33,16 @@ int SearchTree::nearest(const double *x) const {
 
 RrtConnect::RrtConnect(EdgeChecker &check, SearchSpace space, const double *start, const std::vector<double> &goals,
                        double reach, std::uint64_t seed)
-    : check_(check), space_(std::move(space)), goals_(goals), reach_(reach), random_(seed) {
+    : check_(check), space_(std::move(space)), reach_(reach), random_(seed) {
     const int m = static_cast<int>(space_.joints.size());
     trees_.assign(2, SearchTree(m));
     target_.resize(m), x_.resize(m), from_.resize(check.joints()), to_.resize(check.joints());
     for (int k = 0; k < m; ++k) x_[k] = start[k] / space_.units[k];
     trees_[0].add(x_.data(), -1);
-    root_another_goal();
-}
-
-void RrtConnect::root_another_goal() {
-    const int m = static_cast<int>(space_.joints.size());
-    if (rooted_ * m >= static_cast<int>(goals_.size())) return;
-    for (int k = 0; k < m; ++k) x_[k] = goals_[rooted_ * m + k] / space_.units[k];
-    trees_[1].add(x_.data(), -1);
-    ++rooted_;
+    for (std::size_t goal = 0; goal * m < goals.size(); ++goal) {
+        for (int k = 0; k < m; ++k) x_[k] = goals[goal * m + k] / space_.units[k];
+        trees_[1].add(x_.data(), -1);
+    }
 }
 
 void RrtConnect::lift(const double *x, double *q) const {
@@ -81,7 +76,6 @@ bool RrtConnect::grow(int iterations, double seconds) {
     const int m = static_cast<int>(target_.size());
     for (int k = 0; k < iterations && !met() && Clock::now() < end; ++k) {
         const int tree = iterations_++ % 2, other = 1 - tree;
-        if (rooted_ < trees_[1].size() / 2) root_another_goal();
         for (int j = 0; j < m; ++j) {
             const double low = space_.lower[j] / space_.units[j], high = space_.upper[j] / space_.units[j];
             target_[j] = low + random_.uniform() * (high - low);

@@ -36,7 +36,7 @@ class SearchTree {
 
 class RrtConnect {
   public:
-    // Goals (k, m) take root one after another while the tree at the goals grows.
+    // The second tree has all goals (k, m) for roots.
     RrtConnect(EdgeChecker &check, SearchSpace space, const double *start, const std::vector<double> &goals,
                double reach, std::uint64_t seed);
 
@@ -61,16 +61,14 @@ class RrtConnect {
     Step extend(int tree, int from);
     void lift(const double *x, double *q) const;
     void append(std::vector<double> &out, int tree, int node) const;
-    void root_another_goal();
 
     EdgeChecker &check_;
     SearchSpace space_;
-    std::vector<double> goals_;
     double reach_;
     Random random_;
     std::vector<SearchTree> trees_;
     std::vector<double> target_, x_, from_, to_;
-    int last_ = -1, rooted_ = 0, iterations_ = 0;
+    int last_ = -1, iterations_ = 0;
     int met_[2] = {-1, -1};
 };
 

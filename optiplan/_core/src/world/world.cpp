@@ -102,8 +102,7 @@ void World::near(const Placement &at, int row, double cutoff, std::vector<Contac
         const auto [a, b, by_outline] = pairs_[pair];
         Witness witness;
         if (by_outline) {
-            witness = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], cutoff,
-                                         nullptr);
+            witness = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], cutoff);
             if (witness.distance <= SETTLED) {
                 const Witness nearer = distance(at, pair, INF);
                 if (nearer.distance > 0.0) witness = nearer;
