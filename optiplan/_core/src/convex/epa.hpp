@@ -12,7 +12,8 @@
 
 namespace optiplan {
 
-constexpr double kDepthGap = 1e-10;  // m; between the two bounds, where the search ends
+constexpr double kDepthGap = 1e-12;       // m; between the two bounds, where the search ends
+constexpr double kCurvedDepthGap = 1e-5;  // the same as a part of the extent, for curved cores: `penetration` refines it
 
 template <class A, class B>
 class ExpandingPolytope {
@@ -23,20 +24,27 @@ public:
     // A - B along the normal, so never above the truth.
     Witness solve(const Simplex &simplex) {
         if (!begin(simplex)) return flat(simplex);
+        const double gap = Difference<A, B>::curved ? kCurvedDepthGap * extent_ : std::max(kDepthGap, rounding_);
         int nearest = nearest_face();
         while (!faces_[nearest].closed) {
             Face &face = faces_[nearest];
             const DifferencePoint next = difference_.support(face.normal);
             const double reach = dot(next.w, face.normal);
-            if (reach - face.plane <= std::max(kDepthGap, rounding_) || vertices_used_ == kVertices || !expand(next))
-                face.closed = true, face.bound = reach;
+            if (reach - face.plane <= gap || !expand(next)) face.closed = true, face.bound = reach;
             nearest = nearest_face();
         }
-        return read(faces_[nearest]);
+        const Face &face = faces_[nearest];
+        exact_ = face.bound - face.plane <= std::max(kDepthGap, rounding_);
+        return read(face);
     }
 
+    // Whether the bounds met; false for curved cores, and where too many faces are equally near.
+    bool exact() const { return exact_; }
+    // Of A - B, m.
+    double extent() const { return extent_; }
+
 private:
-    static constexpr int kVertices = 200, kFaces = 2 * kVertices;
+    static constexpr int kVertices = Difference<A, B>::curved ? 100 : 400, kFaces = 2 * kVertices;
 
     struct Face {
         int corners[3];  // counter-clockwise, seen from outside
@@ -54,11 +62,10 @@ private:
 
     // A tetrahedron of support points; false where A - B has no volume, `flat_normal_` being perpendicular to it.
     bool begin(const Simplex &simplex) {
-        double scale = 0.0;
         for (const Vec3 &axis : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}})
-            scale = std::max({scale, dot(difference_.support(axis).w, axis), -dot(difference_.support(-axis).w, axis)});
-        rounding_ = 1e-14 * scale;
-        const double least = 1e-9 * scale;  // lengths below it give no direction
+            extent_ = std::max({extent_, dot(difference_.support(axis).w, axis), -dot(difference_.support(-axis).w, axis)});
+        rounding_ = 1e-14 * extent_;
+        const double least = 1e-9 * extent_;  // lengths below it give no direction
         const auto farthest = [&](std::initializer_list<Vec3> directions, auto height) {
             double most = -1.0;
             DifferencePoint best;
@@ -121,6 +128,7 @@ private:
 
     // Replaces the faces that see a new point by faces to it from their rim; false where there is no room.
     bool expand(const DifferencePoint &point) {
+        if (vertices_used_ == kVertices) return false;
         int rim_used = 0, kept = 0, seeing = 0;
         const auto sees = [&](const Face &face) { return dot(face.normal, point.w) - face.plane > rounding_; };
         for (int i = 0; i < faces_used_; ++i) {
@@ -144,14 +152,15 @@ private:
         return true;
     }
 
-    // The nearest point of the polytope's surface lies in the face, or in another one of the same plane.
+    // The foot of the normal lies in the nearest face, or in another one of the same plane.
     Witness read(const Face &nearest) const {
         simplex::Face best;
         best.squared = HUGE_VAL;
         const Vec3 foot = nearest.bound * nearest.normal;
         for (int i = 0; i < faces_used_; ++i) {
             const Face &face = faces_[i];
-            if (dot(face.normal, nearest.normal) < 1.0 - 1e-6 || std::fabs(face.plane - nearest.plane) > 1e-6) continue;
+            const double off = dot(face.normal, foot) - face.plane;
+            if (!(off * off < best.squared)) continue;
             std::array<DifferencePoint, 3> corners;
             for (int k = 0; k < 3; ++k) corners[k].w = vertices_[face.corners[k]].w - foot;
             simplex::Face found = simplex::nearest_of_triangle(corners.data());
@@ -179,8 +188,37 @@ private:
     std::array<Face, kFaces> faces_;
     std::array<Edge, kFaces> rim_;
     int vertices_used_ = 0, faces_used_ = 0;
-    double rounding_ = 0.0;
+    double extent_ = 0.0, rounding_ = 0.0;
+    bool exact_ = true;
     Vec3 flat_normal_;
 };
+
+// The shortest translation that parts two cores that touch, to rounding for polyhedra.
+//
+// Where the polytope leaves a gap, B is moved out along its normal and a little farther: from there the nearest points
+// give a normal that is nearer to the best one by the factor depth / radius of curvature. Each is a translation that
+// parts the cores, so the distance is never above the truth.
+template <class A, class B>
+Witness penetration(const Difference<A, B> &difference, const Simplex &simplex) {
+    ExpandingPolytope<A, B> polytope(difference);
+    Witness best = polytope.solve(simplex);
+    if (polytope.exact()) return best;
+    const double beyond = 1e-3 * polytope.extent();
+    Vec3 normal = best.normal;
+    double depth = -best.distance;
+    for (int round = 0; round < 5; ++round) {
+        Difference<A, B> apart = difference;
+        const Vec3 moved = (depth + beyond) * normal;
+        apart.X_AB.p += moved;
+        const GjkResult found = gjk(apart, HUGE_VAL);
+        if (found.status != GjkResult::Status::apart) break;
+        const Witness there = witness_of(found);
+        const double turned = norm(there.normal - normal);
+        normal = there.normal, depth = dot(difference.support(normal).w, normal);
+        if (round == 0 || -depth >= best.distance - kNormalGap) best = {-depth, there.a, there.a - depth * normal, normal};
+        if (turned <= 1e-6) break;
+    }
+    return best;
+}
 
 }  // namespace optiplan
