@@ -6,6 +6,8 @@
 #pragma once
 
 #include <array>
+#include <initializer_list>
+#include <vector>
 
 #include "gjk.hpp"
 #include "witness.hpp"
@@ -18,14 +20,16 @@ constexpr double kCurvedDepthGap = 1e-5;  // the same as a part of the extent, f
 template <class A, class B>
 class ExpandingPolytope {
 public:
-    explicit ExpandingPolytope(const Difference<A, B> &difference) : difference_(difference) {}
+    explicit ExpandingPolytope(const Difference<A, B> &difference) : difference_(difference) {
+        vertices_.reserve(64), faces_.reserve(128), rim_.reserve(64);
+    }
 
     // `simplex`: where GJK ended, about the origin or touching it. The distance returned is minus the support function of
     // A - B along the normal, so never above the truth.
     Witness solve(const Simplex &simplex) {
         if (!begin(simplex)) return flat(simplex);
         const double gap = Difference<A, B>::curved ? kCurvedDepthGap * extent_ : std::max(kDepthGap, rounding_);
-        int nearest = nearest_face();
+        std::size_t nearest = nearest_face();
         while (!faces_[nearest].closed) {
             Face &face = faces_[nearest];
             const DifferencePoint next = difference_.support(face.normal);
@@ -44,7 +48,7 @@ public:
     double extent() const { return extent_; }
 
 private:
-    static constexpr int kVertices = Difference<A, B>::curved ? 100 : 400, kFaces = 2 * kVertices;
+    static constexpr std::size_t kVertices = Difference<A, B>::curved ? 100 : 400;
 
     struct Face {
         int corners[3];  // counter-clockwise, seen from outside
@@ -74,32 +78,28 @@ private:
                 const double found = height(point.w - vertices_[0].w);
                 if (found > most) most = found, best = point;
             }
-            vertices_[vertices_used_] = best;
+            vertices_.push_back(best);
             return most > least;
         };
-        for (int i = 0; i < simplex.size; ++i) vertices_[i] = simplex.points[i];
-        vertices_used_ = simplex.size;
+        vertices_.assign(simplex.points, simplex.points + simplex.size);
 
-        if (vertices_used_ > 1 && norm(edge(0, 1)) <= least) vertices_used_ = 1;
-        if (vertices_used_ == 1) {
+        if (vertices_.size() > 1 && norm(edge(0, 1)) <= least) vertices_.resize(1);
+        if (vertices_.size() == 1) {
             flat_normal_ = {1, 0, 0};
             if (!farthest({{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}}, norm)) return false;
-            vertices_used_ = 2;
         }
         const Vec3 along = (1.0 / norm(edge(0, 1))) * edge(0, 1);
         const auto off_line = [&](const Vec3 &from_first) { return norm(cross(along, from_first)); };
-        if (vertices_used_ > 2 && off_line(edge(0, 2)) <= least) vertices_used_ = 2;
-        if (vertices_used_ == 2) {
+        if (vertices_.size() > 2 && off_line(edge(0, 2)) <= least) vertices_.resize(2);
+        if (vertices_.size() == 2) {
             const Vec3 u = flat_normal_ = perpendicular(along), v = cross(along, u);
             if (!farthest({u, v, -u, -v}, off_line)) return false;
-            vertices_used_ = 3;
         }
         const Vec3 c = cross(along, edge(0, 2)), n = (1.0 / norm(c)) * c;
-        if (vertices_used_ > 3 && std::fabs(dot(n, edge(0, 3))) <= least) vertices_used_ = 3;
-        if (vertices_used_ == 3) {
+        if (vertices_.size() > 3 && std::fabs(dot(n, edge(0, 3))) <= least) vertices_.resize(3);
+        if (vertices_.size() == 3) {
             flat_normal_ = n;
             if (!farthest({n, -n}, [&](const Vec3 &from_first) { return std::fabs(dot(n, from_first)); })) return false;
-            vertices_used_ = 4;
         }
         if (dot(n, edge(0, 3)) > 0.0) std::swap(vertices_[1], vertices_[2]);  // face 0 1 2 looks away from vertex 3
         for (const auto &corners : {std::array{0, 1, 2}, std::array{0, 3, 1}, std::array{1, 3, 2}, std::array{2, 3, 0}})
@@ -108,47 +108,47 @@ private:
     }
 
     void add_face(int i, int j, int k) {
-        Face &face = faces_[faces_used_++];
         const Vec3 n = cross(edge(i, j), edge(i, k));
         const double length = norm(n);
-        face = {{i, j, k}, true, {}, HUGE_VAL, HUGE_VAL};  // without area it is never the nearest, and sees nothing
+        Face face{{i, j, k}, true, {}, HUGE_VAL, HUGE_VAL};  // without area it is never the nearest, and sees nothing
         if (length > 0.0) {
             face.normal = (1.0 / length) * n;
             face.plane = face.bound = dot(face.normal, vertices_[i].w);
             face.closed = false;
         }
+        faces_.push_back(face);
     }
 
-    int nearest_face() const {
-        int best = 0;
-        for (int i = 1; i < faces_used_; ++i)
+    std::size_t nearest_face() const {
+        std::size_t best = 0;
+        for (std::size_t i = 1; i < faces_.size(); ++i)
             if (faces_[i].bound < faces_[best].bound) best = i;
         return best;
     }
 
     // Replaces the faces that see a new point by faces to it from their rim; false where there is no room.
     bool expand(const DifferencePoint &point) {
-        if (vertices_used_ == kVertices) return false;
-        int rim_used = 0, kept = 0, seeing = 0;
+        if (vertices_.size() == kVertices) return false;
         const auto sees = [&](const Face &face) { return dot(face.normal, point.w) - face.plane > rounding_; };
-        for (int i = 0; i < faces_used_; ++i) {
-            if (!sees(faces_[i])) continue;
-            ++seeing;
+        rim_.clear();
+        bool seen = false;
+        for (const Face &face : faces_) {
+            if (!sees(face)) continue;
+            seen = true;
             for (int side = 0; side < 3; ++side) {
-                const int from = faces_[i].corners[side], to = faces_[i].corners[(side + 1) % 3];
-                int opposite = 0;
-                while (opposite < rim_used && (rim_[opposite].from != to || rim_[opposite].to != from)) ++opposite;
-                if (opposite < rim_used) rim_[opposite] = rim_[--rim_used];
-                else if (rim_used < kFaces) rim_[rim_used++] = {from, to};
+                const int from = face.corners[side], to = face.corners[(side + 1) % 3];
+                const auto opposite = std::find_if(rim_.begin(), rim_.end(), [&](const Edge &edge) {
+                    return edge.from == to && edge.to == from;
+                });
+                if (opposite == rim_.end()) rim_.push_back({from, to});
+                else *opposite = rim_.back(), rim_.pop_back();
             }
         }
-        if (seeing == 0 || faces_used_ - seeing + rim_used > kFaces) return false;
-        for (int i = 0; i < faces_used_; ++i)
-            if (!sees(faces_[i])) faces_[kept++] = faces_[i];
-        faces_used_ = kept;
-        vertices_[vertices_used_] = point;
-        for (int i = 0; i < rim_used; ++i) add_face(rim_[i].from, rim_[i].to, vertices_used_);
-        ++vertices_used_;
+        if (!seen) return false;
+        faces_.erase(std::remove_if(faces_.begin(), faces_.end(), sees), faces_.end());
+        const int newest = int(vertices_.size());
+        vertices_.push_back(point);
+        for (const Edge &edge : rim_) add_face(edge.from, edge.to, newest);
         return true;
     }
 
@@ -157,8 +157,7 @@ private:
         simplex::Face best;
         best.squared = HUGE_VAL;
         const Vec3 foot = nearest.bound * nearest.normal;
-        for (int i = 0; i < faces_used_; ++i) {
-            const Face &face = faces_[i];
+        for (const Face &face : faces_) {
             const double off = dot(face.normal, foot) - face.plane;
             if (!(off * off < best.squared)) continue;
             std::array<DifferencePoint, 3> corners;
@@ -184,10 +183,9 @@ private:
     }
 
     const Difference<A, B> &difference_;
-    std::array<DifferencePoint, kVertices> vertices_;
-    std::array<Face, kFaces> faces_;
-    std::array<Edge, kFaces> rim_;
-    int vertices_used_ = 0, faces_used_ = 0;
+    std::vector<DifferencePoint> vertices_;
+    std::vector<Face> faces_;
+    std::vector<Edge> rim_;
     double extent_ = 0.0, rounding_ = 0.0;
     bool exact_ = true;
     Vec3 flat_normal_;
