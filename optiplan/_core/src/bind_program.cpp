@@ -1,15 +1,22 @@
 // The optimiser's programs, for Python.
+#include <nanobind/stl/function.h>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
+#include <limits>
+#include <map>
 #include <optional>
+#include <string>
 #include <tuple>
 
 #include "arrays.hpp"
 #include "module.hpp"
-#include "program/step.hpp"
+#include "program/sqp.hpp"
 
 namespace optiplan {
 
@@ -94,6 +101,112 @@ std::optional<StepFound> solve(StepSolver &solver, Matrix control, double durati
     return StepFound(std::move(moved), step.duration, step.promise, step.iterations);
 }
 
+Samples make_samples(const Spline &spline, Vector u, Matrix position, Matrix velocity, Matrix acceleration) {
+    for (const Matrix *matrix : {&position, &velocity, &acceleration})
+        expect(matrix->shape(0) == u.size() && matrix->shape(1) == spline.points, "a basis (N, K) for each order");
+    const double *const matrices[3] = {position.data(), velocity.data(), acceleration.data()};
+    return Samples::of(u.data(), u.size(), matrices, spline.points);
+}
+
+SqpSettings make_settings(const std::map<std::string, double> &values) {
+    const auto get = [&](const char *name) { return values.at(name); };
+    return {get("contact_penalty"), get("torque_penalty"), get("centimetre"), get("first_radius"), get("least_radius"),
+            get("shrink"),          get("stuck"),          get("halved"),     get("worse"),
+            static_cast<int>(get("stalled")), static_cast<int>(get("slow"))};
+}
+
+// A descent among the bodies of a world.
+std::unique_ptr<Sqp> among_bodies(std::shared_ptr<const Spline> spline, const World &world, Vector torque, double cutoff,
+                                  std::tuple<double, Vector, Vector> margins,
+                                  const std::map<std::string, double> &settings) {
+    const auto &[middle, start, end] = margins;
+    expect(start.size() == world.pairs().size() && end.size() == start.size(), "margins of all pairs");
+    expect(torque.size() == spline->joints && world.tree().planned == static_cast<int>(spline->joints), "n joints");
+    const auto wanted = std::make_shared<const Margins>(Margins{middle, to_vector(start), to_vector(end)});
+    const std::size_t n = spline->joints;
+    NearBodies near = [&world, wanted, cutoff, n](const Vec &u, const Vec &Q) {
+        return near_rows(world, *wanted, u, Q, cutoff);
+    };
+    return std::make_unique<Sqp>(spline, std::move(near), TorqueRows(world.tree(), to_vector(torque)),
+                                 make_settings(settings));
+}
+
+// The same with contacts from Python: `near` takes Q (N, n) to sample (K,), value (K,) and gradient (K, n).
+using FoundRows = std::tuple<Indices, Vector, Matrix>;
+
+std::unique_ptr<Sqp> among_others(std::shared_ptr<const Spline> spline, const Tree &tree, Vector torque,
+                                  std::function<FoundRows(nb::ndarray<nb::numpy, double>)> near,
+                                  const std::map<std::string, double> &settings) {
+    expect(torque.size() == spline->joints && tree.planned == static_cast<int>(spline->joints), "n joints");
+    const std::size_t n = spline->joints;
+    NearBodies ask = [near, n](const Vec &, const Vec &Q) {
+        nb::gil_scoped_acquire held;
+        const auto [sample, value, gradient] = near(to_numpy(Q, {Q.size() / n, n}));
+        expect(value.size() == sample.size() && gradient.size() == sample.size() * n, "rows of one length");
+        NearRows rows;
+        rows.sample.assign(sample.data(), sample.data() + sample.size());
+        rows.value = to_vector(value), rows.gradient = to_vector(gradient);
+        return rows;
+    };
+    return std::make_unique<Sqp>(spline, std::move(ask), TorqueRows(tree, to_vector(torque)), make_settings(settings));
+}
+
+// Control points, duration, merit, violation of clearance (m), least value of a contact row (m), steps.
+using Descended = std::tuple<nb::ndarray<nb::numpy, double>, double, double, double, double, int>;
+
+Descended optimise(Sqp &sqp, Matrix control, int iterations, const std::function<bool()> &stop, double best,
+                   double longest) {
+    const Spline &spline = sqp.spline();
+    expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
+    const double *start = control.data();
+    const std::function<bool()> polled = [&stop] {
+        nb::gil_scoped_acquire held;
+        return stop();
+    };
+    Descent found;
+    {
+        nb::gil_scoped_release released;
+        found = sqp.optimise(start, iterations, polled, best, longest);
+    }
+    double nearest = std::numeric_limits<double>::infinity();
+    for (double value : found.point.contacts.value) nearest = std::min(nearest, value);
+    const double violation = found.point.contacts.violation();
+    return {to_numpy(std::move(found.point.control), {spline.points, spline.joints}), found.point.duration,
+            found.point.merit, violation, nearest, found.steps};
+}
+
+// Rows of a curve, for tests: contacts, then torques: sample, value, by_control (K, M n), by_duration.
+using Laid = std::tuple<nb::ndarray<nb::numpy, std::int64_t>, nb::ndarray<nb::numpy, double>,
+                        nb::ndarray<nb::numpy, double>, nb::ndarray<nb::numpy, double>>;
+
+Laid laid_out(const Inequalities &rows, const Spline &spline) {
+    const std::size_t n = spline.joints, size = spline.free() * n, count = rows.sample.size(), width = rows.width(n);
+    Vec dense(count * size, 0.0);
+    for (std::size_t i = 0; i < count; ++i) {
+        const Stencil &over = rows.over[rows.sample[i]];
+        const double *entries = rows.entries.data() + i * width;
+        for (std::size_t k = 0; k < REACH && over.first + k < spline.free(); ++k)
+            for (std::size_t j = 0; j < n; ++j)
+                dense[i * size + (over.first + k) * n + j] = rows.compact ? over.weights[k] * entries[j] : entries[k * n + j];
+    }
+    std::vector<std::int64_t> sample(rows.sample.begin(), rows.sample.end());
+    return {to_numpy(std::move(sample), {count}), to_numpy(rows.value, {count}), to_numpy(std::move(dense), {count, size}),
+            to_numpy(rows.by_duration, {count})};
+}
+
+std::tuple<double, double, Laid, Laid> evaluate(Sqp &sqp, Matrix control, double duration) {
+    const Spline &spline = sqp.spline();
+    expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
+    double span = 0.0;
+    CurvePoint point;
+    {
+        const double *start = control.data();
+        nb::gil_scoped_release released;
+        point = sqp.evaluate(Vec(start, start + spline.points * spline.joints), duration, span);
+    }
+    return {point.duration, point.merit, laid_out(point.contacts, spline), laid_out(point.torques, spline)};
+}
+
 }  // namespace
 
 void bind_program(nb::module_ &m) {
@@ -108,6 +221,17 @@ void bind_program(nb::module_ &m) {
     nb::class_<StepSolver>(m, "StepSolver")
         .def(nb::init<std::shared_ptr<const Spline>>(), "spline"_a)
         .def("solve", &solve, "control"_a, "duration"_a, "soft"_a, "radius"_a, "span"_a);
+    nb::class_<Sqp>(m, "Sqp")
+        .def_static("among_bodies", &among_bodies, nb::keep_alive<0, 2>(), "spline"_a, "world"_a, "torque"_a, "cutoff"_a,
+                    "margins"_a, "settings"_a)
+        .def_static("among_others", &among_others, "spline"_a, "tree"_a, "torque"_a, "near"_a, "settings"_a)
+        .def("set_samples",
+             [](Sqp &sqp, Vector u, Matrix position, Matrix velocity, Matrix acceleration) {
+                 sqp.set_samples(make_samples(sqp.spline(), u, position, velocity, acceleration));
+             },
+             "u"_a, "position"_a, "velocity"_a, "acceleration"_a)
+        .def("evaluate", &evaluate, "control"_a, "duration"_a)
+        .def("optimise", &optimise, "control"_a, "iterations"_a, "stop"_a, "best"_a, "longest"_a);
 }
 
 }  // namespace optiplan
