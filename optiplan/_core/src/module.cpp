@@ -6,4 +6,5 @@ NB_MODULE(CORE_MODULE, m) {
     optiplan::bind_convex(m);
     optiplan::bind_world(m);
     optiplan::bind_search(m);
+    optiplan::bind_program(m);
 }

@@ -10,8 +10,8 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.native_step import step_solver
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.qp import Subproblem
 from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, optimise
 from optiplan.planners.trajopt.transcription import Margins, Transcription
 from optiplan.problem.problem import Problem
@@ -80,7 +80,7 @@ class Optimiser:
         """
         margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
         transcription = Transcription(self.problem, self.model, self.basis, margins)
-        subproblem = Subproblem(transcription, self.options.solver)
+        subproblem = step_solver(transcription, self.options.solver)
         u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
         iterations, attempt = 0, None
         longest = np.inf if patient else GROWN * self.basis.shortest_duration(control, self.problem.limits.rates)

@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 from optiplan.planners.option_schema import OptionError, PlannerOptions, option
 
+AUTO = "auto"
+"""The solver that is the native core where there is one."""
+
 
 @dataclass(frozen=True)
 class TrajOptOptions(PlannerOptions):
@@ -39,12 +42,18 @@ class TrajOptOptions(PlannerOptions):
     good_enough: float = option(
         1.002, "cost / bound at which no further attempt is made, whatever the budget.", least=1, most=1e9
     )
-    solver: str = option("piqp", "of the quadratic programs, any that qpsolvers knows and finds installed.")
+    solver: str = option(
+        AUTO,
+        f"of the quadratic programs: {AUTO} for the native core (piqp where that is not built), or any that qpsolvers "
+        "knows and finds installed.",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.solver != "piqp":  # the default is always installed: listing all solvers takes a quarter of a second
+        if self.solver not in (AUTO, "piqp"):  # always installed; listing all solvers takes a quarter of a second
             import qpsolvers
 
             if self.solver not in qpsolvers.available_solvers:
-                raise OptionError("solver", f"'{self.solver}'", f"one of {', '.join(qpsolvers.available_solvers)}")
+                raise OptionError(
+                    "solver", f"'{self.solver}'", f"{AUTO} or one of {', '.join(qpsolvers.available_solvers)}"
+                )

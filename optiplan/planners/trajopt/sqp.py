@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 from math import inf
 
 from optiplan.arrays import Array
-from optiplan.planners.trajopt.qp import Penalty, Step, Subproblem
+from optiplan.planners.trajopt.native_step import StepSolver
+from optiplan.planners.trajopt.qp import Penalty, Step
 from optiplan.planners.trajopt.transcription import SoftRows, Transcription
 
 CONTACT_PENALTY = 0.5
@@ -81,7 +82,7 @@ def evaluate(transcription: Transcription, control: Array, duration: float, span
 
 
 def optimise(  # noqa: PLR0913
-    subproblem: Subproblem,
+    subproblem: StepSolver,
     control: Array,
     iterations: int,
     stop: Callable[[], bool],
@@ -135,7 +136,7 @@ def _stalled(missing: list[float]) -> bool:
     return len(missing) > STALLED and missing[-1] > max(STUCK, HALVED * missing[-1 - STALLED])
 
 
-def _second(subproblem: Subproblem, trial: Point, radius: float) -> Point:
+def _second(subproblem: StepSolver, trial: Point, radius: float) -> Point:
     """Return the better of a trial point and the point one step from it."""
     step = subproblem.solve(trial.control, trial.duration, trial.soft, radius, trial.span)
     again = trial if step is None else _follow(subproblem.transcription, trial, step)

@@ -1,0 +1,237 @@
+// The optimiser's programs, for Python.
+#include <nanobind/stl/function.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <limits>
+#include <map>
+#include <optional>
+#include <string>
+#include <tuple>
+
+#include "arrays.hpp"
+#include "module.hpp"
+#include "program/sqp.hpp"
+
+namespace optiplan {
+
+namespace {
+
+// Rows of one kind as `SoftRows` of planners/trajopt has them: sample (K,), value (K,), by_control (K, M n),
+// by_duration (K,), price, unit.
+using DenseRows = std::tuple<Indices, Vector, Matrix, Vector, double, double>;
+
+std::shared_ptr<Spline> make_spline(Matrix derivatives, Indices order, Matrix rates, Matrix gram, Matrix limits,
+                                    std::size_t fixed, double time, double jerk) {
+    auto spline = std::make_shared<Spline>();
+    spline->points = derivatives.shape(1), spline->joints = rates.shape(1), spline->fixed = fixed;
+    expect(2 * fixed < spline->points, "no free control point");
+    expect(order.shape(0) == derivatives.shape(0), "one order a row");
+    expect(rates.shape(0) == 3 && limits.shape(0) == 2 && limits.shape(1) == spline->joints, "limits of every joint");
+    expect(gram.shape(0) == spline->points && gram.shape(1) == spline->points, "gram (K, K)");
+    for (std::size_t r = 0; r < derivatives.shape(0); ++r) {
+        spline->derivatives.push_back(stencil_of(derivatives.data() + r * spline->points, spline->points));
+        expect(order.data()[r] >= 1 && order.data()[r] <= 3, "orders are 1, 2 or 3");
+        spline->order.push_back(static_cast<int>(order.data()[r]));
+    }
+    spline->rates = to_vector(rates), spline->gram = to_vector(gram);
+    spline->lower.assign(limits.data(), limits.data() + spline->joints);
+    spline->upper.assign(limits.data() + spline->joints, limits.data() + 2 * spline->joints);
+    spline->time = time, spline->jerk = jerk;
+    return spline;
+}
+
+// The same rows with entries of the control points around their sample alone.
+Inequalities near_the_diagonal(const DenseRows &dense, const Spline &spline) {
+    const auto &[sample, value, by_control, by_duration, price, unit] = dense;
+    const std::size_t count = sample.shape(0), n = spline.joints, free = spline.free();
+    expect(value.shape(0) == count && by_duration.shape(0) == count && by_control.shape(0) == count, "rows of one length");
+    expect(by_control.shape(1) == free * n, "derivatives by every free control point");
+    Inequalities rows;
+    rows.price = price, rows.unit = unit, rows.compact = false;
+    rows.value = to_vector(value), rows.by_duration = to_vector(by_duration);
+    rows.entries.assign(count * REACH * n, 0.0);
+    for (std::size_t i = 0; i < count; ++i) {
+        expect(i == 0 ? sample.data()[i] >= 0 : sample.data()[i] >= sample.data()[i - 1], "samples in rising order");
+        rows.sample.push_back(static_cast<int>(sample.data()[i]));
+    }
+    if (count) rows.over.resize(static_cast<std::size_t>(rows.sample.back()) + 1);
+    for (std::size_t i = 0; i < count;) {
+        std::size_t end = i, first = free, last = 0;
+        for (; end < count && rows.sample[end] == rows.sample[i]; ++end) {
+            const double *row = by_control.data() + end * free * n;
+            for (std::size_t k = 0; k < free * n; ++k)
+                if (row[k] != 0.0) first = std::min(first, k / n), last = std::max(last, k / n);
+        }
+        if (first < free) {
+            expect(last - first < REACH, "rows of a sample depend on neighbouring control points");
+            rows.over[rows.sample[i]].first = first;
+            for (std::size_t r = i; r < end; ++r)
+                std::copy_n(by_control.data() + (r * free + first) * n, (last - first + 1) * n,
+                            rows.entries.data() + r * REACH * n);
+        }
+        i = end;
+    }
+    return rows;
+}
+
+using StepFound = std::tuple<nb::ndarray<nb::numpy, double>, double, double, int>;
+
+std::optional<StepFound> solve(StepSolver &solver, Matrix control, double duration, const std::vector<DenseRows> &soft,
+                               double radius, double span) {
+    const Spline &spline = solver.spline();
+    expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
+    std::vector<Inequalities> rows;
+    std::vector<const Inequalities *> pointers;
+    for (const DenseRows &part : soft) rows.push_back(near_the_diagonal(part, spline));
+    for (const Inequalities &part : rows) pointers.push_back(&part);
+    const double *start = control.data();
+    Step step;
+    {
+        nb::gil_scoped_release released;
+        step = solver.solve(start, duration, pointers, radius, span);
+    }
+    if (!step.solved) return std::nullopt;
+    auto moved = to_numpy(std::move(step.control), {spline.points, spline.joints});
+    return StepFound(std::move(moved), step.duration, step.promise, step.iterations);
+}
+
+Samples make_samples(const Spline &spline, Vector u, Matrix position, Matrix velocity, Matrix acceleration) {
+    for (const Matrix *matrix : {&position, &velocity, &acceleration})
+        expect(matrix->shape(0) == u.size() && matrix->shape(1) == spline.points, "a basis (N, K) for each order");
+    const double *const matrices[3] = {position.data(), velocity.data(), acceleration.data()};
+    return Samples::of(u.data(), u.size(), matrices, spline.points);
+}
+
+SqpSettings make_settings(const std::map<std::string, double> &values) {
+    const auto get = [&](const char *name) { return values.at(name); };
+    return {get("contact_penalty"), get("torque_penalty"), get("centimetre"), get("first_radius"), get("least_radius"),
+            get("shrink"),          get("stuck"),          get("halved"),     get("worse"),
+            static_cast<int>(get("stalled")), static_cast<int>(get("slow"))};
+}
+
+// A descent among the bodies of a world.
+std::unique_ptr<Sqp> among_bodies(std::shared_ptr<const Spline> spline, const World &world, Vector torque, double cutoff,
+                                  std::tuple<double, Vector, Vector> margins,
+                                  const std::map<std::string, double> &settings) {
+    const auto &[middle, start, end] = margins;
+    expect(start.size() == world.pairs().size() && end.size() == start.size(), "margins of all pairs");
+    expect(torque.size() == spline->joints && world.tree().planned == static_cast<int>(spline->joints), "n joints");
+    const auto wanted = std::make_shared<const Margins>(Margins{middle, to_vector(start), to_vector(end)});
+    const std::size_t n = spline->joints;
+    NearBodies near = [&world, wanted, cutoff, n](const Vec &u, const Vec &Q) {
+        return near_rows(world, *wanted, u, Q, cutoff);
+    };
+    return std::make_unique<Sqp>(spline, std::move(near), TorqueRows(world.tree(), to_vector(torque)),
+                                 make_settings(settings));
+}
+
+// The same with contacts from Python: `near` takes Q (N, n) to sample (K,), value (K,) and gradient (K, n).
+using FoundRows = std::tuple<Indices, Vector, Matrix>;
+
+std::unique_ptr<Sqp> among_others(std::shared_ptr<const Spline> spline, const Tree &tree, Vector torque,
+                                  std::function<FoundRows(nb::ndarray<nb::numpy, double>)> near,
+                                  const std::map<std::string, double> &settings) {
+    expect(torque.size() == spline->joints && tree.planned == static_cast<int>(spline->joints), "n joints");
+    const std::size_t n = spline->joints;
+    NearBodies ask = [near, n](const Vec &, const Vec &Q) {
+        nb::gil_scoped_acquire held;
+        const auto [sample, value, gradient] = near(to_numpy(Q, {Q.size() / n, n}));
+        expect(value.size() == sample.size() && gradient.size() == sample.size() * n, "rows of one length");
+        NearRows rows;
+        rows.sample.assign(sample.data(), sample.data() + sample.size());
+        rows.value = to_vector(value), rows.gradient = to_vector(gradient);
+        return rows;
+    };
+    return std::make_unique<Sqp>(spline, std::move(ask), TorqueRows(tree, to_vector(torque)), make_settings(settings));
+}
+
+// Control points, duration, merit, violation of clearance (m), least value of a contact row (m), steps.
+using Descended = std::tuple<nb::ndarray<nb::numpy, double>, double, double, double, double, int>;
+
+Descended optimise(Sqp &sqp, Matrix control, int iterations, const std::function<bool()> &stop, double best,
+                   double longest) {
+    const Spline &spline = sqp.spline();
+    expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
+    const double *start = control.data();
+    const std::function<bool()> polled = [&stop] {
+        nb::gil_scoped_acquire held;
+        return stop();
+    };
+    Descent found;
+    {
+        nb::gil_scoped_release released;
+        found = sqp.optimise(start, iterations, polled, best, longest);
+    }
+    double nearest = std::numeric_limits<double>::infinity();
+    for (double value : found.point.contacts.value) nearest = std::min(nearest, value);
+    const double violation = found.point.contacts.violation();
+    return {to_numpy(std::move(found.point.control), {spline.points, spline.joints}), found.point.duration,
+            found.point.merit, violation, nearest, found.steps};
+}
+
+// Rows of a curve, for tests: contacts, then torques: sample, value, by_control (K, M n), by_duration.
+using Laid = std::tuple<nb::ndarray<nb::numpy, std::int64_t>, nb::ndarray<nb::numpy, double>,
+                        nb::ndarray<nb::numpy, double>, nb::ndarray<nb::numpy, double>>;
+
+Laid laid_out(const Inequalities &rows, const Spline &spline) {
+    const std::size_t n = spline.joints, size = spline.free() * n, count = rows.sample.size(), width = rows.width(n);
+    Vec dense(count * size, 0.0);
+    for (std::size_t i = 0; i < count; ++i) {
+        const Stencil &over = rows.over[rows.sample[i]];
+        const double *entries = rows.entries.data() + i * width;
+        for (std::size_t k = 0; k < REACH && over.first + k < spline.free(); ++k)
+            for (std::size_t j = 0; j < n; ++j)
+                dense[i * size + (over.first + k) * n + j] = rows.compact ? over.weights[k] * entries[j] : entries[k * n + j];
+    }
+    std::vector<std::int64_t> sample(rows.sample.begin(), rows.sample.end());
+    return {to_numpy(std::move(sample), {count}), to_numpy(rows.value, {count}), to_numpy(std::move(dense), {count, size}),
+            to_numpy(rows.by_duration, {count})};
+}
+
+std::tuple<double, double, Laid, Laid> evaluate(Sqp &sqp, Matrix control, double duration) {
+    const Spline &spline = sqp.spline();
+    expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
+    double span = 0.0;
+    CurvePoint point;
+    {
+        const double *start = control.data();
+        nb::gil_scoped_release released;
+        point = sqp.evaluate(Vec(start, start + spline.points * spline.joints), duration, span);
+    }
+    return {point.duration, point.merit, laid_out(point.contacts, spline), laid_out(point.torques, spline)};
+}
+
+}  // namespace
+
+void bind_program(nb::module_ &m) {
+    using namespace nb::literals;
+    nb::class_<Spline>(m, "Spline")
+        .def(nb::new_(&make_spline), "derivatives"_a, "order"_a, "rates"_a, "gram"_a, "limits"_a, "fixed"_a, "time"_a,
+             "jerk"_a)
+        .def("shortest_duration", [](const Spline &spline, Matrix control) {
+            expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
+            return spline.shortest_duration(control.data());
+        });
+    nb::class_<StepSolver>(m, "StepSolver")
+        .def(nb::init<std::shared_ptr<const Spline>>(), "spline"_a)
+        .def("solve", &solve, "control"_a, "duration"_a, "soft"_a, "radius"_a, "span"_a);
+    nb::class_<Sqp>(m, "Sqp")
+        .def_static("among_bodies", &among_bodies, nb::keep_alive<0, 2>(), "spline"_a, "world"_a, "torque"_a, "cutoff"_a,
+                    "margins"_a, "settings"_a)
+        .def_static("among_others", &among_others, "spline"_a, "tree"_a, "torque"_a, "near"_a, "settings"_a)
+        .def("set_samples",
+             [](Sqp &sqp, Vector u, Matrix position, Matrix velocity, Matrix acceleration) {
+                 sqp.set_samples(make_samples(sqp.spline(), u, position, velocity, acceleration));
+             },
+             "u"_a, "position"_a, "velocity"_a, "acceleration"_a)
+        .def("evaluate", &evaluate, "control"_a, "duration"_a)
+        .def("optimise", &optimise, "control"_a, "iterations"_a, "stop"_a, "best"_a, "longest"_a);
+}
+
+}  // namespace optiplan

@@ -1,0 +1,95 @@
+// Primal-dual interior point method (Mehrotra's predictor and corrector) for `ArrowProgram`.
+#pragma once
+
+#include "program/arrow_program.hpp"
+
+namespace optiplan {
+
+struct ArrowSettings {
+    double gap = 3e-6;       // complementarity summed over all rows, in the objective's unit
+    double residual = 1e-7;  // largest violation of a row
+    double stationarity = 1e-6;
+    int iterations = 60;
+};
+
+struct ArrowSolution {
+    bool solved = false;
+    int iterations = 0;
+    double t = 0.0, gap = 0.0, residual = 0.0, stationarity = 0.0;
+    Vec x, slack;         // (M n,), (groups,)
+    Vec prices;           // (K,) multipliers of the soft rows
+};
+
+class ArrowQp {
+public:
+    ArrowSolution solve(const ArrowProgram &program, const ArrowSettings &settings = {});
+
+private:
+    // Kinds of rows, in the order in which their slacks z and multipliers lie in memory.
+    enum Kind { LOW, HIGH, LOW_T, HIGH_T, ABOVE, BELOW, SOFT, SLACK, KINDS };
+
+    const ArrowProgram* p_ = nullptr;
+    std::size_t size_ = 0, band_ = 0, total_ = 0;
+    std::size_t begin_[KINDS + 1] = {};
+    BandArrow matrix_;
+    Vec x_, s_;               // variables; x_ padded
+    double t_ = 0.0;
+    Vec z_, y_;               // slack and multiplier of every row
+    Vec weight_, shift_;      // y / z; what the step adds to the right side, row by row
+    Vec row_residual_, moved_;
+    Vec dx_, ds_, dz_, dy_, affine_;
+    double dt_ = 0.0;
+    Vec grad_, grad_s_;       // stationarity residual
+    double grad_t_ = 0.0;
+    Vec mean_, mean_weight_, damping_;  // group by group: mean row, total weight of the rows, and with the slack's
+    Vec local_, block_;
+    double gap_ = 0.0, primal_ = 0.0, dual_ = 0.0;
+
+    std::size_t rows_of(Kind kind) const { return begin_[kind + 1] - begin_[kind]; }
+    double *dual(Kind kind) { return y_.data() + begin_[kind]; }
+    std::size_t mean_at(std::size_t group) const { return group * padded(REACH * p_->joints + 1); }
+
+    void prepare();
+
+    // Values of all rows, A v, into `out`.
+    void rows(const Vec &x, double t, const Vec &s, Vec &out);
+
+    // z of a group and t, padded with zeros, into `local_`.
+    void gather(const Group &group, const Vec &x, double t);
+
+    // Add `factor` times a group's local vector to (x, t).
+    void scatter(const Group &group, const double *local, double factor, Vec &x, double &t) const;
+
+    // Add A' m to (x, t, s).
+    void transposed(const Vec &m, Vec &x, double &t, Vec &s);
+
+    // Right side of every row, minus A v.
+    void room(const Vec &values, Vec &out) const;
+
+    void start();
+
+    void residuals();
+
+    // H + A' W A with the slacks eliminated; false where it cannot be factored.
+    bool factor();
+
+    void add_derivatives();
+
+    // With total weight w of its rows and w_s of its slack, mean row m and rows a:
+    // sum w_i a_i a_i' - (w m)(w m)' / (w + w_s) = sum w_i (a_i - m)(a_i - m)' + w w_s / (w + w_s) m m', without cancellation.
+    void add_group(std::size_t g);
+
+    // Add a group's block (width + 1, stride) to the matrix; its last row belongs to t.
+    void add_block(const Group &group);
+
+    // Newton step for complementarity z y = `target` (per row), into dx_, dt_, ds_, dz_, dy_.
+    // `second`: whether to subtract the products of the affine step, kept in `affine_`.
+    void newton(double target, bool second);
+
+    // Longest step that keeps `value` + step `change` >= 0, at most 1 / `share`.
+    double longest(const Vec &value, const Vec &change, double share) const;
+
+    bool step();
+};
+
+}  // namespace optiplan

@@ -1,0 +1,47 @@
+// Torques of a motion and their derivatives, in world coordinates.
+#pragma once
+
+#include <vector>
+
+#include "program/sums.hpp"
+#include "world/tree.hpp"
+
+namespace optiplan {
+
+// A spatial vector: angular and linear part of a twist at the world's origin, or moment about it and force.
+struct Spatial {
+    Vec3 angular, linear;
+
+    Spatial &operator+=(const Spatial &b) { angular += b.angular, linear += b.linear; return *this; }
+};
+
+// Spatial inertia about the world's origin: mass, mass times centre, rotational inertia.
+struct SpatialInertia {
+    double mass = 0.0;
+    Vec3 moment;
+    Mat3 rotational{{{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}};
+};
+
+// tau(q, v, a) of all planned joints by recursive Newton-Euler, and its derivatives by the formulas of Singh, Russell and
+// Wensing (Efficient analytical derivatives of rigid-body dynamics using spatial vector algebra, RA-L 2022).
+class InverseDynamics {
+public:
+    explicit InverseDynamics(const Tree &tree);
+
+    // tau (n,) at q, v, a (n,): N m or N.
+    void torques(const double *q, const double *v, const double *a, double *tau);
+
+    // Derivatives (n, n) by q, v and a at the state of the last call of `torques`.
+    void derivatives(double *by_q, double *by_v, double *by_a);
+
+private:
+    Spatial coriolis_row(int joint, const Spatial &x) const;
+
+    Tree tree_;
+    std::vector<Pose> pose_;
+    std::vector<Spatial> axis_, twist_, acceleration_, force_, axis_rate_, carried_;
+    std::vector<SpatialInertia> inertia_, composite_;
+    Vec coriolis_;  // (joints, 6, 6) of all that a joint carries
+};
+
+}  // namespace optiplan

@@ -1,0 +1,129 @@
+#include "program/rows.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+namespace optiplan {
+
+namespace {
+
+// Share of a pair's clearance at an end that is aimed at near this end, where the pair is nearer than the margin.
+constexpr double KEPT = 0.6;
+
+// Torques above this share of their limit get a row.
+constexpr double TORQUE_SHARE = 0.6;
+
+// Runs of consecutive samples at which a pair penetrates, as places in `found`: rising samples, pair by pair.
+std::vector<std::vector<std::size_t>> penetrations(const std::vector<Contact> &found) {
+    std::map<int, std::vector<std::vector<std::size_t>>> runs;
+    for (std::size_t k = 0; k < found.size(); ++k) {
+        if (found[k].witness.distance >= 0.0) continue;
+        auto &of_pair = runs[found[k].pair];
+        if (of_pair.empty() || found[of_pair.back().back()].row < found[k].row - 1) of_pair.emplace_back();
+        of_pair.back().push_back(k);
+    }
+    std::vector<std::vector<std::size_t>> all;
+    for (auto &[pair, of_pair] : runs) all.insert(all.end(), of_pair.begin(), of_pair.end());
+    return all;
+}
+
+void push_one_way(std::vector<Contact> &found) {
+    for (const auto &run : penetrations(found)) {
+        Vec3 mean;
+        for (std::size_t k : run) mean += found[k].witness.normal;
+        const double length = norm(mean);
+        if (length > 0.0)
+            for (std::size_t k : run) found[k].witness.normal = (1.0 / length) * mean;
+    }
+}
+
+}  // namespace
+
+double Margins::at(double u, int pair) const {
+    return std::min(middle, KEPT * ((1.0 - u) * start[pair] + u * end[pair]));
+}
+
+NearRows near_rows(const World &world, const Margins &margins, const Vec &u, const Vec &Q, double cutoff) {
+    const std::size_t n = static_cast<std::size_t>(world.tree().planned);
+    std::vector<Contact> found;
+    std::vector<Placement> places(u.size(), world.placement());
+    for (std::size_t i = 0; i < u.size(); ++i) {
+        world.place(Q.data() + i * n, places[i]);
+        world.near(places[i], static_cast<int>(i), cutoff, found);
+    }
+    push_one_way(found);
+    NearRows rows;
+    rows.gradient.resize(found.size() * n);
+    for (std::size_t k = 0; k < found.size(); ++k) {
+        const Contact &contact = found[k];
+        rows.sample.push_back(contact.row);
+        rows.value.push_back(contact.witness.distance - margins.at(u[contact.row], contact.pair));
+        world.gradient(places[contact.row], contact, rows.gradient.data() + k * n);
+    }
+    return rows;
+}
+
+TorqueRows::TorqueRows(const Tree &tree, Vec limit) : dynamics_(tree), limit_(std::move(limit)) {
+    for (std::size_t j = 0; j < limit_.size(); ++j)
+        if (std::isfinite(limit_[j])) which_.push_back(static_cast<int>(j));
+    const std::size_t n = limit_.size();
+    motion_.resize(3 * n), tau_.resize(n), share_.resize(which_.size()), derivatives_.resize(3 * n * n);
+}
+
+void TorqueRows::of(const Spline &spline, const Samples &samples, const double *control, double duration,
+                    const Mask &watched, Inequalities &rows, Mask &exceeded) {
+    const std::size_t n = spline.joints, count = which_.size();
+    rows.compact = false;
+    rows.sample.clear(), rows.value.clear(), rows.by_duration.clear(), rows.entries.clear();
+    exceeded.assign(samples.count() * count, 0);
+    if (!count) return;
+    rows.over.resize(samples.count());
+    for (std::size_t i = 0; i < samples.count(); ++i) {
+        rows.over[i].first = std::max(samples.first[i], spline.fixed) - spline.fixed;
+        double scale = 1.0;
+        for (int order = 0; order < 3; ++order, scale /= duration) {
+            double *part = motion_.data() + order * n;
+            samples.at(i, order, control, spline, part);
+            for (std::size_t j = 0; j < n; ++j) part[j] *= scale;
+        }
+        dynamics_.torques(motion_.data(), motion_.data() + n, motion_.data() + 2 * n, tau_.data());
+        bool hot = false;
+        for (std::size_t k = 0; k < count; ++k) {
+            share_[k] = tau_[which_[k]] / limit_[which_[k]];
+            exceeded[i * count + k] = std::fabs(share_[k]) > 1.0;
+            hot |= std::fabs(share_[k]) > TORQUE_SHARE || watched[i * count + k];
+        }
+        if (hot) add(spline, samples, i, duration, watched, rows);
+    }
+}
+
+// The rows of one sample, where `dynamics_` has just been asked.
+void TorqueRows::add(const Spline &spline, const Samples &samples, std::size_t i, double duration, const Mask &watched,
+                     Inequalities &rows) {
+    const std::size_t n = spline.joints, free = spline.free(), count = which_.size();
+    double *by[3] = {derivatives_.data(), derivatives_.data() + n * n, derivatives_.data() + 2 * n * n};
+    dynamics_.derivatives(by[0], by[1], by[2]);
+    for (std::size_t k = 0; k < count; ++k) {
+        if (!(std::fabs(share_[k]) > TORQUE_SHARE || watched[i * count + k])) continue;
+        const double scale = (share_[k] > 0.0 ? -1.0 : share_[k] < 0.0 ? 1.0 : 0.0) / limit_[which_[k]];
+        const std::size_t at = rows.entries.size();
+        rows.entries.resize(at + REACH * n, 0.0);
+        double power = 1.0, by_duration = 0.0;
+        for (int order = 0; order < 3; ++order, power /= duration) {
+            const double *slope = by[order] + which_[k] * n;
+            by_duration -= order * dot(slope, motion_.data() + order * n, n);
+            for (std::size_t point = 0; point < REACH; ++point) {
+                const std::size_t whole = samples.first[i] + point;  // among all control points
+                if (whole < spline.fixed || whole >= spline.fixed + free) continue;
+                const std::size_t place = whole - spline.fixed - rows.over[i].first;
+                add_scaled(rows.entries.data() + at + place * n, scale * power * samples.weights[i][order][point], slope, n);
+            }
+        }
+        rows.sample.push_back(static_cast<int>(i));
+        rows.value.push_back(1.0 - std::fabs(share_[k]));
+        rows.by_duration.push_back(scale * by_duration / duration);
+    }
+}
+
+}  // namespace optiplan

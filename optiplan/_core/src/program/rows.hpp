@@ -1,0 +1,58 @@
+// The inequalities of a curve at its samples: clearance of pairs of bodies, and torques.
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "program/inverse_dynamics.hpp"
+#include "program/samples.hpp"
+#include "program/step.hpp"
+#include "world/world.hpp"
+
+namespace optiplan {
+
+// Desired clearance, m: `middle`, but at most what the ends allow; see `Margins` of planners/trajopt/transcription.py.
+struct Margins {
+    double middle = 0.0;
+    Vec start, end;  // (pairs,) clearance at the two ends
+
+    double at(double u, int pair) const;
+};
+
+// What is near at samples: sample, value (clearance beyond the margin, m) and gradient (n,) of each row, rising samples.
+struct NearRows {
+    std::vector<int> sample;
+    Vec value, gradient;
+};
+
+// At u (N,), Q (N, n).
+using NearBodies = std::function<NearRows(const Vec &u, const Vec &Q)>;
+
+// Pairs nearer than `cutoff`; those that penetrate at consecutive samples get the mean of their normals, for in deep
+// penetration the nearest way out changes sides, and pushing a curve both ways at once leaves it in place.
+NearRows near_rows(const World &world, const Margins &margins, const Vec &u, const Vec &Q, double cutoff);
+
+// Where a torque is above its limit, or was when a step was refused: (samples, limited joints).
+using Mask = std::vector<char>;
+
+// Rows 1 - |tau| / limit >= 0 of joints and samples above a share of the limit, or watched.
+class TorqueRows {
+public:
+    TorqueRows(const Tree &tree, Vec limit);
+
+    void of(const Spline &spline, const Samples &samples, const double *control, double duration, const Mask &watched,
+            Inequalities &rows, Mask &exceeded);
+
+    std::size_t limited() const { return which_.size(); }
+
+private:
+    void add(const Spline &spline, const Samples &samples, std::size_t sample, double duration, const Mask &watched,
+             Inequalities &rows);
+
+    InverseDynamics dynamics_;
+    Vec limit_;               // (n,) N m or N; infinite where there is none
+    std::vector<int> which_;  // joints that have a limit
+    Vec motion_, tau_, share_, derivatives_;
+};
+
+}  // namespace optiplan

@@ -1,0 +1,77 @@
+"""The program of one step, built and solved by the native core."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from optiplan._core import core
+from optiplan.arrays import Array
+from optiplan.planners.trajopt.bspline_basis import FIXED
+from optiplan.planners.trajopt.options import AUTO
+from optiplan.planners.trajopt.qp import Penalty, Step, Subproblem
+from optiplan.planners.trajopt.transcription import Transcription
+
+
+class StepSolver(Protocol):
+    """Builds and solves the program of a step; see `qp.Subproblem`, the reference."""
+
+    transcription: Transcription
+
+    def solve(
+        self, control: Array, duration: float, soft: Sequence[Penalty], radius: float, span: float
+    ) -> Step | None:
+        """Return one step from (control, duration); None when the solver fails."""
+
+
+class NativeSubproblem:
+    """The same program as `qp.Subproblem`, with all bounds on derivatives from the start.
+
+    The core's interior point method works on its structure: a band, for every row depends on a few neighbouring control
+    points, with the duration as border and the slacks eliminated (`_core/src/program/arrow_qp.hpp`).
+    """
+
+    def __init__(self, transcription: Transcription) -> None:
+        self.transcription = transcription
+        self._solver = core.StepSolver(native_spline(transcription))
+
+    def solve(
+        self, control: Array, duration: float, soft: Sequence[Penalty], radius: float, span: float
+    ) -> Step | None:
+        """Return one step from (control, duration); None when the solver fails; see `qp.Subproblem.solve`."""
+        rows = [
+            (
+                part.rows.sample.astype(np.int64),
+                part.rows.value,
+                part.rows.by_control,
+                part.rows.by_duration,
+                part.price,
+                part.unit,
+            )
+            for part in soft
+        ]
+        found = self._solver.solve(control, duration, rows, radius, span)
+        return None if found is None else Step(*found[:3])
+
+
+def native_spline(transcription: Transcription) -> core.Spline:
+    """Return the core's form of a transcription's spline, limits and objective."""
+    basis, limits, objective = transcription.basis, transcription.limits, transcription.objective
+    orders = [len(basis.derivative[order]) for order in (1, 2, 3)]
+    return core.Spline(
+        np.vstack(basis.derivative[1:]),
+        np.repeat(np.array([1, 2, 3], dtype=np.int64), orders),
+        np.array(transcription.rates),
+        np.ascontiguousarray(basis.jerk_gram),
+        np.array([limits.lower, limits.upper]),
+        FIXED,
+        objective.time,
+        objective.jerk,
+    )
+
+
+def step_solver(transcription: Transcription, solver: str) -> StepSolver:
+    """Return the native core for `auto`, where there is one, and a solver of qpsolvers otherwise."""
+    if solver == AUTO:
+        return Subproblem(transcription, "piqp") if core is None else NativeSubproblem(transcription)
+    return Subproblem(transcription, solver)
