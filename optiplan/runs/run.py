@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import optiplan
+from optiplan._core import variant
 from optiplan.errors import path_argument, wrong_argument
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
@@ -177,6 +178,7 @@ class Run:
             "info": dict(self.info),
             "improvements": [list(improvement) for improvement in self.improvements],
             "versions": versions(),
+            "core": variant,
         }
 
 

@@ -14,8 +14,8 @@ from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.path_timing import timed_path, within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
-from optiplan.planners.sampling.ompl_search import kpiece, rrt_connect
-from optiplan.planners.sampling.sample_path import ALTERNATE_RATIO, SampledPath, SamplingOptions, sample_path
+from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
+from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import through_thinner
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
