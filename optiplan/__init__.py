@@ -25,6 +25,15 @@ if TYPE_CHECKING:
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
+    from optiplan.problem.constraints.statements import (
+        OnLine,
+        OnPlane,
+        OrientationCone,
+        PairClearance,
+        PositionBox,
+        RelativePose,
+        ToolSpeed,
+    )
     from optiplan.problem.goals_and_vias import JointGoal, Objective, PoseGoal
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
     from optiplan.problem.problem import Problem
@@ -43,6 +52,15 @@ _ROOMS = {
     "errors": ("InputError", "OptiPlanError"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
+    "problem.constraints.statements": (
+        "OnLine",
+        "OnPlane",
+        "OrientationCone",
+        "PairClearance",
+        "PositionBox",
+        "RelativePose",
+        "ToolSpeed",
+    ),
     "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
     "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
     "problem.problem": ("Problem",),
@@ -69,18 +87,25 @@ __all__ = [
     "Mesh",
     "Objective",
     "Obstacle",
+    "OnLine",
+    "OnPlane",
     "OptiPlanError",
+    "OrientationCone",
+    "PairClearance",
     "PlanResult",
     "Planner",
     "Pose",
     "PoseGoal",
+    "PositionBox",
     "Problem",
+    "RelativePose",
     "Report",
     "Robot",
     "Run",
     "Samples",
     "Scene",
     "Sphere",
+    "ToolSpeed",
     "Trajectory",
     "ViaPoint",
     "View",

@@ -11,6 +11,7 @@ from optiplan.robot.self_collision.pairs import count_reasons
 from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
+from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.continuous.certificate import Proof, certify
 from optiplan.verify.continuous.torque import torque
 from optiplan.verify.report import Check, Report, VerifyPolicy
@@ -76,6 +77,7 @@ def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> l
         limit_checks.start(problem, trajectory, policy),
         limit_checks.goal(problem, trajectory),
         *([vias(problem, trajectory)] if problem.vias else []),
+        *path_constraints(problem, trajectory, policy),
         limit_checks.rest(problem, trajectory, policy),
         limit_checks.continuity(problem, trajectory, policy),
         limit_checks.position(problem, trajectory, policy),
