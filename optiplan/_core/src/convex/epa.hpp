@@ -81,7 +81,7 @@ private:
             vertices_.push_back(best);
             return most > least;
         };
-        vertices_.assign(simplex.points, simplex.points + simplex.size);
+        for (int i = 0; i < simplex.size(); ++i) vertices_.push_back(simplex.point(i));
 
         if (vertices_.size() > 1 && norm(edge(0, 1)) <= least) vertices_.resize(1);
         if (vertices_.size() == 1) {
@@ -179,7 +179,7 @@ private:
         const double up = dot(difference_.support(flat_normal_).w, flat_normal_);
         const double down = -dot(difference_.support(-flat_normal_).w, flat_normal_);
         const Vec3 a = simplex.on_a();
-        return {-std::min(up, down), a, a - simplex.v, up <= down ? flat_normal_ : -flat_normal_};
+        return {-std::min(up, down), a, a - simplex.v(), up <= down ? flat_normal_ : -flat_normal_};
     }
 
     const Difference<A, B> &difference_;
