@@ -5,12 +5,13 @@
 
 namespace optiplan {
 
-// From points of A and B that are `distance` apart along b - a; `fallback` is the normal where they coincide.
+constexpr double kCoincident = 1e-13;  // m; points nearer than this tell no direction
+
+// Of points of A and B; `fallback` is the normal where they coincide.
 inline Witness between(const Vec3 &a, const Vec3 &b, const Vec3 &fallback) {
     const Vec3 apart = b - a;
     const double length = norm(apart);
-    if (length > 0.0) return {length, a, b, (1.0 / length) * apart};
-    return {0.0, a, b, fallback};
+    return {length, a, b, length > kCoincident ? (1.0 / length) * apart : fallback};
 }
 
 // The point of a segment p + t d, 0 <= t <= 1, that is nearest to q.
@@ -41,10 +42,8 @@ inline Witness segments(const Vec3 &a, const Vec3 &u, const Vec3 &b, const Vec3 
 
 // A point p of A against a box about the origin of A's frame; here the box is A and the point is B.
 inline Witness box_to_point(const Vec3 &half, const Vec3 &p) {
-    const BoxCore box{half};
-    const Vec3 on_box = box.near(p);
-    if (on_box.x != p.x || on_box.y != p.y || on_box.z != p.z) return between(on_box, p, {1, 0, 0});
     const double x = half.x - std::fabs(p.x), y = half.y - std::fabs(p.y), z = half.z - std::fabs(p.z);
+    if (std::min({x, y, z}) < -kCoincident) return between(BoxCore{half}.near(p), p, {1, 0, 0});
     Witness result{-std::min({x, y, z}), p, p, {}};
     if (x <= y && x <= z) result.normal.x = std::copysign(1.0, p.x), result.a.x = std::copysign(half.x, p.x);
     else if (y <= z) result.normal.y = std::copysign(1.0, p.y), result.a.y = std::copysign(half.y, p.y);
@@ -57,7 +56,7 @@ inline Witness cylinder_to_point(double radius, double half_length, const Vec3 &
     const double across = std::sqrt(p.x * p.x + p.y * p.y);
     const Vec3 outward = across > 0.0 ? Vec3{p.x / across, p.y / across, 0.0} : Vec3{1, 0, 0};
     const double to_side = radius - across, to_cap = half_length - std::fabs(p.z);
-    if (to_side < 0.0 || to_cap < 0.0) {
+    if (std::min(to_side, to_cap) < -kCoincident) {
         Vec3 on = to_side < 0.0 ? radius * outward : Vec3{p.x, p.y, 0.0};
         on.z = clamped(p.z, half_length);
         return between(on, p, outward);

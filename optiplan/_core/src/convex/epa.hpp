@@ -81,7 +81,7 @@ private:
             vertices_.push_back(best);
             return most > least;
         };
-        vertices_.assign(simplex.points, simplex.points + simplex.size);
+        for (int i = 0; i < simplex.size(); ++i) vertices_.push_back(simplex.point(i));
 
         if (vertices_.size() > 1 && norm(edge(0, 1)) <= least) vertices_.resize(1);
         if (vertices_.size() == 1) {
@@ -126,7 +126,15 @@ private:
         return best;
     }
 
-    // Replaces the faces that see a new point by faces to it from their rim; false where there is no room.
+    // Whether the rim passes no vertex twice, as it would where rounding decides what sees a point in slender faces.
+    bool is_ring() const {
+        for (std::size_t i = 0; i < rim_.size(); ++i)
+            for (std::size_t j = 0; j < i; ++j)
+                if (rim_[i].from == rim_[j].from) return false;
+        return rim_.size() >= 3;
+    }
+
+    // Replaces the faces that see a new point by faces to it from their rim; false where there is no room or no ring.
     bool expand(const DifferencePoint &point) {
         if (vertices_.size() == kVertices) return false;
         const auto sees = [&](const Face &face) { return dot(face.normal, point.w) - face.plane > rounding_; };
@@ -144,7 +152,7 @@ private:
                 else *opposite = rim_.back(), rim_.pop_back();
             }
         }
-        if (!seen) return false;
+        if (!seen || !is_ring()) return false;
         faces_.erase(std::remove_if(faces_.begin(), faces_.end(), sees), faces_.end());
         const int newest = int(vertices_.size());
         vertices_.push_back(point);
@@ -179,7 +187,7 @@ private:
         const double up = dot(difference_.support(flat_normal_).w, flat_normal_);
         const double down = -dot(difference_.support(-flat_normal_).w, flat_normal_);
         const Vec3 a = simplex.on_a();
-        return {-std::min(up, down), a, a - simplex.v, up <= down ? flat_normal_ : -flat_normal_};
+        return {-std::min(up, down), a, a - simplex.v(), up <= down ? flat_normal_ : -flat_normal_};
     }
 
     const Difference<A, B> &difference_;

@@ -28,7 +28,7 @@ struct GjkResult {
 // Close to its least value |v| hardly changes with direction, and the bound does much: the points give the distance, and
 // the plane that proves the bound the normal.
 inline Witness witness_of(const GjkResult &found) {
-    const double upper = norm(found.simplex.v), distance = upper - found.lower <= kSureGap ? upper : found.lower;
+    const double upper = norm(found.simplex.v()), distance = upper - found.lower <= kSureGap ? upper : found.lower;
     const Vec3 a = found.simplex.on_a(), normal = (-1.0 / norm(found.direction)) * found.direction;
     return {distance, a, a + distance * normal, normal};
 }
@@ -39,10 +39,10 @@ GjkResult gjk(const Difference<A, B> &difference, double cutoff, double enough =
     GjkResult result{GjkResult::Status::apart, -HUGE_VAL, {}, {}};
     Simplex &simplex = result.simplex;
     Vec3 v = difference.first_guess();
-    double squared = squared_norm(v);
+    double length = norm(v);
     for (int step = 0; step < kGjkSteps; ++step) {
         const DifferencePoint next = difference.support(-v);
-        const double length = std::sqrt(squared), lower = dot(v, next.w) / length;
+        const double lower = dot(v, next.w) / length;
         if (lower >= result.lower - std::min(kNormalGap, 1e-4 * length)) result.direction = v;
         if (lower > result.lower) {
             result.lower = lower;
@@ -51,19 +51,13 @@ GjkResult gjk(const Difference<A, B> &difference, double cutoff, double enough =
                 return result;
             }
         }
-        if (step > 0 && (length - result.lower <= kDistanceGap || simplex.contains(next.w))) return result;
-        const Simplex before = simplex;
-        simplex.add(next);
-        const double now = squared_norm(simplex.v);
-        if (simplex.holds_origin || now <= enough * enough) {
+        if (step > 0 && length - result.lower <= kDistanceGap) return result;
+        if (!simplex.add(next)) return result;  // rounding leaves no step
+        if (simplex.origin_within() || simplex.squared() <= enough * enough) {
             result.status = GjkResult::Status::touching;
             return result;
         }
-        if (step > 0 && now >= squared) {  // rounding: no step is left
-            simplex = before;
-            return result;
-        }
-        v = simplex.v, squared = now;
+        v = simplex.v(), length = std::sqrt(simplex.squared());
     }
     return result;
 }

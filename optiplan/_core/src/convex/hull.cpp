@@ -26,7 +26,7 @@ struct Hull::Square {
     }
 };
 
-Hull::Hull(std::vector<Vec3> points) : points_(std::move(points)), cells_(cells_for(points_.size())) {
+Hull::Hull(std::vector<Vec3> points) : points_(std::move(points)), edge_cells_(cells_for(points_.size())) {
     if (points_.empty() || points_.size() > std::numeric_limits<std::uint16_t>::max())
         throw std::invalid_argument("a hull takes 1 to 65535 points");
     Vec3 low = points_[0], high = points_[0];
@@ -40,20 +40,21 @@ Hull::Hull(std::vector<Vec3> points) : points_(std::move(points)), cells_(cells_
 
     Candidates all(points_.size());
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint16_t(i);
-    std::vector<Candidates> cells(6 * cells_ * cells_);
-    for (std::uint32_t face = 0; face < 6; ++face) divide({face, 0, 0, cells_}, all, cells);
-    first_.reserve(cells.size() + 1);
-    first_.push_back(0);
+    std::vector<Candidates> cells(6 * edge_cells_ * edge_cells_);
+    for (std::uint32_t face = 0; face < 6; ++face) divide({face, 0, 0, edge_cells_}, all, cells);
     for (const Candidates &cell : cells) {
-        candidates_.insert(candidates_.end(), cell.begin(), cell.end());
-        first_.push_back(std::uint32_t(candidates_.size()));
+        const std::uint16_t second = cell[cell.size() > 1];
+        const auto more = std::uint32_t(more_.size());
+        if (cell.size() > 2) more_.insert(more_.end(), cell.begin() + 2, cell.end());
+        if (cell.size() > 2 && cell.size() % 2) more_.push_back(cell.back());
+        cells_.push_back({{cell[0], second}, more, std::uint32_t(more_.size())});
     }
 }
 
 void Hull::divide(const Square &square, const Candidates &candidates, std::vector<Candidates> &cells) const {
     Candidates kept = kept_in(square, candidates);
     if (square.size == 1) {
-        cells[(square.face * cells_ + square.i) * cells_ + square.j] = std::move(kept);
+        cells[(square.face * edge_cells_ + square.i) * edge_cells_ + square.j] = std::move(kept);
         return;
     }
     const std::uint32_t half = square.size / 2;
@@ -64,7 +65,7 @@ void Hull::divide(const Square &square, const Candidates &candidates, std::vecto
 // The candidates that no other one beats along all four corners of a square. Directions within it are positive sums of
 // its corners, so a vertex that another one beats along all four is never the farthest.
 Hull::Candidates Hull::kept_in(const Square &square, const Candidates &candidates) const {
-    const double step = 2.0 / cells_, slack = kRounding * (norm(centre_) + radius_);
+    const double step = 2.0 / edge_cells_, slack = kRounding * (norm(centre_) + radius_);
     const double u = -1.0 + step * square.i, v = -1.0 + step * square.j, side = step * square.size;
     const Vec3 corners[4] = {square.direction(u, v), square.direction(u + side, v), square.direction(u, v + side),
                              square.direction(u + side, v + side)};

@@ -19,17 +19,10 @@ public:
 
     // The vertex farthest along d, which must not be zero.
     Vec3 support(const Vec3 &d) const {
-        const std::uint32_t cell = cell_of(d);
-        const std::uint16_t *at = candidates_.data() + first_[cell], *end = candidates_.data() + first_[cell + 1];
-        const Vec3 *best = &points_[*at];
-        double most = dot(*best, d);
-        while (++at != end) {
-            const Vec3 &point = points_[*at];
-            const double along = dot(point, d);
-            const bool better = along > most;
-            most = better ? along : most;
-            best = better ? &point : best;
-        }
+        const Cell &cell = cells_[cell_of(d)];
+        const Vec3 *best = farther(&points_[cell.first[0]], &points_[cell.first[1]], d);
+        for (std::uint32_t at = cell.more; at != cell.end; at += 2)
+            best = farther(best, farther(&points_[more_[at]], &points_[more_[at + 1]], d), d);
         return *best;
     }
 
@@ -37,20 +30,26 @@ public:
     const Vec3 &centre() const { return centre_; }  // of the box along the axes of the frame
     const Vec3 &half() const { return half_; }      // half edges of that box
     double radius() const { return radius_; }       // of the ball about `centre` that holds all points
-    double mean_candidates() const { return double(candidates_.size()) / double(first_.size() - 1); }
 
 private:
+    // Candidates of a cell: two, and pairs of `more_`.
+    struct Cell {
+        std::uint16_t first[2];
+        std::uint32_t more, end;
+    };
+
+    static const Vec3 *farther(const Vec3 *a, const Vec3 *b, const Vec3 &d) { return dot(*b, d) > dot(*a, d) ? b : a; }
+
     std::uint32_t cell_of(const Vec3 &d) const {
+        const double along[] = {d.x, d.y, d.z, d.x, d.y};
         const double x = std::fabs(d.x), y = std::fabs(d.y), z = std::fabs(d.z);
-        double major, u, v;
-        std::uint32_t face;
-        if (x >= y && x >= z) major = d.x, u = d.y, v = d.z, face = 0;
-        else if (y >= z) major = d.y, u = d.z, v = d.x, face = 1;
-        else major = d.z, u = d.x, v = d.y, face = 2;
-        const double to_cells = 0.5 * cells_ / std::fabs(major), middle = 0.5 * cells_;
-        const std::uint32_t last = cells_ - 1;
-        const std::uint32_t i = std::uint32_t(middle + u * to_cells), j = std::uint32_t(middle + v * to_cells);
-        return ((2 * face + (major < 0.0)) * cells_ + (i < last ? i : last)) * cells_ + (j < last ? j : last);
+        std::uint32_t axis = y > x;
+        axis = z > (x > y ? x : y) ? 2 : axis;
+        const double major = along[axis], middle = 0.5 * edge_cells_, to_cells = middle / std::fabs(major);
+        const std::uint32_t last = edge_cells_ - 1;
+        const std::uint32_t i = std::uint32_t(middle + along[axis + 1] * to_cells);
+        const std::uint32_t j = std::uint32_t(middle + along[axis + 2] * to_cells);
+        return ((2 * axis + (major < 0.0)) * edge_cells_ + (i < last ? i : last)) * edge_cells_ + (j < last ? j : last);
     }
 
     using Candidates = std::vector<std::uint16_t>;
@@ -59,9 +58,9 @@ private:
     void divide(const Square &square, const Candidates &candidates, std::vector<Candidates> &cells) const;
 
     std::vector<Vec3> points_;
-    std::vector<std::uint32_t> first_;        // of each cell in `candidates_`
-    Candidates candidates_;
-    std::uint32_t cells_;                     // along an edge of the cube
+    std::vector<Cell> cells_;
+    Candidates more_;
+    std::uint32_t edge_cells_;  // along an edge of the cube
     Vec3 centre_, half_;
     double radius_;
 };

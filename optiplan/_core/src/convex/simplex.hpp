@@ -5,30 +5,6 @@
 
 namespace optiplan {
 
-struct Simplex {
-    int size = 0;
-    DifferencePoint points[4];  // the newest last
-    double weights[4];          // of the nearest point v = sum of weights[i] points[i].w
-    Vec3 v;
-    bool holds_origin = false;  // four points about the origin
-
-    bool contains(const Vec3 &w) const {
-        for (int i = 0; i < size; ++i)
-            if (w.x == points[i].w.x && w.y == points[i].w.y && w.z == points[i].w.z) return true;
-        return false;
-    }
-
-    Vec3 on_a() const {
-        Vec3 a;
-        for (int i = 0; i < size; ++i) a += weights[i] * points[i].a;
-        return a;
-    }
-
-    // Adds a point and reduces the simplex to the smallest face that holds the point nearest to the origin. The face
-    // contains the new point, since that lies nearer along v than the others.
-    void add(const DifferencePoint &point);
-};
-
 namespace simplex {
 
 constexpr double kFlat = 1e-14;  // volume as a part of the edges' product: below it rounding decides on which side is what
@@ -67,7 +43,7 @@ inline Face triangle(const DifferencePoint *points, int i, int j, int k) {
     const double area = squared_norm(n);
     const double s = dot(cross(f, w), n), t = dot(cross(w, e), n);
     if (s > 0.0 && t > 0.0 && s + t < area) {
-        const double a = s / area, b = t / area;
+        const double scale = 1.0 / area, a = s * scale, b = t * scale;
         const Vec3 v = w + a * e + b * f;
         return {3, {i, j, k}, {1.0 - a - b, a, b}, v, squared_norm(v)};
     }
@@ -79,44 +55,75 @@ inline Face nearest_of_triangle(const DifferencePoint *points) {
     return nearer(triangle(points, 0, 1, 2), edge(points, 1, 2));
 }
 
+// Of a tetrahedron: the nearest point of the three faces at a corner; false where the origin is within.
+inline bool tetrahedron(const DifferencePoint *points, int i, const int (&others)[3], Face &best) {
+    const Vec3 &w = points[i].w;
+    const int j = others[0], k = others[1], l = others[2];
+    const Vec3 e = points[j].w - w, f = points[k].w - w, g = points[l].w - w;
+    const Vec3 fg = cross(f, g), ge = cross(g, e), ef = cross(e, f);
+    const double volume = dot(e, fg), sign = volume < 0.0 ? -1.0 : 1.0;
+    const bool flat = volume * volume <= kFlat * kFlat * squared_norm(e) * squared_norm(f) * squared_norm(g);
+    // On the outer side of a face, as parts of the volume.
+    const bool out_fg = sign * dot(w, fg) > 0.0, out_ge = sign * dot(w, ge) > 0.0, out_ef = sign * dot(w, ef) > 0.0;
+    if (!flat && !out_fg && !out_ge && !out_ef) return false;
+    best.squared = HUGE_VAL;
+    if (flat || out_fg) best = triangle(points, i, k, l);
+    if (flat || out_ge) best = nearer(best, triangle(points, i, l, j));
+    if (flat || out_ef) best = nearer(best, triangle(points, i, j, k));
+    return true;
+}
+
 }  // namespace simplex
 
-inline void Simplex::add(const DifferencePoint &point) {
-    using namespace simplex;
-    points[size++] = point;
-    Face best;
-    if (size == 1) {
-        best = corner(points, 0);
-    } else if (size == 2) {
-        best = edge(points, 1, 0);
-    } else if (size == 3) {
-        best = triangle(points, 2, 1, 0);
-    } else {
-        const Vec3 &w = points[3].w;
-        const Vec3 e = points[0].w - w, f = points[1].w - w, g = points[2].w - w;
-        const Vec3 fg = cross(f, g), ge = cross(g, e), ef = cross(e, f);
-        const double volume = dot(e, fg), sign = volume < 0.0 ? -1.0 : 1.0;
-        // Parts of the volume that the origin makes with the three faces about w; negative: it is outside that face.
-        const double to_fg = -sign * dot(w, fg), to_ge = -sign * dot(w, ge), to_ef = -sign * dot(w, ef);
-        const bool flat = volume * volume <= kFlat * kFlat * squared_norm(e) * squared_norm(f) * squared_norm(g);
-        if (!flat && to_fg >= 0.0 && to_ge >= 0.0 && to_ef >= 0.0) {
-            const double whole = std::fabs(volume);
-            weights[0] = to_fg / whole, weights[1] = to_ge / whole, weights[2] = to_ef / whole;
-            weights[3] = 1.0 - weights[0] - weights[1] - weights[2];
-            v = {};
-            holds_origin = true;
-            return;
+// Up to four points, and the one of their hull that is nearest to the origin.
+class Simplex {
+public:
+    // Adds a point and keeps the smallest face that holds the point nearest to the origin; the face contains the new point,
+    // since that lies nearer along v than the others. Without effect, and false, if that does not come nearer than before.
+    bool add(const DifferencePoint &point) {
+        const int slot = free_slot();
+        points_[slot] = point;
+        simplex::Face next;
+        if (nearest_.size == 1) {
+            next = simplex::edge(points_, slot, nearest_.at[0]);
+        } else if (nearest_.size == 2) {
+            next = simplex::triangle(points_, slot, nearest_.at[1], nearest_.at[0]);
+        } else if (nearest_.size == 3) {
+            if (!simplex::tetrahedron(points_, slot, nearest_.at, next)) {
+                origin_within_ = true;
+                return true;
+            }
+        } else {
+            next = simplex::corner(points_, slot);
         }
-        best.squared = HUGE_VAL;
-        if (flat || to_fg < 0.0) best = nearer(best, triangle(points, 3, 1, 2));
-        if (flat || to_ge < 0.0) best = nearer(best, triangle(points, 3, 2, 0));
-        if (flat || to_ef < 0.0) best = nearer(best, triangle(points, 3, 0, 1));
+        if (!(next.squared < nearest_.squared)) return false;
+        nearest_ = next;
+        return true;
     }
-    DifferencePoint kept[3];
-    for (int i = 0; i < best.size; ++i) kept[i] = points[best.at[i]];
-    size = best.size;
-    for (int i = 0; i < size; ++i) points[i] = kept[i], weights[i] = best.weights[i];
-    v = best.v;
-}
+
+    bool origin_within() const { return origin_within_; }  // then all four points are of use
+    int size() const { return origin_within_ ? 4 : nearest_.size; }
+    const DifferencePoint &point(int i) const { return points_[origin_within_ ? i : nearest_.at[i]]; }
+    const Vec3 &v() const { return nearest_.v; }
+    double squared() const { return nearest_.squared; }  // |v|^2
+
+    // The point of A that v = a - b is made of.
+    Vec3 on_a() const {
+        Vec3 a;
+        for (int i = 0; i < nearest_.size; ++i) a += nearest_.weights[i] * points_[nearest_.at[i]].a;
+        return a;
+    }
+
+private:
+    int free_slot() const {
+        int taken = 0;
+        for (int i = 0; i < nearest_.size; ++i) taken |= 1 << nearest_.at[i];
+        return !(taken & 1) ? 0 : !(taken & 2) ? 1 : !(taken & 4) ? 2 : 3;
+    }
+
+    DifferencePoint points_[4];
+    simplex::Face nearest_{0, {0, 0, 0}, {0.0, 0.0, 0.0}, {}, HUGE_VAL};
+    bool origin_within_ = false;
+};
 
 }  // namespace optiplan
