@@ -3,16 +3,20 @@
 from dataclasses import dataclass, field, replace
 from math import ceil, inf
 
+from optiplan._core import core
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.sampling.search import Search, Searcher
 from optiplan.planners.sampling.ompl_space import Ends
+from optiplan.planners.sampling.search import Search, Searcher
 
 PRICE = 0.1
 """Share of the motion's cost that spending the whole budget must be expected to save: 10 %."""
 
-STEP, STATE = 0.02, 5e-4
-"""What a step of the optimiser and a state of a search take on an ordinary machine, s."""
+STEP = 0.02 if core is None else 0.003
+"""What a step of the optimiser takes on an ordinary machine, s, in Python and in the native core."""
+
+STATE = 5e-4
+"""What a state of a search takes likewise, s."""
 
 SAME = 1.005
 """Costs within this factor are those of one local optimum."""
