@@ -17,16 +17,17 @@ import optiplan
 from optiplan.cli.commands import (
     bench,
     check,
+    export,
     ik,
     import_problems,
     kinematics,
     plan,
     planners,
-    robots,
     verify,
     view,
     workspace,
 )
+from optiplan.cli.commands.robots import app as robots
 from optiplan.cli.output import Exit, print_error, print_json, report_error, results
 from optiplan.errors import InputError, Issue, OptiPlanError
 
@@ -78,6 +79,7 @@ def _program(
 app.command("plan")(plan.plan)
 app.command("verify")(verify.verify)
 app.command("view")(view.view)
+app.command("export")(export.export)
 app.command("check")(check.check)
 app.command("workspace")(workspace.workspace)
 app.add_typer(robots.app, name="robots")

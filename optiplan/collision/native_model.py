@@ -36,13 +36,13 @@ class NativeCollisionModel(CollisionModel):
 
     def collides(self, q: Array) -> bool:
         """See `CollisionModel.collides`."""
-        return super().collides(q) if self.world is None else self.world.collides(_row(q))
+        return super().collides(q) if self.world is None else self.world.collides(_packed(q))
 
     def clearance(self, q: Array) -> Contact | None:
         """See `CollisionModel.clearance`."""
         if self.world is None:
             return super().clearance(q)
-        found = self.world.nearest(_rows(q[None]))
+        found = self.world.nearest(_packed(q[None]))
         if found is None:
             return None
         _, pairs, distances, vectors, _ = found
@@ -52,7 +52,7 @@ class NativeCollisionModel(CollisionModel):
         """See `CollisionModel.contacts`."""
         if self.world is None:
             return super().contacts(q, cutoff)
-        _, pairs, distances, vectors, _ = self.world.near(_rows(q[None]), cutoff)
+        _, pairs, distances, vectors, _ = self.world.near(_packed(q[None]), cutoff)
         found = zip(pairs.tolist(), distances.tolist(), vectors, strict=True)
         return [Contact(self.pairs[pair], distance, *triple) for pair, distance, triple in found]
 
@@ -60,30 +60,28 @@ class NativeCollisionModel(CollisionModel):
         """See `CollisionModel.near`."""
         if self.world is None:
             return super().near(Q, cutoff)
-        rows, pairs, distances, vectors, _ = self.world.near(_rows(Q), cutoff)
+        rows, pairs, distances, vectors, _ = self.world.near(_packed(Q), cutoff)
         return Contacts(rows, pairs, distances, vectors[:, :2], vectors[:, 2])
 
     def lower_bounds(self, Q: Array) -> Array:
         """See `CollisionModel.lower_bounds`."""
-        return super().lower_bounds(Q) if self.world is None else self.world.lower_bounds(_rows(Q))
+        return super().lower_bounds(Q) if self.world is None else self.world.lower_bounds(_packed(Q))
 
     def travel(self, Q: Array, D: Array) -> Array:
         """See `CollisionModel.travel`."""
-        return super().travel(Q, D) if self.world is None else self.world.travel(_rows(Q), _rows(D))
+        return super().travel(Q, D) if self.world is None else self.world.travel(_packed(Q), _packed(D))
 
     def gradients(self, Q: Array, contacts: Contacts) -> Array:
         """See `CollisionModel.gradients`."""
         if self.world is None:
             return super().gradients(Q, contacts)
         points, normals = np.ascontiguousarray(contacts.points), np.ascontiguousarray(contacts.normals)
-        return self.world.gradients(_rows(Q), contacts.rows, contacts.pairs, points, normals)
+        return self.world.gradients(_packed(Q), contacts.rows, contacts.pairs, points, normals)
 
 
-def _row(q: Array) -> Array:
-    return np.ascontiguousarray(q, dtype=np.float64)
-
-
-_rows = _row
+def _packed(values: Array) -> Array:
+    """As the core reads arrays."""
+    return np.ascontiguousarray(values, dtype=np.float64)
 
 
 def _world(model: CollisionModel) -> "World | None":
@@ -92,8 +90,8 @@ def _world(model: CollisionModel) -> "World | None":
     for k, body in enumerate(model.geometry.geometryObjects):
         outline, solid = hulls[k].geometry, body.geometry
         kinds = [solid] if type(outline) is type(solid) else [outline, solid]  # of a mesh its hull, too
-        shapes = [native_shape(kind) for kind in kinds]
-        if any(shape is None for shape in shapes):
+        shapes = [shape for shape in map(native_shape, kinds) if shape is not None]
+        if len(shapes) < len(kinds):
             return None
         box = np.concatenate([bounds.centre[k], bounds.half[k]])
         bodies.append(

@@ -7,7 +7,7 @@ import coal
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.cache import digest
 from optiplan.geometry.convex import triangles_of, vertices_of
 
@@ -45,7 +45,7 @@ def _hull(points: Array) -> "Shape":
     return _made[key] if key in _made else _keep(key, core.Shape.convex_hull(points))
 
 
-def _mesh(vertices: Array, triangles: Array) -> "Shape":
+def _mesh(vertices: Array, triangles: Index) -> "Shape":
     corners = np.ascontiguousarray(triangles, dtype=np.int64)
     key = digest([vertices.tobytes(), corners.tobytes()])
     return _made[key] if key in _made else _keep(key, core.Shape.triangles(vertices, corners))

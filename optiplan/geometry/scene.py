@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, is_finite
 from optiplan.errors import described, wrong_argument
-from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
+from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere, build_geometry
 
 __all__ = ["Attachment", "Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Obstacle", "Scene", "Shape", "Sphere"]
 
@@ -27,19 +27,31 @@ class Obstacle:
     X_WO: pin.SE3
     stated: Mapping[str, Any] | None = None
 
-    def attached_to(self, link: str, touch: Iterable[str] = ()) -> "Attachment":
+    def attached_to(
+        self,
+        link: str,
+        touch: Iterable[str] = (),
+        *,
+        mass: float | None = None,
+        centre: Sequence[float] | None = None,
+        inertia: Sequence[float] | None = None,
+    ) -> "Attachment":
         """The same shape held by a link; its pose is then one in the frame of the link.
 
         Args:
             link: name of the link that holds it.
             touch: names of links that it may touch; it may always touch the one that holds it.
+            mass: kg; None: it weighs nothing.
+            centre: of mass, (3,) in the frame of the shape, m; None: of the shape filled evenly.
+            inertia: (3,) moments [ixx, iyy, izz] about that centre along the axes of the shape, kg m²; None: likewise.
 
         Example:
             >>> import optiplan as op
             >>> op.Box("bar", size=(0.5, 0.06, 0.03), position=(0, 0, 0.1)).attached_to("panda_hand")
             Attachment: bar, Box(size=(0.5, 0.06, 0.03)), at [0, 0, 0.1] m of panda_hand
         """
-        return Attachment(self.name, self.shape, link, self.X_WO, frozenset(touch), self.stated)
+        weight = mass, None if centre is None else tuple(centre), None if inertia is None else tuple(inertia)
+        return Attachment(self.name, self.shape, link, self.X_WO, frozenset(touch), self.stated, *weight)
 
     def __repr__(self) -> str:
         """Name, shape and place in one line."""
@@ -50,7 +62,7 @@ class Obstacle:
 class Attachment:
     """A shape held by a link at `X_LO`; it may touch the links named in `touch` (and always its own link).
 
-    `stated` is as of an `Obstacle`.
+    `stated` is as of an `Obstacle`; `mass` (kg), `centre` (m) and `inertia` (kg m²) are as of `Obstacle.attached_to`.
     """
 
     name: str
@@ -59,6 +71,27 @@ class Attachment:
     X_LO: pin.SE3
     touch: frozenset[str] = frozenset()
     stated: Mapping[str, Any] | None = None
+    mass: float | None = None
+    centre: tuple[float, ...] | None = None
+    inertia: tuple[float, ...] | None = None
+
+    def inertia_in_link(self) -> pin.Inertia:
+        """Spatial inertia in the frame of the link; of the shape filled evenly, where nothing else is given.
+
+        Raises:
+            ValueError: the shape encloses no volume to be filled.
+        """
+        if not self.mass:
+            return pin.Inertia.Zero()
+        centre, moments = self.centre, None if self.inertia is None else np.diag(self.inertia)
+        if centre is None or moments is None:
+            body = build_geometry(self.shape)
+            volume = body.computeVolume()
+            if not volume > 0.0:
+                raise ValueError(f"{self.mass:g} kg of '{self.name}', whose shape encloses no volume")
+            moments = self.mass / volume * body.computeMomentofInertiaRelatedToCOM() if moments is None else moments
+            centre = body.computeCOM() if centre is None else centre
+        return self.X_LO.act(pin.Inertia(self.mass, np.array(centre), moments))
 
     def __repr__(self) -> str:
         """Name, shape, place and link in one line."""

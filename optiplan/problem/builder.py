@@ -27,6 +27,7 @@ from optiplan.problem.schema import (
     ToleranceSpec,
     ViaSpec,
 )
+from optiplan.robot.mounting import GRAVITY, Mounting
 from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file
 
 RobotLoader = Callable[[str | Mapping[str, Any], Path | None, Mapping[str, float] | None, str | None], Robot]
@@ -175,11 +176,32 @@ class Compiler:
             touch = frozenset(held.value.touch)
             if shape is not None:
                 X_LO, stated = stated_pose(held.value.pose)
-                attached.append(Attachment(held.value.name, shape, held.value.link, X_LO, touch, stated))
+                spec = held.value
+                weight = spec.mass, spec.centre, spec.inertia
+                body = Attachment(spec.name, shape, spec.link, X_LO, touch, stated, *weight)
+                if self._weighable(held.place, body):
+                    attached.append(body)
         if robot is not None:
             self._names(robot)
         allowed = frozenset(frozenset(pair.value) for pair in self.draft.allowed)
         return Scene(tuple(obstacles), tuple(attached), allowed)
+
+    def _weighable(self, place: Place, body: Attachment) -> bool:
+        """Whether the body has an inertia, if it has a mass."""
+        try:
+            body.inertia_in_link()
+        except ValueError as error:
+            self.report((*place, "mass"), str(error), "`centre` and `inertia` beside the mass")
+            return False
+        return True
+
+    def mounted(self, robot: Robot, scene: Scene) -> Robot:
+        """The robot where it stands, with what it carries."""
+        links = set(link_names(robot))
+        payload = [(held.link, held.inertia_in_link()) for held in scene.attached if held.mass and held.link in links]
+        gravity = GRAVITY if self.draft.gravity is None else self.draft.gravity
+        X_WB = pin.SE3.Identity() if self.draft.base is None else _pose(self.draft.base)
+        return robot.mounted(Mounting(X_WB, np.array(gravity), tuple(payload)))
 
     def _shape(self, place: Place, spec: ShapeSpec) -> Shape | None:
         if spec.mesh is not None:

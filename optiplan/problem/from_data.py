@@ -82,6 +82,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     compiler = Compiler(document, base, Draft.of_data(document.data) if spec is None else Draft.of_spec(spec))
     robot = compiler.robot(robots)
     scene = compiler.scene(robot)
+    robot = None if robot is None else compiler.mounted(robot, scene)
     places = _Places(None, (), ())
     if robot is not None:
         places = _Places(compiler.start(robot), compiler.goal(robot), compiler.vias(robot))

@@ -7,12 +7,13 @@ from typing import Any, Generic, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from optiplan.config.document import Number, Place
-from optiplan.config.values import Name, NamePair
+from optiplan.config.values import Name, NamePair, Vector
 from optiplan.problem.schema import (
     AlternativeSpec,
     AttachedSpec,
     GoalSpec,
     ObstacleSpec,
+    PoseSpec,
     ProblemSpec,
     StartSpec,
     ViaSpec,
@@ -36,6 +37,8 @@ class Draft:
     robot: str | Mapping[str, Any] | None
     group: str | None
     locked: Mapping[str, float]
+    base: PoseSpec | None
+    gravity: tuple[float, ...] | None
     start: LocatedValue[StartSpec] | None
     goal: tuple[LocatedValue[AlternativeSpec], ...]
     vias: tuple[LocatedValue[ViaSpec], ...]
@@ -51,6 +54,8 @@ class Draft:
             robot=spec.robot,
             group=spec.group,
             locked=spec.locked,
+            base=spec.base,
+            gravity=spec.gravity,
             start=LocatedValue(("start",), spec.start),
             goal=_alternatives(spec.goal),
             vias=_parts(("via",), spec.via),
@@ -72,6 +77,8 @@ class Draft:
             robot=_fit(Name | dict[str, Any], root.get("robot")),
             group=_fit(Name, root.get("group")),
             locked=_fit(dict[str, Number], root.get("locked", {})) or {},
+            base=_fit(PoseSpec, root.get("base")),
+            gravity=_fit(Vector, root.get("gravity")),
             start=None if start is None else LocatedValue(("start",), start),
             goal=_alternatives(whole) if whole else _fits(("goal", "any_of"), AlternativeSpec, ends),
             vias=_fits(("via",), ViaSpec, root.get("via")),

@@ -33,6 +33,8 @@ _SAID = {
     "scene": ("scene", to_data.scene_data),
     "limits": ("limits", to_data.limits_data),
     "objective": ("objective", to_data.objective_data),
+    "base": ("base", to_data.base_data),
+    "gravity": ("gravity", to_data.gravity_data),
 }
 """Parts of a problem: key of the file, and how the part stands there."""
 
@@ -51,6 +53,8 @@ class Problem:
         vias: via points in order: `ViaPoint`, `Pose`, joint values, names of configurations.
         limits: fractions in (0, 1] of the robot's own: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
         objective: weights of duration and of squared jerk; None: the duration alone.
+        base: pose of the robot's root in the world, a `Pose`; None: the identity.
+        gravity: acceleration of free fall in the world (3,), m/s²; None: (0, 0, -9.81).
         name: of the problem.
         planner: default of the argument of `op.plan`; None: `trajopt`. With options: `{"name": …, …}`.
         options: of that planner.
@@ -60,6 +64,7 @@ class Problem:
     planners make parts of problems, by `dataclasses.replace`.
 
     Attributes:
+        robot: where it stands, with the masses of what it carries (`robot.mounting`).
         start: (n,), rad or m.
         goal: alternatives of the end.
         vias: to be passed in this order.
@@ -102,12 +107,15 @@ class Problem:
         vias: Sequence[ViaPoint | Via | End] = (),
         limits: Mapping[str, float | str] | Limits | None = None,
         objective: Objective | Mapping[str, float] | None = None,
+        base: Pose | Mapping[str, Any] | None = None,
+        gravity: Values | None = None,
         name: str = "problem",
         planner: str | Mapping[str, Any] | None = None,
         options: Mapping[str, Any] | None = None,
         seed: int = 0,
     ) -> None:
         given = {"start": start, "goal": goal, "scene": scene, "vias": vias, "limits": limits, "objective": objective}
+        stands = {"base": base, "gravity": gravity}
         labels = {"name": name, "seed": seed}
         labels |= {"planner": "trajopt" if planner is None else planner, "options": {} if options is None else options}
         if isinstance(limits, Limits):
@@ -117,7 +125,7 @@ class Problem:
             self._take(
                 _read(
                     robot,
-                    {key: value for key, value in given.items() if value is not None or key in ("start", "goal")},
+                    {k: value for k, value in (given | stands).items() if value is not None or k in ("start", "goal")},
                     labels,
                 )
             )
@@ -191,6 +199,22 @@ class Problem:
         """
         return self._with(scene=scene)
 
+    def with_base(self, base: Pose | Mapping[str, Any]) -> "Problem":
+        """Return the problem with the robot's root at another pose in the world; obstacles and poses stay.
+
+        Raises:
+            InputError: as for a file: not a pose, a start in collision.
+        """
+        return self._with(base=base)
+
+    def with_gravity(self, gravity: Values) -> "Problem":
+        """Return the problem with another acceleration of free fall in the world (3,), m/s².
+
+        Raises:
+            InputError: as for a file.
+        """
+        return self._with(gravity=gravity)
+
     def with_limits(self, **fractions: float | str) -> "Problem":
         """Return the problem with other limit fractions: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
 
@@ -223,6 +247,8 @@ class Problem:
         if self.source:
             data = dict(self.source) | {_SAID[part][0]: _SAID[part][1](value) for part, value in changes.items()}
             return Problem.of(_checked(data, self.robot)).with_seed(self.seed)
+        if {"base", "gravity"} & changes.keys():
+            raise wrong_argument("Problem", "problem", "a problem that was put together by hand", "one with a source")
         if "limits" in changes:
             changes["limits"] = self.robot.limits.scaled(**changes["limits"])
         if "goal" in changes and isinstance(changes["goal"], JointGoal | PoseGoal):

@@ -25,6 +25,9 @@ from optiplan.config.values import (
 )
 from optiplan.geometry.shapes import SHAPES, ShapeSpec
 
+LARGEST_MASS = 1e6
+"""kg; nothing that an arm can hold."""
+
 
 def _empty(what: str) -> Reserved:
     def check(values: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -70,13 +73,31 @@ def _bounded(shape: ShapeSpec) -> ShapeSpec:
 
 
 class AttachedSpec(Strict):
-    """A shape held by `link`; `pose` in the link's frame; it may touch the links of `touch`, and `link`."""
+    """A shape held by `link`; `pose` in the link's frame; it may touch the links of `touch`, and `link`.
+
+    `mass` in kg, none without; its `centre` (m) and `inertia` about that ([ixx, iyy, izz], kg m²) in the frame of the
+    shape are those of the shape filled evenly, where they are not given.
+    """
 
     name: Name
     shape: Annotated[ShapeSpec, AfterValidator(_bounded)]
     link: Name
     pose: PoseSpec = PoseSpec()
     touch: tuple[Name, ...] = ()
+    mass: Annotated[NotNegative, Field(le=LARGEST_MASS)] | None = None
+    centre: Vector | None = None
+    inertia: Vector | None = None
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if self.mass is None and (self.centre is not None or self.inertia is not None):
+            raise ValueError("found a centre or an inertia of what has no mass; expected `mass` too")
+        if self.inertia is not None:
+            x, y, z = self.inertia
+            if min(x, y, z) < 0.0 or max(x, y, z) > 0.5 * (x + y + z) * (1.0 + 1e-9):
+                expected = "moments, none larger than the other two together"
+                raise ValueError(f"found inertia {list(self.inertia)}; expected {expected}")
+        return self
 
 
 class SceneSpec(Strict):
@@ -199,7 +220,8 @@ class ProblemSpec(Strict):
 
     `robot` is the name of one that comes along, the path of a robot.yaml, or what would stand in one (`{urdf: …}`).
     `group` names the planned joints among the robot file's `groups`; `locked` holds values of joints that are not
-    planned (fingers), over those of the robot file.
+    planned (fingers), over those of the robot file. `base` is the pose of the robot's root in the world, the identity
+    without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one.
     """
 
     version: Literal[1]
@@ -207,6 +229,8 @@ class ProblemSpec(Strict):
     robot: FileName | dict[str, Any]
     group: Name | None = None
     locked: dict[Name, Number] = Field(default_factory=dict)
+    base: PoseSpec | None = None
+    gravity: Vector | None = None
     start: StartSpec
     goal: GoalSpec
     scene: SceneSpec = SceneSpec()

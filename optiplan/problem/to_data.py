@@ -9,10 +9,10 @@ import pinocchio as pin
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.poses import pose_from_data, pose_to_data
-from optiplan.geometry.scene import Scene
+from optiplan.geometry.scene import Attachment, Scene
 from optiplan.geometry.shapes import shape_data
 from optiplan.problem.goals_and_vias import Objective
-from optiplan.problem.statement import end_data, is_configuration, via_point_data
+from optiplan.problem.statement import Pose, end_data, is_configuration, via_point_data
 
 
 def start_data(start: Any) -> Any:
@@ -68,11 +68,32 @@ def scene_data(scene: Any) -> Any:
             "link": held.link,
             "pose": _pose(held.X_LO, held.stated),
             "touch": sorted(held.touch),
+            **{key: plain(value) for key, value in _weight(held).items() if value is not None},
         }
         for held in scene.attached
     ]
     allowed = sorted(sorted(pair) for pair in scene.allowed)
     return {"obstacles": obstacles, "attached": attached, "allowed_collisions": allowed}
+
+
+def _weight(held: Attachment) -> dict[str, Any]:
+    return {"mass": held.mass, "centre": held.centre, "inertia": held.inertia}
+
+
+def base_data(base: Any) -> Any:
+    """`base:` of a file."""
+    if isinstance(base, pin.SE3):
+        return pose_to_data(base)
+    if isinstance(base, Pose):
+        return {key: value for key, value in base.to_data().items() if key in ("position", "rpy", "quaternion")}
+    if not isinstance(base, Mapping):
+        raise wrong_argument("Problem", "base", described(base), "op.Pose(position, rpy=…)")
+    return plain(base)
+
+
+def gravity_data(gravity: Any) -> Any:
+    """`gravity:` of a file."""
+    return plain(gravity)
 
 
 def limits_data(limits: Any) -> Any:

@@ -22,6 +22,7 @@ from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_jo
 from optiplan.robot.limits import Limits, build_limits
 from optiplan.robot.link_geometry import LinkGeometry, treat
 from optiplan.robot.mimic_joints import Mimic, screws
+from optiplan.robot.mounting import Mounting
 from optiplan.robot.named_configurations import configurations, tool_frame
 from optiplan.robot.reference import (
     DESCRIPTION,
@@ -54,7 +55,8 @@ class Robot:
     that planned joints stand for. `load_robot` with
     `source`, `locked` and `group` builds the same robot again, in another process too: so it is pickled.
     `fingerprint` is the SHA-256 of the contents of `files`, and a robot that comes out of a pickle with another one
-    is refused. `reference` is what it was loaded by.
+    is refused. `reference` is what it was loaded by. `mounting` says how it stands and what it carries: `model` and
+    the bodies have it in them, and `bare` is the robot without.
 
     Example:
         >>> import optiplan as op
@@ -85,6 +87,8 @@ class Robot:
     over_cover: Mapping[str, float] = field(default_factory=dict)
     mecanum: MecanumSpec | None = None
     reference: Reference = UNKNOWN
+    mounting: Mounting = field(default_factory=Mounting)
+    bare: "Robot | None" = None
 
     @classmethod
     def from_urdf(cls, path: Path | str, *, tool_frame: str | None = None, **keys: Any) -> "Robot":
@@ -163,6 +167,8 @@ class Robot:
     @cached_property
     def survey(self) -> PairSurvey:
         """Contact frequency of pairs of links, and what is proved of them; made at the first use, or read from disk."""
+        if self.bare is not None:
+            return self.bare.survey
         return survey_pairs(self.model, self.geometry, (self.limits.lower, self.limits.upper))
 
     @property
@@ -194,6 +200,20 @@ class Robot:
         self.frame_id(frame)
         return replace(self, tool_frame=frame)
 
+    def mounted(self, mounting: Mounting) -> "Robot":
+        """Return the same robot standing and loaded as `mounting` says, whatever it was before."""
+        bare = self if self.bare is None else replace(self.bare, tool_frame=self.tool_frame, limits=self.limits)
+        if mounting.usual:
+            return bare
+        return replace(
+            bare,
+            model=mounting.model(bare.model),
+            geometry=mounting.geometry(bare.geometry),
+            build_visual=mounting.visual(bare.build_visual),
+            mounting=mounting,
+            bare=bare,
+        )
+
     def with_proved_checked(self) -> "Robot":
         """Return the same robot with pairs checked that are proved apart, for queries of larger distances."""
         allowed = {pair: reason for pair, reason in self.allowed.items() if reason != PROVED}
@@ -205,7 +225,8 @@ class Robot:
         """Pickled as the call that loads it: models of pinocchio and coal do not travel whole."""
         parts = dict(self.locked), self.group, self.fingerprint
         by = self.reference.robot
-        return _reload, (by if isinstance(by, Mapping) else str(self.source), parts, self.limits, self.tool_frame)
+        ref = by if isinstance(by, Mapping) else str(self.source)
+        return _reload, (ref, parts, self.limits, self.tool_frame, self.mounting)
 
     def __repr__(self) -> str:
         """Name, joints, tool frame and named configurations in one line."""
@@ -218,12 +239,13 @@ def _reload(
     parts: tuple[dict[str, float], str | None, str],
     limits: Limits,
     tool_frame: str,
+    mounting: Mounting,
 ) -> Robot:
     locked, group, fingerprint = parts
     robot = load_robot(source, locked=locked, group=group)
     if robot.fingerprint != fingerprint:
         raise OptiPlanError(f"robot {robot.name} is not what it was when it was loaded: its files have changed")
-    return replace(robot, limits=limits, tool_frame=tool_frame)
+    return replace(robot, limits=limits, tool_frame=tool_frame).mounted(mounting)
 
 
 @reading()

@@ -3,7 +3,8 @@
 import csv
 import io
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ import numpy as np
 from optiplan.arrays import is_finite
 from optiplan.errors import described, wrong_argument
 from optiplan.files import write_bytes
+from optiplan.runs.controller_formats import ros_json, ros_yaml, urscript
+from optiplan.trajectory.fixed_rate import interpolation_errors, on_cycle
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -40,32 +43,92 @@ def _npz(trajectory: Trajectory, rate: float) -> bytes:
     return file.getvalue()
 
 
-FORMATS: dict[str, Callable[[Trajectory, float], bytes]] = {"csv": _csv, "json": _json, "npz": _npz}
-"""Content of a file by the name of its format, from a motion and samples a second, Hz."""
+@dataclass(frozen=True)
+class Format:
+    """A kind of file.
+
+    Attributes:
+        summary: what it is, for people.
+        suffixes: endings of its files, the first for files that are named here.
+        content: of a file, from a motion and samples a second, Hz.
+        rate: Hz, of samples unless told otherwise.
+        cyclic: whether its reader has a fixed cycle, so that the motion has to end on one.
+    """
+
+    summary: str
+    suffixes: tuple[str, ...]
+    content: Callable[[Trajectory, float], bytes]
+    rate: float = 200.0
+    cyclic: bool = False
 
 
-def export(trajectory: Trajectory, path: Path, format: str | None, rate: float) -> None:
+FORMATS = {
+    "csv": Format("columns t, q_JOINT, v_JOINT, a_JOINT", (".csv",), _csv),
+    "json": Format("polynomials and samples, as trajectory.json", (".json",), _json),
+    "npz": Format("NumPy arrays", (".npz",), _npz),
+    "ros": Format("a ROS 2 JointTrajectory message, as YAML, or as JSON by the ending", (".yaml", ".yml"), ros_yaml),
+    "urscript": Format("a program for a Universal Robots arm", (".script",), urscript, 500.0, cyclic=True),
+}
+"""What a motion can be written as, by name."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written.
+
+    Attributes:
+        path: the file.
+        duration: s, of the motion in it.
+        samples: how many it has.
+        errors: what a reader deviates from the motion that interpolates samples in one way or another, rad or m of the
+            joint that deviates most: `linear`, `cubic`, `quintic`.
+    """
+
+    path: Path
+    duration: float
+    samples: int
+    errors: Mapping[str, float]
+
+
+def export(
+    trajectory: Trajectory, path: Path, format: str | None = None, rate: float | None = None, *, cyclic: bool = False
+) -> Exported:
     """Write a motion; the file is there whole or not at all.
 
     Args:
         trajectory: the motion.
         path: the file; folders that are missing are made.
         format: a name of `FORMATS`; None: by the file's suffix.
-        rate: samples a second, Hz.
+        rate: samples a second, Hz; None: the format's own.
+        cyclic: whether samples are exactly 1 / `rate` apart: the motion is slowed down by less than one cycle, so that
+            it ends on one (`trajectory.fixed_rate.on_cycle`). Else there are at least so many samples a second.
 
     Raises:
-        InputError: there is no such format, or the file cannot be written.
+        InputError: there is no such format, the robot does not fit it, or the file cannot be written.
     """
-    name = path.suffix.lower().removeprefix(".") if format is None else format
+    name = _named(path) if format is None else format
     if not isinstance(name, str) or name not in FORMATS:
         found = repr(format) if isinstance(format, str) else described(format)
         if format is None:
             found = f"{str(path)!r}, whose ending names none"
         raise wrong_argument("Run.export", "format", found, f"one of: {', '.join(FORMATS)}")
+    kind = FORMATS[name]
+    rate = kind.rate if rate is None else rate
     if not is_finite(rate) or not 0.0 < rate <= 1e6:
         raise wrong_argument("Run.export", "rate", described(rate), "a number of samples a second in (0, 1e6]")
+    rate = float(rate)
+    motion = on_cycle(trajectory, rate) if cyclic or kind.cyclic else trajectory
+    content = ros_json if name == "ros" and path.suffix.lower() == ".json" else kind.content
     try:
-        write_bytes(path, FORMATS[name](trajectory, float(rate)))
+        write_bytes(path, content(motion, rate))
     except OSError as error:
         found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
         raise wrong_argument("Run.export", "path", found, "a file that can be written") from None
+    t = np.array(motion.to_dict(rate)["t"])
+    errors = {key: float(error.max()) for key, error in interpolation_errors(motion, t).items()}
+    return Exported(path, motion.duration, len(t), errors)
+
+
+def _named(path: Path) -> str | None:
+    """Return the format whose files end so."""
+    return next((name for name, kind in FORMATS.items() if path.suffix.lower() in kind.suffixes), None)

@@ -46,7 +46,7 @@ class Metrics:
         peak_jerk_joint: the joint that has it.
         jerk_share: the largest of peak jerk / limit over all joints, exact; None when no joint has a jerk limit.
         rms_torque: sqrt(mean over time of the sum over all joints of tau^2), N m (sliding joints: N).
-        joint_torques: sqrt(mean over time of tau_j^2) by joint, N m or N; attached objects weigh nothing.
+        joint_torques: sqrt(mean over time of tau_j^2) by joint, N m or N.
         clearance: proved at all times by the verifier, m; None when it proved none, or no two bodies can meet.
         lowest_clearance: smallest distance of two bodies that the verifier measured, m; not below `clearance`.
         manipulability: smallest Yoshikawa measure of the tool's Jacobian (lengths in m): of all six rows, or with fewer

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import optiplan
+from optiplan._core import variant
 from optiplan.errors import path_argument, wrong_argument
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
-from optiplan.runs.export import export
+from optiplan.runs.export import Exported, export
 from optiplan.runs.metrics import Metrics
 from optiplan.runs.run_folder import save_run
 from optiplan.trajectory.trajectory import Trajectory
@@ -95,26 +96,38 @@ class Run:
         """
         save_run(self, path_argument("Run.save", "folder", folder, "the path of a folder"))
 
-    def export(self, path: Path | str, format: str | None = None, rate: float = 200.0) -> None:
-        """Write the motion for other programs: `csv` (t, q, v, a), `json` (polynomials and samples) or `npz` (arrays).
+    def export(
+        self, path: Path | str, format: str | None = None, rate: float | None = None, *, cyclic: bool = False
+    ) -> Exported:
+        """Write the motion for other programs.
 
-        `op.verify(problem, path)` reads the first two again.
+        `csv` (t, q, v, a), `json` (polynomials and samples), `npz` (arrays), `ros` (a ROS 2 JointTrajectory message) or
+        `urscript` (a program for a Universal Robots arm). `op.verify(problem, path)` reads the first two again.
 
         Args:
             path: the file; it is there whole or not at all.
-            format: of the file; None: by its suffix.
-            rate: samples a second at least, Hz.
+            format: of the file; None: by its suffix (.csv, .json, .npz, .yaml, .script).
+            rate: samples a second at least, Hz; None: 200, or 500 for `urscript`.
+            cyclic: whether samples are exactly 1 / `rate` apart, as controllers with a fixed cycle want them; the
+                motion is slowed down by less than one cycle so that it ends on one. `urscript` always is.
+
+        Returns:
+            What was written, and how far a reader deviates from the motion that puts straight lines, cubic or quintic
+            polynomials between the samples.
 
         Raises:
-            InputError: the run has no motion, there is no such format, or the file cannot be written.
+            InputError: the run has no motion, there is no such format, the robot does not fit it, or the file cannot be
+                written.
 
         Example:
             >>> import optiplan as op
-            >>> op.plan(op.load_problem("01_reach")).export("reach.csv")
+            >>> op.plan(op.load_problem("01_reach")).export("reach.csv").errors["quintic"] < 1e-6
+            True
         """
         if self.trajectory is None:
             raise wrong_argument("Run.export", "run", "a run without a motion", "one with a trajectory")
-        export(self.trajectory, path_argument("Run.export", "path", path, "the path of a file"), format, rate)
+        file = path_argument("Run.export", "path", path, "the path of a file")
+        return export(self.trajectory, file, format, rate, cyclic=cyclic)
 
     def __repr__(self) -> str:
         """Return the verdict, its scope and the ratio to the bound in one line."""
@@ -165,6 +178,7 @@ class Run:
             "info": dict(self.info),
             "improvements": [list(improvement) for improvement in self.improvements],
             "versions": versions(),
+            "core": variant,
         }
 
 

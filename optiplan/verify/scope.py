@@ -3,7 +3,12 @@
 from collections import Counter
 from collections.abc import Sequence
 
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
 from optiplan.problem.problem import Problem
+from optiplan.robot.mounting import GRAVITY
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pairs import FILE, count_reasons, reasons_in_words
 from optiplan.verify.report import Check
@@ -14,7 +19,13 @@ def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str,
 
     `robot` is the problem's as it was checked: with other pairs where some of its proofs do not hold.
     """
-    return (*_pairs(robot, checks), *_shapes(robot), *_torque(problem, checks), *_allowed(problem))
+    return (
+        *_pairs(robot, checks),
+        *_shapes(robot),
+        *_mounting(robot),
+        *_torque(problem, checks),
+        *_allowed(problem),
+    )
 
 
 def _pairs(robot: Robot, checks: Sequence[Check]) -> list[str]:
@@ -37,6 +48,20 @@ def _shapes(robot: Robot) -> list[str]:
     return [f"shapes of links: {', '.join(parts)}{cover}"] if parts else []
 
 
+def _mounting(robot: Robot) -> list[str]:
+    """Describe where the robot stands and what pulls at it, where that is not the usual."""
+    X_WB, gravity, said = robot.mounting.X_WB, robot.mounting.gravity, []
+    if not np.array_equal(X_WB.homogeneous, np.eye(4)):
+        said.append(f"base at {_vector(X_WB.translation)} m, rpy {_vector(pin.rpy.matrixToRpy(X_WB.rotation))} rad")
+    if tuple(gravity) != GRAVITY:
+        said.append(f"gravity {_vector(gravity)} m/s²")
+    return said
+
+
+def _vector(values: Array) -> str:
+    return f"[{', '.join(f'{x:.4g}' for x in values)}]"
+
+
 def _torque(problem: Problem, checks: Sequence[Check]) -> list[str]:
     """Describe how far torques are known, from the check itself."""
     check = next((check for check in checks if check.name == "torque"), None)
@@ -44,10 +69,18 @@ def _torque(problem: Problem, checks: Sequence[Check]) -> list[str]:
         return []
     if check.kind == "unchecked":
         return [f"torque: not checked, {check.detail}"]
-    held = ", attached objects weigh nothing" if problem.scene.attached else ""
+    held = _carried(problem)
     light = problem.robot.massless_links
     names = f"; without masses of their own: {', '.join(light)}" if light else ""
     return [f"torque: at all times, without friction{held}{names}"]
+
+
+def _carried(problem: Problem) -> str:
+    """Describe what attached objects weigh."""
+    weights = {held.name: held.mass or 0.0 for held in problem.scene.attached}
+    if not any(weights.values()):
+        return ", attached objects weigh nothing" if weights else ""
+    return ", with " + ", ".join(f"{name} of {mass:g} kg" for name, mass in weights.items())
 
 
 def _allowed(problem: Problem) -> list[str]:

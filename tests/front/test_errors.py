@@ -173,8 +173,10 @@ def test_numbers_of_numpy_are_numbers(problem, run, tmp_path):
 
 
 def test_formats_of_other_releases_are_not_promised(run, tmp_path):
-    with pytest.raises(op.InputError, match=r"format: found 'urscript'; expected one of: csv, json, npz"):
-        run.export(tmp_path / "program.script", "urscript")
-    with pytest.raises(op.InputError, match=r"program\.script"):
+    with pytest.raises(op.InputError, match=r"format: found 'krl'; expected one of: csv, json, npz, ros, urscript"):
+        run.export(tmp_path / "program.src", "krl")
+    with pytest.raises(op.InputError, match=r"program\.src"):
+        run.export(tmp_path / "program.src")
+    with pytest.raises(op.InputError, match=r"a motion of 2 joints .*; expected of urscript: one of the six joints"):
         run.export(tmp_path / "program.script")
     assert not list(tmp_path.iterdir())

@@ -13,8 +13,8 @@ from optiplan.planners.common.path_timing import timed_path
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import rrt_connect
-from optiplan.planners.sampling.search import Search
 from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
+from optiplan.planners.sampling.search import Search
 from optiplan.planners.sampling.shortcutting import path_time, shorten
 from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
 from optiplan.planners.trajopt import planner as trajopt

@@ -16,11 +16,11 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.registry import make_planner
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import search
-from optiplan.planners.sampling.search import SearchOptions
 from optiplan.planners.sampling.ompl_space import SearchSpace, search_bounds
 from optiplan.planners.sampling.prm import Prm, PrmOptions, world_key
 from optiplan.planners.sampling.roadmap import Roadmap
 from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
+from optiplan.planners.sampling.search import SearchOptions
 from optiplan.planners.sampling.shortcutting import path_time, path_times
 from optiplan.planners.sampling.smoothing import smooth_path, spline_along
 from optiplan.problem.load import load_problem

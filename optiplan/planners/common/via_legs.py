@@ -16,15 +16,25 @@ from optiplan.trajectory.trajectory import Trajectory
 def plan_through(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
     """Plan the problem, or leg by leg between vias.
 
-    A planner that `passes_vias` plans the whole problem. For any other, each leg ends where the planner
-    prefers among the configurations that reach the via, the next begins there, and each leg has its share of the
-    remaining time. A failure names its leg, counted from 1, in words and as `leg` of the witness.
+    A planner that `passes_vias` plans the whole problem; for any other, see `leg_by_leg`.
 
     Raises:
         PlannerAnswerError: a planner from outside returns what is no answer.
     """
     if not problem.vias or planner.passes_vias:
         return _answer(planner, problem, budget, progress)
+    return leg_by_leg(planner, problem, budget, progress)
+
+
+def leg_by_leg(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+    """Plan the legs between vias one by one, and stop at each via.
+
+    Each leg ends where the planner prefers among the configurations that reach the via, the next begins there, and each
+    has its share of the remaining time. A failure names its leg, counted from 1, in words and as `leg` of the witness.
+
+    Raises:
+        PlannerAnswerError: a planner from outside returns what is no answer.
+    """
     ends = [*((via.at,) for via in problem.vias), problem.goal]
     legs: list[Trajectory] = []
     infos: list[dict[str, Any]] = []

@@ -12,8 +12,8 @@ from optiplan.planners.common.path_timing import timed_path
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.planners.sampling.ompl_search import rrt_connect
-from optiplan.planners.sampling.search import Searcher
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
+from optiplan.planners.sampling.search import Searcher
 from optiplan.planners.sampling.smoothing import smooth_path
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path

@@ -21,6 +21,7 @@ _BATCH = 100  # samples that BIT* adds at a time
 _SEARCHING = 0.7  # share of the budget for improving a path; the rest is for shortening and timing it
 _AROUND, _LOOKS = 0.4, 50  # s at full speed: radius, and number of configurations to measure free space
 _NARROW = 0.2  # longest edge of trees in narrow places, in units of the check
+ALTERNATE_RATIO = 20.0  # iterations of KPIECE per iteration of RRT-Connect in about the same time
 _OMPL = threading.Lock()  # OMPL's seed is global to the process
 
 

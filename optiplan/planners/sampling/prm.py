@@ -9,9 +9,9 @@ from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.option_schema import option
 from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.sampling.search import Search
 from optiplan.planners.sampling.ompl_space import Ends, search_bounds
 from optiplan.planners.sampling.roadmap import Roadmap
+from optiplan.planners.sampling.search import Search
 from optiplan.problem.problem import Problem
 
 _KEPT = 4  # roadmaps kept: those of the latest scenes

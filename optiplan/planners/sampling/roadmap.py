@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.sampling.search import Search
 from optiplan.planners.sampling.ompl_space import Ends
+from optiplan.planners.sampling.search import Search
 from optiplan.planners.sampling.shortcutting import path_times
 
 _NEIGHBOURS = np.e * 1.1

@@ -14,16 +14,15 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import contact_witness, end_collides, out_of_time
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.sampling.edge_checker import MotionCheck, PartialCheck
-from optiplan.planners.sampling.ompl_search import kpiece, rrt_connect
-from optiplan.planners.sampling.search import Search, Searcher
+from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.ompl_space import Ends
+from optiplan.planners.sampling.search import Search, Searcher
 from optiplan.planners.sampling.shortcutting import path_time, path_times, shorten
 from optiplan.robot.robot import Limits
 
 _RESERVE = 3e-3  # share of the torque limits kept free for gravity between the steps
 _BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line to fall back on
 _PATIENCE, _GROWTH = 500, 3.0  # iterations of the first round, and factor from one round to the next
-ALTERNATE_RATIO = 20.0  # iterations of `alternate` per iteration of the searcher in about the same time
 _LATE, _RELAXED = 2, 90e3  # round of the searcher, from 0, before which `relaxed` has one; its iterations
 _FRESH = 4  # new goals requested between two rounds
 _SHORT = 0.5  # s: least distance of the ends assumed for the detour
@@ -41,7 +40,8 @@ class SamplingOptions:
         seed: of all random numbers.
         attempts: random shortcuts to try.
         searcher: finds a first path.
-        alternate: second searcher, in turn with the first where that needs several rounds; None: none.
+        alternate: second searcher, in turn with the first where that needs several rounds; None: none. Where the check
+            is the native core's there is no such turn: the first searcher gets out of narrow places by itself there.
         detour: the first round samples only configurations through which a path can take at most this factor of
             the straight line's time; infinite: everywhere.
         improve: searcher for shorter paths, each time where only such can pass, until it gains nothing more.
@@ -160,7 +160,7 @@ def _schedule(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Se
         times = _GROWTH ** (number - _LATE)
         yield options.searcher, measure, patience
         yield from others * int(times)
-        if options.alternate is not None:
+        if options.alternate is not None and check.native is None:
             yield options.alternate, moment_arms, ALTERNATE_RATIO * patience
         yield from others * ceil(times) * (number >= _LATE - 1)
         patience *= _GROWTH

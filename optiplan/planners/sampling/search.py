@@ -71,6 +71,7 @@ def native_rrt_connect(  # noqa: PLR0913
     check: MotionCheck, ends: Ends, budget: Budget, seed: int, reach: float, *, patience: float = inf
 ) -> Search:
     """Run RRT-Connect of the native core, for a check that it makes; see `ompl_search.search`."""
+    assert check.native is not None
     still, joints = check.searched
     (start, goals), n = ends, len(still)
     box = np.vstack([*search_bounds(check.limits, ends), check.units])

@@ -1,11 +1,16 @@
 """Shorten a path of straight segments: random shortcuts of all joints or of one, then drop needless corners."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import EdgeChecker
 
 TWO_NORM_SHARE = 0.1
 """Share of the 2-norm in the cost of a path."""
@@ -36,7 +41,7 @@ def shorten(check: MotionCheck, waypoints: Array, velocity: Array, draws: Array,
     whether it straightens all joints (third number below one half) or which single one.
     """
     if check.native is not None:
-        return _shorten_natively(check, waypoints, velocity, draws, budget)
+        return _shorten_natively(check.native, waypoints, velocity, draws, budget)
     path = drop_corners(check, waypoints, velocity, budget)
     for draw in draws:
         if len(path) < 3 or budget.over:
@@ -45,14 +50,14 @@ def shorten(check: MotionCheck, waypoints: Array, velocity: Array, draws: Array,
     return drop_corners(check, path, velocity, budget)
 
 
-def _shorten_natively(check: MotionCheck, path: Array, velocity: Array, draws: Array, budget: Budget) -> Array:
+def _shorten_natively(check: "EdgeChecker", path: Array, velocity: Array, draws: Array, budget: Budget) -> Array:
     """Do the same in the native core, a few attempts between two looks at the budget."""
     path = np.ascontiguousarray(path)
     for k in range(0, max(len(draws), 1), _TOGETHER):
         if budget.over:
             break
         some = np.ascontiguousarray(draws[k : k + _TOGETHER])
-        path = core.shorten(check.native, path, velocity, some, budget.remaining)
+        path = core.shorten(check, path, velocity, some, budget.remaining)
     return path
 
 

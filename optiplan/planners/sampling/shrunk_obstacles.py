@@ -10,9 +10,9 @@ from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Box, Capsule, Cylinder, Scene, Shape, Sphere
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.sampling.ompl_search import kpiece
-from optiplan.planners.sampling.search import Search, Searcher
+from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.ompl_space import Ends
+from optiplan.planners.sampling.search import Search, Searcher
 from optiplan.planners.sampling.shortcutting import shorten
 
 _DEPTH = 0.02  # m; an optimiser moves a path out of obstacles that deep
@@ -54,7 +54,10 @@ def through_thinner(repair: Callable[[Array], Array | None]) -> Searcher:
     def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float) -> Search:
         model = check.model
         thinner = check.among(planning_model(model.robot, thinned(model.scene)))
-        found = kpiece(thinner, ends, budget, seed, patience=patience)
+        if thinner.native is None:
+            found = kpiece(thinner, ends, budget, seed, patience=patience)
+        else:
+            found = rrt_connect(thinner, ends, budget, seed, patience=patience / ALTERNATE_RATIO)
         if found.path is None:
             return found
         draws = np.random.default_rng(seed).uniform(size=(_ATTEMPTS, 3))

@@ -1,6 +1,7 @@
 """`trajopt`: optimise several initial guesses and return the best motion that is free at all times."""
 
 import time
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -13,14 +14,15 @@ from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.path_timing import timed_path, within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
-from optiplan.planners.sampling.ompl_search import kpiece, rrt_connect
-from optiplan.planners.sampling.sample_path import ALTERNATE_RATIO, SampledPath, SamplingOptions, sample_path
+from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
+from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import through_thinner
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
+from optiplan.planners.trajopt.through_vias import through_vias
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.timing.stops import stop_at_corners
@@ -44,7 +46,7 @@ _SEARCH, _FIRST_SEARCH = 0.5, 0.8
 _DENSE = 300
 """Waypoints on a curve whose chords are proved free in its place."""
 
-Kind = Literal["straight", "line", "sampled", "relaxed", "bump", "close"]
+Kind = Literal["straight", "line", "sampled", "relaxed", "bump", "close", "finer"]
 
 
 class TrajOpt(Planner[TrajOptOptions]):
@@ -52,13 +54,18 @@ class TrajOpt(Planner[TrajOptOptions]):
 
     Everything that is proved free on the way is a candidate: straight lines timed exactly, sampled paths timed, every
     optimised curve; the best of them is the answer. Attempts go on while they can be expected to gain (`Patience`),
-    in turn from a path sampled anew, from a straight line with a bump and from the best curve with a bump.
+    in turn from a path sampled anew, from a straight line with a bump and from the best curve with a bump; in the end
+    the best curve is optimised once more with twice the spans. Vias: see `through_vias`.
     """
 
     Options = TrajOptOptions
 
+    passes_vias = True
+
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
+        if problem.vias:
+            return through_vias(self, problem, budget, progress)
         return _Run(problem, budget, progress, self.options).result()
 
 
@@ -85,6 +92,7 @@ class _Run:
     def result(self) -> PlanResult:
         """Search and return the best motion, or the failure."""
         failure = self._search()
+        self._finer()
         self.info["cut_short"] |= self.budget.over
         if self.candidates:
             *earlier, last = self.candidates
@@ -230,6 +238,21 @@ class _Run:
                 self._offer(closer.trajectory, closer)
         cost = None if attempt is None else self.problem.objective.cost(attempt.trajectory)
         self.patience.record(cost)
+
+    def _finer(self) -> None:
+        """Optimise the best curve once more with twice the spans, where it is the best motion and not at its bound."""
+        curve, options = self.curve, self.options
+        if curve is None or curve.trajectory is not self.candidates[-1].trajectory or self.budget.over:
+            return
+        if self.best <= options.good_enough * self.bound:
+            return
+        instants = np.linspace(0.0, 1.0, _DENSE)
+        points = self.optimiser.basis.at(instants) @ curve.control
+        self.optimiser = Optimiser(self.problem, self.model, replace(options, spans=2 * options.spans))
+        margin = _CLOSE * options.margin if curve.close else None
+        finer = self._optimised("finer", self.optimiser.basis.fit(instants, points), self.budget, margin)
+        if finer is not None:
+            self._offer(finer.trajectory, finer)
 
     def _optimised(self, kind: Kind, control: Array, budget: Budget, margin: float | None) -> Attempt | None:
         """Return the optimised motion of an initial guess, if it is free."""

@@ -157,9 +157,7 @@ class PairBounds:
         centre = np.einsum("ngij,gj->ngi", poses[..., :3, :3], self.centre) + poses[..., :3, 3]
         a, b = self.pairs.T
         apart = centre[:, b] - centre[:, a]
-        rows, pairs = np.nonzero(
-            np.einsum("npi,npi->np", apart, apart) <= (self.radius[a] + self.radius[b] + gap) ** 2
-        )
+        rows, pairs = np.nonzero(np.einsum("npi,npi->np", apart, apart) <= (self.radius[a] + self.radius[b] + gap) ** 2)
         placed = poses[rows[:, None], self.pairs[pairs]]
         meet = self.distances_of(placed, pairs) <= gap
         return rows[meet], pairs[meet], placed[meet]

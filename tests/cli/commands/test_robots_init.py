@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 from typer.main import get_command
 
-from optiplan.cli.commands.robots import app
+from optiplan.cli.commands.robots.app import app
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import chain, joint
 

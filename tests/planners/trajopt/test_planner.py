@@ -128,3 +128,12 @@ def test_no_way_through_fails_within_the_budget_and_says_where() -> None:
     assert result.failure.kind == "no-path"
     assert {"over", "under"} & set(result.failure.witness["pair"])
     assert sum(result.timings.values()) < 2.5
+
+
+def test_the_best_curve_is_optimised_once_more_with_twice_the_spans(robot: Robot) -> None:
+    result = plan(make(robot), good_enough=1.0)
+    attempts = result.info["attempts"]
+    assert [attempt["seed"] for attempt in attempts][-1] == "finer"
+    assert result.trajectory is not None
+    assert result.trajectory.duration == attempts[-1]["duration"]
+    assert attempts[-1]["duration"] < 0.999 * min(attempt["duration"] for attempt in attempts[:-1] if attempt["free"])

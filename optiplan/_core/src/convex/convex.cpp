@@ -57,12 +57,9 @@ Witness iterative(const A &a, const B &b, const Pose &X_AB, double cutoff) {
     const GjkResult found = gjk(difference, cutoff);
     switch (found.status) {
         case GjkResult::Status::beyond_cutoff: return {found.lower, {}, {}, {}};
-        case GjkResult::Status::touching: return ExpandingPolytope<A, B>(difference).solve(found.simplex);
-        default: break;
+        case GjkResult::Status::touching: return penetration(difference, found.simplex);
+        default: return witness_of(found);
     }
-    const Vec3 on_a = found.simplex.on_a(), &v = found.simplex.v;
-    const double length = norm(v);
-    return {length, on_a, on_a - v, (-1.0 / length) * v};
 }
 
 Vec3 along_axis(const Pose &X, double length) {

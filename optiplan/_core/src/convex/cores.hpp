@@ -15,6 +15,7 @@ namespace optiplan {
 inline double clamped(double value, double half) { return std::max(-half, std::min(half, value)); }
 
 struct PointCore {
+    static constexpr bool curved = false;
     Vec3 support(const Vec3 &) const { return {}; }
     Vec3 near(const Vec3 &) const { return {}; }
     Vec3 middle() const { return {}; }
@@ -22,6 +23,7 @@ struct PointCore {
 };
 
 struct SegmentCore {  // along z
+    static constexpr bool curved = false;
     double half_length;
     Vec3 support(const Vec3 &d) const { return {0.0, 0.0, std::copysign(half_length, d.z)}; }
     Vec3 near(const Vec3 &p) const { return {0.0, 0.0, clamped(p.z, half_length)}; }
@@ -30,6 +32,7 @@ struct SegmentCore {  // along z
 };
 
 struct BoxCore {
+    static constexpr bool curved = false;
     Vec3 half;
     Vec3 support(const Vec3 &d) const {
         return {std::copysign(half.x, d.x), std::copysign(half.y, d.y), std::copysign(half.z, d.z)};
@@ -40,6 +43,7 @@ struct BoxCore {
 };
 
 struct CylinderCore {  // about z
+    static constexpr bool curved = true;
     double radius, half_length;
     Vec3 support(const Vec3 &d) const {
         const double across = std::sqrt(d.x * d.x + d.y * d.y);
@@ -56,6 +60,7 @@ struct CylinderCore {  // about z
 };
 
 struct HullCore {
+    static constexpr bool curved = false;
     const Hull *hull;
     Vec3 support(const Vec3 &d) const { return hull->support(d); }
     Vec3 near(const Vec3 &p) const {
@@ -67,6 +72,7 @@ struct HullCore {
 };
 
 struct TriangleCore {
+    static constexpr bool curved = false;
     Vec3 corners[3];
     Vec3 support(const Vec3 &d) const {
         const double a = dot(corners[0], d), b = dot(corners[1], d), c = dot(corners[2], d);
@@ -103,6 +109,7 @@ struct Difference {
     A a;
     B b;
     Pose X_AB;
+    static constexpr bool curved = A::curved || B::curved;
 
     // The point of A - B farthest along d.
     DifferencePoint support(const Vec3 &d) const {

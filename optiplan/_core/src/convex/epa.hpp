@@ -6,37 +6,49 @@
 #pragma once
 
 #include <array>
+#include <initializer_list>
+#include <vector>
 
 #include "gjk.hpp"
 #include "witness.hpp"
 
 namespace optiplan {
 
-constexpr double kDepthGap = 1e-10;  // m; between the two bounds, where the search ends
+constexpr double kDepthGap = 1e-12;       // m; between the two bounds, where the search ends
+constexpr double kCurvedDepthGap = 1e-5;  // the same as a part of the extent, for curved cores: `penetration` refines it
 
 template <class A, class B>
 class ExpandingPolytope {
 public:
-    explicit ExpandingPolytope(const Difference<A, B> &difference) : difference_(difference) {}
+    explicit ExpandingPolytope(const Difference<A, B> &difference) : difference_(difference) {
+        vertices_.reserve(64), faces_.reserve(128), rim_.reserve(64);
+    }
 
     // `simplex`: where GJK ended, about the origin or touching it. The distance returned is minus the support function of
     // A - B along the normal, so never above the truth.
     Witness solve(const Simplex &simplex) {
         if (!begin(simplex)) return flat(simplex);
-        int nearest = nearest_face();
+        const double gap = Difference<A, B>::curved ? kCurvedDepthGap * extent_ : std::max(kDepthGap, rounding_);
+        std::size_t nearest = nearest_face();
         while (!faces_[nearest].closed) {
             Face &face = faces_[nearest];
             const DifferencePoint next = difference_.support(face.normal);
             const double reach = dot(next.w, face.normal);
-            if (reach - face.plane <= std::max(kDepthGap, rounding_) || vertices_used_ == kVertices || !expand(next))
-                face.closed = true, face.bound = reach;
+            if (reach - face.plane <= gap || !expand(next)) face.closed = true, face.bound = reach;
             nearest = nearest_face();
         }
-        return read(faces_[nearest]);
+        const Face &face = faces_[nearest];
+        exact_ = face.bound - face.plane <= std::max(kDepthGap, rounding_);
+        return read(face);
     }
 
+    // Whether the bounds met; false for curved cores, and where too many faces are equally near.
+    bool exact() const { return exact_; }
+    // Of A - B, m.
+    double extent() const { return extent_; }
+
 private:
-    static constexpr int kVertices = 200, kFaces = 2 * kVertices;
+    static constexpr std::size_t kVertices = Difference<A, B>::curved ? 100 : 400;
 
     struct Face {
         int corners[3];  // counter-clockwise, seen from outside
@@ -54,11 +66,10 @@ private:
 
     // A tetrahedron of support points; false where A - B has no volume, `flat_normal_` being perpendicular to it.
     bool begin(const Simplex &simplex) {
-        double scale = 0.0;
         for (const Vec3 &axis : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}})
-            scale = std::max({scale, dot(difference_.support(axis).w, axis), -dot(difference_.support(-axis).w, axis)});
-        rounding_ = 1e-14 * scale;
-        const double least = 1e-9 * scale;  // lengths below it give no direction
+            extent_ = std::max({extent_, dot(difference_.support(axis).w, axis), -dot(difference_.support(-axis).w, axis)});
+        rounding_ = 1e-14 * extent_;
+        const double least = 1e-9 * extent_;  // lengths below it give no direction
         const auto farthest = [&](std::initializer_list<Vec3> directions, auto height) {
             double most = -1.0;
             DifferencePoint best;
@@ -67,32 +78,28 @@ private:
                 const double found = height(point.w - vertices_[0].w);
                 if (found > most) most = found, best = point;
             }
-            vertices_[vertices_used_] = best;
+            vertices_.push_back(best);
             return most > least;
         };
-        for (int i = 0; i < simplex.size; ++i) vertices_[i] = simplex.points[i];
-        vertices_used_ = simplex.size;
+        vertices_.assign(simplex.points, simplex.points + simplex.size);
 
-        if (vertices_used_ > 1 && norm(edge(0, 1)) <= least) vertices_used_ = 1;
-        if (vertices_used_ == 1) {
+        if (vertices_.size() > 1 && norm(edge(0, 1)) <= least) vertices_.resize(1);
+        if (vertices_.size() == 1) {
             flat_normal_ = {1, 0, 0};
             if (!farthest({{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}}, norm)) return false;
-            vertices_used_ = 2;
         }
         const Vec3 along = (1.0 / norm(edge(0, 1))) * edge(0, 1);
         const auto off_line = [&](const Vec3 &from_first) { return norm(cross(along, from_first)); };
-        if (vertices_used_ > 2 && off_line(edge(0, 2)) <= least) vertices_used_ = 2;
-        if (vertices_used_ == 2) {
+        if (vertices_.size() > 2 && off_line(edge(0, 2)) <= least) vertices_.resize(2);
+        if (vertices_.size() == 2) {
             const Vec3 u = flat_normal_ = perpendicular(along), v = cross(along, u);
             if (!farthest({u, v, -u, -v}, off_line)) return false;
-            vertices_used_ = 3;
         }
         const Vec3 c = cross(along, edge(0, 2)), n = (1.0 / norm(c)) * c;
-        if (vertices_used_ > 3 && std::fabs(dot(n, edge(0, 3))) <= least) vertices_used_ = 3;
-        if (vertices_used_ == 3) {
+        if (vertices_.size() > 3 && std::fabs(dot(n, edge(0, 3))) <= least) vertices_.resize(3);
+        if (vertices_.size() == 3) {
             flat_normal_ = n;
             if (!farthest({n, -n}, [&](const Vec3 &from_first) { return std::fabs(dot(n, from_first)); })) return false;
-            vertices_used_ = 4;
         }
         if (dot(n, edge(0, 3)) > 0.0) std::swap(vertices_[1], vertices_[2]);  // face 0 1 2 looks away from vertex 3
         for (const auto &corners : {std::array{0, 1, 2}, std::array{0, 3, 1}, std::array{1, 3, 2}, std::array{2, 3, 0}})
@@ -101,57 +108,58 @@ private:
     }
 
     void add_face(int i, int j, int k) {
-        Face &face = faces_[faces_used_++];
         const Vec3 n = cross(edge(i, j), edge(i, k));
         const double length = norm(n);
-        face = {{i, j, k}, true, {}, HUGE_VAL, HUGE_VAL};  // without area it is never the nearest, and sees nothing
+        Face face{{i, j, k}, true, {}, HUGE_VAL, HUGE_VAL};  // without area it is never the nearest, and sees nothing
         if (length > 0.0) {
             face.normal = (1.0 / length) * n;
             face.plane = face.bound = dot(face.normal, vertices_[i].w);
             face.closed = false;
         }
+        faces_.push_back(face);
     }
 
-    int nearest_face() const {
-        int best = 0;
-        for (int i = 1; i < faces_used_; ++i)
+    std::size_t nearest_face() const {
+        std::size_t best = 0;
+        for (std::size_t i = 1; i < faces_.size(); ++i)
             if (faces_[i].bound < faces_[best].bound) best = i;
         return best;
     }
 
     // Replaces the faces that see a new point by faces to it from their rim; false where there is no room.
     bool expand(const DifferencePoint &point) {
-        int rim_used = 0, kept = 0, seeing = 0;
+        if (vertices_.size() == kVertices) return false;
         const auto sees = [&](const Face &face) { return dot(face.normal, point.w) - face.plane > rounding_; };
-        for (int i = 0; i < faces_used_; ++i) {
-            if (!sees(faces_[i])) continue;
-            ++seeing;
+        rim_.clear();
+        bool seen = false;
+        for (const Face &face : faces_) {
+            if (!sees(face)) continue;
+            seen = true;
             for (int side = 0; side < 3; ++side) {
-                const int from = faces_[i].corners[side], to = faces_[i].corners[(side + 1) % 3];
-                int opposite = 0;
-                while (opposite < rim_used && (rim_[opposite].from != to || rim_[opposite].to != from)) ++opposite;
-                if (opposite < rim_used) rim_[opposite] = rim_[--rim_used];
-                else if (rim_used < kFaces) rim_[rim_used++] = {from, to};
+                const int from = face.corners[side], to = face.corners[(side + 1) % 3];
+                const auto opposite = std::find_if(rim_.begin(), rim_.end(), [&](const Edge &edge) {
+                    return edge.from == to && edge.to == from;
+                });
+                if (opposite == rim_.end()) rim_.push_back({from, to});
+                else *opposite = rim_.back(), rim_.pop_back();
             }
         }
-        if (seeing == 0 || faces_used_ - seeing + rim_used > kFaces) return false;
-        for (int i = 0; i < faces_used_; ++i)
-            if (!sees(faces_[i])) faces_[kept++] = faces_[i];
-        faces_used_ = kept;
-        vertices_[vertices_used_] = point;
-        for (int i = 0; i < rim_used; ++i) add_face(rim_[i].from, rim_[i].to, vertices_used_);
-        ++vertices_used_;
+        if (!seen) return false;
+        faces_.erase(std::remove_if(faces_.begin(), faces_.end(), sees), faces_.end());
+        const int newest = int(vertices_.size());
+        vertices_.push_back(point);
+        for (const Edge &edge : rim_) add_face(edge.from, edge.to, newest);
         return true;
     }
 
-    // The nearest point of the polytope's surface lies in the face, or in another one of the same plane.
+    // The foot of the normal lies in the nearest face, or in another one of the same plane.
     Witness read(const Face &nearest) const {
         simplex::Face best;
         best.squared = HUGE_VAL;
         const Vec3 foot = nearest.bound * nearest.normal;
-        for (int i = 0; i < faces_used_; ++i) {
-            const Face &face = faces_[i];
-            if (dot(face.normal, nearest.normal) < 1.0 - 1e-6 || std::fabs(face.plane - nearest.plane) > 1e-6) continue;
+        for (const Face &face : faces_) {
+            const double off = dot(face.normal, foot) - face.plane;
+            if (!(off * off < best.squared)) continue;
             std::array<DifferencePoint, 3> corners;
             for (int k = 0; k < 3; ++k) corners[k].w = vertices_[face.corners[k]].w - foot;
             simplex::Face found = simplex::nearest_of_triangle(corners.data());
@@ -175,12 +183,40 @@ private:
     }
 
     const Difference<A, B> &difference_;
-    std::array<DifferencePoint, kVertices> vertices_;
-    std::array<Face, kFaces> faces_;
-    std::array<Edge, kFaces> rim_;
-    int vertices_used_ = 0, faces_used_ = 0;
-    double rounding_ = 0.0;
+    std::vector<DifferencePoint> vertices_;
+    std::vector<Face> faces_;
+    std::vector<Edge> rim_;
+    double extent_ = 0.0, rounding_ = 0.0;
+    bool exact_ = true;
     Vec3 flat_normal_;
 };
+
+// The shortest translation that parts two cores that touch, to rounding for polyhedra.
+//
+// Where the polytope leaves a gap, B is moved out along its normal and a little farther: from there the nearest points
+// give a normal that is nearer to the best one by the factor depth / radius of curvature. Each is a translation that
+// parts the cores, so the distance is never above the truth.
+template <class A, class B>
+Witness penetration(const Difference<A, B> &difference, const Simplex &simplex) {
+    ExpandingPolytope<A, B> polytope(difference);
+    Witness best = polytope.solve(simplex);
+    if (polytope.exact()) return best;
+    const double beyond = 1e-3 * polytope.extent();
+    Vec3 normal = best.normal;
+    double depth = -best.distance;
+    for (int round = 0; round < 5; ++round) {
+        Difference<A, B> apart = difference;
+        const Vec3 moved = (depth + beyond) * normal;
+        apart.X_AB.p += moved;
+        const GjkResult found = gjk(apart, HUGE_VAL);
+        if (found.status != GjkResult::Status::apart) break;
+        const Witness there = witness_of(found);
+        const double turned = norm(there.normal - normal);
+        normal = there.normal, depth = dot(difference.support(normal).w, normal);
+        if (round == 0 || -depth >= best.distance - kNormalGap) best = {-depth, there.a, there.a - depth * normal, normal};
+        if (turned <= 1e-6) break;
+    }
+    return best;
+}
 
 }  // namespace optiplan

@@ -6,29 +6,44 @@
 #pragma once
 
 #include "simplex.hpp"
+#include "witness.hpp"
 
 namespace optiplan {
 
 constexpr double kDistanceGap = 1e-11;  // m; between the two bounds, where the search ends
-constexpr double kTouching = 1e-9;      // m; cores nearer than this are asked for their penetration, which may be negative
+constexpr double kTouching = 1e-7;      // m; nearer than this the points tell no normal: penetration is asked for
+constexpr double kNormalGap = 1e-8;     // m; the latest direction is taken unless another one proves this much more
+constexpr double kSureGap = 5e-8;       // m; where rounding ends the search with a wider gap, the lower bound is returned
 constexpr int kGjkSteps = 200;
 
 struct GjkResult {
     enum class Status { apart, beyond_cutoff, touching } status;
-    double lower;  // bound of the distance, m; the distance itself to `kDistanceGap` when apart
+    double lower;    // bound of the distance, m
+    Vec3 direction;  // from B to A, of any length: the plane across it proves the bound
     Simplex simplex;
 };
+
+// Distance, nearest points and normal in the frame of A; of a result that is apart.
+//
+// Close to its least value |v| hardly changes with direction, and the bound does much: the points give the distance, and
+// the plane that proves the bound the normal.
+inline Witness witness_of(const GjkResult &found) {
+    const double upper = norm(found.simplex.v), distance = upper - found.lower <= kSureGap ? upper : found.lower;
+    const Vec3 a = found.simplex.on_a(), normal = (-1.0 / norm(found.direction)) * found.direction;
+    return {distance, a, a + distance * normal, normal};
+}
 
 // Stops early with a lower bound above `cutoff` (m), or as soon as the distance is at most `enough` (status touching).
 template <class A, class B>
 GjkResult gjk(const Difference<A, B> &difference, double cutoff, double enough = kTouching) {
-    GjkResult result{GjkResult::Status::apart, -HUGE_VAL, {}};
+    GjkResult result{GjkResult::Status::apart, -HUGE_VAL, {}, {}};
     Simplex &simplex = result.simplex;
     Vec3 v = difference.first_guess();
     double squared = squared_norm(v);
     for (int step = 0; step < kGjkSteps; ++step) {
         const DifferencePoint next = difference.support(-v);
         const double length = std::sqrt(squared), lower = dot(v, next.w) / length;
+        if (lower >= result.lower - std::min(kNormalGap, 1e-4 * length)) result.direction = v;
         if (lower > result.lower) {
             result.lower = lower;
             if (lower > cutoff) {

@@ -43,12 +43,11 @@ struct Search {
             if (best.distance > limit && found.lower < best.distance) best.distance = found.lower;
             return;
         }
-        const Vec3 on_a = found.simplex.on_a(), &v = found.simplex.v;
-        const double length = norm(v);
         if (found.status == GjkResult::Status::touching) {
-            best = {0.0, on_a, on_a, length > 0.0 ? (-1.0 / length) * v : Vec3{1, 0, 0}};
-        } else if (length < best.distance) {
-            best = {length, on_a, on_a - v, (-1.0 / length) * v};
+            const Vec3 common = found.simplex.on_a();
+            best = {0.0, common, common, {1, 0, 0}};
+        } else if (const Witness apart = witness_of(found); apart.distance < best.distance) {
+            best = apart;
         }
         limit = std::min(limit, best.distance);
     }

@@ -3,33 +3,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
 
 namespace optiplan {
 
-int SearchTree::add(const double *x, int parent) {
-    for (int k = 0; k < dimension_; ++k) columns_[k].push_back(x[k]);
-    parents_.push_back(parent);
-    return size() - 1;
-}
-
-int SearchTree::nearest(const double *x) const {
-    constexpr int BLOCK = 256;
-    double squared[BLOCK];
-    double least = std::numeric_limits<double>::infinity();
-    int found = -1;
-    for (int begin = 0; begin < size(); begin += BLOCK) {
-        const int count = std::min(BLOCK, size() - begin);
-        std::fill(squared, squared + count, 0.0);
-        for (int k = 0; k < dimension_; ++k) {
-            const double *column = columns_[k].data() + begin;
-            for (int i = 0; i < count; ++i) squared[i] += (column[i] - x[k]) * (column[i] - x[k]);
-        }
-        for (int i = 0; i < count; ++i)
-            if (squared[i] < least) least = squared[i], found = begin + i;
-    }
-    return found;
-}
+static constexpr int TURN = 8;  // iterations of which one takes the trees in turn, whatever their sizes
 
 RrtConnect::RrtConnect(EdgeChecker &check, SearchSpace space, const double *start, const std::vector<double> &goals,
                        double reach, std::uint64_t seed)
@@ -54,13 +31,13 @@ RrtConnect::Step RrtConnect::extend(int tree, int from) {
     const SearchTree &grown = trees_[tree];
     const int m = static_cast<int>(target_.size());
     double squared = 0.0;
-    for (int k = 0; k < m; ++k) squared += (target_[k] - grown.at(from, k)) * (target_[k] - grown.at(from, k));
+    for (int k = 0; k < m; ++k) squared += (target_[k] - grown.at(from)[k]) * (target_[k] - grown.at(from)[k]);
     const double length = std::sqrt(squared);
     const bool reaches = length <= reach_;
     const double share = reaches ? 1.0 : reach_ / length;
     std::vector<double> node(m);
     for (int k = 0; k < m; ++k) {
-        node[k] = grown.at(from, k);
+        node[k] = grown.at(from)[k];
         x_[k] = reaches ? target_[k] : node[k] + share * (target_[k] - node[k]);
     }
     lift(node.data(), from_.data());
@@ -70,19 +47,27 @@ RrtConnect::Step RrtConnect::extend(int tree, int from) {
     return reaches ? Step::reached : Step::advanced;
 }
 
+// The smaller tree where one has twice the states of the other: it is in a narrow place, and has to get out of it.
+int RrtConnect::next_tree() {
+    const int turn = iterations_++;
+    if (turn % TURN != 0 && 2 * size(0) < size(1)) return 0;
+    if (turn % TURN != 0 && 2 * size(1) < size(0)) return 1;
+    return turn / TURN % 2 == 0 ? turn % 2 : 1 - turn % 2;
+}
+
 bool RrtConnect::grow(int iterations, double seconds) {
     using Clock = std::chrono::steady_clock;
     const auto end = Clock::now() + std::chrono::duration<double>(seconds);
     const int m = static_cast<int>(target_.size());
     for (int k = 0; k < iterations && !met() && Clock::now() < end; ++k) {
-        const int tree = iterations_++ % 2, other = 1 - tree;
+        const int tree = next_tree(), other = 1 - tree;
         for (int j = 0; j < m; ++j) {
             const double low = space_.lower[j] / space_.units[j], high = space_.upper[j] / space_.units[j];
             target_[j] = low + random_.uniform() * (high - low);
         }
         if (extend(tree, trees_[tree].nearest(target_.data())) == Step::blocked) continue;
         const int grown = last_;
-        for (int j = 0; j < m; ++j) target_[j] = trees_[tree].at(grown, j);
+        for (int j = 0; j < m; ++j) target_[j] = trees_[tree].at(grown)[j];
         Step step;
         last_ = trees_[other].nearest(target_.data());
         do step = extend(other, last_);
@@ -96,7 +81,7 @@ void RrtConnect::append(std::vector<double> &out, int tree, int node) const {
     const std::size_t begin = out.size();
     out.resize(begin + space_.still.size());
     std::vector<double> x(space_.joints.size());
-    for (std::size_t k = 0; k < x.size(); ++k) x[k] = trees_[tree].at(node, static_cast<int>(k));
+    for (std::size_t k = 0; k < x.size(); ++k) x[k] = trees_[tree].at(node)[k];
     lift(x.data(), out.data() + begin);
 }
 

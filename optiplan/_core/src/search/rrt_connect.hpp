@@ -6,6 +6,7 @@
 
 #include "search/edges.hpp"
 #include "search/random.hpp"
+#include "search/search_tree.hpp"
 
 namespace optiplan {
 
@@ -15,23 +16,6 @@ struct SearchSpace {
     std::vector<int> joints;            // (m,)
     std::vector<double> lower, upper;   // (m,), rad or m
     std::vector<double> units;          // (m,), scale of distances: |x| with x = q / units
-};
-
-// Configurations x (m,) in units, each reached from its parent.
-class SearchTree {
-  public:
-    explicit SearchTree(int dimension) : dimension_(dimension), columns_(dimension) {}
-
-    int size() const { return static_cast<int>(parents_.size()); }
-    int parent(int node) const { return parents_[node]; }
-    double at(int node, int axis) const { return columns_[axis][node]; }
-    int add(const double *x, int parent);
-    int nearest(const double *x) const;
-
-  private:
-    int dimension_;
-    std::vector<std::vector<double>> columns_;
-    std::vector<int> parents_;
 };
 
 class RrtConnect {
@@ -59,6 +43,7 @@ class RrtConnect {
 
     // One step of at most `reach` from a node towards `target_`; `last_` is the node it made.
     Step extend(int tree, int from);
+    int next_tree();
     void lift(const double *x, double *q) const;
     void append(std::vector<double> &out, int tree, int node) const;
 

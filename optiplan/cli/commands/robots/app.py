@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from optiplan.cli.commands.robots_init import init
+from optiplan.cli.commands.robots.init import init
 from optiplan.cli.completion import robot_names
 from optiplan.cli.output import print_json, results, stdout_is_ours
 

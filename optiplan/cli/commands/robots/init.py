@@ -33,7 +33,7 @@ def init(
 
       optiplan robots init my_arm.urdf --group j1,j2,j3 --tool tool0 --lock finger=0.02 --limit acceleration=5
     """
-    from optiplan.cli.commands import robot_wizard as wizard
+    from optiplan.cli.commands.robots import wizard
 
     as_json = as_json or bool(context.obj)
     folder = urdf.parent if out is None else out

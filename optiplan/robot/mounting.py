@@ -1,0 +1,66 @@
+"""How a robot stands and what it carries: pose of its base, gravity, payload; all of it in pinocchio's model."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+
+GRAVITY = (0.0, 0.0, -9.81)
+"""m/s², of a robot whose base stands upright on Earth."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mounting:
+    """Pose of the base, gravity and payload.
+
+    Attributes:
+        X_WB: pose of the robot's root in the world.
+        gravity: (3,) acceleration of free fall in the world, m/s².
+        payload: what links carry, by name: spatial inertia in the frame of the link (kg, m, kg m²).
+    """
+
+    X_WB: pin.SE3 = field(default_factory=pin.SE3.Identity)
+    gravity: Array = field(default_factory=lambda: np.array(GRAVITY))
+    payload: tuple[tuple[str, pin.Inertia], ...] = ()
+
+    @property
+    def usual(self) -> bool:
+        """Whether the robot stands in the origin of the world, upright on Earth, and carries nothing."""
+        upright = bool((self.X_WB.homogeneous == np.eye(4)).all()) and tuple(self.gravity) == GRAVITY
+        return upright and not self.payload
+
+    @property
+    def mass(self) -> float:
+        """Mass of the payload, kg."""
+        return float(sum(inertia.mass for _, inertia in self.payload))
+
+    def model(self, model: pin.Model) -> pin.Model:
+        """Return the kinematic and dynamic model of a robot that is mounted so."""
+        mounted = model.copy()
+        for joint in range(1, mounted.njoints):
+            if mounted.parents[joint] == 0:
+                mounted.jointPlacements[joint] = self.X_WB * mounted.jointPlacements[joint]
+        for index in range(1, mounted.nframes):  # the first is the world itself
+            frame = mounted.frames[index]
+            if frame.parentJoint == 0:
+                frame.placement = self.X_WB * frame.placement
+        mounted.gravity.linear = np.array(self.gravity)
+        for link, inertia in self.payload:
+            frame = mounted.frames[mounted.getFrameId(link, pin.FrameType.BODY)]
+            mounted.appendBodyToJoint(frame.parentJoint, inertia, frame.placement)
+        return mounted
+
+    def geometry(self, geometry: pin.GeometryModel) -> pin.GeometryModel:
+        """Return the bodies, those of links that no joint moves where the base is now."""
+        mounted = geometry.copy()
+        for body in mounted.geometryObjects:
+            if body.parentJoint == 0:
+                body.placement = self.X_WB * body.placement
+        return mounted
+
+    def visual(self, build: Callable[[], pin.GeometryModel]) -> Callable[[], pin.GeometryModel]:
+        """Return the same of geometry that is built later."""
+        return lambda: self.geometry(build())

@@ -1,0 +1,179 @@
+"""Where a robot stands, what pulls at it, and what it carries."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import optiplan as op
+from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.robot.mounting import Mounting
+from optiplan.robot.robot import load_robot
+
+UR5 = {"robot": "ur5", "start": [0, -1.5, 1.2, -1.3, -1.57, 0], "goal": [0.6, -1.1, 1.0, -1.5, -1.57, 0.3]}
+PANDA = {"robot": "panda", "start": "ready", "goal": [1.2, 0.3, 0.4, -1.6, 0.3, 1.9, 0.4]}
+CEILING = op.Pose((0.2, -0.1, 1.5), rpy=(3.0, 0.1, 0.4))
+FINGERS = ["panda_leftfinger", "panda_rightfinger"]
+
+
+def poses(robot, q):
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    return {frame.name: data.oMf[i].homogeneous for i, frame in enumerate(robot.model.frames) if i}
+
+
+def held(**weight):
+    return op.Box("load", size=(0.1, 0.08, 0.12), position=(0, 0, 0.15)).attached_to("panda_hand", FINGERS, **weight)
+
+
+def test_every_frame_and_body_stands_where_the_base_is():
+    plain, mounted = op.Problem(**UR5), op.Problem(**UR5, base=CEILING)
+    X_WB, q = CEILING.matrix, plain.start
+    before, after = poses(plain.robot, q), poses(mounted.robot, q)
+    assert before.keys() == after.keys()
+    for name, X in before.items():
+        assert after[name] == pytest.approx(X_WB @ X, abs=1e-12), name
+    for one, other in ((plain.robot.geometry, mounted.robot.geometry), (plain.robot.visual, mounted.robot.visual)):
+        for body, moved in zip(one.geometryObjects, other.geometryObjects, strict=True):
+            own = X_WB @ body.placement.homogeneous if body.parentJoint == 0 else body.placement.homogeneous
+            assert moved.placement.homogeneous == pytest.approx(own, abs=1e-12), body.name
+
+
+def test_a_robot_on_the_ceiling_reaches_poses_of_the_world_and_is_verified():
+    goal = op.Pose((0.5, 0.2, 1.0), rpy=(3.14, 0, 0))
+    problem = op.Problem("ur5", start=UR5["start"], goal=goal, base=CEILING)
+    run = op.plan(problem, budget=3.0)
+    assert run.verified
+    reached = poses(problem.robot, run.trajectory.end)[problem.robot.tool_frame]
+    assert reached[:3, 3] == pytest.approx((0.5, 0.2, 1.0), abs=2e-4)
+    assert any(line.startswith("base at [0.2, -0.1, 1.5] m") for line in run.report.scope)
+
+
+def test_closed_form_branches_are_those_of_the_mounted_arm():
+    robot = op.Problem(**UR5, base=CEILING).robot
+    form = closed_form(robot)
+    assert form is not None
+    X = poses(robot, np.array(UR5["goal"]))[robot.tool_frame]
+    found = form.solve(X[None])
+    branches = found.q[found.valid]
+    assert len(branches) >= 2
+    for q in branches:
+        assert poses(robot, q)[robot.tool_frame] == pytest.approx(X, abs=1e-9)
+
+
+def test_payload_is_in_the_torques_as_its_weight_at_a_lever():
+    plain, loaded = op.Problem(**PANDA), op.Problem(**PANDA, scene=op.Scene([], [held(mass=3.0)]))
+    q = np.array(PANDA["goal"])
+    torque = [pin.computeGeneralizedGravity(p.robot.model, p.robot.model.createData(), q) for p in (plain, loaded)]
+    robot = plain.robot
+    data = robot.model.createData()
+    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    J = pin.computeFrameJacobian(robot.model, data, q, robot.frame_id("panda_hand"), axes)
+    R = poses(robot, q)["panda_hand"][:3, :3]
+    lever = pin.skew(R @ np.array([0, 0, 0.15]))
+    weight = (J[:3] - lever @ J[3:]).T @ np.array([0, 0, 3.0 * 9.81])
+    assert torque[1] - torque[0] == pytest.approx(weight, abs=1e-9)
+    assert loaded.robot.mounting.mass == 3.0
+
+
+def test_a_load_is_planned_with_and_proved():
+    limits = {"torque": 0.76}
+    light = op.plan(op.Problem(**PANDA, scene=op.Scene([], [held()]), limits=limits), budget=5.0)
+    heavy = op.plan(op.Problem(**PANDA, scene=op.Scene([], [held(mass=5.0)]), limits=limits), budget=5.0)
+    assert light.verified
+    assert heavy.verified
+    assert heavy.duration > light.duration
+    assert any("attached objects weigh nothing" in line for line in light.report.scope)
+    assert any("with load of 5 kg" in line for line in heavy.report.scope)
+    refused = op.verify(heavy.problem, light.trajectory)
+    assert [check.name for check in refused.failures] == ["torque"]
+
+
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [
+        (op.Box("x", size=(0.1, 0.2, 0.3)), pin.Inertia.FromBox(2.0, 0.1, 0.2, 0.3)),
+        (op.Sphere("x", radius=0.1), pin.Inertia.FromSphere(2.0, 0.1)),
+        (op.Cylinder("x", radius=0.1, length=0.3), pin.Inertia.FromCylinder(2.0, 0.1, 0.3)),
+        (op.Capsule("x", radius=0.1, length=0.3), pin.Inertia.FromCapsule(2.0, 0.1, 0.3)),
+    ],
+)
+def test_shapes_are_filled_evenly_unless_told_otherwise(shape, expected):
+    even = shape.attached_to("panda_hand", mass=2.0).inertia_in_link()
+    assert even.matrix() == pytest.approx(expected.matrix(), rel=1e-6, abs=1e-9)
+    told = shape.attached_to("panda_hand", mass=2.0, centre=(0, 0, 0.1), inertia=(0.1, 0.2, 0.25)).inertia_in_link()
+    assert told.lever == pytest.approx((0, 0, 0.1))
+    assert np.diag(told.inertia) == pytest.approx((0.1, 0.2, 0.25))
+
+
+def test_gravity_pulls_where_the_problem_says():
+    problem = op.Problem(**PANDA, gravity=(0, 0, 0))
+    torque = pin.computeGeneralizedGravity(problem.robot.model, problem.robot.model.createData(), problem.start)
+    assert torque == pytest.approx(np.zeros(7))
+    on_the_moon = op.plan(problem.with_gravity((0, 0, -1.62)), "quintic")
+    assert any("gravity [0, 0, -1.62] m/s²" in line for line in on_the_moon.report.scope)
+
+
+def test_a_file_says_it_and_the_hash_knows_it(tmp_path):
+    problem = op.Problem(**PANDA, base=CEILING, gravity=(0, 1.0, -9.0), scene=op.Scene([], [held(mass=1.0)]))
+    problem.save(tmp_path / "mounted.yaml")
+    again = op.load_problem(tmp_path / "mounted.yaml")
+    assert again.hash == problem.hash
+    assert again.robot.mounting.X_WB.homogeneous == pytest.approx(CEILING.matrix)
+    others = [
+        problem.with_base(op.Pose((0, 0, 0))),
+        problem.with_gravity((0, 0, -9.81)),
+        problem.with_scene(op.Scene([], [held()])),
+    ]
+    assert len({problem.hash, *(other.hash for other in others)}) == 4
+    assert others[2].robot.mounting.mass == 0.0
+    assert others[0].robot.mounting.X_WB.homogeneous == pytest.approx(np.eye(4))
+
+
+def test_a_mounted_robot_travels_to_other_processes():
+    robot = op.Problem(**PANDA, base=CEILING, scene=op.Scene([], [held(mass=1.0)])).robot
+    again = pickle.loads(pickle.dumps(robot))
+    assert poses(again, np.zeros(7))["panda_hand"] == pytest.approx(poses(robot, np.zeros(7))["panda_hand"])
+    assert again.mounting.mass == 1.0
+    assert again.mounted(Mounting()).mounting.usual
+    assert again.mounted(Mounting()).model.jointPlacements[1] == load_robot("panda").model.jointPlacements[1]
+
+
+@pytest.mark.parametrize(
+    ("change", "place", "words"),
+    [
+        ({"gravity": [0, 0]}, ("gravity",), "3 values"),
+        ({"base": {"position": [0, 0, 0], "rpy": [0, 0, 0], "quaternion": [0, 0, 0, 1]}}, ("base",), "at most one"),
+        ({"mass": -1.0}, ("scene", "attached", 0, "mass"), "expected a number ≥ 0"),
+        ({"centre": [0, 0, 0]}, ("scene", "attached", 0), "expected `mass` too"),
+        (
+            {"mass": 1.0, "inertia": [1.0, 0.1, 0.1]},
+            ("scene", "attached", 0),
+            "none larger than the other two",
+        ),
+    ],
+)
+def test_bad_values_are_named(change, place, words):
+    attached = {"name": "load", "shape": {"sphere": 0.02}, "link": "panda_hand", "pose": {"position": [0, 0, 0.2]}}
+    attached |= {key: value for key, value in change.items() if key not in ("gravity", "base")}
+    rest = {key: value for key, value in change.items() if key in ("gravity", "base")}
+    with pytest.raises(op.InputError) as caught:
+        op.Problem(**PANDA, scene={"attached": [attached]}, **rest)
+    issue = caught.value.issues[0]
+    assert issue.path[: len(place)] == place
+    assert words in str(issue)
+
+
+def test_a_start_that_the_base_puts_into_an_obstacle_is_refused():
+    floor = op.HalfSpace("floor", offset=-0.01)
+    problem = op.Problem(**UR5, scene=[floor])
+    with pytest.raises(op.InputError, match="the start is in collision"):
+        problem.with_base(op.Pose((0, 0, -0.9)))
+
+
+def test_what_was_put_together_by_hand_has_no_base_to_change():
+    problem = replace(op.Problem(**UR5))
+    with pytest.raises(op.InputError, match="put together by hand"):
+        problem.with_gravity((0, 0, 0))
