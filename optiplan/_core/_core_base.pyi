@@ -112,6 +112,10 @@ class RrtConnect:
 
 def shorten(check: EdgeChecker, waypoints: _Array, velocity: _Array, draws: _Array, seconds: float) -> _Array: ...
 
+class InverseDynamics:
+    def __init__(self, tree: Tree) -> None: ...
+    def torques(self, Q: _Array, V: _Array, A: _Array) -> _Array: ...
+
 class Sqp:
     @staticmethod
     def among_bodies(
