@@ -90,13 +90,24 @@ class CollisionModel:
         for pair in self.pairs:
             self.geometry.addCollisionPair(pin.CollisionPair(pair.a, pair.b))
         self.bounds = PairBounds(robot.model, self.geometry, [(p.a, p.b) for p in self.pairs])
-        self._data, self._geometry_data = robot.model.createData(), self.geometry.createData()
-        exact_queries(self._geometry_data)
+        self._data = robot.model.createData()
         self.outline = Outline(robot.model, self.geometry)
-        bodies_in_pairs = {body for pair in self.pairs for body in (pair.a, pair.b)}
-        self._flat = any(is_flat(self.geometry.geometryObjects[body].geometry) for body in bodies_in_pairs)
-        self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
-            robot.model, self.geometry, self._geometry_data
+
+    @cached_property
+    def _geometry_data(self) -> pin.GeometryData:
+        data = self.geometry.createData()
+        exact_queries(data)
+        return data
+
+    @cached_property
+    def _flat(self) -> bool:
+        bodies = {body for pair in self.pairs for body in (pair.a, pair.b)}
+        return any(is_flat(self.geometry.geometryObjects[body].geometry) for body in bodies)
+
+    @cached_property
+    def _broad_phase(self) -> pin.BroadPhaseManager_DynamicAABBTreeCollisionManager:
+        return pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
+            self.robot.model, self.geometry, self._geometry_data
         )
 
     def collides(self, q: Array) -> bool:

@@ -223,6 +223,6 @@ def _local_box(geometry: coal.CollisionGeometry) -> tuple[Array, Array, float]:
     if isinstance(geometry, coal.Sphere):
         return centre, half, float(geometry.radius)
     if isinstance(geometry, coal.ConvexBase):
-        vertices = np.array([geometry.point(i) for i in range(geometry.num_points)])
+        vertices = np.array(geometry.points())
         return centre, half, float(np.linalg.norm(vertices - centre, axis=1).max())
     return centre, half, float(np.linalg.norm(half))
