@@ -215,6 +215,29 @@ class CollisionModel:
         points = np.array(vectors).reshape(-1, 3, 3)
         return Contacts(rows, pairs, distances, points[:, :2], _normals(distances, points))
 
+    def nearest(self, placed: pin.Data, which: Index) -> tuple[Array, Array]:
+        """Distances (K,), m, of chosen pairs where `placed` has the joints; points and normals (K, 3, 3).
+
+        Rows 0 and 1 of the latter are the nearest points on bodies a and b, row 2 the unit normal from a to b, world.
+        Where a body is a mesh, the hulls stand for it as in `near`.
+        """
+        geometry, data = self.geometry, self._geometry_data
+        pin.updateGeometryPlacements(self.robot.model, placed, geometry, data)
+        self.outline.place(placed)
+        results, meshes = data.distanceResults, self.outline.pairs
+        distances, vectors = np.empty(len(which)), np.empty((len(which), 3, 3))
+        for row, pair in enumerate(which.tolist()):
+            result = self.outline.query(pair) if pair in meshes else None
+            if result is None or result.min_distance <= SETTLED:
+                pin.computeDistance(geometry, data, pair)
+                if result is None or results[pair].min_distance > 0.0:
+                    result = results[pair]
+            distances[row] = result.min_distance
+            to = vectors[row]
+            to[0], to[1], to[2] = result.getNearestPoint1(), result.getNearestPoint2(), result.normal
+        vectors[:, 2] = _normals(distances, vectors)
+        return distances, vectors
+
     def lower_bounds(self, Q: Array) -> Array:
         """Lower bounds, m, of the distance of every pair at Q (N, n), from bounding volumes alone: (N, P)."""
         return self.bounds.distances(Q)
