@@ -215,28 +215,34 @@ class CollisionModel:
         points = np.array(vectors).reshape(-1, 3, 3)
         return Contacts(rows, pairs, distances, points[:, :2], _normals(distances, points))
 
-    def nearest(self, placed: pin.Data, which: Index) -> tuple[Array, Array]:
-        """Distances (K,), m, of chosen pairs where `placed` has the joints; points and normals (K, 3, 3).
-
-        Rows 0 and 1 of the latter are the nearest points on bodies a and b, row 2 the unit normal from a to b, world.
-        Where a body is a mesh, the hulls stand for it as in `near`.
-        """
+    def distances_at(self, placed: pin.Data, which: Index) -> Array:
+        """Distances (K,), m, of chosen pairs where `placed` has the joints; meshes as in `near`."""
         geometry, data = self.geometry, self._geometry_data
         pin.updateGeometryPlacements(self.robot.model, placed, geometry, data)
         self.outline.place(placed)
-        results, meshes = data.distanceResults, self.outline.pairs
-        distances, vectors = np.empty(len(which)), np.empty((len(which), 3, 3))
-        for row, pair in enumerate(which.tolist()):
-            result = self.outline.query(pair) if pair in meshes else None
-            if result is None or result.min_distance <= SETTLED:
-                pin.computeDistance(geometry, data, pair)
-                if result is None or results[pair].min_distance > 0.0:
-                    result = results[pair]
-            distances[row] = result.min_distance
-            to = vectors[row]
-            to[0], to[1], to[2] = result.getNearestPoint1(), result.getNearestPoint2(), result.normal
-        vectors[:, 2] = _normals(distances, vectors)
-        return distances, vectors
+        self._answers = results = [self._nearest_points(pair) for pair in which.tolist()]
+        return np.array([result.min_distance for result in results])
+
+    def _nearest_points(self, pair: int) -> coal.DistanceResult:
+        result = self.outline.query(pair) if pair in self.outline.pairs else None
+        if result is None or result.min_distance <= SETTLED:
+            pin.computeDistance(self.geometry, self._geometry_data, pair)
+            own = self._geometry_data.distanceResults[pair]
+            if result is None or own.min_distance > 0.0:
+                return own
+        return result
+
+    def witnesses(self) -> Array:
+        """Nearest points on bodies a and b, m, and unit normals from a to b, world, of the last `distances_at`.
+
+        Returns:
+            (K, 3, 3): rows 0 and 1 are the points, row 2 the normal.
+        """
+        results = self._answers
+        vectors = np.array([(r.getNearestPoint1(), r.getNearestPoint2(), r.normal) for r in results]).reshape(-1, 3, 3)
+        if self.outline.pairs:  # between meshes coal leaves the normal unset
+            vectors[:, 2] = _normals(np.array([result.min_distance for result in results]), vectors)
+        return vectors
 
     def lower_bounds(self, Q: Array) -> Array:
         """Lower bounds, m, of the distance of every pair at Q (N, n), from bounding volumes alone: (N, P)."""

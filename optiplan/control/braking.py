@@ -12,20 +12,15 @@ bit. That a joint halts before its end is therefore a bound on its velocity that
 """
 
 import math
-from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from optiplan.arrays import Array
 
 
-@dataclass(frozen=True, slots=True)
-class Phase:
-    """Steps of a stop whose accelerations form an arithmetic sequence: a_i = first + (i - 1) change, i = 1 … count."""
-
-    count: int
-    first: float
-    change: float
+Phase: TypeAlias = tuple[int, float, float]
+"""(count, first, change): steps of a stop whose accelerations are first + (i - 1) change, i = 1 … count."""
 
 
 def velocity_to_zero(alpha: float, change: float, dt: float) -> float:
@@ -58,28 +53,28 @@ def stop_phases(v: float, a: float, limit: float, change: float, dt: float) -> t
     """
     best = -math.copysign(braking_acceleration(abs(v), change, dt), v)
     if best <= a:
-        return tuple(_falling(v, a, limit, change, dt))
-    return tuple(Phase(p.count, -p.first, -p.change) for p in _falling(-v, -a, limit, change, dt))
+        return _falling(v, a, limit, change, dt)
+    return tuple([(count, -first, -change) for count, first, change in _falling(-v, -a, limit, change, dt)])
 
 
-def _falling(v: float, a: float, limit: float, change: float, dt: float) -> list[Phase]:
+def _falling(v: float, a: float, limit: float, change: float, dt: float) -> tuple[Phase, ...]:
     """The stop where the acceleration falls at first."""
-    phases = []
+    phases: tuple[Phase, ...] = ()
     if change != math.inf:
         steps = _falling_steps(v, a, limit, change, dt)
         if steps:
-            phases.append(Phase(steps, a - change, -change))
+            phases = ((steps, a - change, -change),)
             v += dt * (steps * a - 0.5 * change * steps * (steps + 1))
     hold = velocity_to_zero(limit, change, dt)
     if v >= hold:
         steps = int((v - hold) / (limit * dt)) + 1
-        phases.append(Phase(steps, -limit, 0.0))
+        phases = (*phases, (steps, -limit, 0.0))
         v -= steps * limit * dt
     size = braking_acceleration(abs(v), change, dt)
     if size > 0.0:
         steps = 1 if change == math.inf else max(1, math.ceil(size / change - 1e-12))
         sign = -math.copysign(1.0, v)
-        phases.append(Phase(steps, sign * size, 0.0 if steps == 1 else -sign * change))
+        phases = (*phases, (steps, sign * size, 0.0 if steps == 1 else -sign * change))
     return phases
 
 
@@ -111,8 +106,8 @@ def travel(phases: tuple[Phase, ...], v: float, dt: float, steps: int | None = N
     dt (k v + dt (b k (k + 1) / 2 + g (k - 1) k (k + 1) / 6)).
     """
     total, left = 0.0, math.inf if steps is None else steps
-    for phase in phases:
-        k, b, g = phase.count if phase.count <= left else int(left), phase.first, phase.change
+    for count, b, g in phases:
+        k = count if count <= left else int(left)
         total += dt * (k * v + dt * (0.5 * b * k * (k + 1) + g * (k - 1) * k * (k + 1) / 6.0))
         v += dt * (k * b + 0.5 * g * k * (k - 1))
         left -= k
@@ -137,7 +132,7 @@ def farthest(v: float, a: float, limit: float, change: float, dt: float) -> floa
         return 0.0
     phases = stop_phases(v, a, limit, change, dt)
     total = travel(phases, v, dt)
-    if v > 0.0 and phases and phases[0].change > 0.0:  # over-braked: forward first, then back
+    if v > 0.0 and phases and phases[0][2] > 0.0:  # over-braked: forward first, then back
         return max(0.0, total, _forward(phases, v, dt))
     return max(0.0, total)
 
@@ -145,20 +140,11 @@ def farthest(v: float, a: float, limit: float, change: float, dt: float) -> floa
 def _forward(phases: tuple[Phase, ...], v: float, dt: float) -> float:
     """Travel until the velocity of a stop changes its sign for the first time."""
     best = total = 0.0
-    for phase in phases:
-        for i in range(phase.count):
-            v += dt * (phase.first + i * phase.change)
+    for count, first, change in phases:
+        for i in range(count):
+            v += dt * (first + i * change)
             if v <= 0.0:
                 return best
             total += dt * v
             best = max(best, total)
     return best
-
-
-def speed_after(phases: tuple[Phase, ...], v: float, dt: float, steps: int) -> float:
-    """Velocity after the first `steps` of a stop from velocity v."""
-    for phase in phases:
-        k = min(phase.count, steps)
-        v += dt * (k * phase.first + 0.5 * phase.change * k * (k - 1))
-        steps -= k
-    return v

@@ -27,6 +27,8 @@ from optiplan.errors import described, wrong_argument
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
 
+RESPONSE = 0.01
+"""s, of velocities to tasks."""
 Form = Literal["velocity", "acceleration"]
 """What tasks ask for, and how positions follow: see `Controller`."""
 
@@ -49,6 +51,7 @@ class Controller:
             q' = q + dt (v + x) / 2.
         solver: `proxqp`, or another that qpsolvers finds.
         damping: weight of all velocities, per rad/s or m/s; near singularities it grows by itself.
+        response: s; time constant with which velocities follow what tasks ask for, in the form `velocity`; 0: at once.
         relax: names of limits, the first given up first, where not all can hold; those not named come first.
         guess: try the active limits of the last step before the solver; False asks the solver in every step.
 
@@ -77,6 +80,7 @@ class Controller:
         form: Form = "velocity",
         solver: str | QpSolver = DEFAULT,
         damping: float = BASE_DAMPING,
+        response: float = RESPONSE,
         relax: Sequence[str] = ORDER,
         guess: bool = True,
     ) -> None:
@@ -88,6 +92,8 @@ class Controller:
             raise wrong_argument("Controller", "form", described(form), f"one of: {', '.join(get_args(Form))}")
         if not is_finite(damping) or damping <= 0.0:
             raise wrong_argument("Controller", "damping", described(damping), "a finite number > 0")
+        if not is_finite(response) or response < 0.0:
+            raise wrong_argument("Controller", "response", described(response), "a finite number of seconds >= 0")
         self._answers = Answers(make_solver(solver), guess)
         for part in (*self.tasks, *self.limits):
             part.bind(robot)
@@ -96,9 +102,9 @@ class Controller:
         n = robot.n
         levels = sorted({task.priority for task in self.tasks})
         self._objectives = [
-            Objective([task for task in self.tasks if task.priority == level], n, self._by_acceleration)
+            Objective([task for task in self.tasks if task.priority == level], n, self._by_acceleration, response)
             for level in levels
-        ] or [Objective([], n, self._by_acceleration)]
+        ] or [Objective([], n, self._by_acceleration, response)]
         self._measured = next((k for k, t in enumerate(self._objectives[0].tasks) if isinstance(t, FrameTask)), None)
         self._box = JointBox(self.limits, self._order, n)
         stop_limits = [limit for limit in self.limits if isinstance(limit, StopLimit)]
@@ -126,7 +132,7 @@ class Controller:
         brake = self._box.brake(state, dt)
         outcome = Outcome(state, dt, brake)
         self._answers.solve_seconds = 0.0
-        groups = self._guard.rows(c, state, brake, dt)
+        groups = self._guard.rows(c, state, dt)
         self._rows.collect(c, state, dt, groups)
         x = self._solve(c, state, dt, outcome)
         if x is not None and not self._accept(x, outcome):

@@ -1,12 +1,13 @@
 """`Objective`: the tasks of one priority as weighted least squares in the velocities at the end of a step."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg.lapack import dgesdd
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.control.configuration import Configuration
 from optiplan.control.state import State
 from optiplan.control.tasks.base import ControlTask
@@ -15,17 +16,23 @@ BASE_DAMPING = 1e-4
 """Weight, per rad/s or m/s, that every velocity has; makes the program strictly convex."""
 NEAR_SINGULAR = 0.05
 """Singular value of the weighted Jacobian, m/rad, below which velocities are damped more."""
+MAIN = 0.1
+"""Rows that weigh at least this share of the heaviest say how far off the target is, and whether it is followed."""
 SINGULAR_DAMPING = 0.05
 """Weight, per rad/s or m/s, of velocities at a singularity."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Demand:
-    """Rows A x = b that tasks ask for, weighted: A (k, n), b (k,); `error` is the weighted norm of their errors."""
+    """Rows A x = b that tasks ask for, weighted: A (k, n), b (k,); `error` is the weighted norm of their errors.
+
+    `main` are the rows that count for it: those that weigh at least a tenth of the heaviest.
+    """
 
     A: Array
     b: Array
     error: float
+    main: Index
 
 
 class Objective:
@@ -35,15 +42,18 @@ class Objective:
         tasks: bound to the robot.
         n: number of joints.
         by_acceleration: whether tasks ask for accelerations (second order) or for velocities (first order).
+        response: s; at the level of velocities, the time in which rates of tasks follow what is wanted.
     """
 
-    def __init__(self, tasks: Sequence[ControlTask], n: int, by_acceleration: bool) -> None:
+    def __init__(self, tasks: Sequence[ControlTask], n: int, by_acceleration: bool, response: float) -> None:
         self.tasks = tuple(tasks)
+        self._response = response
         self._by_acceleration = by_acceleration
         ends = np.cumsum([0, *(task.size for task in self.tasks)])
         self._slices = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
         self._A, self._b, self._e = np.zeros((int(ends[-1]), n)), np.zeros(int(ends[-1])), np.zeros(int(ends[-1]))
-        self._n = n
+        cost = np.concatenate([np.zeros(0), *(task.cost for task in self.tasks)])
+        self._main = np.flatnonzero(cost >= MAIN * cost.max(initial=0.0))
         self._ridge = np.arange(n) * (n + 1)
 
     def demand(self, c: Configuration, state: State, dt: float) -> Demand:
@@ -51,35 +61,48 @@ class Objective:
         A, b, e = self._A, self._b, self._e
         for task, rows in zip(self.tasks, self._slices, strict=True):
             error, J = task.evaluate(c)
-            wanted = self._second_order(task, error, J, c, state, dt) if self._by_acceleration else None
-            if wanted is None:
-                wanted = task.wanted_rate(error)
-                forward = task.feed_forward(c)
-                if forward is not None:
-                    wanted = wanted + forward
+            wanted = task.wanted_rate(error)
+            forward = task.feed_forward(c)
+            if forward is not None:
+                wanted = wanted + forward
+            law = self._second_order if self._by_acceleration else self._first_order
             cost = task.cost
             np.multiply(J, cost[:, None], out=A[rows])
-            np.multiply(wanted, cost, out=b[rows])
+            np.multiply(law(task, J, wanted, c, state, dt), cost, out=b[rows])
             np.multiply(error, cost, out=e[rows])
-        return Demand(A, b, float(np.sqrt(e @ e)))
+        main = e[self._main]
+        return Demand(A, b, float(np.sqrt(main @ main)), self._main)
+
+    def _first_order(
+        self, task: ControlTask, J: Array, wanted: Array, c: Configuration, state: State, dt: float
+    ) -> Array:
+        """Rates that approach the wanted ones as in a first order lag of time constant `response`.
+
+        With w = exp(-dt / response):  (1 - w) wanted + w (J v + dt · rate of the forward part). A program that jumps to
+        what is wanted within its limits jumps to and fro where limits and tasks meet.
+        """
+        if self._response == 0.0:
+            return wanted
+        late = math.exp(-dt / self._response)
+        rate = J @ state.v
+        forward_rate = task.feed_forward_rate(c)
+        if forward_rate is not None:
+            rate = rate + dt * forward_rate
+        return np.asarray(wanted + late * (rate - wanted))
 
     def _second_order(
-        self, task: ControlTask, error: Array, J: Array, c: Configuration, state: State, dt: float
+        self, task: ControlTask, J: Array, wanted: Array, c: Configuration, state: State, dt: float
     ) -> Array:
-        """J v + dt (J a - J̇ v) for the wanted acceleration, critically damped towards the wanted rate of the error.
+        """J v + dt (J a) for the acceleration J a + J̇ v = 4 gain (wanted - J v) - gain (J v - forward) + rate of forward.
 
-        With the wanted rate r = -gain e + forward:  J a + J̇ v = 2 gain (r - J v) + (rate of the forward part); where
-        r = -gain e, that is a double root at about the gain.
+        The rate J v follows the wanted one four times as fast as the error falls; how the wanted rate itself falls with
+        the error is known and fed forward, and so is the drift J̇ v.
         """
         rate = J @ state.v
-        wanted = task.wanted_rate(error)
         forward, forward_rate = task.feed_forward(c), task.feed_forward_rate(c)
-        if forward is not None:
-            wanted = wanted + forward
         drift = c.rate(rate, task.jacobian(c.ahead) @ state.v)
-        # The wanted rate itself falls as the error does; that is known, so it is fed forward too.
         falling = -task.gain * (rate if forward is None else rate - forward)
-        acceleration = 4.0 * task.gain * (wanted - rate) + falling - drift
+        acceleration = 4.0 * max(task.gain, 1.0) * (wanted - rate) + falling - drift
         if forward_rate is not None:
             acceleration = acceleration + forward_rate
         return np.asarray(rate + dt * acceleration)

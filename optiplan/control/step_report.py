@@ -95,8 +95,9 @@ class StepReporter:
             return "recovering", f"back within limits: {', '.join(slack)}"
         if demand is None or not len(demand.b):
             return "tracking", "no task"
-        undone = demand.A @ x - demand.b
-        wanted = float(np.sqrt(demand.b @ demand.b))
+        asked = demand.b[demand.main]
+        undone = demand.A[demand.main] @ x - asked
+        wanted = float(np.sqrt(asked @ asked))
         if float(np.sqrt(undone @ undone)) <= HELD_BACK * wanted + 1e-6 and share == 1.0:
             return "tracking", "the tasks are followed"
         if demand.error > OFF and float(np.abs(x).max()) < STANDING:

@@ -1,6 +1,5 @@
 """`ClearanceLimit`: bodies of the robot, of what it holds and of the scene stay apart."""
 
-from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
@@ -53,22 +52,40 @@ class ClearanceLimit(StopLimit):
         stroke = np.maximum(np.abs(limits.lower), np.abs(limits.upper))
         self.arms = self.model.bounds.moment_arms(np.where(np.isfinite(stroke), stroke, np.pi))
         self.labels = tuple(f"{pair.name_a} and {pair.name_b}" for pair in self.model.pairs)
-        self._fold = self.model.bounds.kinematics
+        bounds = self.model.bounds
+        self._follows = bool(robot.followers)
+        self._leaders = np.abs(bounds.kinematics.coupling) > 0.0  # columns of followers have their multiplier already
+        self._joints = bounds.joint[bounds.pairs]
+        self._reaches = np.where(self._joints > 0, bounds.body_reaches()[bounds.pairs], 0.0)
 
-    def distances(self, c: Configuration, which: Index) -> tuple[Array, Callable[[], Array]]:
+    def distances(self, c: Configuration, which: Index) -> Array:
         """Distances, m, negative where bodies overlap; meshes that overlap are measured by their hulls."""
-        found, vectors = self.model.nearest(c.data, which)
+        return self.model.distances_at(c.data, which)
 
-        def gradients() -> Array:
-            """N . (J_b - J_a) of the witness points: with the spatial Jacobian J, (J_v + J_w × p) · n = J · (n, p × n)."""
-            normals, J = vectors[:, 2], c.joint_jacobians()
-            moves = self.model.bounds.moves[which]
-            sides = [
-                (np.hstack([normals, _cross(vectors[:, side], normals)]) @ J) * moves[:, side] for side in (0, 1)
-            ]
-            return self._fold.planned_bound(sides[1] - sides[0])
+    def gradients(self, c: Configuration, which: Index) -> Array:
+        """N . (J_b - J_a) of the witness points: with spatial J, (J_v + J_w × p) · n = J · (n, p × n)."""
+        vectors, J = self.model.witnesses(), c.joint_jacobians()
+        normals, moves = vectors[:, 2], self.model.bounds.moves[which]
+        forces = np.empty((2, len(which), 6))
+        forces[:, :, :3] = normals
+        forces[0, :, 3:], forces[1, :, 3:] = _cross(vectors[:, 0], normals), _cross(vectors[:, 1], normals)
+        sides = (forces @ J) * moves.transpose(1, 0, 2)
+        return (sides[1] - sides[0]) @ self._leaders if self._follows else sides[1] - sides[0]
 
-        return found, gradients
+    def mark(self, c: Configuration) -> Array:
+        """Poses (J + 1, 12) of all joints: position and rotation."""
+        return np.array([np.concatenate([X.translation, X.rotation.ravel()]) for X in c.data.oMi])
+
+    def moved(self, first: Array, second: Array, which: Index) -> Array:
+        """|p' - p| + |R' - R|_F / √2 · (reach of the body from its joint), for both bodies: chords of all their points.
+
+        A turn by an angle t has |R' - R|_F = √8 sin(t / 2), and moves a point at the distance r by up to 2 r sin(t / 2).
+        """
+        change = second - first
+        shift = np.sqrt(np.einsum("ij,ij->i", change[:, :3], change[:, :3]))
+        turn = np.sqrt(0.5 * np.einsum("ij,ij->i", change[:, 3:], change[:, 3:]))
+        joints, reach = self._joints[which], self._reaches[which]
+        return (shift[joints] + turn[joints] * reach).sum(axis=1)
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -1,6 +1,5 @@
 """`HalfSpaceLimit`: a point of the robot on one side of a plane."""
 
-from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
@@ -58,16 +57,21 @@ class HalfSpaceLimit(StopLimit):
         self.arms = kinematics.planned_bound(arms[None])
         self.labels = (f"half-space of {self.frame}",)
 
-    def distances(self, c: Configuration, which: Index) -> tuple[Array, Callable[[], Array]]:
+    def distances(self, c: Configuration, which: Index) -> Array:
         """normal · p - offset, m."""
-        X_WF = c.pose(self._frame)
-        arm = X_WF.rotation @ self.point
-        found = np.array([self.normal @ (X_WF.translation + arm) - self.offset])[: len(which)]
+        return np.array([self.normal @ self.mark(c) - self.offset])[: len(which)]
 
-        def gradients() -> Array:
-            J = c.jacobian(self._frame)
-            x, y, z = arm
-            turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # -[arm]×
-            return (self.normal @ (J[:3] + turn @ J[3:]))[None][: len(which)]
+    def gradients(self, c: Configuration, which: Index) -> Array:
+        """normal · (J_v - [R p_F]× J_w)."""
+        x, y, z = c.pose(self._frame).rotation @ self.point
+        J = c.jacobian(self._frame)
+        turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # -[R p_F]×
+        return np.asarray((self.normal @ (J[:3] + turn @ J[3:]))[None][: len(which)])
 
-        return found, gradients
+    def mark(self, c: Configuration) -> Array:
+        """The point in the world, (3,), m."""
+        return np.asarray(c.pose(self._frame).act(self.point))
+
+    def moved(self, first: Array, second: Array, which: Index) -> Array:
+        """How far the point is, m."""
+        return np.full(len(which), float(np.linalg.norm(second - first)))

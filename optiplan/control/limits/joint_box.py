@@ -47,10 +47,10 @@ class JointBox:
         """Everything that depends on dt alone."""
         self._dt = dt
         self.change = dt * self.jerk
-        self._slow = self.acceleration.tolist(), self.change.tolist()
+        self.acceleration_list, self.change_list = self.acceleration.tolist(), self.change.tolist()
         reach = [
             farthest(v, a, a, change, dt) + 2.0 * dt * v if math.isfinite(v) and math.isfinite(a) else math.inf
-            for v, a, change in zip(self.velocity.tolist(), *self._slow, strict=True)
+            for v, a, change in zip(self.velocity.tolist(), self.acceleration_list, self.change_list, strict=True)
         ]
         self._safe = self.lower + reach, self.upper - reach  # joints between these need no look at their ends
         self._give = self.acceleration * dt
@@ -104,7 +104,7 @@ class JointBox:
 
         Where there is none: `low`, or from beyond the end the velocity back that comes to rest on it.
         """
-        limit, change = self._slow[0][j], self._slow[1][j]
+        limit, change = self.acceleration_list[j], self.change_list[j]
         if room < -ROUNDING:
             back = _fastest(-room, -v, limit, change, self._dt, (-high, -low))
             return -back

@@ -1,6 +1,5 @@
 """Limits of distances that hold wherever the robot could stop: what clearance and half-spaces share."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +9,19 @@ from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import ControlLimit, LimitRows
 
 BUFFER = 5e-4
-"""m; how much more than the distance itself the rows keep, for the curvature of bodies and motions."""
-CURVATURE = 20.0
-"""1/m; how much a distance dips below both ends of a travel, per square of the travel: as of a radius of 6 mm."""
+"""m; how much more than the distance itself the rows keep, for what is not linear in a step."""
+CURVATURE = 10.0
+"""1/m, of the paths that points of bodies take against each other in a stop: a radius of 10 cm."""
 KEPT = 1.2
 """Pairs stay in view up to this multiple of the distance at which they come in, so that none flickers."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Abilities:
+    """How joints brake: `delay` (n,), s, that jerk limits cost, and 1 / acceleration (n,), 0 where there is no limit."""
+
+    delay: Array
+    per_acceleration: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,6 +34,7 @@ class View:
         near: (K,) indices of the distances in view.
         distance: (K,) m.
         gradient: (K, n), m/rad or m/m.
+        mark: where everything is, see `StopLimit.moved`.
     """
 
     q: Array
@@ -34,18 +42,21 @@ class View:
     near: Index
     distance: Array
     gradient: Array
+    mark: Array
 
 
 class StopLimit(ControlLimit):
-    """P distances d(q) that stay at least `at_least`, at the configuration where the robot would stop as well.
+    """P distances d(q) that stay at least `at_least`, now and if the robot brakes.
 
-    With q_s(x) the configuration at which the robot stands if it has velocities x at the end of this step and brakes
-    from there, and h = d(q_s) - at_least, each row demands that h shrinks by the share `rate` · dt of itself at most:
+    Joints brake each for itself, so a stop leads through any part of the box that their stops span. With the gradient g
+    and stops of v τ + v² / 2A (τ stands for the time that jerk limits cost), the least distance there is, to first
+    order,
 
-        grad d · T (x - x_b) >= -rate · dt · h,   T = diag(dq_s / dx),
+        b(q, v) = d - at_least + sum_j τ_j g_j v_j - sum over j with g_j v_j < 0 of |g_j| v_j² / 2A_j,
 
-    where x_b are the velocities of braking now, which h knows already. So braking is always a solution, and whatever is
-    chosen can be stopped. Holds at: every step; along a stop as far as `path_is_clear` proves it.
+    and each row demands b' >= (1 - rate · dt) b of the end of the step, linear in its velocities x: the nearer, the
+    slower. Where the distance is too small already, b' >= 0 is demanded, and relaxed to the fastest way out.
+    Holds at: every step; whether a stop is clear is measured, by `stop_is_clear`.
 
     Attributes:
         at_least: m; `influence`: distances up to which they are rows, m; `rate`: 1/s.
@@ -59,8 +70,20 @@ class StopLimit(ControlLimit):
     arms: Array
     labels: tuple[str, ...]
 
-    def distances(self, c: Configuration, which: Index) -> tuple[Array, Callable[[], Array]]:
-        """Distances (K,), m, at a configuration, and what computes their gradients (K, n) if they are wanted."""
+    def distances(self, c: Configuration, which: Index) -> Array:
+        """Distances (K,), m, at a configuration."""
+        raise NotImplementedError
+
+    def gradients(self, c: Configuration, which: Index) -> Array:
+        """Gradients (K, n) of what `distances` was asked for last, m/rad or m/m."""
+        raise NotImplementedError
+
+    def mark(self, c: Configuration) -> Array:
+        """Where everything is at a configuration, for `moved`."""
+        raise NotImplementedError
+
+    def moved(self, first: Array, second: Array, which: Index) -> Array:
+        """How far points of the bodies of each distance (K,) are moved between two marks at most, m."""
         raise NotImplementedError
 
     def view(self, c: Configuration, before: View | None) -> View:
@@ -74,61 +97,83 @@ class StopLimit(ControlLimit):
         if len(near):
             due[near] |= bound[near] < KEPT * self.influence
         which = np.flatnonzero(due)
-        found, gradients = self.distances(c, which)
+        found = self.distances(c, which)
         bound[which] = found
         kept = found < KEPT * self.influence
         if kept.all():
-            return View(c.q, bound, which, found, gradients())
-        return View(c.q, bound, which[kept], found[kept], gradients()[kept])
+            return View(c.q, bound, which, found, self.gradients(c, which), self.mark(c))
+        return View(c.q, bound, which[kept], found[kept], self.gradients(c, which)[kept], self.mark(c))
 
-    def rows(self, view: View, reach: Array, brake: Array, dt: float) -> LimitRows:
-        """Rows of what is in view at the stop of braking now, with T = diag(`reach`) (n,) and x_b = `brake` (n,)."""
-        G = view.gradient * reach
+    def rows(self, view: View, v: Array, abilities: "Abilities", dt: float) -> LimitRows:
+        """Rows of what is in view at the configuration of this step, in which joints have velocities v (n,)."""
+        g = view.gradient
+        towards = g * v < 0.0
+        slope = abilities.delay + towards * (np.abs(v) * abilities.per_acceleration)
+        G = g * (dt + slope)
         unit = np.maximum(np.sqrt(np.einsum("ij,ij->i", G, G)), 1e-6)
-        G = G / unit[:, None]
-        room = view.distance - self.at_least - BUFFER
-        # Between the distance and its buffer nothing is taken away; below the distance, back at once.
-        shrink = np.where(room > 0.0, self.rate * dt * room, np.minimum(room + BUFFER, 0.0))
-        low = G @ brake - shrink / unit
-        labels = tuple(self.labels[k] for k in view.near.tolist())
-        return LimitRows(G, low, np.full(len(low), np.inf), unit, labels)
+        held = (g * slope) @ v
+        b = view.distance - (self.at_least + BUFFER) + held - 0.5 * ((towards * g) @ (v * np.abs(v) * abilities.per_acceleration))
+        share = min(1.0, self.rate * dt)
+        gain = np.where(view.distance < self.at_least, np.minimum(b, 0.0), share * b)
+        low = (held - gain) / unit
+        labels = tuple([self.labels[k] for k in view.near.tolist()])
+        return LimitRows(G / unit[:, None], low, np.full(len(low), np.inf), unit, labels)
 
-    def path_is_clear(self, path: "StopPath", end: View, least: Array) -> bool:
-        """Whether distances stay at least `least` (P,) from the next configuration to where the robot would stop.
+    def stop_is_clear(self, path: "StopPath", start: View, least: Array) -> bool:
+        """Whether distances stay at least `least` (P,) from where `start` was taken until the robot stands.
 
-        Between two points whose travel is at most D, and whose distances are d_1 and d_2, a distance is at least
-        (d_1 + d_2 - D) / 2, and, for bodies and motions that curve no more than `CURVATURE`, min(d_1, d_2) minus
-        CURVATURE D²/2. Where that is not enough, the point between is asked.
+        They do where what the joints' travel may take away, each by itself, leaves enough; a distance is no farther
+        below its first order than half of CURVATURE D², for bodies that come a way of D. Else the stop is asked: between
+        two of its points that the bodies pass a chord D apart, a distance dips below both ends by CURVATURE D²/8 at
+        most, for paths that curve no more than that. Where it is not enough, the point between is asked.
         """
-        if (end.distance < least[end.near]).any():
+        if (start.distance < least[start.near]).any():
             return False
-        first = path.at(0)
-        travel = self.arms @ np.abs(end.q - first)
-        which = np.flatnonzero(end.bound - travel < least)
+        way = path.end - start.q
+        left = start.bound - self.arms @ np.abs(way)
+        suspects = left < least
+        if not suspects.any():
+            return True
+        far = start.bound - left
+        taken = np.minimum(start.gradient * way, 0.0).sum(axis=1) - 0.5 * CURVATURE * far[start.near] ** 2
+        suspects[start.near] &= start.distance + taken < least[start.near]
+        which = np.flatnonzero(suspects)
         if not len(which):
             return True
-        start = self.distances(path.configuration(0), which)[0]
-        return self._is_clear(path, (0, path.steps), (start, end.bound[which]), which, least[which])
-
-    def _is_clear(
-        self, path: "StopPath", steps: tuple[int, int], ends: tuple[Array, Array], which: Index, least: Array
-    ) -> bool:
-        lowest = np.minimum(*ends)
-        if (ends[0] < least).any():
+        c = path.configuration(path.steps)
+        found = self.distances(c, which)
+        if (found < least[which]).any():
             return False
-        travel = self.arms[which] @ path.travel(*steps)
-        sure = np.maximum(0.5 * (ends[0] + ends[1] - travel), lowest - 0.5 * CURVATURE * travel**2)
-        left = sure < least
-        if not left.any() or steps[1] - steps[0] <= 1:
+        ends = _Ends(0, path.steps, start.bound[which], found, start.mark, self.mark(c))
+        return self._is_clear(path, ends, which, least[which])
+
+    def _is_clear(self, path: "StopPath", ends: "_Ends", which: Index, least: Array) -> bool:
+        dip = 0.125 * CURVATURE * self.moved(ends.mark, ends.last_mark, which) ** 2
+        left = np.minimum(ends.distance, ends.last_distance) - dip < least
+        if not left.any() or ends.last - ends.first <= 1:
             return True
         which, least = which[left], least[left]
-        middle = sum(steps) // 2
-        found = self.distances(path.configuration(middle), which)[0]
+        middle = (ends.first + ends.last) // 2
+        c = path.configuration(middle)
+        found = self.distances(c, which)
         if (found < least).any():
             return False
-        return self._is_clear(path, (steps[0], middle), (ends[0][left], found), which, least) and self._is_clear(
-            path, (middle, steps[1]), (found, ends[1][left]), which, least
-        )
+        mark = self.mark(c)
+        before = _Ends(ends.first, middle, ends.distance[left], found, ends.mark, mark)
+        after = _Ends(middle, ends.last, found, ends.last_distance[left], mark, ends.last_mark)
+        return self._is_clear(path, before, which, least) and self._is_clear(path, after, which, least)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ends:
+    """A part of a stop: its first and last step, distances (K,) there and marks."""
+
+    first: int
+    last: int
+    distance: Array
+    last_distance: Array
+    mark: Array
+    last_mark: Array
 
 
 class StopPath:
@@ -148,8 +193,4 @@ class StopPath:
 
     def configuration(self, step: int) -> Configuration:
         """The same with kinematics, valid until the next call."""
-        raise NotImplementedError
-
-    def travel(self, first: int, last: int) -> Array:
-        """How far each joint moves between two steps at most, (n,), rad or m."""
         raise NotImplementedError

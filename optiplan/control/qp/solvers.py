@@ -18,6 +18,8 @@ ITERATIONS = 200
 DEFAULT = "proxqp"
 _CAPACITY = 8
 """Rows are allocated in multiples of this."""
+_LEAST = 1e-9
+"""Widths of bounds, and sizes of rows, count as this at least where they are divided by."""
 
 
 class QpSolver(ABC):
@@ -35,10 +37,12 @@ class QpSolver(ABC):
 
 
 class ProxQp(QpSolver):
-    """proxsuite's dense solver, one object for each size of program, updated in place and started from its last answer.
+    """proxsuite's dense solver, one object for each size of program, allocated once and updated in place.
 
     Not called through qpsolvers, whose `solve_problem` makes and fills a new object in every call: that costs twice
-    the solution itself, and its warm start has no multipliers.
+    the solution itself. Programs are put to it in the scale of their bounds and rows, and each is started afresh: from
+    the last answer and its multipliers ProxQP 0.8 takes up to a thousand iterations where active limits have changed,
+    and calls one in twenty infeasible that is not. What the last step knows is used by `active_set.solve_from` instead.
     """
 
     name = "proxqp"
@@ -48,9 +52,8 @@ class ProxQp(QpSolver):
 
     def solve(self, program: Program) -> Array | None:
         """Minimise; None where the object fails."""
-        n, m, p = len(program.g), len(program.C), len(program.A)
-        rows = -(-m // _CAPACITY) * _CAPACITY
-        key = n, rows, p
+        rows = -(-len(program.C) // _CAPACITY) * _CAPACITY
+        key = len(program.g), rows, len(program.A)
         if key not in self._objects:
             self._objects[key] = _Allocated(*key)
         return self._objects[key].solve(program)
@@ -60,37 +63,45 @@ class _Allocated:
     """A solver's object with room for so many rows; those that are not used are zero <= infinity."""
 
     def __init__(self, n: int, rows: int, equations: int) -> None:
-        self._n, self._rows, self._equations = n, rows, equations
         self._C, self._low, self._high = np.zeros((rows, n)), np.full(rows, -np.inf), np.full(rows, np.inf)
-        self._allocate()
-
-    def _allocate(self) -> None:
-        self._qp = proxqp.dense.QP(self._n, self._equations, self._rows, True)
+        self._rows, self._equations = rows, equations
+        self._qp = proxqp.dense.QP(n, equations, rows, True)
         settings = self._qp.settings
         settings.eps_abs, settings.eps_rel = PRECISION, 0.0
         settings.max_iter = ITERATIONS
         settings.compute_timings = False
-        settings.initial_guess = proxqp.WARM_START_WITH_PREVIOUS_RESULT
+        settings.initial_guess = proxqp.NO_INITIAL_GUESS
         self._started = False
 
     def solve(self, program: Program) -> Array | None:
-        m = len(program.C)
+        """With x = centre + width y, so that bounds are -1 <= y <= 1, and rows of unit size in y."""
+        low, high = program.box
+        bounded = np.isfinite(high - low)
+        centre = np.where(bounded, 0.5 * (low + high), 0.0)
+        width = np.where(bounded, np.maximum(0.5 * (high - low), _LEAST), 1.0)
+        H = program.H * (width * width[:, None])
+        g = width * (program.H @ centre + program.g)
+        scale = 1.0 / max(float(np.abs(H).max()), _LEAST)
+        matrices = [scale * H, scale * g, None, None, None, None, None, (low - centre) / width, (high - centre) / width]
+        if self._equations:
+            matrices[2:4] = program.A * width, program.b - program.A @ centre
         if self._rows:
-            self._C[:m], self._low[:m], self._high[:m] = program.C, program.low, program.high
+            m = len(program.C)
+            C = program.C * width
+            unit = 1.0 / np.maximum(np.sqrt(np.einsum("ij,ij->i", C, C)), _LEAST)
+            offset = program.C @ centre
+            np.multiply(C, unit[:, None], out=self._C[:m])
+            np.multiply(program.low - offset, unit, out=self._low[:m])
+            np.multiply(program.high - offset, unit, out=self._high[:m])
             self._C[m:], self._low[m:], self._high[m:] = 0.0, -np.inf, np.inf
-        rows = (self._C, self._low, self._high) if self._rows else (None, None, None)
-        equations = (program.A, program.b) if self._equations else (None, None)
+            matrices[4:7] = self._C, self._low, self._high
         if self._started:
-            self._qp.update(program.H, program.g, *equations, *rows, *program.box, update_preconditioner=False)
+            self._qp.update(*matrices, update_preconditioner=False)
         else:
-            self._qp.init(program.H, program.g, *equations, *rows, *program.box)
+            self._qp.init(*matrices)
             self._started = True
         self._qp.solve()
-        x = np.array(self._qp.results.x)
-        if not np.isfinite(x.sum()):
-            self._allocate()  # what it would start from is spoilt
-            return None
-        return x
+        return np.asarray(centre + width * np.array(self._qp.results.x))
 
 
 class QpSolvers(QpSolver):
