@@ -177,7 +177,7 @@ class Controller:
         C, low, high = rows.C, rows.low, rows.high
         for level, objective in enumerate(self._objectives):
             demand = objective.demand(c, state, dt)
-            H, g = objective.program(demand, self._damping, self._singular(level, objective, outcome))
+            H, g = objective.program(demand, (state.v, dt), self._damping, self._singular(level, objective, outcome))
             program = Program(H, g, C, low, high, (self._box.low, self._box.high), *equations)
             if level == 0:
                 outcome.demand = demand

@@ -16,6 +16,9 @@ BASE_DAMPING = 1e-4
 """Weight, per rad/s or m/s, that every velocity has; makes the program strictly convex."""
 NEAR_SINGULAR = 0.05
 """Singular value of the weighted Jacobian, m/rad, below which velocities are damped more."""
+STEADINESS = 4e-5
+"""s; half of it, divided by dt, is what a change of velocity costs per (rad/s)². A direction that tasks weigh by w per
+rad/s follows them with the time constant STEADINESS / w²: 0.04 ms for a pose, 0.4 s for a posture of weight 0.01."""
 MAIN = 0.1
 """Rows that weigh at least this share of the heaviest say how far off the target is, and whether it is followed."""
 SINGULAR_DAMPING = 0.05
@@ -107,8 +110,12 @@ class Objective:
             acceleration = acceleration + forward_rate
         return np.asarray(rate + dt * acceleration)
 
-    def program(self, demand: Demand, damping: float, singular: float | None) -> tuple[Array, Array]:
-        """H (n, n) and g (n,) of ½ |A x - b|² + ½ w² |x|², w growing from `damping` where `singular` is small.
+    def program(
+        self, demand: Demand, start: tuple[Array, float], damping: float, singular: float | None
+    ) -> tuple[Array, Array]:
+        """H (n, n) and g (n,) of ½ |A x - b|² + ½ w² |x|² + ½ s² |x - v|², w growing where `singular` is small.
+
+        `start` are v and dt, and s² = STEADINESS / dt: where tasks and limits leave many answers nearly as good, the steadiest is taken.
 
         w² = damping² + (1 - (s / s_0)²)² · SINGULAR_DAMPING² for the least singular value s below s_0.
         """
@@ -116,8 +123,10 @@ class Objective:
         weight = damping**2
         if singular is not None and singular < NEAR_SINGULAR:
             weight += (SINGULAR_DAMPING * (1.0 - (singular / NEAR_SINGULAR) ** 2)) ** 2
-        H.ravel()[self._ridge] += weight
-        return H, -(demand.A.T @ demand.b)
+        v, dt = start
+        steadiness = STEADINESS / dt
+        H.ravel()[self._ridge] += weight + steadiness
+        return H, demand.A.T @ -demand.b - steadiness * v
 
     def rows_of(self, index: int) -> Array:
         """Weighted Jacobian of one task, in what `demand` left."""
