@@ -122,22 +122,14 @@ class StopLimit(ControlLimit):
     def stop_is_clear(self, path: "StopPath", start: View, least: Array) -> bool:
         """Whether distances stay at least `least` (P,) from where `start` was taken until the robot stands.
 
-        They do where what the joints' travel may take away, each by itself, leaves enough; a distance is no farther
-        below its first order than half of CURVATURE D², for bodies that come a way of D. Else the stop is asked: between
-        two of its points that the bodies pass a chord D apart, a distance dips below both ends by CURVATURE D²/8 at
-        most, for paths that curve no more than that. Where it is not enough, the point between is asked.
+        They do where the travel of all joints is less than is left. Else the stop is asked: between two of its points
+        that the bodies pass a chord D apart, a distance dips below both ends by CURVATURE D²/8 at most, for paths that
+        curve no more than that. Where it is not enough, the point between is asked. (The gradient at one point tells
+        nothing of this kind: other edges of the bodies come nearest farther on.)
         """
         if (start.distance < least[start.near]).any():
             return False
-        way = path.end - start.q
-        left = start.bound - self.arms @ np.abs(way)
-        suspects = left < least
-        if not suspects.any():
-            return True
-        far = start.bound - left
-        taken = np.minimum(start.gradient * way, 0.0).sum(axis=1) - 0.5 * CURVATURE * far[start.near] ** 2
-        suspects[start.near] &= start.distance + taken < least[start.near]
-        which = np.flatnonzero(suspects)
+        which = np.flatnonzero(start.bound - self.arms @ np.abs(path.end - start.q) < least)
         if not len(which):
             return True
         c = path.configuration(path.steps)
