@@ -23,12 +23,11 @@ from optiplan.control.step_report import Outcome, StepReporter
 from optiplan.control.stopping_guard import StoppingGuard
 from optiplan.control.tasks.base import ControlTask
 from optiplan.control.tasks.frame_tasks import FrameTask
+from optiplan.control.tasks.tool_abilities import response_time
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
 
-RESPONSE = 0.01
-"""s, of velocities to tasks."""
 Form = Literal["velocity", "acceleration"]
 """What tasks ask for, and how positions follow: see `Controller`."""
 
@@ -51,7 +50,8 @@ class Controller:
             q' = q + dt (v + x) / 2.
         solver: `proxqp`, or another that qpsolvers finds.
         damping: weight of all velocities, per rad/s or m/s; near singularities it grows by itself.
-        response: s; time constant with which velocities follow what tasks ask for, in the form `velocity`; 0: at once.
+        response: s; time constant with which velocities follow what tasks ask for, in the form `velocity`; 0: at
+            once; None: as short as the robot's jerk limits allow.
         relax: names of limits, the first given up first, where not all can hold; those not named come first.
         guess: try the active limits of the last step before the solver; False asks the solver in every step.
 
@@ -80,7 +80,7 @@ class Controller:
         form: Form = "velocity",
         solver: str | QpSolver = DEFAULT,
         damping: float = BASE_DAMPING,
-        response: float = RESPONSE,
+        response: float | None = None,
         relax: Sequence[str] = ORDER,
         guess: bool = True,
     ) -> None:
@@ -92,6 +92,7 @@ class Controller:
             raise wrong_argument("Controller", "form", described(form), f"one of: {', '.join(get_args(Form))}")
         if not is_finite(damping) or damping <= 0.0:
             raise wrong_argument("Controller", "damping", described(damping), "a finite number > 0")
+        response = response_time(robot) if response is None else response
         if not is_finite(response) or response < 0.0:
             raise wrong_argument("Controller", "response", described(response), "a finite number of seconds >= 0")
         self._answers = Answers(make_solver(solver), guess)

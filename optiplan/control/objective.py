@@ -29,13 +29,14 @@ SINGULAR_DAMPING = 0.05
 class Demand:
     """Rows A x = b that tasks ask for, weighted: A (k, n), b (k,); `error` is the weighted norm of their errors.
 
-    `main` are the rows that count for it: those that weigh at least a tenth of the heaviest.
+    `wanted` (k,) are the weighted rates that `b` approaches; `main` are the rows that count for it: those that weigh at least a tenth of the heaviest.
     """
 
     A: Array
     b: Array
     error: float
     main: Index
+    wanted: Array
 
 
 class Objective:
@@ -54,7 +55,8 @@ class Objective:
         self._by_acceleration = by_acceleration
         ends = np.cumsum([0, *(task.size for task in self.tasks)])
         self._slices = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
-        self._A, self._b, self._e = np.zeros((int(ends[-1]), n)), np.zeros(int(ends[-1])), np.zeros(int(ends[-1]))
+        k = int(ends[-1])
+        self._A, self._b, self._e, self._wanted = np.zeros((k, n)), np.zeros(k), np.zeros(k), np.zeros(k)
         cost = np.concatenate([np.zeros(0), *(task.cost for task in self.tasks)])
         self._main = np.flatnonzero(cost >= MAIN * cost.max(initial=0.0))
         self._ridge = np.arange(n) * (n + 1)
@@ -73,8 +75,9 @@ class Objective:
             np.multiply(J, cost[:, None], out=A[rows])
             np.multiply(law(task, J, wanted, c, state, dt), cost, out=b[rows])
             np.multiply(error, cost, out=e[rows])
+            np.multiply(wanted, cost, out=self._wanted[rows])
         main = e[self._main]
-        return Demand(A, b, float(np.sqrt(main @ main)), self._main)
+        return Demand(A, b, float(np.sqrt(main @ main)), self._main, self._wanted)
 
     def _first_order(
         self, task: ControlTask, J: Array, wanted: Array, c: Configuration, state: State, dt: float
@@ -84,9 +87,7 @@ class Objective:
         With w = exp(-dt / response):  (1 - w) wanted + w (J v + dt · rate of the forward part). A program that jumps to
         what is wanted within its limits jumps to and fro where limits and tasks meet.
         """
-        if self._response == 0.0:
-            return wanted
-        late = math.exp(-dt / self._response)
+        late = self._late(dt)
         rate = J @ state.v
         forward_rate = task.feed_forward_rate(c)
         if forward_rate is not None:
@@ -110,6 +111,9 @@ class Objective:
             acceleration = acceleration + forward_rate
         return np.asarray(rate + dt * acceleration)
 
+    def _late(self, dt: float) -> float:
+        return math.exp(-dt / self._response) if self._response > 0.0 else 0.0
+
     def program(
         self, demand: Demand, start: tuple[Array, float], damping: float, singular: float | None
     ) -> tuple[Array, Array]:
@@ -126,7 +130,8 @@ class Objective:
         v, dt = start
         steadiness = STEADINESS / dt
         H.ravel()[self._ridge] += weight + steadiness
-        return H, demand.A.T @ -demand.b - steadiness * v
+        # Damping follows as slowly as the tasks do: it asks for velocities of exp(-dt / response) v.
+        return H, demand.A.T @ -demand.b - (steadiness + weight * self._late(dt)) * v
 
     def rows_of(self, index: int) -> Array:
         """Weighted Jacobian of one task, in what `demand` left."""

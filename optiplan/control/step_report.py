@@ -95,7 +95,7 @@ class StepReporter:
             return "recovering", f"back within limits: {', '.join(slack)}"
         if demand is None or not len(demand.b):
             return "tracking", "no task"
-        asked = demand.b[demand.main]
+        asked = demand.wanted[demand.main]
         undone = demand.A[demand.main] @ x - asked
         wanted = float(np.sqrt(asked @ asked))
         if float(np.sqrt(undone @ undone)) <= HELD_BACK * wanted + 1e-6 and share == 1.0:

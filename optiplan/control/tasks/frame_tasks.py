@@ -9,12 +9,8 @@ from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
 from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector, frame_of
 from optiplan.control.tasks.targets import Target, as_pose, as_position, as_rotation
-from optiplan.control.tasks.tool_abilities import tool_abilities
+from optiplan.control.tasks.tool_abilities import default_gain, tool_abilities
 from optiplan.robot.robot import Robot
-
-GAIN = 10.0
-"""1/s, of tasks where none is given."""
-
 
 class FrameTask(ControlTask):
     """What tasks of a frame F of the robot share: its index, its target T and how that moves.
@@ -26,8 +22,9 @@ class FrameTask(ControlTask):
         acceleration: (6,) rates of the twist, m/s² and rad/s².
     """
 
-    def __init__(self, frame: str, size: int, cost: Weight, gain: float, priority: int) -> None:
-        super().__init__(size, cost, gain, priority)
+    def __init__(self, frame: str, size: int, cost: Weight, gain: float | None, priority: int) -> None:
+        super().__init__(size, cost, 0.0 if gain is None else gain, priority)
+        self._has_gain = gain is not None
         self.frame = frame
         self._frame = -1
         self._target: pin.SE3 | None = None
@@ -39,6 +36,8 @@ class FrameTask(ControlTask):
         """Find F, and how quickly the robot moves it."""
         self._frame = frame_of(self, "frame", robot, self.frame)
         self.speed, self.brake_rates = tool_abilities(robot, self.frame)
+        if not self._has_gain:
+            self.gain = default_gain(robot)
 
     @property
     def target(self) -> pin.SE3 | None:
@@ -86,13 +85,13 @@ class PoseTask(FrameTask):
         target: X_WT; None: where F is in the first step, until `set_target`.
         position_cost: per metre, one or three along the axes of the world.
         orientation_cost: per radian, one or three about the axes of F.
-        gain: 1/s.
+        gain: 1/s; None: as large as the robot's jerk limits allow.
         priority: see `ControlTask`.
 
     Example:
         >>> import optiplan as op
         >>> op.PoseTask("panda_hand_tcp")
-        PoseTask(frame=panda_hand_tcp, cost=[1.0], gain=10)
+        PoseTask(frame=panda_hand_tcp, cost=[1.0])
     """
 
     name: ClassVar[str] = "pose"
@@ -103,7 +102,7 @@ class PoseTask(FrameTask):
         target: Target | None = None,
         position_cost: Weight = 1.0,
         orientation_cost: Weight = 1.0,
-        gain: float = GAIN,
+        gain: float | None = None,
         priority: int = 0,
     ) -> None:
         super().__init__(frame, 6, 1.0, gain, priority)
@@ -160,7 +159,7 @@ class PoseTask(FrameTask):
 
     def __repr__(self) -> str:
         """Frame and weights."""
-        return f"{type(self).__name__}(frame={self.frame}, cost={np.unique(self.cost).tolist()}, gain={self.gain:g})"
+        return f"{type(self).__name__}(frame={self.frame}, cost={np.unique(self.cost).tolist()})"
 
 
 class PositionTask(FrameTask):
@@ -170,14 +169,14 @@ class PositionTask(FrameTask):
         frame: name of F.
         target: point [x, y, z], m, or a pose; None: where F is in the first step.
         cost: per metre, one or three.
-        gain: 1/s.
+        gain: 1/s; None: as large as the robot's jerk limits allow.
         priority: see `ControlTask`.
     """
 
     name: ClassVar[str] = "position"
 
     def __init__(
-        self, frame: str, target: object = None, cost: Weight = 1.0, gain: float = GAIN, priority: int = 0
+        self, frame: str, target: object = None, cost: Weight = 1.0, gain: float | None = None, priority: int = 0
     ) -> None:
         super().__init__(frame, 3, cost, gain, priority)
         if target is not None:
@@ -217,14 +216,14 @@ class OrientationTask(FrameTask):
         frame: name of F.
         target: R_WT (3, 3), [roll, pitch, yaw], or a pose; None: as F is in the first step.
         cost: per radian, one or three.
-        gain: 1/s.
+        gain: 1/s; None: as large as the robot's jerk limits allow.
         priority: see `ControlTask`.
     """
 
     name: ClassVar[str] = "orientation"
 
     def __init__(
-        self, frame: str, target: object = None, cost: Weight = 1.0, gain: float = GAIN, priority: int = 0
+        self, frame: str, target: object = None, cost: Weight = 1.0, gain: float | None = None, priority: int = 0
     ) -> None:
         super().__init__(frame, 3, cost, gain, priority)
         if target is not None:

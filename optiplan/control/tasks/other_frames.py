@@ -8,9 +8,8 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
 from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector, frame_of
-from optiplan.control.tasks.frame_tasks import GAIN
 from optiplan.control.tasks.targets import Target, as_pose
-from optiplan.control.tasks.tool_abilities import tool_abilities
+from optiplan.control.tasks.tool_abilities import default_gain, tool_abilities
 from optiplan.errors import wrong_argument
 from optiplan.robot.robot import Robot
 
@@ -24,7 +23,7 @@ class RelativePoseTask(ControlTask):
         frame: name of F; `root`: name of R, such as the other hand.
         target: X_RT; None: as they stand in the first step.
         position_cost: per metre, one or three; `orientation_cost`: per radian.
-        gain: 1/s.
+        gain: 1/s; None: as large as the robot's jerk limits allow.
         priority: see `ControlTask`.
     """
 
@@ -37,10 +36,11 @@ class RelativePoseTask(ControlTask):
         target: Target | None = None,
         position_cost: Weight = 1.0,
         orientation_cost: Weight = 1.0,
-        gain: float = GAIN,
+        gain: float | None = None,
         priority: int = 0,
     ) -> None:
-        super().__init__(6, 1.0, gain, priority)
+        super().__init__(6, 1.0, 0.0 if gain is None else gain, priority)
+        self._has_gain = gain is not None
         parts = [
             checked_vector(self, "position_cost", position_cost, 3, least=0.0),
             checked_vector(self, "orientation_cost", orientation_cost, 3, least=0.0),
@@ -56,6 +56,8 @@ class RelativePoseTask(ControlTask):
         self._frame = frame_of(self, "frame", robot, self.frame)
         self._root = frame_of(self, "root", robot, self.root)
         self._abilities = tool_abilities(robot, self.frame)
+        if not self._has_gain:
+            self.gain = default_gain(robot)
 
     @property
     def target(self) -> pin.SE3 | None:
@@ -107,7 +109,7 @@ class LookAtTask(ControlTask):
         point: P [x, y, z], m.
         axis: in F, of any length.
         cost: per radian.
-        gain: 1/s.
+        gain: 1/s; None: as large as the robot's jerk limits allow.
         priority: see `ControlTask`.
 
     Raises:
@@ -122,10 +124,11 @@ class LookAtTask(ControlTask):
         point: object,
         axis: object = (0.0, 0.0, 1.0),
         cost: Weight = 1.0,
-        gain: float = GAIN,
+        gain: float | None = None,
         priority: int = 0,
     ) -> None:
-        super().__init__(2, cost, gain, priority)
+        super().__init__(2, cost, 0.0 if gain is None else gain, priority)
+        self._has_gain = gain is not None
         self.frame, self._frame = frame, -1
         self.point = point
         along = checked_vector(self, "axis", axis, 3)
@@ -148,6 +151,8 @@ class LookAtTask(ControlTask):
         """Find F."""
         self._frame = frame_of(self, "frame", robot, self.frame)
         self._abilities = tool_abilities(robot, self.frame)
+        if not self._has_gain:
+            self.gain = default_gain(robot)
 
     def error(self, c: Configuration) -> Array:
         """(2,), rad."""

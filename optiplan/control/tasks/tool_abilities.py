@@ -9,6 +9,7 @@ from optiplan.robot.robot import Robot
 _SAMPLES = 200
 _SHARE = 0.25
 """Quantile over configurations: what is found is exceeded at three quarters of them."""
+_RESPONSES = (0.01, 0.2)
 _RESERVE = 0.5
 """Share of the accelerations that slowing down may take; the rest is for steering."""
 
@@ -36,3 +37,20 @@ def _ability(J: Array, limit: Array) -> float:
     need = (np.linalg.norm(inverse, axis=2) / limit).max(axis=1)
     moves = need > 0.0
     return float(np.quantile(1.0 / need[moves], _SHARE)) if moves.any() else np.inf
+
+
+def response_time(robot: Robot) -> float:
+    """The time, s, in which a robot's joints can follow a change of velocity: the largest sqrt(velocity / 2 jerk).
+
+    A law that asks for a velocity within a time T asks for accelerations up to v / T, and for changes of them up to
+    v / T², which jerk limits have to allow. Between 10 and 200 ms.
+    """
+    limits = robot.limits
+    with np.errstate(invalid="ignore"):
+        times = np.sqrt(np.where(np.isfinite(limits.jerk), 0.5 * limits.velocity / limits.jerk, 0.0))
+    return float(np.clip(np.nanmax(times, initial=0.0), *_RESPONSES))
+
+
+def default_gain(robot: Robot) -> float:
+    """1/s: a quarter of one over the response time, with which an error falls without overshooting."""
+    return 0.25 / response_time(robot)
