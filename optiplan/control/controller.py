@@ -190,6 +190,7 @@ class Controller:
             if found is None:
                 return x
             x = witness = found
+            objective.learn(demand, x, dt)
             if level + 1 < len(self._objectives):
                 A = np.vstack([equations[0], demand.A])
                 equations = A, A @ x

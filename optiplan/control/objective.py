@@ -19,6 +19,10 @@ NEAR_SINGULAR = 0.05
 STEADINESS = 4e-5
 """s; half of it, divided by dt, is what a change of velocity costs per (rad/s)². A direction that tasks weigh by w per
 rad/s follows them with the time constant STEADINESS / w²: 0.04 ms for a pose, 0.4 s for a posture of weight 0.01."""
+UNDONE_DAMPING = 0.1
+"""Weight, per rad/s or m/s, of velocities where nothing of what is wanted can be done."""
+FORGETTING = 0.2
+"""s, over which the share that stays undone is averaged."""
 MAIN = 0.1
 """Rows that weigh at least this share of the heaviest say how far off the target is, and whether it is followed."""
 SINGULAR_DAMPING = 0.05
@@ -52,6 +56,7 @@ class Objective:
     def __init__(self, tasks: Sequence[ControlTask], n: int, by_acceleration: bool, response: float) -> None:
         self.tasks = tuple(tasks)
         self._response = response
+        self._undone = 0.0
         self._by_acceleration = by_acceleration
         ends = np.cumsum([0, *(task.size for task in self.tasks)])
         self._slices = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
@@ -111,6 +116,13 @@ class Objective:
             acceleration = acceleration + forward_rate
         return np.asarray(rate + dt * acceleration)
 
+    def learn(self, demand: Demand, x: Array, dt: float) -> None:
+        """Take in what velocities x (n,) leave undone."""
+        wanted = demand.wanted[demand.main]
+        undone = demand.A[demand.main] @ x - wanted
+        share = math.sqrt(float(undone @ undone) / max(float(wanted @ wanted), 1e-12))
+        self._undone += (1.0 - math.exp(-dt / FORGETTING)) * (min(1.0, share) - self._undone)
+
     def _late(self, dt: float) -> float:
         return math.exp(-dt / self._response) if self._response > 0.0 else 0.0
 
@@ -121,12 +133,15 @@ class Objective:
 
         `start` are v and dt, and s² = STEADINESS / dt: where tasks and limits leave many answers nearly as good, the steadiest is taken.
 
-        w² = damping² + (1 - (s / s_0)²)² · SINGULAR_DAMPING² for the least singular value s below s_0.
+        w² = damping² + (SINGULAR_DAMPING (1 - (s / s_0)²))² for the least singular value s below s_0, + (UNDONE_DAMPING
+        u)² where a share u of what is wanted has stayed undone for a while: out of reach, the errors' own curvature
+        makes steps too long that small singular values make long, and the arm would swing about the nearest pose.
         """
         H = demand.A.T @ demand.A
         weight = damping**2
         if singular is not None and singular < NEAR_SINGULAR:
             weight += (SINGULAR_DAMPING * (1.0 - (singular / NEAR_SINGULAR) ** 2)) ** 2
+        weight += (UNDONE_DAMPING * self._undone) ** 2
         v, dt = start
         steadiness = STEADINESS / dt
         H.ravel()[self._ridge] += weight + steadiness

@@ -98,12 +98,12 @@ class StepReporter:
         asked = demand.wanted[demand.main]
         undone = demand.A[demand.main] @ x - asked
         wanted = float(np.sqrt(asked @ asked))
-        if float(np.sqrt(undone @ undone)) <= HELD_BACK * wanted + 1e-6 and share == 1.0:
-            return "tracking", "the tasks are followed"
         if demand.error > OFF and float(np.abs(x).max()) < STANDING:
             if active:
                 return "nearest", f"nearest pose: the target is behind {', '.join(active)}"
             return "nearest", "nearest pose: target out of reach, or tasks against each other"
-        if active:
-            return "limited", f"held back by {', '.join(active)}"
-        return "limited", "on the way as far as tasks and damping allow"
+        if not active and share == 1.0:
+            return "tracking", "the tasks are followed"
+        if float(np.sqrt(undone @ undone)) <= HELD_BACK * wanted + 1e-6:
+            return "tracking", "the tasks are followed"
+        return "limited", f"held back by {', '.join(active) or 'what could be stopped clear'}"
