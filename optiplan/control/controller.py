@@ -111,6 +111,9 @@ class Controller:
         stop_limits = [limit for limit in self.limits if isinstance(limit, StopLimit)]
         self._guard = StoppingGuard(robot, stop_limits, self._box, self._by_acceleration)
         self._rows = RowStack([limit for limit in self.limits if isinstance(limit, RowLimit)], self._order, n)
+        for limit in self.limits:
+            if isinstance(limit, RowLimit):
+                limit.delay = self._box.delay
         self._configuration = Configuration(robot)
         self._report = StepReporter(robot, self._box, self._rows)
         self._no_equations = np.zeros((0, n)), np.zeros(0)

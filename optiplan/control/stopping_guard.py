@@ -105,10 +105,4 @@ def _least(limit: StopLimit, view: View) -> Array:
 
 def _abilities(box: JointBox, dt: float) -> Abilities:
     """How joints brake within their limits."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        delay = np.where(np.isfinite(box.jerk) & np.isfinite(box.acceleration), box.acceleration / box.jerk, 0.0)
-        return Abilities(DELAY * delay + dt, 1.0 / box.acceleration)
-
-
-DELAY = 1.0
-"""How many times the time that the acceleration takes from zero to its limit counts as lost."""
+    return Abilities(box.delay + dt, 1.0 / box.acceleration)

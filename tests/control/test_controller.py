@@ -42,7 +42,7 @@ def test_from_outside_a_joint_limit_it_comes_back_monotonically(panda):
         outside.append(state.q[0] - panda.limits.upper[0])
         assert np.abs(state.v).max() <= panda.limits.velocity.max()
         assert np.abs(state.a[0]) <= panda.limits.acceleration[0] + 1e-9
-    assert (np.diff(outside) <= 1e-12).all()
+    assert (np.diff(outside) <= 1e-9).all()
     assert max(outside[-100:]) <= 1e-8
     assert steps[10].status == "recovering"
     assert "position" in steps[10].slack
@@ -52,11 +52,11 @@ def test_from_outside_a_joint_limit_it_comes_back_monotonically(panda):
 def test_from_inside_an_obstacle_it_comes_out_monotonically(panda):
     ready = panda.configurations["ready"]
     tip = op.Controller(panda, []).configuration(op.State(ready)).pose(panda.frame_id("panda_hand")).translation
-    block = op.Box("block", size=(0.2, 0.2, 0.2), position=(tip[0] + 0.1 + 0.06, tip[1], tip[2]))
+    block = op.Box("block", size=(0.2, 0.2, 0.2), position=(tip[0] + 0.124, tip[1], tip[2]))
     scene = op.Scene([block])
     check = CollisionModel(panda, scene)
     depth = [check.clearance(ready).distance]
-    assert -0.06 < depth[0] < -0.01
+    assert -0.03 < depth[0] < -0.015
     controller = op.Controller(panda, [op.PostureTask("ready", cost=1.0)], scene=scene)
     state, statuses = op.State(ready), set()
     for _ in range(600):
@@ -140,16 +140,19 @@ def test_relaxation_follows_the_declared_order(panda):
     for order in (("tool speed", "half-space"), ("half-space", "tool speed")):
         limits = [op.PositionLimit(), op.VelocityLimit(), op.AccelerationLimit(), op.JerkLimit(), up, slow]
         controller = op.Controller(panda, [op.DampingTask()], limits=limits, relax=order)
-        moving = state
-        for _ in range(200):
+        moving, speeds, given_up = state, [], set()
+        for k in range(120):
             step = controller.step(moving, DT)
             moving = step.state
-        twist = controller.configuration(moving).jacobian(panda.frame_id(panda.tool_frame)) @ moving.v
-        kept[order[0]] = float(np.linalg.norm(twist[:3])), step
+            given_up |= step.slack.keys()
+            twist = controller.configuration(moving).jacobian(panda.frame_id(panda.tool_frame)) @ moving.v
+            if k >= 60:
+                speeds.append(float(np.linalg.norm(twist[:3])))
+        kept[order[0]] = max(speeds), given_up
     assert kept["half-space"][0] <= 0.02 + 1e-4
-    assert "half-space" in kept["half-space"][1].slack
+    assert "half-space" in kept["half-space"][1]
     assert kept["tool speed"][0] > 0.05
-    assert "tool speed" in kept["tool speed"][1].slack
+    assert "tool speed" in kept["tool speed"][1]
 
 
 SINGULAR = {

@@ -19,7 +19,7 @@ def tasks(robot):
         "orientation": op.OrientationTask(tool, [0.3, 0.5, -0.4]),
         "relative": op.RelativePoseTask(tool, root, TARGET),
         "look-at": op.LookAtTask(tool, [1.0, 0.5, 0.2], axis=(1.0, 0.2, 0.0)),
-        "posture": op.PostureTask(np.zeros(n), cost=1.0),
+        "posture": op.PostureTask(np.zeros(n), cost=1.0, gain=5.0),
         "damping": op.DampingTask(),
         "coupling": op.JointCouplingTask(rng.normal(size=(2, n)), [0.1, 0.2]),
         "centre-of-mass": op.CentreOfMassTask([0.1, 0.0, 0.4]),
@@ -121,7 +121,7 @@ def test_feed_forward_follows_a_moving_target(panda, form):
         if t > 2.0:
             errors.append(np.linalg.norm(task.error(controller.configuration(state))))
         state = controller.step(state, dt).state
-    assert max(errors) < 3e-4
+    assert max(errors) < 5e-4
 
 
 def test_repr_and_targets(panda):

@@ -49,11 +49,24 @@ class ControlLimit:
 
 
 class RowLimit(ControlLimit):
-    """A limit that is rows of the velocities at the end of the step."""
+    """A limit that is rows of the velocities at the end of the step.
+
+    Attributes:
+        delay: (n,), s, in which a joint's acceleration comes from its limit to zero; the controller sets it.
+    """
+
+    delay: Array
 
     def rows(self, c: Configuration, state: State, dt: float) -> LimitRows:
         """The rows at a configuration; as many in every step."""
         raise NotImplementedError
+
+    def speed_rows(self, G: Array, high: Array, state: State, dt: float, labels: tuple[str, ...]) -> LimitRows:
+        """Rows |G (x + delay · a)| <= high, a = (x - v) / dt: speeds approached so slowly that they can be kept."""
+        ahead = G * (1.0 + self.delay / dt)
+        held = (G * (self.delay / dt)) @ state.v
+        unit = np.maximum(np.linalg.norm(ahead, axis=1), 1e-9)
+        return LimitRows(ahead / unit[:, None], (held - high) / unit, (held + high) / unit, unit, labels)
 
 
 def positive_vector(owner: object, argument: str, value: object, size: int) -> Array:

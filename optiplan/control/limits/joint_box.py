@@ -27,6 +27,9 @@ class JointBox:
         limits: those of single joints among them count.
         order: names of limits, the least important first.
         n: number of joints.
+
+    Attributes:
+        delay: (n,), s, that the acceleration of a joint takes from its limit to zero.
     """
 
     def __init__(self, limits: Iterable[ControlLimit], order: Sequence[str], n: int) -> None:
@@ -40,6 +43,8 @@ class JointBox:
         position = found.get("position")
         self.lower = position.lower if isinstance(position, PositionLimit) else -without
         self.upper = position.upper if isinstance(position, PositionLimit) else without
+        bounded = np.isfinite(self.jerk) & np.isfinite(self.acceleration)
+        self.delay = np.divide(self.acceleration, self.jerk, out=np.zeros(n), where=bounded)
         self._dt = 0.0
         self.low, self.high = -without, without.copy()
 

@@ -59,8 +59,7 @@ class ToolSpeedLimit(RowLimit):
             G.append(axes @ J[part])
             bounds.append(speed * np.array([_AHEAD, _ACROSS, _ACROSS]))
             labels += [f"{kind} speed of {self._shown}"] * 3
-        high = np.concatenate(bounds)
-        return LimitRows(np.vstack(G), -high, high, np.ones(len(high)), tuple(labels))
+        return self.speed_rows(np.vstack(G), np.concatenate(bounds), state, dt, tuple(labels))
 
 
 def _frame_along(motion: Array) -> Array:
@@ -99,6 +98,4 @@ class WheelSpeedLimit(RowLimit):
         ahead = state.q + dt * state.v
         worst = [wheel_matrix(self._robot, q) for q in (state.q, ahead)]
         G = np.vstack([matrix for matrix in worst if matrix is not None])
-        unit = np.linalg.norm(G, axis=1)
-        high = np.tile(self._rate, 2) / unit
-        return LimitRows(G / unit[:, None], -high, high, unit, tuple(f"wheel {name}" for name in WHEELS) * 2)
+        return self.speed_rows(G, np.tile(self._rate, 2), state, dt, tuple(f"wheel {name}" for name in WHEELS) * 2)

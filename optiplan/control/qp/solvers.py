@@ -18,6 +18,8 @@ ITERATIONS = 200
 DEFAULT = "proxqp"
 _CAPACITY = 8
 """Rows are allocated in multiples of this."""
+_PRECISIONS = {"proxqp": {"eps_abs": PRECISION, "eps_rel": 0.0}, "osqp": {"eps_abs": PRECISION, "eps_rel": 0.0}}
+"""What solvers of qpsolvers are told that would stop far earlier by themselves."""
 _LEAST = 1e-9
 """Widths of bounds, and sizes of rows, count as this at least where they are divided by."""
 
@@ -117,7 +119,8 @@ class QpSolvers(QpSolver):
         equations = (program.A, program.b) if len(program.A) else (None, None)
         problem = qpsolvers.Problem(program.H, program.g, G, h, *equations, *program.box)
         start = self._last if self._last is not None and len(self._last) == len(program.g) else None
-        self._last = qpsolvers.solve_problem(problem, self.name, initvals=start).x
+        precision = _PRECISIONS.get(self.name, {})
+        self._last = qpsolvers.solve_problem(problem, self.name, initvals=start, **precision).x
         return self._last
 
 
