@@ -59,7 +59,7 @@ class StepReporter:
         else:
             if outcome.how != "unconstrained":
                 active = self._active(x)
-                slack = {**self._box.violations(x), **(self._rows.violations(x) if outcome.slack else {})}
+                slack = {**self._box.violations(state.q, x), **(self._rows.violations(x) if outcome.slack else {})}
             status, reason = self._status(x, demand, active, slack, outcome.share)
         return ControlStep(
             state=state,

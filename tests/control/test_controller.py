@@ -42,7 +42,7 @@ def test_from_outside_a_joint_limit_it_comes_back_monotonically(panda):
         outside.append(state.q[0] - panda.limits.upper[0])
         assert np.abs(state.v).max() <= panda.limits.velocity.max()
         assert np.abs(state.a[0]) <= panda.limits.acceleration[0] + 1e-9
-    assert (np.diff(outside) <= 1e-9).all()
+    assert (np.diff(outside)[np.array(outside[:-1]) > 1e-9] <= 1e-9).all()
     assert max(outside[-100:]) <= 1e-8
     assert steps[10].status == "recovering"
     assert "position" in steps[10].slack

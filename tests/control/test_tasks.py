@@ -9,6 +9,9 @@ import optiplan as op
 TARGET = op.Pose(position=(0.4, 0.2, 0.5), rpy=(2.8, 0.3, 0.4))
 
 
+POSTURE = np.array([0.3, -0.5, 0.3, -2.0, 0.2, 1.8, 0.4, 0.1, 0.2])
+
+
 def tasks(robot):
     tool, n = robot.tool_frame, robot.n
     root = robot.model.frames[robot.model.nframes // 2].name
@@ -19,7 +22,7 @@ def tasks(robot):
         "orientation": op.OrientationTask(tool, [0.3, 0.5, -0.4]),
         "relative": op.RelativePoseTask(tool, root, TARGET),
         "look-at": op.LookAtTask(tool, [1.0, 0.5, 0.2], axis=(1.0, 0.2, 0.0)),
-        "posture": op.PostureTask(np.zeros(n), cost=1.0, gain=5.0),
+        "posture": op.PostureTask(POSTURE[:n], cost=1.0, gain=5.0),
         "damping": op.DampingTask(),
         "coupling": op.JointCouplingTask(rng.normal(size=(2, n)), [0.1, 0.2]),
         "centre-of-mass": op.CentreOfMassTask([0.1, 0.0, 0.4]),

@@ -126,11 +126,13 @@ class JointBox:
                     found.append((owners[-1], j, end))
         return found
 
-    def violations(self, x: Array) -> dict[str, float]:
-        """By how much velocities x (n,) go beyond limits that were given up, rad/s or m/s, by name."""
+    def violations(self, q: Array, x: Array) -> dict[str, float]:
+        """By how much limits were given up, by name: of positions q (n,) those themselves, rad or m, else of x (n,)."""
         found = {}
         for name, low, high in self._intervals:
             excess = float(np.maximum(low - x, x - high).max())
+            if name == "position":
+                excess = float(np.maximum(self.lower - q, q - self.upper).max())
             if excess > AT_BOUND:
                 found[name] = excess
         return found

@@ -99,11 +99,22 @@ class _Allocated:
             matrices[4:7] = self._C, self._low, self._high
         if self._started:
             self._qp.update(*matrices, update_preconditioner=False)
-        else:
+            self._qp.solve()
+        # A program of another kind than the first needs a preconditioner of its own.
+        if not self._started or self._residual(matrices[0], matrices[1]) > 10.0 * PRECISION:
             self._qp.init(*matrices)
             self._started = True
-        self._qp.solve()
+            self._qp.solve()
         return np.asarray(centre + width * np.array(self._qp.results.x))
+
+
+    def _residual(self, H: Array, g: Array) -> float:
+        """Of the condition of optimality, H y + g + Cᵀ z = 0 with the multipliers z of rows and bounds; inf without."""
+        results = self._qp.results
+        if results.info.status != proxqp.PROXQP_SOLVED or self._equations:
+            return np.inf
+        z = np.array(results.z)
+        return float(np.abs(H @ results.x + g + self._C.T @ z[: self._rows] + z[self._rows :]).max())
 
 
 class QpSolvers(QpSolver):
