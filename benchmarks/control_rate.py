@@ -10,6 +10,7 @@ Peers that are not installed are left out. The last line is one JSON object.
 
 import argparse
 import json
+import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -71,15 +72,22 @@ def run(step: Step, robot: op.Robot, targets: Iterator[tuple[pin.SE3, np.ndarray
     return Result(np.array(seconds), np.array(errors), np.array(Q))
 
 
-def ours(robot: op.Robot, limits: list | None, scene: op.Scene | None = None, steps: list | None = None, **options) -> Step:
-    """Our controller, at its defaults."""
-    tool, posture = op.PoseTask(robot.tool_frame), op.PostureTask(READY, cost=1e-2)
+def ours(
+    robot: op.Robot,
+    limits: list | None,
+    scene: op.Scene | None = None,
+    steps: list | None = None,
+    gain: float | None = None,
+    **options,
+) -> Step:
+    """Our controller; with a gain of 1 / dt and no response time the target is reached in one step, as pink's are."""
+    tool, posture = op.PoseTask(robot.tool_frame, gain=gain), op.PostureTask(READY, cost=1e-2)
     controller = op.Controller(robot, [tool, posture], scene=scene, limits=limits, **options)
     state = op.State(READY)
 
     def step(X: pin.SE3, twist: np.ndarray) -> np.ndarray:
         nonlocal state
-        tool.set_target(X, twist)
+        tool.set_target(X, twist if gain is None else None)
         found = controller.step(state, DT)
         state = found.state
         if steps is not None:
@@ -116,9 +124,8 @@ def of_mink(robot: op.Robot) -> Step:
     import mujoco
 
     text = (robot.source.parent / "panda.urdf").read_text()
-    import re
-
     text = re.sub(r"<(visual|collision)\b.*?</\1>", "", text, flags=re.DOTALL)
+    text = re.sub(r"<mimic[^>]*/>", "", text)
     spec = mujoco.MjSpec.from_string(text.replace("</robot>", '<mujoco><compiler fusestatic="false" balanceinertia="true"/></mujoco></robot>'))
     for joint in list(spec.joints):
         if joint.name not in robot.joint_names:
@@ -238,7 +245,8 @@ def main() -> None:
         "p999_ms": float(np.quantile(all_limits.seconds, 0.999) * 1e3),
     }
     simple = [op.PositionLimit(), op.VelocityLimit()]
-    contestants = {"optiplan": lambda: ours(robot, list(simple)), "optiplan, solver always": lambda: ours(robot, list(simple), guess=False)}
+    at_once = {"gain": 1.0 / DT, "response": 0.0}
+    contestants = {"optiplan": lambda: ours(robot, list(simple), **at_once), "optiplan, solver always": lambda: ours(robot, list(simple), guess=False, **at_once)}
     contestants |= {"pink": lambda: of_pink(robot), "mink": lambda: of_mink(robot)}
     made = {}
     for name, make in contestants.items():

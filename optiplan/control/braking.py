@@ -41,9 +41,9 @@ def braking_acceleration(u: float, change: float, dt: float) -> float:
 
 def braking_accelerations(u: Array, change: Array, dt: float) -> Array:
     """`braking_acceleration` of many velocities u (n,) >= 0 with changes (n,)."""
-    m = np.maximum(1.0, np.ceil(0.5 * (np.sqrt(1.0 + (8.0 / dt) * u / change) - 1.0) - 1e-12))
-    extra = np.where(m > 1.0, np.where(np.isfinite(change), change, 0.0) * (0.5 * (m - 1.0)), 0.0)
-    return np.asarray(u / (m * dt) + extra)
+    m = np.maximum(np.ceil(0.5 * np.sqrt(1.0 + (8.0 / dt) * u / change) - (0.5 + 1e-12)), 1.0)
+    # Where a change is without limit, m is 1 and inf · 0 is no number.
+    return np.asarray(u / (m * dt) + 0.5 * np.minimum(change, 1e12) * (m - 1.0))
 
 
 def stop_phases(v: float, a: float, limit: float, change: float, dt: float) -> tuple[Phase, ...]:

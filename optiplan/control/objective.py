@@ -143,7 +143,7 @@ class Objective:
             weight += (SINGULAR_DAMPING * (1.0 - (singular / NEAR_SINGULAR) ** 2)) ** 2
         weight += (UNDONE_DAMPING * self._undone) ** 2
         v, dt = start
-        steadiness = STEADINESS / dt
+        steadiness = STEADINESS / dt if self._response > 0.0 else 0.0
         H.ravel()[self._ridge] += weight + steadiness
         # Damping follows as slowly as the tasks do: it asks for velocities of exp(-dt / response) v.
         return H, demand.A.T @ -demand.b - (steadiness + weight * self._late(dt)) * v

@@ -31,7 +31,8 @@ class StoppingGuard:
         self._configuration = Configuration(robot)
         self._views: list[View] = []
         self._least: list[Array] = []
-        self._dt = 0.0
+        self._dt, self._per_jerk = 0.0, 1.0 / box.jerk
+        self._abilities = _abilities(box, 0.0)
         self.state: State | None = None
 
     def rows(self, c: Configuration, state: State, dt: float) -> list[tuple[str, LimitRows]]:
@@ -41,7 +42,7 @@ class StoppingGuard:
         if not self._continues(state):
             self._look(c)
         if dt != self._dt:
-            self._dt, self._abilities = dt, _abilities(self._box, dt)
+            self._dt, self._abilities, self._per_jerk = dt, _abilities(self._box, dt), 1.0 / self._box.jerk
         self._least = [
             _least(limit, view) for limit, view in zip(self._limits, self._views, strict=True)
         ]
@@ -54,14 +55,18 @@ class StoppingGuard:
     def accepts(self, candidate: State, dt: float) -> bool:
         """Whether the robot stays clear from a state on, if it brakes there; then that is where the next step starts."""
         if self._limits:
-            self._path.start(candidate.q, candidate.v, candidate.a, self._box, dt)
             c = self._configuration
             c.update(candidate.q, candidate.v)
+            way, started = self._longest_way(candidate), False
             views = []
             for limit, before, least in zip(self._limits, self._views, self._least, strict=True):
                 view = limit.view(c, before)
-                if not limit.stop_is_clear(self._path, view, least):
-                    return False
+                if not limit.is_far(view, way, least):
+                    if not started:
+                        self._path.start(candidate.q, candidate.v, candidate.a, self._box, dt)
+                        started = True
+                    if not limit.stop_is_clear(self._path, view, least):
+                        return False
                 views.append(view)
             self._views = views
         self.state = candidate
@@ -85,6 +90,17 @@ class StoppingGuard:
                     a, _, b = limit.labels[int(view.near[k])].partition(" and ")
                     best = NearestPair(a, b, float(view.distance[k]))
         return best
+
+    def _longest_way(self, state: State) -> Array:
+        """How far each joint still goes at most when it brakes, (n,), rad or m: simpler than the stop, and longer.
+
+        The velocity grows by u at most until the acceleration a is turned back; then it takes A / jerk to brake fully,
+        v² / 2A to stop, and two steps for what is not continuous.
+        """
+        box, size = self._box, np.abs(state.a)
+        speed = np.abs(state.v) + size * (size * self._per_jerk + self._dt)
+        late = size * self._per_jerk + box.delay + 3.0 * self._dt
+        return np.asarray(speed * (late + 0.5 * speed * self._abilities.per_acceleration))
 
     def _continues(self, state: State) -> bool:
         last = self.state

@@ -73,8 +73,8 @@ class ClearanceLimit(StopLimit):
         return (sides[1] - sides[0]) @ self._leaders if self._follows else sides[1] - sides[0]
 
     def mark(self, c: Configuration) -> Array:
-        """Poses (J + 1, 12) of all joints: position and rotation."""
-        return np.array([np.concatenate([X.translation, X.rotation.ravel()]) for X in c.data.oMi])
+        """Homogeneous poses (J + 1, 4, 4) of all joints."""
+        return np.array([X.homogeneous for X in c.data.oMi])
 
     def moved(self, first: Array, second: Array, which: Index) -> Array:
         """|p' - p| + |R' - R|_F / √2 · (reach of the body from its joint), for both bodies: chords of all their points.
@@ -82,8 +82,9 @@ class ClearanceLimit(StopLimit):
         A turn by an angle t has |R' - R|_F = √8 sin(t / 2), and moves a point at the distance r by up to 2 r sin(t / 2).
         """
         change = second - first
-        shift = np.sqrt(np.einsum("ij,ij->i", change[:, :3], change[:, :3]))
-        turn = np.sqrt(0.5 * np.einsum("ij,ij->i", change[:, 3:], change[:, 3:]))
+        change *= change
+        shift = np.sqrt(change[:, :3, 3].sum(axis=1))
+        turn = np.sqrt(0.5 * change[:, :3, :3].sum(axis=(1, 2)))
         joints, reach = self._joints[which], self._reaches[which]
         return (shift[joints] + turn[joints] * reach).sum(axis=1)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.control.braking import braking_accelerations, farthest
+from optiplan.control.braking import braking_accelerations, farthest, velocity_to_zero
 from optiplan.control.limits.base import ControlLimit
 from optiplan.control.limits.joint_limits import JointLimit, PositionLimit
 from optiplan.control.state import State
@@ -59,6 +59,10 @@ class JointBox:
         ]
         self._safe = self.lower + reach, self.upper - reach  # joints between these need no look at their ends
         self._give = self.acceleration * dt
+        limits = zip(self.acceleration_list, self.change_list, strict=True)
+        gains = [velocity_to_zero(a, c, dt) if math.isfinite(a) else math.inf for a, c in limits]
+        self._slow = self.velocity - gains  # below these no acceleration within limits is too much
+        self._sudden = np.isinf(self.acceleration)
 
     def update(self, state: State, dt: float, shift: float) -> None:
         """Bounds for a step from a state; `shift` · v is what q moves on before the new velocity counts, s."""
@@ -72,7 +76,7 @@ class JointBox:
             if interval is None:
                 continue
             self._intervals.append((name, *interval))
-            low, high = np.clip(interval[0], low, high), np.clip(interval[1], low, high)
+            low, high = (np.minimum(np.maximum(end, low), high) for end in interval)
         self.low, self.high = low, high
 
     def _acceleration(self, state: State, dt: float, *_: object) -> tuple[Array, Array]:
@@ -82,8 +86,12 @@ class JointBox:
         centre, give = state.v + dt * state.a, dt * self.change
         return centre - give, centre + give
 
-    def _velocity(self, state: State, dt: float, *_: object) -> tuple[Array, Array]:
+    def _velocity(self, state: State, dt: float, *_: object) -> tuple[Array, Array] | None:
         """The acceleration that runs out to zero as the limit is reached; from beyond, the way back."""
+        if (np.abs(state.v) <= self._slow).all():
+            return None
+        if self._sudden.all():
+            return -self.velocity, self.velocity
         up, down = self.velocity - state.v, self.velocity + state.v
         gain = dt * braking_accelerations(np.abs(up), self.change, dt)
         loss = dt * braking_accelerations(np.abs(down), self.change, dt)
@@ -92,6 +100,8 @@ class JointBox:
     def _position(
         self, state: State, dt: float, shift: float, low: Array, high: Array
     ) -> tuple[Array, Array] | None:
+        if self._sudden.all():
+            return (self.lower - state.q) / dt, (self.upper - state.q) / dt
         near_lower, near_upper = state.q < self._safe[0], state.q > self._safe[1]
         if not (near_lower.any() or near_upper.any()):
             return None
@@ -146,7 +156,7 @@ class JointBox:
         high = np.minimum(state.a + self.change, self.acceleration)
         # An acceleration beyond its limits comes back to them at once: jerk is given up first.
         low, high = np.minimum(low, self.acceleration), np.maximum(high, -self.acceleration)
-        return np.asarray(state.v + dt * np.clip(wanted, low, high))
+        return np.asarray(state.v + dt * np.minimum(np.maximum(wanted, low), high))
 
     def still(self, state: State) -> bool:
         """Whether the robot stands, and stays where it is."""

@@ -34,7 +34,6 @@ class View:
         near: (K,) indices of the distances in view.
         distance: (K,) m.
         gradient: (K, n), m/rad or m/m.
-        mark: where everything is, see `StopLimit.moved`.
     """
 
     q: Array
@@ -42,7 +41,6 @@ class View:
     near: Index
     distance: Array
     gradient: Array
-    mark: Array
 
 
 class StopLimit(ControlLimit):
@@ -101,8 +99,8 @@ class StopLimit(ControlLimit):
         bound[which] = found
         kept = found < KEPT * self.influence
         if kept.all():
-            return View(c.q, bound, which, found, self.gradients(c, which), self.mark(c))
-        return View(c.q, bound, which[kept], found[kept], self.gradients(c, which)[kept], self.mark(c))
+            return View(c.q, bound, which, found, self.gradients(c, which))
+        return View(c.q, bound, which[kept], found[kept], self.gradients(c, which)[kept])
 
     def rows(self, view: View, v: Array, abilities: "Abilities", dt: float) -> LimitRows:
         """Rows of what is in view at the configuration of this step, in which joints have velocities v (n,)."""
@@ -118,6 +116,10 @@ class StopLimit(ControlLimit):
         low = (held - gain) / unit
         labels = tuple([self.labels[k] for k in view.near.tolist()])
         return LimitRows(G / unit[:, None], low, np.full(len(low), np.inf), unit, labels)
+
+    def is_far(self, start: View, way: Array, least: Array) -> bool:
+        """Whether no way of the joints of at most `way` (n,) brings any distance below `least` (P,)."""
+        return bool((start.bound - self.arms @ way >= least).all())
 
     def stop_is_clear(self, path: "StopPath", start: View, least: Array) -> bool:
         """Whether distances stay at least `least` (P,) from where `start` was taken until the robot stands.
@@ -136,7 +138,8 @@ class StopLimit(ControlLimit):
         found = self.distances(c, which)
         if (found < least[which]).any():
             return False
-        ends = _Ends(0, path.steps, start.bound[which], found, start.mark, self.mark(c))
+        last_mark = self.mark(c)
+        ends = _Ends(0, path.steps, start.bound[which], found, self.mark(path.configuration(0)), last_mark)
         return self._is_clear(path, ends, which, least[which])
 
     def _is_clear(self, path: "StopPath", ends: "_Ends", which: Index, least: Array) -> bool:

@@ -1,5 +1,6 @@
 """`ToolSpeedLimit` and `WheelSpeedLimit`: speeds of a frame, and of the wheels of a mobile base."""
 
+import math
 from typing import ClassVar
 
 import numpy as np
@@ -64,14 +65,16 @@ class ToolSpeedLimit(RowLimit):
 
 def _frame_along(motion: Array) -> Array:
     """An orthonormal basis (3, 3), in rows, whose first vector lies along a motion (3,)."""
-    size = float(np.linalg.norm(motion))
-    first = motion / size if size > 1e-9 else np.array([1.0, 0.0, 0.0])
-    # Householder reflection of x onto the first vector: no case in which it loses digits.
-    sign = 1.0 if first[0] <= 0.0 else -1.0
-    u = first * sign + np.array([-1.0, 0.0, 0.0])
-    basis = np.eye(3) - 2.0 * np.outer(u, u) / max(float(u @ u), 1e-300)
-    basis[0] = first
-    return basis
+    x, y, z = motion.tolist()
+    size = math.sqrt(x * x + y * y + z * z)
+    if size < 1e-9:
+        return np.eye(3)
+    x, y, z = x / size, y / size, z / size
+    # Duff et al., Building an Orthonormal Basis, Revisited, JCGT 2017: no direction in which it loses digits.
+    sign = math.copysign(1.0, z)
+    p = -1.0 / (sign + z)
+    q = x * y * p
+    return np.array([[x, y, z], [1.0 + sign * x * x * p, sign * q, -sign * x], [q, sign + y * y * p, -y]])
 
 
 class WheelSpeedLimit(RowLimit):

@@ -70,6 +70,8 @@ class _Allocated:
         self._qp = proxqp.dense.QP(n, equations, rows, True)
         settings = self._qp.settings
         settings.eps_abs, settings.eps_rel = PRECISION, 0.0
+        # Without this ProxQP calls answers solved whose multipliers belong to the program before.
+        settings.check_duality_gap, settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = True, PRECISION, 0.0
         settings.max_iter = ITERATIONS
         settings.compute_timings = False
         settings.initial_guess = proxqp.NO_INITIAL_GUESS
@@ -101,20 +103,11 @@ class _Allocated:
             self._qp.update(*matrices, update_preconditioner=False)
             self._qp.solve()
         # A program of another kind than the first needs a preconditioner of its own.
-        if not self._started or self._residual(matrices[0], matrices[1]) > 10.0 * PRECISION:
+        if not self._started or self._qp.results.info.status != proxqp.PROXQP_SOLVED:
             self._qp.init(*matrices)
             self._started = True
             self._qp.solve()
         return np.asarray(centre + width * np.array(self._qp.results.x))
-
-
-    def _residual(self, H: Array, g: Array) -> float:
-        """Of the condition of optimality, H y + g + Cᵀ z = 0 with the multipliers z of rows and bounds; inf without."""
-        results = self._qp.results
-        if results.info.status != proxqp.PROXQP_SOLVED or self._equations:
-            return np.inf
-        z = np.array(results.z)
-        return float(np.abs(H @ results.x + g + self._C.T @ z[: self._rows] + z[self._rows :]).max())
 
 
 class QpSolvers(QpSolver):

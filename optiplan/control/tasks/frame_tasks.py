@@ -35,9 +35,9 @@ class FrameTask(ControlTask):
     def bind(self, robot: Robot) -> None:
         """Find F, and how quickly the robot moves it."""
         self._frame = frame_of(self, "frame", robot, self.frame)
-        self.speed, self.brake_rates = tool_abilities(robot, self.frame)
         if not self._has_gain:
             self.gain = default_gain(robot)
+            self.speed, self.brake_rates = tool_abilities(robot, self.frame)
 
     @property
     def target(self) -> pin.SE3 | None:
@@ -85,7 +85,8 @@ class PoseTask(FrameTask):
         target: X_WT; None: where F is in the first step, until `set_target`.
         position_cost: per metre, one or three along the axes of the world.
         orientation_cost: per radian, one or three about the axes of F.
-        gain: 1/s; None: as large as the robot's jerk limits allow.
+        gain: 1/s, however far the target is; None: as large as the robot's jerk limits allow, and less where the target
+            is so far that the robot could not slow down in time.
         priority: see `ControlTask`.
 
     Example:
@@ -169,7 +170,8 @@ class PositionTask(FrameTask):
         frame: name of F.
         target: point [x, y, z], m, or a pose; None: where F is in the first step.
         cost: per metre, one or three.
-        gain: 1/s; None: as large as the robot's jerk limits allow.
+        gain: 1/s, however far the target is; None: as large as the robot's jerk limits allow, and less where the target
+            is so far that the robot could not slow down in time.
         priority: see `ControlTask`.
     """
 
@@ -216,7 +218,8 @@ class OrientationTask(FrameTask):
         frame: name of F.
         target: R_WT (3, 3), [roll, pitch, yaw], or a pose; None: as F is in the first step.
         cost: per radian, one or three.
-        gain: 1/s; None: as large as the robot's jerk limits allow.
+        gain: 1/s, however far the target is; None: as large as the robot's jerk limits allow, and less where the target
+            is so far that the robot could not slow down in time.
         priority: see `ControlTask`.
     """
 
