@@ -144,7 +144,9 @@ def main() -> None:
     options = parser.parse_args()
     names = options.robots.split(",")
     result = {}
-    print(f"{'robot':8} {'steps':>8} {'position':>9} {'velocity':>9} {'accel.':>9} {'jerk':>9} {'clearance':>10} {'braking':>8}")
+    print(
+        f"{'robot':8} {'steps':>8} {'position':>9} {'velocity':>9} {'accel.':>9} {'jerk':>9} {'clearance':>10} {'braking':>8}"
+    )
     for name in names:
         begin = time.perf_counter()
         share = 60.0 * options.minutes / len(names)

@@ -266,5 +266,3 @@ def _order(relax: Sequence[str], limits: Iterable[ControlLimit]) -> tuple[str, .
     own = dict.fromkeys(limit.name for limit in limits)
     others = [name for name in own if name not in ORDER]
     return (*others, *[name for name in ORDER if name not in relax], *relax)
-
-

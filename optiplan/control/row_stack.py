@@ -31,9 +31,7 @@ class RowStack:
         self._space = np.zeros((32, n)), np.zeros(32), np.zeros(32)
         self.C, self.low, self.high = (part[:0] for part in self._space)
 
-    def collect(
-        self, c: Configuration, state: State, dt: float, others: Sequence[tuple[str, LimitRows]]
-    ) -> None:
+    def collect(self, c: Configuration, state: State, dt: float, others: Sequence[tuple[str, LimitRows]]) -> None:
         """Take the rows of a step; `others` are those of limits on stopping, by name."""
         parts = [(limit.name, limit.rows(c, state, dt)) for limit in self._limits]
         parts += [(name, rows) for name, rows in others if len(rows.low)]

@@ -43,9 +43,7 @@ class StoppingGuard:
             self._look(c)
         if dt != self._dt:
             self._dt, self._abilities, self._per_jerk = dt, _abilities(self._box, dt), 1.0 / self._box.jerk
-        self._least = [
-            _least(limit, view) for limit, view in zip(self._limits, self._views, strict=True)
-        ]
+        self._least = [_least(limit, view) for limit, view in zip(self._limits, self._views, strict=True)]
         return [
             (limit.name, limit.rows(view, state.v, self._abilities, dt))
             for limit, view in zip(self._limits, self._views, strict=True)

@@ -22,5 +22,3 @@ def test_the_simple_bound_of_a_stop_is_one(panda, baxter, delbot):
                 way = np.max([np.abs(path.at(k) - start.q) for k in range(0, path.steps + 1, 5)], axis=0)
                 assert (guard._longest_way(op.State.of(start.q, v, a)) >= way).all()
                 assert path.at(path.steps) == pytest.approx(path.end, abs=1e-10)
-
-

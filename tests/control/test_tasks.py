@@ -48,7 +48,9 @@ def test_jacobian_against_differences(name, which, request):
     controller = op.Controller(robot, [])
     for q in configurations(robot, 4):
         J = task.jacobian(controller.configuration(op.State(q)))
-        ends = [[task.error(controller.configuration(op.State(q + s * h * e))) for s in (1, -1)] for e in np.eye(robot.n)]
+        ends = [
+            [task.error(controller.configuration(op.State(q + s * h * e))) for s in (1, -1)] for e in np.eye(robot.n)
+        ]
         differences = np.array([(up - down) / (2.0 * h) for up, down in ends]).T
         expected = np.zeros_like(J) if name == "damping" else differences
         got = np.zeros_like(J) if name == "damping" else J

@@ -96,5 +96,3 @@ def _cross(a: Array, b: Array) -> Array:
     result[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
     result[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
     return result
-
-

@@ -97,9 +97,7 @@ class JointBox:
         loss = dt * braking_accelerations(np.abs(down), self.change, dt)
         return state.v - np.copysign(loss, down), state.v + np.copysign(gain, up)
 
-    def _position(
-        self, state: State, dt: float, shift: float, low: Array, high: Array
-    ) -> tuple[Array, Array] | None:
+    def _position(self, state: State, dt: float, shift: float, low: Array, high: Array) -> tuple[Array, Array] | None:
         if self._sudden.all():
             return (self.lower - state.q) / dt, (self.upper - state.q) / dt
         near_lower, near_upper = state.q < self._safe[0], state.q > self._safe[1]
@@ -194,5 +192,3 @@ def _fastest(room: float, v: float, limit: float, change: float, dt: float, box:
             high, over = x, found
             under, side = (under * 0.5, -1) if side == -1 else (under, -1)
     return low
-
-

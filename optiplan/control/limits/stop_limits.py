@@ -110,7 +110,12 @@ class StopLimit(ControlLimit):
         G = g * (dt + slope)
         unit = np.maximum(np.sqrt(np.einsum("ij,ij->i", G, G)), 1e-6)
         held = (g * slope) @ v
-        b = view.distance - (self.at_least + BUFFER) + held - 0.5 * ((towards * g) @ (v * np.abs(v) * abilities.per_acceleration))
+        b = (
+            view.distance
+            - (self.at_least + BUFFER)
+            + held
+            - 0.5 * ((towards * g) @ (v * np.abs(v) * abilities.per_acceleration))
+        )
         share = min(1.0, self.rate * dt)
         gain = np.where(view.distance < self.at_least, np.minimum(b, 0.0), share * b)
         low = (held - gain) / unit

@@ -12,6 +12,7 @@ from optiplan.control.tasks.targets import Target, as_pose, as_position, as_rota
 from optiplan.control.tasks.tool_abilities import default_gain, tool_abilities
 from optiplan.robot.robot import Robot
 
+
 class FrameTask(ControlTask):
     """What tasks of a frame F of the robot share: its index, its target T and how that moves.
 
@@ -259,5 +260,3 @@ class OrientationTask(FrameTask):
     def wanted_rate(self, e: Array) -> Array:
         """Within what the robot's joints give."""
         return capped(e, self.gain, self.speed[1], self.brake_rates[1])
-
-

@@ -126,9 +126,7 @@ class JointCouplingTask(ControlTask):
 
     name: ClassVar[str] = "joint coupling"
 
-    def __init__(
-        self, A: object, b: object = 0.0, cost: Weight = 1.0, gain: float = 10.0, priority: int = 0
-    ) -> None:
+    def __init__(self, A: object, b: object = 0.0, cost: Weight = 1.0, gain: float = 10.0, priority: int = 0) -> None:
         try:
             matrix = np.atleast_2d(np.asarray(A, dtype=np.float64))
         except (TypeError, ValueError):

@@ -130,9 +130,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
             tasks = [PoseTask(goal.frame, goal.X_WG), PostureTask(problem.start, cost=1e-3)]
         inside = PositionLimit(problem.limits.lower + _INSIDE, problem.limits.upper - _INSIDE)
         others = [limit for limit in default_limits() if not isinstance(limit, PositionLimit)]
-        return Controller(
-            robot, tasks, limits=[inside, *others, ClearanceLimit(problem.scene, self.options.clearance)]
-        )
+        return Controller(robot, tasks, limits=[inside, *others, ClearanceLimit(problem.scene, self.options.clearance)])
 
 
 def _distance(problem: Problem, goal: Goal, q: Array) -> float:
@@ -173,8 +171,10 @@ def _fitted(motion: Trajectory, problem: Problem) -> Trajectory:
 def _ended(q: Array, goal: Goal, last: ControlStep | None, off: float) -> Failure:
     """Where the roll-out ended instead of the goal."""
     reason = "it did not move" if last is None else last.reason
-    near = "" if last is None or last.nearest is None else (
-        f"; nearest: '{last.nearest.a}' and '{last.nearest.b}', {last.nearest.distance * 1e3:.1f} mm"
+    near = (
+        ""
+        if last is None or last.nearest is None
+        else (f"; nearest: '{last.nearest.a}' and '{last.nearest.b}', {last.nearest.distance * 1e3:.1f} mm")
     )
     detail = f"the controller alone does not get to the goal: {off:.3g} tolerances away, {reason}{near}"
     return Failure("no-path", detail, {"q": q.tolist()})
