@@ -145,7 +145,8 @@ def main() -> None:
     names = options.robots.split(",")
     result = {}
     print(
-        f"{'robot':8} {'steps':>8} {'position':>9} {'velocity':>9} {'accel.':>9} {'jerk':>9} {'clearance':>10} {'braking':>8}"
+        f"{'robot':8} {'steps':>8} {'position':>9} {'velocity':>9} {'accel.':>9} {'jerk':>9} {'clearance':>10} "
+        f"{'braking':>8}"
     )
     for name in names:
         begin = time.perf_counter()

@@ -40,7 +40,8 @@ class Result:
         rates = np.diff(self.q, axis=0) / DT
         return (
             f"median {np.median(self.seconds) * 1e3:6.3f} ms, 99 % {np.quantile(self.seconds, 0.99) * 1e3:6.3f}, "
-            f"99.9 % {np.quantile(self.seconds, 0.999) * 1e3:6.3f}; error {np.sqrt(np.mean(tail**2)) * 1e3:8.3f} mm RMS; "
+            f"99.9 % {np.quantile(self.seconds, 0.999) * 1e3:6.3f}; "
+            f"error {np.sqrt(np.mean(tail**2)) * 1e3:8.3f} mm RMS; "
             f"peak jerk {np.abs(np.diff(rates, 2, axis=0)).max() / DT**2:9.2e}; "
             f"> 3 Hz {fast_power(rates) * 100.0:5.1f} %; frozen {frozen(rates, self.error) * 100.0:4.1f} %"
         )
@@ -119,7 +120,7 @@ def of_pink(robot: op.Robot) -> Step:
 
 
 def of_mink(robot: op.Robot) -> Step:
-    """mink with the same tasks and limits, through qpsolvers on proxsuite; MuJoCo reads the same URDF."""
+    """Mink with the same tasks and limits, through qpsolvers on proxsuite; MuJoCo reads the same URDF."""
     import mink
     import mujoco
 
@@ -226,7 +227,8 @@ def violations(robot: op.Robot, result: Result) -> str:
     outside = (result.q < limits.lower - 1e-6) | (result.q > limits.upper + 1e-6)
     fast = np.abs(v) > limits.velocity * (1 + 1e-6) + 1e-6
     hard = np.abs(a) > limits.acceleration * (1 + 1e-6) + 1e-6
-    return f"violations: position {outside.any(axis=1).sum()}, velocity {fast.any(axis=1).sum()}, acceleration {hard.any(axis=1).sum()}"
+    counts = {"position": outside, "velocity": fast, "acceleration": hard}
+    return "violations: " + ", ".join(f"{name} {found.any(axis=1).sum()}" for name, found in counts.items())
 
 
 def main() -> None:

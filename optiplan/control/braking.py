@@ -1,8 +1,8 @@
 """The quickest stop of a joint within acceleration and jerk limits, step by step, and how far it travels.
 
-Time goes in steps of dt. In a step the acceleration is constant, v' = v + dt a', and from one step to the next it changes
-by at most d = dt · jerk. From a velocity u >= 0 the acceleration can run back to zero, d a step, exactly as the joint
-stops, if it is -alpha with F(alpha) = u, where
+Time goes in steps of dt. In a step the acceleration is constant, v' = v + dt a', and from one step to the next it
+changes by at most d = dt · jerk. From a velocity u >= 0 the acceleration can run back to zero, d a step, exactly as the
+joint stops, if it is -alpha with F(alpha) = u, where
 
     F(alpha) = dt (alpha + (alpha - d) + (alpha - 2d) + …), positive terms only.
 
@@ -17,7 +17,6 @@ from typing import TypeAlias
 import numpy as np
 
 from optiplan.arrays import Array
-
 
 Phase: TypeAlias = tuple[int, float, float]
 """(count, first, change): steps of a stop whose accelerations are first + (i - 1) change, i = 1 … count."""

@@ -32,7 +32,7 @@ class BrakingPath(StopPath):
         self._q, self._v, self._dt, self._table = q, v, dt, None
         speeds = v.tolist()
         joints = zip(speeds, a.tolist(), box.acceleration_list, box.change_list, strict=True)
-        self._phases = [stop_phases(speed, *joint, dt) for speed, *joint in joints]
+        self._phases = [stop_phases(speed, a_j, limit, change, dt) for speed, a_j, limit, change in joints]
         ways = [travel(phases, speed, dt) for phases, speed in zip(self._phases, speeds, strict=True)]
         self.end = q + ways
         if self._trapezoid:
@@ -60,7 +60,7 @@ class BrakingPath(StopPath):
         q = self._q + self._dt * way.sum(axis=1)
         if self._trapezoid:
             q -= (0.5 * self._dt) * (self._dt * gained.sum(axis=1))
-        return q
+        return np.asarray(q)
 
     def _tabulated(self) -> tuple[Array, Array, Array, Array]:
         """Counts, first accelerations, their changes and the steps before each phase, (n, 3) each."""

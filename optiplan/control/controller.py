@@ -200,7 +200,7 @@ class Controller:
         return x
 
     def _box_clip(self, x: Array) -> Array:
-        return np.minimum(np.maximum(x, self._box.low), self._box.high)
+        return np.asarray(np.minimum(np.maximum(x, self._box.low), self._box.high))
 
     def _singular(self, level: int, objective: Objective, outcome: Outcome) -> float | None:
         """Least singular value of the first frame task's weighted Jacobian."""

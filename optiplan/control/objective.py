@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg.lapack import dgesdd
@@ -33,7 +34,8 @@ SINGULAR_DAMPING = 0.05
 class Demand:
     """Rows A x = b that tasks ask for, weighted: A (k, n), b (k,); `error` is the weighted norm of their errors.
 
-    `wanted` (k,) are the weighted rates that `b` approaches; `main` are the rows that count for it: those that weigh at least a tenth of the heaviest.
+    `wanted` (k,) are the weighted rates that `b` approaches; `main` are the rows that count for the error: those that
+    weigh at least a tenth of the heaviest.
     """
 
     A: Array
@@ -59,7 +61,7 @@ class Objective:
         self._undone = 0.0
         self._by_acceleration = by_acceleration
         ends = np.cumsum([0, *(task.size for task in self.tasks)])
-        self._slices = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        self._slices = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         k = int(ends[-1])
         self._A, self._b, self._e, self._wanted = np.zeros((k, n)), np.zeros(k), np.zeros(k), np.zeros(k)
         cost = np.concatenate([np.zeros(0), *(task.cost for task in self.tasks)])
@@ -102,7 +104,7 @@ class Objective:
     def _second_order(
         self, task: ControlTask, J: Array, wanted: Array, c: Configuration, state: State, dt: float
     ) -> Array:
-        """J v + dt (J a) for the acceleration J a + J̇ v = 4 gain (wanted - J v) - gain (J v - forward) + rate of forward.
+        """J v + dt (J a) with J a + J̇ v = 4 gain (wanted - J v) - gain (J v - forward) + rate of forward.
 
         The rate J v follows the wanted one four times as fast as the error falls; how the wanted rate itself falls with
         the error is known and fed forward, and so is the drift J̇ v.
@@ -131,7 +133,8 @@ class Objective:
     ) -> tuple[Array, Array]:
         """H (n, n) and g (n,) of ½ |A x - b|² + ½ w² |x|² + ½ s² |x - v|², w growing where `singular` is small.
 
-        `start` are v and dt, and s² = STEADINESS / dt: where tasks and limits leave many answers nearly as good, the steadiest is taken.
+        `start` are v and dt, and s² = STEADINESS / dt: where tasks and limits leave many answers nearly as good, the
+        steadiest is taken.
 
         w² = damping² + (SINGULAR_DAMPING (1 - (s / s_0)²))² for the least singular value s below s_0, + (UNDONE_DAMPING
         u)² where a share u of what is wanted has stayed undone for a while: out of reach, the errors' own curvature

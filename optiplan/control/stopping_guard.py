@@ -51,7 +51,7 @@ class StoppingGuard:
         ]
 
     def accepts(self, candidate: State, dt: float) -> bool:
-        """Whether the robot stays clear from a state on, if it brakes there; then that is where the next step starts."""
+        """Whether the robot stays clear from a state on, if it brakes there; then the next step starts there."""
         if self._limits:
             c = self._configuration
             c.update(candidate.q, candidate.v)

@@ -170,7 +170,8 @@ def test_through_singularities(name, kind):
     controller = op.Controller(robot, [task])
     middle = controller.configuration(op.State(SINGULAR[name][kind])).pose(robot.frame_id(robot.tool_frame))
     X, along = pin.SE3(middle), np.array([0.06, 0.08, 0.0])
-    start = np.array(SINGULAR[name][kind]) + [0.0, 0.0, 0.0, 0.0, 0.15, 0.0]
+    start = np.array(SINGULAR[name][kind])
+    start[4] += 0.15
     state = op.State(np.clip(start, robot.limits.lower, robot.limits.upper))
     errors = []
     for k in range(3000):

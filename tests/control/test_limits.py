@@ -1,5 +1,7 @@
 """Every limit by simulation: what its rows say holds of the motion that comes out."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -92,7 +94,7 @@ def test_torque(panda):
 
 def torques(robot, states):
     c, found = op.Controller(robot, []), []
-    for before, after in zip(states[:-1], states[1:], strict=True):
+    for before, after in pairwise(states):
         M, h = c.configuration(before).dynamics()
         found.append(np.abs(M @ ((after.v - before.v) / DT) + h))
     return np.array(found)

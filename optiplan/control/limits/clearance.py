@@ -60,7 +60,7 @@ class ClearanceLimit(StopLimit):
 
     def distances(self, c: Configuration, which: Index) -> Array:
         """Distances, m, negative where bodies overlap; meshes that overlap are measured by their hulls."""
-        return self.model.distances_at(c.data, which)
+        return np.asarray(self.model.distances_at(c.data, which))
 
     def gradients(self, c: Configuration, which: Index) -> Array:
         """N . (J_b - J_a) of the witness points: with spatial J, (J_v + J_w × p) · n = J · (n, p × n)."""
@@ -70,7 +70,8 @@ class ClearanceLimit(StopLimit):
         forces[:, :, :3] = normals
         forces[0, :, 3:], forces[1, :, 3:] = _cross(vectors[:, 0], normals), _cross(vectors[:, 1], normals)
         sides = (forces @ J) * moves.transpose(1, 0, 2)
-        return (sides[1] - sides[0]) @ self._leaders if self._follows else sides[1] - sides[0]
+        change = sides[1] - sides[0]
+        return np.asarray(change @ self._leaders if self._follows else change)
 
     def mark(self, c: Configuration) -> Array:
         """Homogeneous poses (J + 1, 4, 4) of all joints."""
@@ -79,14 +80,14 @@ class ClearanceLimit(StopLimit):
     def moved(self, first: Array, second: Array, which: Index) -> Array:
         """|p' - p| + |R' - R|_F / √2 · (reach of the body from its joint), for both bodies: chords of all their points.
 
-        A turn by an angle t has |R' - R|_F = √8 sin(t / 2), and moves a point at the distance r by up to 2 r sin(t / 2).
+        A turn by an angle t has |R' - R|_F = √8 sin(t / 2), and moves a point at distance r by up to 2 r sin(t / 2).
         """
         change = second - first
         change *= change
         shift = np.sqrt(change[:, :3, 3].sum(axis=1))
         turn = np.sqrt(0.5 * change[:, :3, :3].sum(axis=(1, 2)))
         joints, reach = self._joints[which], self._reaches[which]
-        return (shift[joints] + turn[joints] * reach).sum(axis=1)
+        return np.asarray((shift[joints] + turn[joints] * reach).sum(axis=1))
 
 
 def _cross(a: Array, b: Array) -> Array:

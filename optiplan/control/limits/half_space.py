@@ -58,11 +58,11 @@ class HalfSpaceLimit(StopLimit):
         self.labels = (f"half-space of {self.frame}",)
 
     def distances(self, c: Configuration, which: Index) -> Array:
-        """normal · p - offset, m."""
+        """Normal · p - offset, m."""
         return np.array([self.normal @ self.mark(c) - self.offset])[: len(which)]
 
     def gradients(self, c: Configuration, which: Index) -> Array:
-        """normal · (J_v - [R p_F]× J_w)."""
+        """Normal · (J_v - [R p_F]× J_w)."""
         x, y, z = c.pose(self._frame).rotation @ self.point
         J = c.jacobian(self._frame)
         turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # -[R p_F]×

@@ -1,7 +1,7 @@
 """`JointBox`: what the limits of single joints leave of the velocity at the end of a step, never nothing."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 

@@ -18,7 +18,7 @@ KEPT = 1.2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Abilities:
-    """How joints brake: `delay` (n,), s, that jerk limits cost, and 1 / acceleration (n,), 0 where there is no limit."""
+    """How joints brake: `delay` (n,), s, that jerk limits cost; 1 / acceleration (n,), 0 where there is no limit."""
 
     delay: Array
     per_acceleration: Array

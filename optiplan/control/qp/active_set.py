@@ -58,7 +58,7 @@ def solve_from(program: Program, guess: ActiveSet) -> tuple[Array, ActiveSet] | 
 def _equality_solution(
     program: Program, factor: Array, free: Array, bounds: list[int], rows: list[int]
 ) -> tuple[Array | None, Array]:
-    """x (n,) on the chosen constraints, and their multipliers; None where these depend on each other."""
+    """X (n,) on the chosen constraints, and their multipliers; None where these depend on each other."""
     n, equations = len(free), len(program.A)
     k = len(bounds) + len(rows) + equations
     if k == 0:

@@ -35,7 +35,7 @@ class QpSolver(ABC):
 
     @abstractmethod
     def solve(self, program: Program) -> Array | None:
-        """x (n,), or None; may hold NaN. Exceptions are taken as None."""
+        """X (n,), or None; may hold NaN. Exceptions are taken as None."""
 
 
 class ProxQp(QpSolver):

@@ -63,7 +63,7 @@ class ControlTask(ABC):
 
     @abstractmethod
     def error(self, c: Configuration) -> Array:
-        """e (k,)."""
+        """E (k,)."""
 
     @abstractmethod
     def jacobian(self, c: Configuration) -> Array:

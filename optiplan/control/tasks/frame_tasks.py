@@ -183,7 +183,7 @@ class PositionTask(FrameTask):
     ) -> None:
         super().__init__(frame, 3, cost, gain, priority)
         if target is not None:
-            self.set_target(target)  # type: ignore[arg-type]  # `_read` refuses what is none
+            self.set_target(target)
 
     def _read(self, pose: Target) -> pin.SE3:
         return as_position(self, pose)
@@ -231,7 +231,7 @@ class OrientationTask(FrameTask):
     ) -> None:
         super().__init__(frame, 3, cost, gain, priority)
         if target is not None:
-            self.set_target(target)  # type: ignore[arg-type]  # `_read` refuses what is none
+            self.set_target(target)
 
     def _read(self, pose: Target) -> pin.SE3:
         return as_rotation(self, pose)

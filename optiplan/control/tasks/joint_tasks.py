@@ -201,7 +201,9 @@ class BaseMotionTask(ControlTask):
 
     def bind(self, robot: Robot) -> None:
         """Find the joints of the base."""
-        names = self.joints if self.joints is not None else robot.mecanum and robot.mecanum.joints
+        names = self.joints
+        if names is None and robot.mecanum is not None:
+            names = robot.mecanum.joints
         if names is None:
             expected = "names of the joints along x, y and about z, for a robot whose file names no wheels"
             raise wrong_argument("BaseMotionTask", "joints", "None", expected)

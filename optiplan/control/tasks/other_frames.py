@@ -15,7 +15,7 @@ from optiplan.robot.robot import Robot
 
 
 class RelativePoseTask(ControlTask):
-    """Frame F at a pose T in another frame R of the robot: e = (p_RF - p_RT, log(R_TF)), rows along the axes of R and F.
+    """Frame F at a pose T in another frame R of the robot: e = (p_RF - p_RT, log(R_TF)), in the axes of R and F.
 
     J = (R_RW (J_vF - J_vR + [p_WF - p_WR]× J_wR), Jlog(R_TF) R_FW (J_wF - J_wR)).
 

@@ -1,4 +1,4 @@
-"""`taskspace`: the controller's own motion to the goal, rolled out step by step, joined by polynomials and slowed to fit.
+"""`taskspace`: the controller's own motion to the goal, rolled out, joined by polynomials and slowed to fit.
 
 No search: what the task-space controller does about obstacles and limits is all that is done, so it may end at the
 nearest configuration instead of the goal. It is quick, it is what a robot under this controller would do, and it says
@@ -30,7 +30,7 @@ from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.limit_violations import beyond_limits, excess
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.option_schema import PlannerOptions, option
-from optiplan.problem.problem import Goal, JointGoal, Problem
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.from_samples import from_samples
 from optiplan.trajectory.trajectory import Trajectory
@@ -82,7 +82,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
                 return PlanResult(None, out_of_time(budget, "rolling out"), watch.seconds)
         return PlanResult(None, failures[0], watch.seconds)
 
-    def _attempt(self, work: Work, goal: Goal) -> Trajectory | Failure:
+    def _attempt(self, work: Work, goal: JointGoal | PoseGoal) -> Trajectory | Failure:
         """The motion to one goal, within limits and free, or why there is none."""
         problem, limits, model = work.problem, work.problem.limits, work.model
         states = [State(problem.start)]
@@ -106,7 +106,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         slower = within_torque(model.robot, limits, motion)
         return too_heavy(model.robot, limits, np.array([motion.start, motion.end])) if slower is None else slower
 
-    def _steps(self, problem: Problem, goal: Goal, state: State) -> Iterator[ControlStep]:
+    def _steps(self, problem: Problem, goal: JointGoal | PoseGoal, state: State) -> Iterator[ControlStep]:
         """Steps until the robot stands at the goal, or at the nearest configuration to it."""
         controller = self._controller(problem, goal)
         dt, stuck, arrived = self.options.dt, 0, False
@@ -119,13 +119,12 @@ class TaskSpace(Planner[TaskSpaceOptions]):
             if (arrived and not state.v.any()) or stuck >= _STUCK:
                 return
 
-    def _controller(self, problem: Problem, goal: Goal) -> Controller:
+    def _controller(self, problem: Problem, goal: JointGoal | PoseGoal) -> Controller:
         """A controller of the problem's robot, limits and scene, with the goal as its task."""
         robot = replace(problem.robot, limits=problem.limits)
-        task: ControlTask
+        tasks: list[ControlTask]
         if isinstance(goal, JointGoal):
-            task = PostureTask(goal.q, cost=1.0, gain=default_gain(robot))
-            tasks = [task]
+            tasks = [PostureTask(goal.q, cost=1.0, gain=default_gain(robot))]
         else:
             tasks = [PoseTask(goal.frame, goal.X_WG), PostureTask(problem.start, cost=1e-3)]
         inside = PositionLimit(problem.limits.lower + _INSIDE, problem.limits.upper - _INSIDE)
@@ -133,13 +132,13 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         return Controller(robot, tasks, limits=[inside, *others, ClearanceLimit(problem.scene, self.options.clearance)])
 
 
-def _distance(problem: Problem, goal: Goal, q: Array) -> float:
+def _distance(problem: Problem, goal: JointGoal | PoseGoal, q: Array) -> float:
     """How far q (n,) is from a goal, in its tolerances."""
     if isinstance(goal, JointGoal):
         return float(np.abs(q - goal.q).max() / goal.tolerance)
     X = goal.X_WG.actInv(frame_pose(problem.robot, q, goal.frame))
     turned = float(np.arccos(np.clip(0.5 * (np.trace(X.rotation) - 1.0), -1.0, 1.0)))
-    return max(float(np.linalg.norm(X.translation)) / goal.position, turned / goal.orientation)
+    return max(float(np.linalg.norm(X.translation)) / goal.position, float(turned / goal.orientation))
 
 
 def _joined(problem: Problem, states: list[State], dt: float) -> Trajectory:
@@ -168,7 +167,7 @@ def _fitted(motion: Trajectory, problem: Problem) -> Trajectory:
     return motion
 
 
-def _ended(q: Array, goal: Goal, last: ControlStep | None, off: float) -> Failure:
+def _ended(q: Array, goal: JointGoal | PoseGoal, last: ControlStep | None, off: float) -> Failure:
     """Where the roll-out ended instead of the goal."""
     reason = "it did not move" if last is None else last.reason
     near = (

@@ -181,7 +181,7 @@ class PairBounds:
         return self.kinematics.planned_bound(both.sum(axis=1))
 
     def body_reaches(self) -> Array:
-        """Distance, m, of the farthest corner of every body's box from the origin of the joint that carries it, (G,)."""
+        """Distance, m, of the farthest corner of every body's box from the origin of its joint, (G,)."""
         corners = np.einsum("gij,gkj->gki", self.placement[:, :3, :3], self._corners) + self.placement[:, None, :3, 3]
         return np.asarray(np.linalg.norm(corners, axis=2).max(axis=1, initial=0.0))
 
