@@ -22,6 +22,18 @@ if TYPE_CHECKING:
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.planning import plan, retime, verify
     from optiplan.api.viewing import View, view
+    from optiplan.control.controller import Controller
+    from optiplan.control.limits.clearance import ClearanceLimit
+    from optiplan.control.limits.half_space import HalfSpaceLimit
+    from optiplan.control.limits.joint_limits import AccelerationLimit, JerkLimit, PositionLimit, VelocityLimit
+    from optiplan.control.limits.tool_speed import ToolSpeedLimit, WheelSpeedLimit
+    from optiplan.control.limits.torque import TorqueLimit
+    from optiplan.control.state import State
+    from optiplan.control.step import ControlStep
+    from optiplan.control.tasks.frame_tasks import OrientationTask, PoseTask, PositionTask
+    from optiplan.control.tasks.joint_tasks import BaseMotionTask, DampingTask, JointCouplingTask, PostureTask
+    from optiplan.control.tasks.other_frames import LookAtTask, RelativePoseTask
+    from optiplan.control.tasks.whole_body import CentreOfMassTask, ManipulabilityTask
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
@@ -49,6 +61,18 @@ _ROOMS = {
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.planning": ("plan", "retime", "verify"),
     "api.viewing": ("View", "view"),
+    "control.controller": ("Controller",),
+    "control.limits.clearance": ("ClearanceLimit",),
+    "control.limits.half_space": ("HalfSpaceLimit",),
+    "control.limits.joint_limits": ("AccelerationLimit", "JerkLimit", "PositionLimit", "VelocityLimit"),
+    "control.limits.tool_speed": ("ToolSpeedLimit", "WheelSpeedLimit"),
+    "control.limits.torque": ("TorqueLimit",),
+    "control.state": ("State",),
+    "control.step": ("ControlStep",),
+    "control.tasks.frame_tasks": ("OrientationTask", "PoseTask", "PositionTask"),
+    "control.tasks.joint_tasks": ("BaseMotionTask", "DampingTask", "JointCouplingTask", "PostureTask"),
+    "control.tasks.other_frames": ("LookAtTask", "RelativePoseTask"),
+    "control.tasks.whole_body": ("CentreOfMassTask", "ManipulabilityTask"),
     "errors": ("InputError", "OptiPlanError"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
@@ -74,16 +98,28 @@ _ROOMS = {
 _HOME = {name: f"optiplan.{room}" for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
+    "AccelerationLimit",
     "Attachment",
+    "BaseMotionTask",
     "Box",
     "Budget",
     "Capsule",
+    "CentreOfMassTask",
     "Check",
+    "ClearanceLimit",
+    "ControlStep",
+    "Controller",
     "Cylinder",
+    "DampingTask",
     "Failure",
     "HalfSpace",
+    "HalfSpaceLimit",
     "InputError",
+    "JerkLimit",
+    "JointCouplingTask",
     "JointGoal",
+    "LookAtTask",
+    "ManipulabilityTask",
     "Mesh",
     "Objective",
     "Obstacle",
@@ -91,24 +127,35 @@ __all__ = [
     "OnPlane",
     "OptiPlanError",
     "OrientationCone",
+    "OrientationTask",
     "PairClearance",
     "PlanResult",
     "Planner",
     "Pose",
     "PoseGoal",
+    "PoseTask",
     "PositionBox",
+    "PositionLimit",
+    "PositionTask",
+    "PostureTask",
     "Problem",
     "RelativePose",
+    "RelativePoseTask",
     "Report",
     "Robot",
     "Run",
     "Samples",
     "Scene",
     "Sphere",
+    "State",
     "ToolSpeed",
+    "ToolSpeedLimit",
+    "TorqueLimit",
     "Trajectory",
+    "VelocityLimit",
     "ViaPoint",
     "View",
+    "WheelSpeedLimit",
     "__version__",
     "load_problem",
     "load_robot",

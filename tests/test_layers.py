@@ -14,6 +14,7 @@ ROOMS = (
     {"robot"},
     {"kinematics", "collision", "trajectory"},
     {"workspace", "problem"},
+    {"control"},
     {"planners", "verify"},
     {"runs"},
     {"viewer"},

@@ -226,6 +226,35 @@ class CollisionModel:
         points = np.array(vectors).reshape(-1, 3, 3)
         return Contacts(rows, pairs, distances, points[:, :2], _normals(distances, points))
 
+    def distances_at(self, placed: pin.Data, which: Index) -> Array:
+        """Distances (K,), m, of chosen pairs where `placed` has the joints; meshes as in `near`."""
+        geometry, data = self.geometry, self._geometry_data
+        pin.updateGeometryPlacements(self.robot.model, placed, geometry, data)
+        self.outline.place(placed)
+        self._answers = results = [self._nearest_points(pair) for pair in which.tolist()]
+        return np.array([result.min_distance for result in results])
+
+    def _nearest_points(self, pair: int) -> coal.DistanceResult:
+        result = self.outline.query(pair) if pair in self.outline.pairs else None
+        if result is None or result.min_distance <= SETTLED:
+            pin.computeDistance(self.geometry, self._geometry_data, pair)
+            own = self._geometry_data.distanceResults[pair]
+            if result is None or own.min_distance > 0.0:
+                return own
+        return result
+
+    def witnesses(self) -> Array:
+        """Nearest points on bodies a and b, m, and unit normals from a to b, world, of the last `distances_at`.
+
+        Returns:
+            (K, 3, 3): rows 0 and 1 are the points, row 2 the normal.
+        """
+        results = self._answers
+        vectors = np.array([(r.getNearestPoint1(), r.getNearestPoint2(), r.normal) for r in results]).reshape(-1, 3, 3)
+        if self.outline.pairs:  # between meshes coal leaves the normal unset
+            vectors[:, 2] = _normals(np.array([result.min_distance for result in results]), vectors)
+        return vectors
+
     def lower_bounds(self, Q: Array) -> Array:
         """Lower bounds, m, of the distance of every pair at Q (N, n), from bounding volumes alone: (N, P)."""
         return self.bounds.distances(Q)
