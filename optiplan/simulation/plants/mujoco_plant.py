@@ -51,7 +51,7 @@ class MujocoPlant:
         Raises:
             OptiPlanError: MuJoCo is not installed.
         """
-        self._mujoco = _mujoco()
+        self._mujoco = mujoco_module()
         self.step = step
         parts = {"friction": friction, "payload": payload, "rotor_inertia": rotor_inertia}
         self.model: Any = self._mujoco.MjModel.from_xml_string(mjcf(robot, scene, step, **parts))
@@ -111,7 +111,12 @@ class MujocoPlant:
                 self._touched.add((min(a, b), max(a, b)))
 
 
-def _mujoco() -> Any:
+def mujoco_module() -> Any:
+    """The module `mujoco`.
+
+    Raises:
+        OptiPlanError: it is not installed.
+    """
     if find_spec("mujoco") is None:
         raise OptiPlanError("the engine 'mujoco' needs the package mujoco: pip install 'optiplan[sim]'")
     return import_module("mujoco")

@@ -1,0 +1,98 @@
+"""The task-space controller of `optiplan.control` in a closed loop: alone on velocities, or above torques."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.control.controller import Controller
+from optiplan.control.limits import ClearanceLimit, default_limits
+from optiplan.control.state import State
+from optiplan.control.tasks import PoseTask, PostureTask, Task
+from optiplan.problem.problem import Problem
+from optiplan.simulation.controllers.base import Command, JointTarget
+from optiplan.simulation.controllers.joints import ComputedTorque
+from optiplan.simulation.plants.base import Input
+from optiplan.simulation.references.base import ToolTarget
+
+
+@dataclass(frozen=True)
+class TaskSpaceOptions:
+    """Settings of the task-space controller; docs/how-to/closed-loop.md says what they mean."""
+
+    form: Literal["velocity", "acceleration"] = "velocity"
+    solver: str = "proxqp"
+    feedback: Literal["commanded", "measured"] = "commanded"
+    position_cost: float = 1.0
+    orientation_cost: float = 1.0
+    posture_cost: float = 1e-3
+    gain: float = 20.0
+    clearance: float | None = 0.005
+
+
+class TaskSpace:
+    """One step of `Controller` a period; its target is the tool's pose, or the joints' positions.
+
+    On a plant that takes velocities, the mean velocity of the step is the command. On one that takes torques and with
+    `feedback` = `commanded`, the step goes on from the state commanded before, and computed torque makes the robot
+    follow it; with `measured`, it starts from the measured state and its acceleration becomes a torque as it is,
+    tau = M(q) a + c + g.
+    """
+
+    output: Input
+
+    def __init__(
+        self,
+        problem: Problem,
+        options: TaskSpaceOptions,
+        dt: float,
+        frame: str | None,
+        inner: ComputedTorque | None = None,
+    ) -> None:
+        """Build the controller.
+
+        Args:
+            problem: robot, limits and scene.
+            options: see `TaskSpaceOptions`.
+            dt: the control period, s.
+            frame: that has a target; None: the joints have one.
+            inner: makes torques; None: velocities are wanted.
+        """
+        self.output = "velocity" if inner is None else "torque"
+        self._options, self._dt, self._inner = options, dt, inner
+        robot = replace(problem.robot, limits=problem.limits)
+        tasks: list[Task] = []
+        self._pose: PoseTask | None = None
+        weight = options.posture_cost
+        if frame is None:
+            weight = 1.0
+        else:
+            costs = {"position_cost": options.position_cost, "orientation_cost": options.orientation_cost}
+            self._pose = PoseTask(frame, gain=options.gain, **costs)
+            tasks.append(self._pose)
+        self._posture = PostureTask(problem.start, cost=weight)
+        limits = list(default_limits(robot, None))
+        if options.clearance is not None:
+            limits.append(ClearanceLimit(problem.scene, at_least=options.clearance))
+        scene = None if options.clearance is None else problem.scene
+        self._controller = Controller(
+            robot, [*tasks, self._posture], scene, limits, form=options.form, solver=options.solver
+        )
+        self._state = State(problem.start)
+
+    def command(self, q: Array, v: Array, target: JointTarget | ToolTarget) -> Command:
+        """See the class."""
+        if isinstance(target, ToolTarget):
+            assert self._pose is not None
+            self._pose.set_target(target.X_WF, target.twist, target.acceleration)
+        else:
+            self._posture.set_target(target.q, target.ahead_v)
+        measured = self._options.feedback == "measured"
+        begin = State.of(q, v, self._state.a) if measured else self._state
+        step = self._controller.step(begin, self._dt)
+        self._state = step.state
+        if self._inner is None:
+            return Command((step.q - begin.q) / self._dt, begin.q, step)
+        ahead = JointTarget(begin.q, begin.v, 0.5 * (begin.v + step.v), np.asarray(step.a))
+        return Command(self._inner.torque(q, v, ahead), begin.q, step)
