@@ -6,10 +6,15 @@ from typing import Literal
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.control.configuration import Configuration
 from optiplan.control.controller import Controller
-from optiplan.control.limits import ClearanceLimit, default_limits
+from optiplan.control.defaults import default_limits
+from optiplan.control.limits.base import ControlLimit
+from optiplan.control.limits.clearance import ClearanceLimit
 from optiplan.control.state import State
-from optiplan.control.tasks import PoseTask, PostureTask, Task
+from optiplan.control.tasks.base import ControlTask
+from optiplan.control.tasks.frame_tasks import PoseTask
+from optiplan.control.tasks.joint_tasks import PostureTask
 from optiplan.problem.problem import Problem
 from optiplan.simulation.controllers.base import Command, JointTarget
 from optiplan.simulation.controllers.joints import ComputedTorque
@@ -29,6 +34,25 @@ class TaskSpaceOptions:
     posture_cost: float = 1e-3
     gain: float = 20.0
     clearance: float | None = 0.005
+
+
+class JointsTask(PostureTask):
+    """Joints at positions that move: as `PostureTask`, with the velocity of its target as feed-forward.
+
+    Attributes:
+        velocity: (n,), rad/s or m/s; `acceleration`: (n,).
+    """
+
+    velocity: Array | None = None
+    acceleration: Array | None = None
+
+    def feed_forward(self, c: Configuration) -> Array | None:
+        """The target's velocity, (n,)."""
+        return self.velocity
+
+    def feed_forward_rate(self, c: Configuration) -> Array | None:
+        """The target's acceleration, (n,)."""
+        return self.acceleration
 
 
 class TaskSpace:
@@ -62,22 +86,20 @@ class TaskSpace:
         self.output = "velocity" if inner is None else "torque"
         self._options, self._dt, self._inner = options, dt, inner
         robot = replace(problem.robot, limits=problem.limits)
-        tasks: list[Task] = []
+        tasks: list[ControlTask] = []
         self._pose: PoseTask | None = None
-        weight = options.posture_cost
         if frame is None:
-            weight = 1.0
+            self._posture = JointsTask(problem.start, cost=1.0, gain=options.gain)
         else:
             costs = {"position_cost": options.position_cost, "orientation_cost": options.orientation_cost}
             self._pose = PoseTask(frame, gain=options.gain, **costs)
+            self._posture = JointsTask(problem.start, cost=options.posture_cost)
             tasks.append(self._pose)
-        self._posture = PostureTask(problem.start, cost=weight)
-        limits = list(default_limits(robot, None))
+        limits: list[ControlLimit] = list(default_limits(None))
         if options.clearance is not None:
             limits.append(ClearanceLimit(problem.scene, at_least=options.clearance))
-        scene = None if options.clearance is None else problem.scene
         self._controller = Controller(
-            robot, [*tasks, self._posture], scene, limits, form=options.form, solver=options.solver
+            robot, [*tasks, self._posture], None, limits, form=options.form, solver=options.solver
         )
         self._state = State(problem.start)
 
@@ -87,7 +109,8 @@ class TaskSpace:
             assert self._pose is not None
             self._pose.set_target(target.X_WF, target.twist, target.acceleration)
         else:
-            self._posture.set_target(target.q, target.ahead_v)
+            posture = self._posture
+            posture.target, posture.velocity, posture.acceleration = target.q, target.ahead_v, target.ahead_a
         measured = self._options.feedback == "measured"
         begin = State.of(q, v, self._state.a) if measured else self._state
         step = self._controller.step(begin, self._dt)

@@ -40,7 +40,8 @@ class PathReference:
 class MovingTarget:
     """A target that swings about a pose: p(t) = p0 + w(t) A sin(2 pi f t), each axis with its own amplitude and rate.
 
-    The weight w(t) rises smoothly from 0 to 1 within `ease`, s, so that it starts at rest; the orientation is kept.
+    The weight w(t) rises smoothly from 0 to 1 within `ease`, s, and falls likewise at the end, so that the target begins
+    and ends at rest; the orientation is kept.
 
     Attributes:
         frame: the frame that follows.
@@ -60,7 +61,8 @@ class MovingTarget:
     def at(self, t: float) -> ToolTarget:
         """Target at time t, s."""
         t = min(max(t, 0.0), self.duration)
-        w, dw, ddw = _eased(t, self.ease)
+        w, dw, ddw = _eased(min(t, self.duration - t), min(self.ease, 0.5 * self.duration))
+        dw = dw if t < 0.5 * self.duration else -dw
         rate = 2.0 * np.pi * self.frequency
         x, y = np.sin(rate * t + self.phase), np.cos(rate * t + self.phase)
         x0 = np.sin(self.phase)
