@@ -18,9 +18,18 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
+    )
+        OnLine,
+        OnPlane,
+        OrientationCone,
+        PairClearance,
+        PositionBox,
+        RelativePose,
+        ToolSpeed,
     from optiplan.api.listings import planners, robots
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.planning import plan, retime, verify
+    from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
     from optiplan.control.controller import Controller
     from optiplan.control.limits.clearance import ClearanceLimit
@@ -38,28 +47,30 @@ if TYPE_CHECKING:
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
     from optiplan.problem.constraints.statements import (
-        OnLine,
-        OnPlane,
-        OrientationCone,
-        PairClearance,
-        PositionBox,
-        RelativePose,
-        ToolSpeed,
-    )
     from optiplan.problem.goals_and_vias import JointGoal, Objective, PoseGoal
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
+    from optiplan.simulation.log import Log
+    from optiplan.simulation.simulation import Simulation
     from optiplan.trajectory.sample_file import Samples
     from optiplan.trajectory.trajectory import Trajectory
     from optiplan.verify.report import Check, Report
 
 _ROOMS = {
+        "OnLine",
+        "OnPlane",
+        "OrientationCone",
+        "PairClearance",
+        "PositionBox",
+        "RelativePose",
+        "ToolSpeed",
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.planning": ("plan", "retime", "verify"),
+    "api.simulating": ("execute", "simulate"),
     "api.viewing": ("View", "view"),
     "control.controller": ("Controller",),
     "control.limits.clearance": ("ClearanceLimit",),
@@ -77,23 +88,18 @@ _ROOMS = {
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "problem.constraints.statements": (
-        "OnLine",
-        "OnPlane",
-        "OrientationCone",
-        "PairClearance",
-        "PositionBox",
-        "RelativePose",
-        "ToolSpeed",
-    ),
-    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
     "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
+    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
+    "simulation.log": ("Log",),
+    "simulation.simulation": ("Simulation",),
     "trajectory.sample_file": ("Samples",),
     "trajectory.trajectory": ("Trajectory",),
     "verify.report": ("Check", "Report"),
+    ),
 }
 _HOME = {name: f"optiplan.{room}" for room, names in _ROOMS.items() for name in names}
 
@@ -118,6 +124,7 @@ __all__ = [
     "JerkLimit",
     "JointCouplingTask",
     "JointGoal",
+    "Log",
     "LookAtTask",
     "ManipulabilityTask",
     "Mesh",
@@ -146,6 +153,7 @@ __all__ = [
     "Run",
     "Samples",
     "Scene",
+    "Simulation",
     "Sphere",
     "State",
     "ToolSpeed",
@@ -157,6 +165,7 @@ __all__ = [
     "View",
     "WheelSpeedLimit",
     "__version__",
+    "execute",
     "load_problem",
     "load_robot",
     "load_run",
@@ -164,6 +173,7 @@ __all__ = [
     "planners",
     "retime",
     "robots",
+    "simulate",
     "verify",
     "view",
 ]

@@ -15,7 +15,7 @@ from optiplan.simulation.contacts import ContactWatch
 from optiplan.simulation.controllers.base import JointTarget, LoopController
 from optiplan.simulation.log import Log
 from optiplan.simulation.plants.base import Plant
-from optiplan.simulation.plants.imperfections import DelayLine, Imperfections, Sensor
+from optiplan.simulation.plants.imperfections import PERFECT, DelayLine, Imperfections, Sensor
 from optiplan.simulation.recorder import Recorder
 from optiplan.simulation.references.base import JointReference, Reference, ToolTarget
 
@@ -64,7 +64,7 @@ class Loop:
     plant: Plant
     dt: float = 1e-3
     settle: float = 0.0
-    imperfections: Imperfections = Imperfections()
+    imperfections: Imperfections = PERFECT
     pushes: Sequence[Push] = ()
     scene: Scene | None = None
 
@@ -89,7 +89,7 @@ def simulate(loop: Loop, progress: Callable[[float], None] | None = None) -> Log
     statuses: Counter[str] = Counter()
     for first in range(0, steps + 1, BLOCK):
         count = min(BLOCK, steps + 1 - first)
-        t = (first + np.arange(count)) * dt
+        t: Array = np.asarray((first + np.arange(count)) * dt, dtype=np.float64)
         wanted = _targets(loop.reference, t, dt)
         for k in range(count):
             q, v = plant.q, plant.v
@@ -131,6 +131,3 @@ def _push(pushes: Sequence[Push], t: float) -> pin.Force | None:
         np.sum([np.asarray(push.force, float) for push in acting], axis=0),
         np.sum([np.asarray(push.torque, float) for push in acting], axis=0),
     )
-
-
-

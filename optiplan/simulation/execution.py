@@ -1,19 +1,23 @@
 """Execute a planned motion: computed torque on our rigid-body plant, or on MuJoCo's."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from optiplan.arrays import Array
 from optiplan.problem.problem import Problem
 from optiplan.simulation.closed_loop import Loop, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque
 from optiplan.simulation.log import Log
-from optiplan.simulation.plants.base import Payload, Plant
+from optiplan.simulation.plants.base import Payload, Plant, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics, check_inertias
-from optiplan.simulation.plants.imperfections import Imperfections
+from optiplan.simulation.plants.imperfections import PERFECT, Imperfections
 from optiplan.simulation.plants.rigid_body import RigidBodyPlant
 from optiplan.simulation.references.joints import TrajectoryReference
 from optiplan.trajectory.trajectory import Trajectory
+
+Engine = Literal["own", "mujoco"]
 
 
 @dataclass(frozen=True)
@@ -29,13 +33,13 @@ class ExecutionOptions:
         imperfections: of measurement and timing.
     """
 
-    engine: str = "own"
+    engine: Engine = "own"
     dt: float = 1e-3
     step: float = 2.5e-4
     frequency: float = 10.0
     settle: float = 0.1
     payload: Payload | None = None
-    imperfections: Imperfections = Imperfections()
+    imperfections: Imperfections = PERFECT
 
 
 def execute(problem: Problem, trajectory: Trajectory, options: ExecutionOptions = ExecutionOptions()) -> Log:
@@ -63,9 +67,9 @@ def execute(problem: Problem, trajectory: Trajectory, options: ExecutionOptions 
     return simulate(loop)
 
 
-def _plant(problem: Problem, q: np.ndarray, options: ExecutionOptions) -> Plant:
+def _plant(problem: Problem, q: Array, options: ExecutionOptions) -> Plant:
     if options.engine == "mujoco":
         from optiplan.simulation.plants.mujoco_plant import MujocoPlant
 
-        return MujocoPlant(problem.robot, problem.scene, q, options.step, payload=options.payload)
-    return RigidBodyPlant(problem.robot, q, options.step, payload=options.payload)
+        return MujocoPlant(problem.robot, problem.scene, q, options.step, PlantOptions(payload=options.payload))
+    return RigidBodyPlant(problem.robot, q, options.step, PlantOptions(payload=options.payload))

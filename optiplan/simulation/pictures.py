@@ -100,4 +100,3 @@ def _svg(figure: Figure) -> bytes:
     with matplotlib.rc_context({"svg.hashsalt": "optiplan"}):  # the same picture, the same bytes
         figure.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue()
-

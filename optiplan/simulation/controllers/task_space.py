@@ -91,8 +91,8 @@ class TaskSpace:
         if frame is None:
             self._posture = JointsTask(problem.start, cost=1.0, gain=options.gain)
         else:
-            costs = {"position_cost": options.position_cost, "orientation_cost": options.orientation_cost}
-            self._pose = PoseTask(frame, gain=options.gain, **costs)
+            costs = (options.position_cost, options.orientation_cost)
+            self._pose = PoseTask(frame, None, *costs, gain=options.gain)
             self._posture = JointsTask(problem.start, cost=options.posture_cost)
             tasks.append(self._pose)
         limits: list[ControlLimit] = list(default_limits(None))

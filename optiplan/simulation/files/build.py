@@ -9,7 +9,7 @@ from optiplan.simulation.controllers.joints import ComputedTorque, PidController
 from optiplan.simulation.files.read import ControlFile
 from optiplan.simulation.files.references import reference_of
 from optiplan.simulation.files.schema import ComputedTorqueSpec, PidSpec, TaskSpaceSpec, VelocitySpec
-from optiplan.simulation.plants.base import Friction, Payload, Plant
+from optiplan.simulation.plants.base import Friction, Payload, Plant, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
 from optiplan.simulation.plants.ideal import IdealPlant
 from optiplan.simulation.plants.imperfections import Imperfections
@@ -27,9 +27,7 @@ def build_loop(control: ControlFile) -> Loop | Failure:
     if isinstance(reference, Failure):
         return reference
     spec = control.spec
-    pushes = [
-        Push(push.at, push.lasting, np.array(push.force), np.array(push.torque)) for push in spec.disturbances
-    ]
+    pushes = [Push(push.at, push.lasting, np.array(push.force), np.array(push.torque)) for push in spec.disturbances]
     return Loop(
         robot=control.robot,
         limits=control.problem.limits,
@@ -80,17 +78,13 @@ def _plant(control: ControlFile) -> Plant:
     if spec.engine == "ideal":
         return IdealPlant(start, spec.step)
     friction = Friction(control.per_joint(spec.friction.viscous), control.per_joint(spec.friction.coulomb))
-    parts = {
-        "limit": control.problem.limits.torque,
-        "friction": friction,
-        "payload": _payload(control),
-        "rotor_inertia": control.per_joint(spec.rotor_inertia),
-    }
+    rotor, limit = control.per_joint(spec.rotor_inertia), control.problem.limits.torque
+    options = PlantOptions(limit, friction, _payload(control), rotor)
     if spec.engine == "mujoco":
         from optiplan.simulation.plants.mujoco_plant import MujocoPlant
 
-        return MujocoPlant(control.robot, control.problem.scene, start, spec.step, **parts)
-    return RigidBodyPlant(control.robot, start, spec.step, **parts)
+        return MujocoPlant(control.robot, control.problem.scene, start, spec.step, options)
+    return RigidBodyPlant(control.robot, start, spec.step, options)
 
 
 def _payload(control: ControlFile) -> Payload | None:

@@ -121,9 +121,7 @@ def _step(control: ControlFile, spec: StepSpec) -> StepReference:
     return StepReference(start, end, spec.at, spec.at + spec.lasting)
 
 
-def _path(
-    control: ControlFile, spec: LineSpec | ArcSpec | CircleSpec | ScrewSpec, start: pin.SE3
-) -> ToolPath:
+def _path(control: ControlFile, spec: LineSpec | ArcSpec | CircleSpec | ScrewSpec, start: pin.SE3) -> ToolPath:
     match spec:
         case LineSpec(to=None, by=by):
             return line(start, pin.SE3(start.rotation, start.translation + np.array(by)))

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from optiplan.config.document import Number, Strict, Whole
-from optiplan.config.values import ExactlyOne, FileName, Length, Name, NotNegative, Vector
+from optiplan.config.values import ExactlyOne, FileName, Name, NotNegative, Vector
 from optiplan.problem.schema import PoseSpec
 
 Seconds = Annotated[float, Field(strict=True, gt=0.0, le=86_400.0, allow_inf_nan=False)]
@@ -167,8 +167,8 @@ class VelocitySpec(Strict):
 class TaskSpaceSpec(Strict):
     """The task-space controller of `optiplan.control` (op.Controller).
 
-    `feedback` says what a step starts from: `commanded`, the state commanded before, which computed torque (`frequency`,
-    `damping`) makes the robot follow; or `measured`, whose accelerations become torques as they are.
+    `feedback` says what a step starts from: `commanded`, the state commanded before, which computed torque
+    (`frequency`, `damping`) makes the robot follow; or `measured`, whose accelerations become torques as they are.
     `clearance` is the least distance, m, kept from everything; null: not looked after.
     """
 
@@ -201,7 +201,7 @@ class FrictionSpec(Strict):
 
 
 class PayloadSpec(Strict):
-    """`mass`, kg, at `centre`, m, in the tool frame; `assumed`: what the controller takes it for (default: the mass)."""
+    """`mass`, kg, at `centre`, m, in the tool frame; `assumed`: what the controller takes it for, else the mass."""
 
     mass: NotNegative
     assumed: NotNegative | None = None

@@ -40,6 +40,37 @@ class Payload:
     centre: Array = field(default_factory=lambda: np.zeros(3))
 
 
+@dataclass(frozen=True, eq=False)
+class PlantOptions:
+    """What a plant has beside the links of its robot.
+
+    Attributes:
+        limit: torque (n,) that the drives can give, N·m (N); None: the robot's own.
+        friction: of the joints; None: without.
+        payload: at the tool; None: without.
+        rotor_inertia: (n,), kg·m² (kg), of the drives, seen from the joints; None: without.
+    """
+
+    limit: Array | None = None
+    friction: Friction | None = None
+    payload: Payload | None = None
+    rotor_inertia: Array | None = None
+
+    @property
+    def mass(self) -> float:
+        """Of the payload, kg."""
+        return 0.0 if self.payload is None else self.payload.mass
+
+    @property
+    def centre(self) -> Array:
+        """Of the payload, (3,), m, in the tool frame."""
+        return np.zeros(3) if self.payload is None else np.asarray(self.payload.centre, float)
+
+
+NOMINAL = PlantOptions()
+"""The robot as it is described."""
+
+
 class Plant(Protocol):
     """A robot that moves; its state changes by `advance` only."""
 

@@ -1,7 +1,7 @@
 """Rigid-body dynamics of a robot with a payload: inverse for controllers, forward for the plant.
 
-M(q) a + c(q, v) + g(q) = tau, by pinocchio. Joints that follow others are part of it: with positions A q + b of all joints,
-M = A^T M_J A and h = A^T h_J (`robot.mimic_joints.unfold`).
+M(q) a + c(q, v) + g(q) = tau, by pinocchio. Joints that follow others are part of it: with positions A q + b of all
+joints, M = A^T M_J A and h = A^T h_J (`robot.mimic_joints.unfold`).
 """
 
 import numpy as np

@@ -29,6 +29,10 @@ class Imperfections:
     seed: int = 0
 
 
+PERFECT = Imperfections()
+"""No delay, no noise, no steps."""
+
+
 class Sensor:
     """Measures positions and velocities once a control step."""
 

@@ -1,7 +1,8 @@
 """A robot in a scene as a MuJoCo model (MJCF): our inertias, our bodies, our pairs of bodies that matter.
 
-Everything comes from the robot as it was loaded: joints and inertias from its pinocchio model, bodies and pairs from its
-collision model. So MuJoCo's dynamics, its contacts and its integration are a second opinion on ours, of the same robot.
+Everything comes from the robot as it was loaded: joints and inertias from its pinocchio model, bodies and pairs from
+its collision model. So MuJoCo's dynamics, its contacts and its integration are a second opinion on ours, of the same
+robot.
 """
 
 import xml.etree.ElementTree as ET
@@ -17,7 +18,7 @@ from optiplan.geometry.convex import pieces_of, triangles_of, vertices_of
 from optiplan.geometry.scene import Scene
 from optiplan.robot.mimic_joints import coupling, screws
 from optiplan.robot.robot import Robot
-from optiplan.simulation.plants.base import Friction, Payload
+from optiplan.simulation.plants.base import NOMINAL, PlantOptions
 
 SEPARATOR = "#"
 """Stands between the name of a body (link, held object, obstacle) and the number of its geom."""
@@ -30,15 +31,7 @@ _ROUNDING = 1e-9  # share of a moment of inertia
 _REACH = 100.0  # m; half the side of what stands for a half-space in pictures; MuJoCo's planes are endless
 
 
-def mjcf(
-    robot: Robot,
-    scene: Scene,
-    step: float,
-    *,
-    friction: Friction | None = None,
-    payload: Payload | None = None,
-    rotor_inertia: Array | None = None,
-) -> str:
+def mjcf(robot: Robot, scene: Scene, step: float, options: PlantOptions = NOMINAL) -> str:
     """The MJCF text of a robot in a scene.
 
     A joint of pinocchio is a body with one joint, in the frame of which its inertia and its geoms lie. Geoms touch only
@@ -49,9 +42,7 @@ def mjcf(
         robot: with n joints; its model may have joints that follow others, which become equality constraints.
         scene: obstacles and held objects.
         step: of the integration, s.
-        friction: of the joints: `damping` and `frictionloss` of MuJoCo.
-        payload: a mass at the tool.
-        rotor_inertia: (n,), kg·m² (kg): `armature` of MuJoCo.
+        options: friction (`damping` and `frictionloss` of MuJoCo), payload, rotor inertia (`armature`).
     """
     root = ET.Element("mujoco", model=robot.name)
     ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false", balanceinertia="false", boundmass="0")
@@ -60,7 +51,7 @@ def mjcf(
     ET.SubElement(option, "flag", eulerdamp="disable")
     assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
     collision = CollisionModel(robot, scene)
-    nodes = _joints(robot, world, payload, (friction, rotor_inertia))
+    nodes = _joints(robot, world, options)
     parts = _geoms(collision, nodes, assets)
     contact = ET.SubElement(root, "contact")
     for pair in collision.pairs:
@@ -71,21 +62,19 @@ def mjcf(
     return ET.tostring(root, encoding="unicode")
 
 
-def _joints(
-    robot: Robot, world: ET.Element, payload: Payload | None, drives: tuple[Friction | None, Array | None]
-) -> list[ET.Element]:
+def _joints(robot: Robot, world: ET.Element, options: PlantOptions) -> list[ET.Element]:
     """One body a joint; element 0 is the world."""
-    model, axes, friction, rotor = robot.model, screws(robot.model), *drives
+    model, axes, friction, rotor = robot.model, screws(robot.model), options.friction, options.rotor_inertia
     inertias = list(model.inertias)
-    if payload is not None and payload.mass:
+    if options.mass:
         frame = model.frames[robot.frame_id(robot.tool_frame)]
-        point = frame.placement.act(np.asarray(payload.centre, float))
-        inertias[frame.parentJoint] += pin.Inertia(payload.mass, point, np.zeros((3, 3)))
+        point = frame.placement.act(options.centre)
+        inertias[frame.parentJoint] += pin.Inertia(options.mass, point, np.zeros((3, 3)))
     planned = {name: j for j, name in enumerate(robot.joint_names)}
     nodes = [world]
     for j in range(1, model.njoints):
         X, name = model.jointPlacements[j], model.names[j]
-        node = ET.SubElement(nodes[model.parents[j]], "body", name=f"body {name}", **_pose(X))
+        node = ET.SubElement(nodes[model.parents[j]], "body", {"name": f"body {name}", **_pose(X)})
         turning = bool(np.linalg.norm(axes[j - 1, 3:]) > 0.5)
         joint = ET.SubElement(node, "joint", name=name, type="hinge" if turning else "slide", limited="false")
         joint.set("axis", _text(axes[j - 1, 3:] if turning else axes[j - 1, :3]))
@@ -105,8 +94,8 @@ def _inertial(node: ET.Element, inertia: pin.Inertia) -> None:
     if inertia.mass <= 0.0:
         ET.SubElement(node, "inertial", pos="0 0 0", mass=repr(_LEAST), diaginertia=_text([_LEAST] * 3))
         return
-    I = physical(np.array(inertia.inertia))
-    full = [I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]
+    moments = physical(np.array(inertia.inertia))
+    full = moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     ET.SubElement(node, "inertial", pos=_text(inertia.lever), mass=repr(float(inertia.mass)), fullinertia=_text(full))
 
 
@@ -135,11 +124,9 @@ def _geoms(collision: CollisionModel, nodes: Sequence[ET.Element], assets: ET.El
             if kind == "mesh":
                 ET.SubElement(assets, "mesh", name=name, vertex=attributes["vertex"])
                 attributes = {"mesh": name}
-            geom = ET.SubElement(nodes[body.parentJoint], "geom", name=name, type=kind, **attributes)
-            for key, value in _pose(body.placement * X).items():
-                geom.set(key, value)
-            geom.set("contype", "0")  # only the listed pairs touch
-            geom.set("conaffinity", "0")
+            apart = {"contype": "0", "conaffinity": "0"}  # only the listed pairs touch
+            told = {"name": name, "type": kind, **attributes, **_pose(body.placement * X), **apart}
+            ET.SubElement(nodes[body.parentJoint], "geom", told)
             names.append(name)
         found.append(names)
     return found
@@ -181,9 +168,7 @@ def _followers(robot: Robot, root: ET.Element) -> None:
         row = robot.model.getJointId(name) - 1
         k = robot.joint_names.index(mimic.source)
         polynomial = _text([b[row], A[row, k], 0.0, 0.0, 0.0])
-        ET.SubElement(
-            equality, "joint", joint1=name, joint2=mimic.source, polycoef=polynomial, solref="0.001 1"
-        )
+        ET.SubElement(equality, "joint", joint1=name, joint2=mimic.source, polycoef=polynomial, solref="0.001 1")
 
 
 def _pose(X: pin.SE3) -> dict[str, str]:

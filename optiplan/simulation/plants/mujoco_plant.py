@@ -11,7 +11,7 @@ from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
-from optiplan.simulation.plants.base import Friction, Input, Payload
+from optiplan.simulation.plants.base import NOMINAL, Input, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
 from optiplan.simulation.plants.mjcf import SEPARATOR, mjcf
 
@@ -24,18 +24,7 @@ class MujocoPlant:
 
     input: Input = "torque"
 
-    def __init__(
-        self,
-        robot: Robot,
-        scene: Scene,
-        q: Array,
-        step: float,
-        *,
-        limit: Array | None = None,
-        friction: Friction | None = None,
-        payload: Payload | None = None,
-        rotor_inertia: Array | None = None,
-    ) -> None:
+    def __init__(self, robot: Robot, scene: Scene, q: Array, step: float, options: PlantOptions = NOMINAL) -> None:
         """Stand at q.
 
         Args:
@@ -43,25 +32,21 @@ class MujocoPlant:
             scene: obstacles and held objects.
             q: (n,), rad or m.
             step: s.
-            limit: torque (n,) that the drives can give; None: the robot's own.
-            friction: of the joints; None: without.
-            payload: at the tool; None: without.
-            rotor_inertia: (n,), kg·m² (kg); None: without.
+            options: drives, friction, payload.
 
         Raises:
             OptiPlanError: MuJoCo is not installed.
         """
         self._mujoco = mujoco_module()
         self.step = step
-        parts = {"friction": friction, "payload": payload, "rotor_inertia": rotor_inertia}
-        self.model: Any = self._mujoco.MjModel.from_xml_string(mjcf(robot, scene, step, **parts))
+        self.model: Any = self._mujoco.MjModel.from_xml_string(mjcf(robot, scene, step, options))
         self.data: Any = self._mujoco.MjData(self.model)
-        self._limit = robot.limits.torque if limit is None else limit
+        self._limit = robot.limits.torque if options.limit is None else options.limit
         joints = [self.model.joint(name) for name in robot.joint_names]
         self._at = np.array([joint.qposadr[0] for joint in joints])
         self._dof = np.array([joint.dofadr[0] for joint in joints])
         # For holding and for pushes; the motion is MuJoCo's.
-        self._dynamics = RigidBodyDynamics(robot, 0.0 if payload is None else payload.mass, payload and payload.centre)
+        self._dynamics = RigidBodyDynamics(robot, options.mass, options.centre)
         for name, mimic in robot.followers.items():
             follower = self.model.joint(name)
             source = float(np.asarray(q)[robot.joint_names.index(mimic.source)])

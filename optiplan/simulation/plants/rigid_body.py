@@ -5,7 +5,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.robot.robot import Robot
-from optiplan.simulation.plants.base import Friction, Input, Payload
+from optiplan.simulation.plants.base import NOMINAL, Input, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
 
 BREAKAWAY = 5e-3
@@ -25,37 +25,23 @@ class RigidBodyPlant:
 
     input: Input = "torque"
 
-    def __init__(
-        self,
-        robot: Robot,
-        q: Array,
-        step: float,
-        *,
-        limit: Array | None = None,
-        friction: Friction | None = None,
-        payload: Payload | None = None,
-        rotor_inertia: Array | None = None,
-    ) -> None:
+    def __init__(self, robot: Robot, q: Array, step: float, options: PlantOptions = NOMINAL) -> None:
         """Stand at q.
 
         Args:
             robot: with n joints.
             q: (n,), rad or m.
             step: s.
-            limit: torque (n,) that the drives can give; None: the robot's own.
-            friction: of the joints; None: without.
-            payload: at the tool; None: without.
-            rotor_inertia: (n,), kg·m² (kg), of the drives, seen from the joints; None: without.
+            options: drives, friction, payload.
         """
         self.step = step
-        n, none = robot.n, np.zeros(robot.n)
-        self._limit = robot.limits.torque if limit is None else limit
+        none, friction = np.zeros(robot.n), options.friction
+        self._limit = robot.limits.torque if options.limit is None else options.limit
         self._viscous, self._coulomb = (none, none) if friction is None else (friction.viscous, friction.coulomb)
         self._frictionless = not (self._viscous.any() or self._coulomb.any())
-        self._rotor = none if rotor_inertia is None else rotor_inertia
-        mass, centre = (0.0, None) if payload is None else (payload.mass, payload.centre)
-        self.dynamics = RigidBodyDynamics(robot, mass, centre)
-        self._q, self._v = np.array(q, float), np.zeros(n)
+        self._rotor = none if options.rotor_inertia is None else options.rotor_inertia
+        self.dynamics = RigidBodyDynamics(robot, options.mass, options.centre)
+        self._q, self._v = np.array(q, float), none.copy()
 
     @property
     def q(self) -> Array:

@@ -48,7 +48,9 @@ class JointReference(Protocol):
 class ToolReference(Protocol):
     """A motion of a frame; after `duration`, s, it stands at its end."""
 
-    frame: str
+    @property
+    def frame(self) -> str:
+        """Name of the frame."""
 
     @property
     def duration(self) -> float:

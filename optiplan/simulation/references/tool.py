@@ -40,8 +40,8 @@ class PathReference:
 class MovingTarget:
     """A target that swings about a pose: p(t) = p0 + w(t) A sin(2 pi f t), each axis with its own amplitude and rate.
 
-    The weight w(t) rises smoothly from 0 to 1 within `ease`, s, and falls likewise at the end, so that the target begins
-    and ends at rest; the orientation is kept.
+    The weight w(t) rises smoothly from 0 to 1 within `ease`, s, and falls likewise at the end, so that the target
+    begins and ends at rest; the orientation is kept.
 
     Attributes:
         frame: the frame that follows.
