@@ -69,7 +69,10 @@ def _joints(robot: Robot, world: ET.Element, options: PlantOptions) -> list[ET.E
     if options.mass:
         frame = model.frames[robot.frame_id(robot.tool_frame)]
         point = frame.placement.act(options.centre)
-        inertias[frame.parentJoint] += pin.Inertia(options.mass, point, np.zeros((3, 3)))
+        own = inertias[frame.parentJoint]
+        inertias[frame.parentJoint] = own + pin.Inertia(
+            options.mass, point, np.zeros((3, 3))
+        )  # += would change the robot
     planned = {name: j for j, name in enumerate(robot.joint_names)}
     nodes = [world]
     for j in range(1, model.njoints):
@@ -82,6 +85,7 @@ def _joints(robot: Robot, world: ET.Element, options: PlantOptions) -> list[ET.E
         if k is not None and friction is not None:
             joint.set("damping", repr(float(friction.viscous[k])))
             joint.set("frictionloss", repr(float(friction.coulomb[k])))
+            joint.set("solreffriction", "0.001 1")  # stiff: what is held creeps little
         if k is not None and rotor is not None:
             joint.set("armature", repr(float(rotor[k])))
         _inertial(node, inertias[j])

@@ -8,7 +8,7 @@ from optiplan.robot.robot import Robot
 from optiplan.simulation.plants.base import NOMINAL, Input, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
 
-BREAKAWAY = 5e-3
+BREAKAWAY = 1e-3
 """rad/s (m/s): below about this speed, dry friction is less than its full value; a joint at rest creeps, if at all."""
 
 

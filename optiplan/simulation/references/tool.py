@@ -108,9 +108,9 @@ class RecordedPath:
         X = pin.SE3(R, np.asarray(self._position(t)))
         if not moving:
             return ToolTarget(X, np.zeros(6), np.zeros(6))
-        # RotationSpline gives its rates in the world: R(t + h) = exp([w h]) R(t).
-        twist = np.concatenate([self._position(t, 1), self._rotation(t, 1)])
-        return ToolTarget(X, twist, np.concatenate([self._position(t, 2), self._rotation(t, 2)]))
+        # RotationSpline gives w and its rate along the axes of F; d/dt (R w) = R w' since R' w = R (w x w) = 0.
+        twist = np.concatenate([self._position(t, 1), R @ self._rotation(t, 1)])
+        return ToolTarget(X, twist, np.concatenate([self._position(t, 2), R @ self._rotation(t, 2)]))
 
 
 def _eased(t: float, ease: float) -> tuple[float, float, float]:
