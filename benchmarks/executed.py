@@ -96,8 +96,8 @@ def main() -> None:
 CLEARANCES = (
     "Farthest that any corner of any body strays from where it was planned to be at that moment, mm: with this "
     "clearance nothing is touched. *contact* marks motions that touched something under these conditions: planned as "
-    "near to obstacles as they are, they need a margin. *torque* marks those in which a drive reached its limit: planned "
-    "to the limit of torque, they have none left for a load that nobody told of, and no clearance is enough."
+    "near to obstacles as they are, they need a margin. *torque* marks those in which a drive reached its limit: "
+    "planned to the limit of torque, they have none left for a load that nobody told of, and no clearance is enough."
 )
 
 

@@ -9,7 +9,7 @@ from optiplan.errors import InputError
 from optiplan.geometry.scene import Scene
 from optiplan.problem.obstacles import Box
 from optiplan.robot.robot import load_robot
-from optiplan.simulation.plants.base import Friction, Payload, PlantOptions
+from optiplan.simulation.plants.base import NOMINAL, Friction, Payload, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics, check_inertias
 from optiplan.simulation.plants.ideal import IdealPlant
 from optiplan.simulation.plants.mjcf import mjcf, physical
@@ -17,10 +17,12 @@ from optiplan.simulation.plants.rigid_body import RigidBodyPlant
 
 mujoco = pytest.importorskip("mujoco")
 REGULAR = [0.0, -1.0, 1.2, -0.4, 0.6, 0.2]
+EMPTY = Scene()
+MASS = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
 READY = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 
 
-def mujoco_plant(robot, q, step=2.5e-4, options=PlantOptions(), scene=Scene()):
+def mujoco_plant(robot, q, step=2.5e-4, options=NOMINAL, scene=EMPTY):
     from optiplan.simulation.plants.mujoco_plant import MujocoPlant
 
     return MujocoPlant(robot, scene, q, step, options)
@@ -133,7 +135,7 @@ def test_mujoco_moves_as_we_do(name):
     """The same robot, inertias, gravity and torques: the two engines stay together to a micrometre."""
     robot = load_robot(name)
     rng = np.random.default_rng(3)
-    q = np.array(next(iter(robot.configurations.values())) if robot.configurations else REGULAR) + 0.1
+    q = np.array(next(iter(robot.configurations.values())) if robot.configurations else REGULAR)
     weightless = RigidBodyDynamics(robot).gravity(q)
     load = PlantOptions(payload=Payload(0.5, 0.0, np.array([0.0, 0.02, 0.1])), rotor_inertia=np.full(robot.n, 0.05))
     ours, theirs = RigidBodyPlant(robot, q, 1e-4, load), mujoco_plant(robot, q, 1e-4, load)
@@ -160,11 +162,9 @@ def test_mujoco_knows_the_obstacles_and_what_may_touch(panda):
 
 
 def test_joints_that_follow_move_in_mujoco_too(tmp_path):
-    text = """<robot name="gripper"><link name="base"/>
-    <link name="a"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+    text = f"""<robot name="gripper"><link name="base"/><link name="a">{MASS}
     <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
-    <link name="b"><inertial><mass value="0.5"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
-    </link>
+    <link name="b">{MASS}</link>
     <joint name="one" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
     <limit lower="-2" upper="2" effort="50" velocity="3"/></joint>
     <joint name="two" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>

@@ -30,7 +30,9 @@ REFERENCES = {
     "circle": PathReference(
         "tool", circle(A, np.array([0.3, 0.1, 0.5]), np.array([0.0, 0, 6.0]), np.array([0, 0, 6.0])), 2.0
     ),
-    "moving": MovingTarget("tool", A, np.array([0.1, 0.2, 0.05]), np.array([0.5, 1.0, 2.0]), 2.0, np.array([0, 1.0, 2.0])),
+    "moving": MovingTarget(
+        "tool", A, np.array([0.1, 0.2, 0.05]), np.array([0.5, 1.0, 2.0]), 2.0, np.array([0, 1.0, 2.0])
+    ),
     "recorded": recorded(),
 }
 

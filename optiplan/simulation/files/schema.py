@@ -238,7 +238,7 @@ class PushSpec(Strict):
     torque: Vector = (0.0, 0.0, 0.0)
 
 
-OF_PROBLEM = ("robot", "group", "locked", "start", "scene", "limits")
+OF_PROBLEM = ("robot", "group", "locked", "base", "gravity", "start", "scene", "limits")
 """Keys of a problem file that may stand in a control file, instead of `problem`."""
 
 
@@ -254,6 +254,8 @@ class ControlSpec(Strict):
     robot: Any = None
     group: Any = None
     locked: Any = None
+    base: Any = None
+    gravity: Any = None
     start: Any = None
     scene: Any = None
     limits: Any = None
