@@ -111,7 +111,7 @@ def test_sensors(panda):
 def test_what_is_wrong_shows(reach, motion):
     good = execute(reach, motion).tracking.tool_rms
     heavier = execute(reach, motion, ExecutionOptions(payload=Payload(0.3, 0.0))).tracking.tool_rms
-    late = execute(reach, motion, ExecutionOptions(imperfections=Imperfections(delay=0.002))).tracking.tool_rms
+    late = execute(reach, motion, ExecutionOptions(imperfections=Imperfections(delay=0.005))).tracking.tool_rms
     known = execute(reach, motion, ExecutionOptions(payload=Payload(0.3, 0.3))).tracking.tool_rms
     assert heavier > 5 * good
     assert late > 1.5 * good
