@@ -12,7 +12,7 @@ from optiplan.arrays import Array
 from optiplan.robot.limits import Limits
 from optiplan.simulation.log import Log
 
-_SHOWN = 4000
+_SHOWN = 1500
 """Samples of a curve; more are no finer on paper."""
 
 
