@@ -18,14 +18,6 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
-    )
-        OnLine,
-        OnPlane,
-        OrientationCone,
-        PairClearance,
-        PositionBox,
-        RelativePose,
-        ToolSpeed,
     from optiplan.api.listings import planners, robots
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.planning import plan, retime, verify
@@ -47,6 +39,14 @@ if TYPE_CHECKING:
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
     from optiplan.problem.constraints.statements import (
+        OnLine,
+        OnPlane,
+        OrientationCone,
+        PairClearance,
+        PositionBox,
+        RelativePose,
+        ToolSpeed,
+    )
     from optiplan.problem.goals_and_vias import JointGoal, Objective, PoseGoal
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
     from optiplan.problem.problem import Problem
@@ -60,13 +60,6 @@ if TYPE_CHECKING:
     from optiplan.verify.report import Check, Report
 
 _ROOMS = {
-        "OnLine",
-        "OnPlane",
-        "OrientationCone",
-        "PairClearance",
-        "PositionBox",
-        "RelativePose",
-        "ToolSpeed",
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.planning": ("plan", "retime", "verify"),
@@ -88,8 +81,16 @@ _ROOMS = {
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "problem.constraints.statements": (
-    "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
+        "OnLine",
+        "OnPlane",
+        "OrientationCone",
+        "PairClearance",
+        "PositionBox",
+        "RelativePose",
+        "ToolSpeed",
+    ),
     "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
+    "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
     "robot.robot": ("Robot",),
@@ -99,7 +100,6 @@ _ROOMS = {
     "trajectory.sample_file": ("Samples",),
     "trajectory.trajectory": ("Trajectory",),
     "verify.report": ("Check", "Report"),
-    ),
 }
 _HOME = {name: f"optiplan.{room}" for room, names in _ROOMS.items() for name in names}
 
