@@ -160,7 +160,7 @@ def baxter() -> tuple[tuple[str, ...], list[list[str]], Figure]:
 
 def errors_picture(loops: Mapping[str, Simulation]) -> Figure:
     """Errors of the tool over time."""
-    figure = Figure(figsize=(8.0, 2.8), layout="constrained")
+    figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     ax = figure.subplots()
     for name, done in loops.items():
         log = needed(done)
@@ -168,7 +168,7 @@ def errors_picture(loops: Mapping[str, Simulation]) -> Figure:
     ax.set_ylabel("tool error, µm")
     ax.set_xlabel("t, s")
     ax.grid(visible=True, lw=0.3)
-    ax.legend(fontsize=7)
+    figure.legend(fontsize=7, ncols=2, loc="outside lower center")
     return figure
 
 

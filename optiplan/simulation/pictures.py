@@ -83,14 +83,19 @@ def _rows(log: Log) -> slice:
 
 
 def _figure(count: int) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(8.0, 2.6 * count), layout="constrained")
+    figure = Figure(figsize=(8.0, 2.4 * count + 0.8), layout="constrained")
     return figure, list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
 
 
 def _finished(figure: Figure, axes: list[Axes]) -> Figure:
+    """Grid, time below, and legends where they hide nothing: one below all where the curves are the same in all."""
+    labels = [ax.get_legend_handles_labels()[1] for ax in axes]
     for ax in axes:
         ax.grid(visible=True, lw=0.3)
-        ax.legend(fontsize=7, ncols=4, loc="upper right")
+        if labels[0] != labels[-1]:
+            ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.01, 0.5))
+    if labels[0] == labels[-1]:
+        figure.legend(*axes[0].get_legend_handles_labels(), fontsize=7, ncols=4, loc="outside lower center")
     axes[-1].set_xlabel("t, s")
     return figure
 

@@ -14,6 +14,7 @@ from optiplan.planners.base import Failure
 from optiplan.runs.run import versions
 from optiplan.runs.run_folder import save_run
 from optiplan.simulation.closed_loop import simulate
+from optiplan.simulation.execution_report import execution_report
 from optiplan.simulation.files.build import build_loop
 from optiplan.simulation.files.read import ControlFile, read_control
 from optiplan.simulation.files.schema import StepSpec
@@ -74,6 +75,7 @@ class Simulation:
             "duration": None if log is None else float(log.t[-1]),
             "control": control.document.data,
             "execution": None if log is None else log.summary(),
+            "report": None if log is None else execution_report(log, control.robot, control.problem.limits),
             "step_response": {name: vars(found) for name, found in self.responses.items()},
             "failure": failure and {"kind": failure.kind, "detail": failure.detail, "witness": dict(failure.witness)},
             "versions": versions(),
