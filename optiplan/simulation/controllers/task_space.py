@@ -32,8 +32,12 @@ class TaskSpaceOptions:
     position_cost: float = 1.0
     orientation_cost: float = 1.0
     posture_cost: float = 1e-3
-    gain: float = 20.0
+    gain: float | None = None
     clearance: float | None = 0.005
+
+
+JOINT_GAIN = 10.0
+"""1/s, of references of the joints where none is given."""
 
 
 class JointsTask(PostureTask):
@@ -89,7 +93,9 @@ class TaskSpace:
         tasks: list[ControlTask] = []
         self._pose: PoseTask | None = None
         if frame is None:
-            self._posture = JointsTask(problem.start, cost=1.0, gain=options.gain)
+            self._posture = JointsTask(
+                problem.start, cost=1.0, gain=JOINT_GAIN if options.gain is None else options.gain
+            )
         else:
             costs = (options.position_cost, options.orientation_cost)
             self._pose = PoseTask(frame, None, *costs, gain=options.gain)

@@ -169,6 +169,7 @@ class TaskSpaceSpec(Strict):
 
     `feedback` says what a step starts from: `commanded`, the state commanded before, which computed torque
     (`frequency`, `damping`) makes the robot follow; or `measured`, whose accelerations become torques as they are.
+    `gain`, 1/s, is that of the pose; null: as large as the robot's jerk limits allow.
     `clearance` is the least distance, m, kept from everything; null: not looked after.
     """
 
@@ -178,7 +179,7 @@ class TaskSpaceSpec(Strict):
     position_cost: NotNegative = 1.0
     orientation_cost: NotNegative = 1.0
     posture_cost: NotNegative = 1e-3
-    gain: NotNegative = 20.0
+    gain: NotNegative | None = None
     clearance: NotNegative | None = 0.005
     frequency: Hertz = 10.0
     damping: NotNegative = 1.0
