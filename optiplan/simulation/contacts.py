@@ -6,7 +6,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
-from optiplan.simulation.log import Contacts
+from optiplan.simulation.log import ContactLog
 
 WINDOW = 0.05
 """m: farther apart than this nothing is measured."""
@@ -54,13 +54,13 @@ class ContactWatch:
         names = (min(pair), max(pair))
         self._touched[names] = min(t, self._touched.get(names, np.inf))
 
-    def result(self) -> Contacts:
+    def result(self) -> ContactLog:
         """What was found."""
         if not self._model.pairs:
-            return Contacts(self.interval, None, WINDOW, None, None, dict(self._touched))
+            return ContactLog(self.interval, None, WINDOW, None, None, dict(self._touched))
         pair = None if self._pair < 0 else self._names(self._pair)
         at = None if pair is None else self._at
-        return Contacts(self.interval, min(self._least, WINDOW), WINDOW, pair, at, dict(self._touched))
+        return ContactLog(self.interval, min(self._least, WINDOW), WINDOW, pair, at, dict(self._touched))
 
     def _names(self, pair: int) -> tuple[str, str]:
         found = self._model.pairs[pair]

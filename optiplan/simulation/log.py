@@ -44,7 +44,7 @@ class Tracking:
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts:
+class ContactLog:
     """Distances along the executed motion, measured every `interval` s.
 
     Attributes:
@@ -100,7 +100,7 @@ class Log:
     unit: str
     tool_error: Array
     tracking: Tracking
-    contacts: Contacts | None = None
+    contacts: ContactLog | None = None
     slack: Mapping[str, Array] = field(default_factory=dict)
     active: Mapping[str, float] = field(default_factory=dict)
     statuses: Mapping[str, int] = field(default_factory=dict)

@@ -23,7 +23,7 @@ from optiplan.simulation.references.base import ToolTarget
 
 
 @dataclass(frozen=True)
-class TaskSpaceOptions:
+class TaskSpaceSettings:
     """Settings of the task-space controller; docs/how-to/closed-loop.md says what they mean."""
 
     form: Literal["velocity", "acceleration"] = "velocity"
@@ -34,6 +34,7 @@ class TaskSpaceOptions:
     posture_cost: float = 1e-3
     gain: float | None = None
     clearance: float | None = 0.005
+    response: float | None = None
 
 
 JOINT_GAIN = 10.0
@@ -73,7 +74,7 @@ class TaskSpace:
     def __init__(
         self,
         problem: Problem,
-        options: TaskSpaceOptions,
+        options: TaskSpaceSettings,
         dt: float,
         frame: str | None,
         inner: ComputedTorque | None = None,
@@ -82,7 +83,7 @@ class TaskSpace:
 
         Args:
             problem: robot, limits and scene.
-            options: see `TaskSpaceOptions`.
+            options: see `TaskSpaceSettings`.
             dt: the control period, s.
             frame: that has a target; None: the joints have one.
             inner: makes torques; None: velocities are wanted.
@@ -105,7 +106,13 @@ class TaskSpace:
         if options.clearance is not None:
             limits.append(ClearanceLimit(problem.scene, at_least=options.clearance))
         self._controller = Controller(
-            robot, [*tasks, self._posture], None, limits, form=options.form, solver=options.solver
+            robot,
+            [*tasks, self._posture],
+            None,
+            limits,
+            form=options.form,
+            solver=options.solver,
+            response=options.response,
         )
         self._state = State(problem.start)
 

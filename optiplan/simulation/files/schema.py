@@ -170,7 +170,8 @@ class TaskSpaceSpec(Strict):
     `feedback` says what a step starts from: `commanded`, the state commanded before, which computed torque
     (`frequency`, `damping`) makes the robot follow; or `measured`, whose accelerations become torques as they are.
     `gain`, 1/s, is that of the pose; null: as large as the robot's jerk limits allow.
-    `clearance` is the least distance, m, kept from everything; null: not looked after.
+    `clearance` is the least distance, m, kept from everything; null: not looked after. `response` is the time, s, with
+    which velocities follow what the tasks ask for; null: what the robot's jerk limits allow.
     """
 
     form: Literal["velocity", "acceleration"] = "velocity"
@@ -181,6 +182,7 @@ class TaskSpaceSpec(Strict):
     posture_cost: NotNegative = 1e-3
     gain: NotNegative | None = None
     clearance: NotNegative | None = 0.005
+    response: NotNegative | None = None
     frequency: Hertz = 10.0
     damping: NotNegative = 1.0
 
