@@ -60,7 +60,7 @@ class JointsTask(PostureTask):
         return self.acceleration
 
 
-class TaskSpace:
+class TaskSpaceLoop:
     """One step of `Controller` a period; its target is the tool's pose, or the joints' positions.
 
     On a plant that takes velocities, the mean velocity of the step is the command. On one that takes torques and with

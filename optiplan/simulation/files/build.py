@@ -62,13 +62,13 @@ def _controller(control: ControlFile, reference: Reference) -> LoopController:
         case VelocitySpec() as spec:
             return VelocityTracking(spec.gain)
         case TaskSpaceSpec() as spec:
-            from optiplan.simulation.controllers.task_space import TaskSpace, TaskSpaceSettings
+            from optiplan.simulation.controllers.task_space import TaskSpaceLoop, TaskSpaceSettings
 
             keys = spec.model_dump(exclude={"frequency", "damping"})
             frame = reference.frame if isinstance(reference, ToolReference) else None
             torque = control.spec.plant.engine != "ideal"
             inner = ComputedTorque(_believed(control), spec.frequency, spec.damping) if torque else None
-            return TaskSpace(control.problem, TaskSpaceSettings(**keys), 1.0 / control.spec.rate, frame, inner)
+            return TaskSpaceLoop(control.problem, TaskSpaceSettings(**keys), 1.0 / control.spec.rate, frame, inner)
         case other:
             raise TypeError(f"no controller for {other!r}")
 
