@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from optiplan.api.listings import planners, robots
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.planning import plan, retime, verify
+    from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
     from optiplan.control.controller import Controller
     from optiplan.control.limits.clearance import ClearanceLimit
@@ -52,6 +53,8 @@ if TYPE_CHECKING:
     from optiplan.problem.statement import Pose, ViaPoint
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
+    from optiplan.simulation.log import Log
+    from optiplan.simulation.simulation import Simulation
     from optiplan.trajectory.sample_file import Samples
     from optiplan.trajectory.trajectory import Trajectory
     from optiplan.verify.report import Check, Report
@@ -60,6 +63,7 @@ _ROOMS = {
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.planning": ("plan", "retime", "verify"),
+    "api.simulating": ("execute", "simulate"),
     "api.viewing": ("View", "view"),
     "control.controller": ("Controller",),
     "control.limits.clearance": ("ClearanceLimit",),
@@ -91,6 +95,8 @@ _ROOMS = {
     "problem.statement": ("Pose", "ViaPoint"),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
+    "simulation.log": ("Log",),
+    "simulation.simulation": ("Simulation",),
     "trajectory.sample_file": ("Samples",),
     "trajectory.trajectory": ("Trajectory",),
     "verify.report": ("Check", "Report"),
@@ -118,6 +124,7 @@ __all__ = [
     "JerkLimit",
     "JointCouplingTask",
     "JointGoal",
+    "Log",
     "LookAtTask",
     "ManipulabilityTask",
     "Mesh",
@@ -146,6 +153,7 @@ __all__ = [
     "Run",
     "Samples",
     "Scene",
+    "Simulation",
     "Sphere",
     "State",
     "ToolSpeed",
@@ -157,6 +165,7 @@ __all__ = [
     "View",
     "WheelSpeedLimit",
     "__version__",
+    "execute",
     "load_problem",
     "load_robot",
     "load_run",
@@ -164,6 +173,7 @@ __all__ = [
     "planners",
     "retime",
     "robots",
+    "simulate",
     "verify",
     "view",
 ]

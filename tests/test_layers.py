@@ -17,6 +17,7 @@ ROOMS = (
     {"control"},
     {"planners", "verify"},
     {"runs"},
+    {"simulation"},
     {"viewer"},
     {"api"},
     {"bench"},

@@ -17,6 +17,7 @@ import optiplan
 from optiplan.cli.commands import (
     bench,
     check,
+    control,
     export,
     ik,
     import_problems,
@@ -81,6 +82,7 @@ app.command("verify")(verify.verify)
 app.command("view")(view.view)
 app.command("export")(export.export)
 app.command("check")(check.check)
+app.command("control")(control.control)
 app.command("workspace")(workspace.workspace)
 app.add_typer(robots.app, name="robots")
 app.command("ik")(ik.ik)

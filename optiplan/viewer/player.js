@@ -104,7 +104,7 @@
     robot.addEventListener("change", update);
     const swatch = make("span", "swatch");
     swatch.style.background = moves || !crowd ? shown.colour : "none";
-    const kind = { verified: "good", "not checked": "open" }[run.badge] || "bad";
+    const kind = { verified: "good", executed: "good", "not checked": "open" }[run.badge] || "bad";
     label.append(box, swatch, make("span", "name", run.label));
     if (several && moves) label.append(make("span", "time", run.duration.toFixed(2) + " s"));
     label.append(make("span", "badge " + kind, run.badge));

@@ -93,6 +93,8 @@ def _badge(run: ViewedRun) -> str:
         return "no plan"
     if run.report is None:
         return "not checked"
+    if "executed" in run.report:
+        return "executed" if run.report["executed"] is True else "executed, with contact"
     return "verified" if run.report.get("verified") is True else "not verified"
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.bench.execution.code_version import own_code, own_digest, planner_code
+from optiplan.bench.execution.executed import METRICS as EXECUTION_METRICS
 from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask
 from optiplan.bench.sources.base import Found, Place
@@ -26,7 +27,7 @@ from optiplan.problem.from_data import source_of
 from optiplan.problem.schema import ProblemSpec
 from optiplan.runs.metrics import Metrics
 
-METRICS = tuple(item.name for item in fields(Metrics))
+METRICS = (*(item.name for item in fields(Metrics)), *EXECUTION_METRICS)
 
 
 @dataclass(frozen=True)
