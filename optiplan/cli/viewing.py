@@ -48,7 +48,7 @@ def serve_page(problem: Problem, runs: Sequence[ViewedRun], port: int) -> None:
 def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str = "") -> ViewedRun:
     """Return one run for the viewer, from its `run.json`."""
     label = label or str(record.get("planner", "run"))
-    return ViewedRun(label, trajectory, record.get("report"), record.get("failure"))
+    return ViewedRun(label, trajectory, record.get("report"), record.get("failure"), record)
 
 
 def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:

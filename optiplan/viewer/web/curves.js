@@ -14,7 +14,7 @@
 //     marks: [{ t, y, words }], // optional: points to click on, which seek
 //     said: "…",                // optional: a sentence beside the title
 //     onSeek: (t) => …, onHover: (name or null) => … });
-//   plot.time(t); plot.single(name or null); plot.set(spec); plot.destroy();
+//   plot.time(t); plot.single(name or null); plot.say(text); plot.set(spec); plot.destroy();
 const OptiPlanCurves = (() => {
   const COLOURS = ["#4477aa", "#ee6677", "#228833", "#b58a00", "#2ba3c4", "#aa3377", "#8a6d5c", "#7a7fd1", "#d97b2b", "#5f9e8f", "#c2577e", "#6b7a0f", "#3b5bb5", "#9a9a9a"];
   const FAR = 2.5; // limits beyond this multiple of the curves are not shown: they would flatten the curves
@@ -91,8 +91,12 @@ const OptiPlanCurves = (() => {
 
     fillHead() {
       this.head.replaceChildren(make("b", "", this.spec.title), make("span", "", this.unit));
-      if (this.spec.said) this.head.append(make("span", "said", this.spec.said));
+      this.said = make("span", "said", this.spec.said || "");
+      this.head.append(this.said);
     }
+
+    // A sentence beside the title.
+    say(text) { if (this.said.textContent !== text) this.said.textContent = text; }
 
     fillKey() {
       this.values = [];

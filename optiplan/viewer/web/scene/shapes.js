@@ -1,16 +1,11 @@
 "use strict";
 // Turns the shapes, colours and poses of a page's data into those of three.js; lengths in metres, in the frame of the shape.
 const OptiPlanShapes = (() => {
-  const THREE = MeshCat.THREE;
+  const THREE = MeshCat.THREE, { floats, indices } = OptiPlanPacked;
+  const CREASE = 0.87; // rad: sharper edges than that stay edges
 
-  function bytes(text) {
-    const raw = atob(text), out = new Uint8Array(raw.length);
-    for (let i = 0; i < raw.length; i++) out[i] = raw.charCodeAt(i);
-    return out.buffer;
-  }
-  const floats = (text) => new Float32Array(bytes(text));
-
-  // Smooth shading within `crease` radians, sharp edges beyond: normals are averaged over near-parallel neighbours only.
+  // Smooth shading within `crease` radians, sharp edges beyond: normals are averaged over near-parallel neighbours only,
+  // whichever way these are wound: meshes of robots are often sheets back to back, or wound at random.
   function creased(vertices, faces, crease) {
     const count = faces.length / 3, normals = new Float32Array(faces.length), around = new Map();
     const a = new THREE.Vector3(), b = new THREE.Vector3(), c = new THREE.Vector3();
@@ -32,7 +27,8 @@ const OptiPlanShapes = (() => {
       c.set(0, 0, 0);
       for (const f of around.get(faces[i])) {
         b.fromArray(normals, 3 * f);
-        if (a.dot(b) >= limit * size * b.length()) c.add(b);
+        const along = a.dot(b);
+        if (Math.abs(along) >= limit * size * b.length()) c.addScaledVector(b, Math.sign(along) || 1);
       }
       c.normalize().toArray(normal, 3 * i);
       for (let k = 0; k < 3; k++) position[3 * i + k] = vertices[3 * faces[i] + k];
@@ -61,7 +57,7 @@ const OptiPlanShapes = (() => {
       case "cylinder": return new THREE.CylinderGeometry(shape.radius, shape.radius, shape.length, 48).rotateX(Math.PI / 2);
       case "capsule": return capsule(shape.radius, shape.length);
       case "plane": return new THREE.PlaneGeometry(2, 2); // turned and sized by Scene.spreadPlane
-      default: return creased(floats(shape.vertices), new Uint32Array(bytes(shape.faces)), 0.6);
+      default: return creased(floats(shape.vertices), indices(shape), CREASE);
     }
   }
   const rgb = ([r, g, b]) => new THREE.Color(r, g, b).convertSRGBToLinear();
@@ -81,5 +77,18 @@ const OptiPlanShapes = (() => {
     };
   }
 
-  return { floats, makeGeometry, rgb, named, place, palette };
+  // Axes of a frame, `size` m long: x red, y green, z blue, each a rod with a tip.
+  function triad(size) {
+    const group = new THREE.Group(), thick = 0.035 * size;
+    const rod = new THREE.CylinderGeometry(thick, thick, 0.8 * size, 12).translate(0, 0.4 * size, 0), tip = new THREE.ConeGeometry(2.4 * thick, 0.2 * size, 16).translate(0, 0.9 * size, 0);
+    for (const [colour, turn] of [["#d3261f", [0, 0, -Math.PI / 2]], ["#2f9e5b", [0, 0, 0]], ["#2374c6", [Math.PI / 2, 0, 0]]]) {
+      const look = new THREE.MeshStandardMaterial({ color: named(colour), roughness: 0.7 }), axis = new THREE.Group();
+      axis.add(new THREE.Mesh(rod, look), new THREE.Mesh(tip, look));
+      axis.rotation.set(...turn);
+      group.add(axis);
+    }
+    return group;
+  }
+
+  return { makeGeometry, rgb, named, place, palette, triad };
 })();
