@@ -14,7 +14,8 @@ from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.verify import checked_robot
 from optiplan.viewer.surfaces import packed
 
-_EVEN, _NEAR = 160, 120  # samples of the distance: evenly spread, and where the certificate looked closely
+_EVEN = 160  # samples of the distance, evenly spread
+_NEAR = 0.75  # times as many at the most, where the certificate looked closely
 _CLOSE = 0.01  # m: closely looked at is what was proved by less
 _BISECTIONS = 24
 
@@ -22,7 +23,7 @@ _BISECTIONS = 24
 def clearance_of(problem: Problem, trajectory: Trajectory, even: int = _EVEN) -> dict[str, Any] | None:
     """JSON-ready clearance over time; None where no two bodies can meet. Lengths in m, arrays packed.
 
-    `t` (k,), `distance` (k,), `points` (k, 2, 3), `pair` (k,): the nearest pair, measured at samples.
+    `t` (k,), `distance` (k,), `points` (k, 2, 3), `pair` (k,): the nearest pair of `pairs`, measured at samples.
     `edges` (m + 1,), `proved` (m,), `proved_pair` (m,): the certificate's bound on each interval, only for what is
     proved; its least is the clearance in the report. `least`: the smallest distance. `contacts`: times from and to, s,
     in which bodies overlap.
@@ -39,24 +40,24 @@ def clearance_of(problem: Problem, trajectory: Trajectory, even: int = _EVEN) ->
     distance = np.array([one.distance for one in measured])
     points = np.array([[one.point_a, one.point_b] for one in measured])
     k = int(np.argmin(distance))
+    near = np.array([one.pair.index for one in measured])
+    used = np.unique(near if bound is None else np.append(near, bound.pair))
     shown: dict[str, Any] = {
-        "pairs": [[pair.name_a, pair.name_b] for pair in model.pairs],
+        "pairs": [[model.pairs[pair].name_a, model.pairs[pair].name_b] for pair in used.tolist()],
         "t": packed(t),
         "distance": packed(distance),
         "points": packed(points),
-        "pair": [one.pair.index for one in measured],
+        "pair": np.searchsorted(used, near).tolist(),
         "least": _moment(float(t[k]), measured[k]),
         "contacts": _contacts(model, trajectory, t, distance),
     }
-    return shown | ({} if bound is None else _proved(bound, proof.clearance))
-
-
-def _proved(bound: ClearanceBound, clearance: float) -> dict[str, Any]:
-    return {
+    if bound is None:
+        return shown
+    return shown | {
         "edges": packed(bound.edges, "<f8"),
         "proved": packed(bound.clearance, "<f8"),
-        "proved_pair": bound.pair.tolist(),
-        "proved_least": clearance,
+        "proved_pair": np.searchsorted(used, bound.pair).tolist(),
+        "proved_least": proof.clearance,
     }
 
 
@@ -80,7 +81,7 @@ def _times(trajectory: Trajectory, bound: ClearanceBound | None, even: int, near
     t = np.linspace(0.0, trajectory.duration, even + 1)
     if bound is not None:
         middles = 0.5 * (bound.edges[1:] + bound.edges[:-1])[bound.clearance < _CLOSE]
-        step = max(1, -(-len(middles) // _NEAR))
+        step = max(1, int(np.ceil(len(middles) / (_NEAR * even))))
         t = np.union1d(t, middles[::step])
     return np.asarray(t if nearest is None else np.union1d(t, [nearest]))
 

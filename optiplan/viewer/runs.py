@@ -61,7 +61,9 @@ class Detail(NamedTuple):
     @classmethod
     def of(cls, motions: int) -> "Detail":
         """For a page with so many motions."""
-        return cls() if motions <= 3 else cls(0.5 * RATE, max(60, 800 // motions), max(40, 480 // motions), False)
+        if motions <= 3:
+            return cls()
+        return cls(max(25.0, 3.0 * RATE / motions), max(40, 600 // motions), max(30, 400 // motions), False)
 
 
 _WHOLE = Detail()
