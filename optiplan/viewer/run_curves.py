@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
+from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, measures, scaled
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import ORDERS, Limits
 from optiplan.robot.robot import Robot
@@ -61,7 +61,7 @@ def _tools(problem: Problem, found: MotionCurves) -> list[dict[str, Any]]:
     frames = tool_frames(robot)
     evaluated = [ToolKinematics(robot, frame).evaluate(Q)[1] for frame in frames]
     twists = [np.einsum("kij,kj->ki", J, V) for J in evaluated]
-    rows = "full" if robot.n >= 6 else "translation"
+    rows: JacobianRows = "full" if robot.n >= 6 else "translation"
     least = np.column_stack([measures(scaled(J, rows)).yoshikawa for J in evaluated])
     shown = []
     for name, unit, values in (

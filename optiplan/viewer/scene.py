@@ -120,6 +120,7 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
     (_add_frames if bare else _add_robot)(parts, problem.robot)
     _add_objects(parts, problem)
     ends = [run.trajectory for run in viewed if run.trajectory is not None]
+    bound = common_bound(problem, _reached(viewed))
     detail = Detail.of(sum(motion_of(problem, run) is not None for run in viewed))
     goal = ends[0](np.array([ends[0].duration]))[0] if ends else None
     for end in problem.goal:
@@ -136,7 +137,7 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         targets=_targets(problem),
         runs=tuple(show_run(problem, poses, run, detail) for run in viewed),
         tool=_tool(problem.robot),
-        bound=tuple(common_bound(problem, _reached(viewed))),
+        bound=(bound.seconds, bound.words),
         note=_BARE.format(problem.robot.name) if bare else "",
     )
 
