@@ -59,13 +59,13 @@ def settle(page: Any) -> None:
     page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
-def frame(page: Any, time: float, selector: str = "body") -> "Image":
-    """Return the picture of an element of an open page at an instant, s."""
+def frame(page: Any, time: float) -> "Image":
+    """Return the picture of an open page at an instant, s."""
     from PIL import Image
 
     page.evaluate("(t) => optiplan.clock.jump(t)", time)
     settle(page)
-    return Image.open(BytesIO(page.locator(selector).screenshot())).convert("RGB")
+    return Image.open(BytesIO(page.screenshot())).convert("RGB")
 
 
 def save_picture(html: str, path: Path, wish: str = "", size: tuple[int, int] = (1280, 800)) -> None:
@@ -86,13 +86,13 @@ def save_film(html: str, path: Path, wish: str = "", size: tuple[int, int] = (96
     Raises:
         OptiPlanError: there is no motion, or playwright or a browser is missing.
     """
-    with opened(html, wish, size) as page:
+    with opened(html, f"{wish}&scene", size) as page:
         page.evaluate("optiplan.clock.pause()")
         end, speed = page.evaluate("[optiplan.clock.end, optiplan.clock.speed]")
         if not end:
             raise OptiPlanError("there is no motion to film")
         count = max(1, round(end / speed * RATE))
-        frames = [frame(page, end * k / count, "#stage") for k in range(count + 1)]
+        frames = [frame(page, end * k / count) for k in range(count + 1)]
     pauses = [round(1000.0 / RATE)] * count + [REST]
     kind = "WEBP" if path.suffix.lower() == ".webp" else "GIF"
     with replacing(path) as temporary:

@@ -10,6 +10,8 @@
 
   if (wish.has("theme")) document.documentElement.dataset.theme = wish.get("theme") === "dark" ? "dark" : "light";
 
+  document.body.classList.toggle("bare", wish.has("scene")); // nothing but the scene
+
   // A motion that was refused is played up to where bodies touch.
   function endOf(run) {
     const contact = run.clearance && run.clearance.contacts[0], witness = run.witnesses.find((one) => one.time !== undefined);

@@ -37,7 +37,7 @@ const OptiPlanFailure = (() => {
         const mesh = scene.owned(name, this.run).find((one) => one.userData.set !== "collision");
         if (!mesh) continue;
         mesh.geometry.computeBoundingBox();
-        this.labels.push(Object.assign(scene.labels.add(name, "bad"), { body: mesh, middle: mesh.geometry.boundingBox.getCenter(new THREE.Vector3()) }));
+        this.labels.push(Object.assign(scene.labels.add(name, "bad"), { lift: -30, body: mesh, middle: mesh.geometry.boundingBox.getCenter(new THREE.Vector3()) }));
       }
     }
 
