@@ -14,7 +14,7 @@ const OptiPlanBodies = (() => {
         const look = base.clone();
         if (red && look.color) { look.color = named(RED); if (look.emissive) look.emissive = named("#4a0805"); }
         else if (lit && look.emissive) { look.emissive = named(LIT); look.emissiveIntensity = 0.42; }
-        if (through) Object.assign(look, { transparent: true, opacity: 0.22, depthWrite: false });
+        if (through) Object.assign(look, { transparent: true, opacity: red ? 0.5 : 0.22, depthWrite: false });
         this.made.set(key, look);
       }
       return this.made.get(key);

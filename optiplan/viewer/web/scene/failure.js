@@ -43,7 +43,7 @@ const OptiPlanFailure = (() => {
 
     show(on) {
       this.on = on;
-      for (const mesh of this.bodies) this.scene.painter.paint(mesh, { red: on });
+      for (const mesh of this.bodies) this.scene.painter.paint(mesh, { red: on, through: on && mesh.parent === this.scene.layers.obstacle }); // what is in it can be seen
       for (const label of this.labels) label.visible = on;
       this.run.witness.visible = on;
       if (!on) this.clear();
@@ -62,7 +62,7 @@ const OptiPlanFailure = (() => {
       if (this.witness.poses) this.scene.pose(this.run.figure, floats(this.witness.poses));
       const { scene } = this, solid = [...scene.solid];
       this.run.figure.traverse((o) => { if (o.isMesh && o.visible) solid.push(o); });
-      const far = 0.6 * OptiPlanCamera.distance(scene.viewer.camera, scene.box, scene.direction);
+      const far = 0.48 * OptiPlanCamera.distance(scene.viewer.camera, scene.box, scene.direction);
       const target = this.point.clone().lerp(scene.box.getCenter(new THREE.Vector3()), 0.15);
       scene.root.updateMatrixWorld(true);
       OptiPlanCamera.look(scene.viewer, target, OptiPlanCamera.openSide(this.point, far, solid, scene.direction), far);
