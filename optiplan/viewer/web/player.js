@@ -44,7 +44,7 @@
     update() { app.chosen = true; show(); app.dock.draw(); app.changed(); },
     select, changed: () => OptiPlanAddress.write(app),
   };
-  app.layers = new OptiPlanLayers.Layers(byId("layers"), () => app.changed());
+  app.layers = new OptiPlanLayers.Layers(byId("layers"), () => { fillLegend(); app.changed(); });
   app.comparison = new OptiPlanComparison.Comparison(app);
   app.dock = new OptiPlanDock.Dock(app, byId("dock"));
 
@@ -130,16 +130,17 @@
   }
 
   function fillLegend() {
+    const seen = (layer) => scene !== null && scene.layers[layer].visible;
     const rows = [], add = (text, style, className = "") => { const row = make("span"), mark = make("i", className); Object.assign(mark.style, style); row.append(mark, text); rows.push(row); };
-    add("start", { borderColor: OptiPlanScene.START }, "ring");
-    if (data.goal) add(data.runs.some((run) => run.path) ? "end" : "goal", { borderColor: OptiPlanScene.GOAL }, "ring");
+    if (seen("start")) add("start", { borderColor: OptiPlanScene.START }, "ring");
+    if (data.goal && seen("goal")) add(data.runs.some((run) => run.path) ? "end" : "goal", { borderColor: OptiPlanScene.GOAL }, "ring");
     const moving = data.runs.filter((run) => run.path);
-    if (moving.length === 1) {
+    if (moving.length === 1 && seen("path")) {
       const speed = OptiPlanDock.decoded(moving[0]).quantities.find((one) => one.name === "tool speed");
       const most = Math.max(...speed.series.map((one) => Math.max(...one.y)));
       add(`tool, 0 to ${most.toPrecision(3)} m/s`, { background: `linear-gradient(90deg, ${OptiPlanPaths.SPEEDS.join()})`, width: "44px" });
     }
-    if (moving.some((run) => run.clearance)) add("nearest points", { background: OptiPlanRod.COLOUR });
+    if (seen("rod") && moving.some((run) => run.clearance)) add("nearest points", { background: OptiPlanRod.COLOUR });
     byId("legend").replaceChildren(...rows);
   }
 
@@ -286,13 +287,13 @@
   if (scene) wireScene();
   byId("runs").hidden = !several;
   if (several) app.comparison.fillList(byId("runs"));
-  fillLegend();
   if (data.runs.length) select(app.selected); else byId("dock").hidden = true;
   clock.listen(pose);
   let playing = null;
   clock.listen(() => { if (!clock.playing && playing !== clock.time) app.changed(); playing = clock.playing ? null : clock.time; });
   OptiPlanAddress.obey(app, wish);
-  addEventListener("hashchange", () => { if (location.hash !== app.written) OptiPlanAddress.obey(app); });
+  fillLegend();
+  addEventListener("hashchange", () => { if (location.hash !== app.written) { OptiPlanAddress.obey(app); fillLegend(); } });
   if (!location.hash && !scene) clock.pause();
   requestAnimationFrame(tick);
 
