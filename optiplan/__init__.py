@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from optiplan.api.listings import planners, robots
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.planning import plan, retime, verify
+    from optiplan.api.plotting import plot
     from optiplan.api.viewing import View, view
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
@@ -48,6 +49,7 @@ _ROOMS = {
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.planning": ("plan", "retime", "verify"),
+    "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),
     "errors": ("InputError", "OptiPlanError"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
@@ -115,6 +117,7 @@ __all__ = [
     "load_run",
     "plan",
     "planners",
+    "plot",
     "retime",
     "robots",
     "verify",

@@ -15,7 +15,6 @@ import typer
 
 import optiplan
 from optiplan.cli.commands import (
-    bench,
     check,
     export,
     ik,
@@ -23,10 +22,12 @@ from optiplan.cli.commands import (
     kinematics,
     plan,
     planners,
+    plot,
     verify,
     view,
     workspace,
 )
+from optiplan.cli.commands.bench import app as bench
 from optiplan.cli.commands.robots import app as robots
 from optiplan.cli.output import Exit, print_error, print_json, report_error, results
 from optiplan.errors import InputError, Issue, OptiPlanError
@@ -80,6 +81,7 @@ app.command("plan")(plan.plan)
 app.command("verify")(verify.verify)
 app.command("view")(view.view)
 app.command("export")(export.export)
+app.command("plot")(plot.plot)
 app.command("check")(check.check)
 app.command("workspace")(workspace.workspace)
 app.add_typer(robots.app, name="robots")

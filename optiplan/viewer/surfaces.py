@@ -51,10 +51,10 @@ def encode(geometry: coal.CollisionGeometry) -> dict[str, Any]:
     if isinstance(picture, dict):
         return picture
     if picture is not None:
-        return _hull(picture).encoded()
+        return convex_hull(picture).encoded()
     match geometry:
         case coal.ConvexBase():
-            return _hull(np.asarray(geometry.points(), dtype=float)).encoded()
+            return convex_hull(np.asarray(geometry.points(), dtype=float)).encoded()
         case coal.BVHModelBase():
             return bounded(bvh_surface(geometry)).encoded()
     geometry.computeLocalAABB()
@@ -105,7 +105,7 @@ def _merged(surface: Surface, cell: float) -> Surface:
     return Surface(sums / count, faces[(a != b) & (b != c) & (c != a)], surface.colour)
 
 
-def _hull(points: Array) -> Surface:
+def convex_hull(points: Array) -> Surface:
     """Triangles of the convex hull of points (k, 3), seen from outside counter-clockwise."""
     hull = ConvexHull(points)
     faces = hull.simplices.astype(np.int64)

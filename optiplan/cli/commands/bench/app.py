@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from optiplan.cli.commands import bench_report
+from optiplan.cli.commands.bench import report
 from optiplan.cli.output import messages, print_json, results, stdout_is_ours
 from optiplan.cli.printing.bench_progress import progress
 from optiplan.cli.progress import ProgressLine
@@ -162,9 +162,9 @@ def _workforce(workers: int | None, dask: str | None, pin: bool) -> tuple[Any, s
     return cluster, f"{cluster.slots} dask {dask}"
 
 
-app.command("report")(bench_report.report)
-app.command("show")(bench_report.show)
-app.command("compare")(bench_report.compare)
+app.command("report")(report.report)
+app.command("show")(report.show)
+app.command("compare")(report.compare)
 
 
 def _tell(store: Any, done: Any, as_json: bool) -> None:
