@@ -50,11 +50,15 @@ def run(
         str | None, typer.Option(metavar="tcp://…", help="address of a Dask scheduler whose workers make the runs")
     ] = None,
     pin: Annotated[bool, typer.Option("--pin", help="keep each worker on a core of its own")] = False,
+    add: Annotated[
+        bool, typer.Option("--add", help="add planners, problems or seeds to the results of another suite")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
 ) -> int:
     """Make every run of a suite that is not in the folder yet.
 
     The same command again goes on where the last one ended, whatever ended it.
+    With --add the folder may be of another suite: the runs of this one are added to it.
 
     [bold]Examples[/]
 
@@ -62,21 +66,23 @@ def run(
 
       optiplan bench mine.yaml --workers 4 --pin --out results/mine
 
+      optiplan bench more.yaml --add --out results/mine
+
       optiplan bench mine.yaml --dask tcp://10.0.0.1:8786
 
     Exit code: 0 every run is there, whatever came of it · 2 bad input, or results cannot be written · 130 interrupted.
     """
-    from optiplan.bench.execution.runner import open_results, other_versions, run_suite
+    from optiplan.bench.execution.runner import found_runs, open_results, other_versions, run_suite
     from optiplan.bench.suite.suite import load_suite
 
     pool, label = _workforce(workers, dask, pin)
     with stdout_is_ours(), ProgressLine() as line:
         chosen = load_suite(suite, _scratch(suite, out), line)
     folder = out or Path("runs", "bench", chosen.spec.name)
-    with open_results(chosen, folder) as store:
+    with open_results(chosen, folder, add) as store:
         for words in other_versions(store):
             messages().print(f"note: earlier runs were made with another version of {words}", style="yellow")
-        with _stopped_by_signals(pool), progress(chosen.size, len(store.done())) as watch:
+        with _stopped_by_signals(pool), progress(chosen.size, found_runs(chosen, store)) as watch:
             done = run_suite(chosen, store, pool, label, watch)
         _tell(store, done, as_json)
     if not done.complete:
@@ -119,6 +125,35 @@ def export(
         print_json({"written": [str(path) for path in written]})
     else:
         results().print("\n".join(map(str, written)), markup=False, soft_wrap=True)
+    return 0
+
+
+@app.command("merge")
+def merge(
+    folders: Annotated[list[Path], typer.Argument(metavar="DIR DIR…", help="folders of results")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="where all of them go, a folder without results")],
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+) -> int:
+    """Merge folders of results into one, which can be gone on with, added to and reported like any other.
+
+    They may differ in planners, problems, seeds and repetitions. Budget, limits, metrics, code, and the content of
+    problems and planners of one name must agree; results that do not are reported together by `bench report A B`.
+
+    [bold]Example[/]
+
+      optiplan bench merge results/monday results/tuesday --out results/both
+    """
+    from optiplan.bench.results.growth import merge as merged
+
+    if len(folders) < 2:
+        raise typer.BadParameter("one folder: expected two or more")
+    with merged(folders, out) as store:
+        counts = {name: store.query(f"SELECT count(*) FROM {name}")[0][0] for name in ("runs", "problems", "planners")}
+    if as_json:
+        print_json({"results": str(store.path), **counts, "exit_code": 0})
+    else:
+        words = f"{counts['runs']} runs of {counts['problems']} problems and {counts['planners']} planners in {out}"
+        results().print(words, markup=False, soft_wrap=True)
     return 0
 
 
