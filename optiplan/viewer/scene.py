@@ -216,14 +216,15 @@ def _add_objects(parts: _Parts, problem: Problem) -> None:
         parts.add("attached", held.name, frame.parentJoint, frame.placement * held.X_LO, (drawn, _HELD))
     for obstacle in problem.scene.obstacles:
         drawn = parts.geometry(obstacle.shape, partial(_encode_shape, obstacle.shape))
-        parts.add("obstacle", obstacle.name, 0, obstacle.X_WO, (drawn, _obstacle_colour(obstacle.shape)))
+        parts.add("obstacle", obstacle.name, 0, obstacle.X_WO, (drawn, obstacle_colour(obstacle.shape)))
 
 
 def _encode_shape(shape: Shape) -> dict[str, Any]:
     return encode(build_geometry(shape))
 
 
-def _obstacle_colour(shape: Shape) -> Colour:
+def obstacle_colour(shape: Shape) -> Colour:
+    """Colour of an obstacle: things are small, furniture is large."""
     if shape.endless:
         return _FURNITURE
     box = build_geometry(shape).aabb_local

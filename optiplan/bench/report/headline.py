@@ -5,7 +5,7 @@ import json
 import math
 
 from optiplan.bench.report.analysis import Analysis, PlannerNumbers
-from optiplan.bench.report.tables import number, percent
+from optiplan.bench.report.tables.cells import number, percent
 from optiplan.bench.results.database import Store
 
 BROKEN = ("timeout", "out-of-memory", "crashed", "bug", "bad-input")

@@ -3,7 +3,7 @@
 import math
 
 from optiplan.bench.report.analysis import Analysis, PlannerNumbers
-from optiplan.bench.report.tables import NOTHING, number, percent
+from optiplan.bench.report.tables.cells import NOTHING, number, percent
 from optiplan.bench.statistics.intervals_and_tests import Interval
 
 HEADS = (

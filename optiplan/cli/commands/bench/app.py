@@ -208,8 +208,8 @@ def _tell(store: Any, done: Any, as_json: bool) -> None:
     from optiplan.bench.report.page import write_page
     from optiplan.cli.printing.bench_summary import show_summary, summary_data
 
-    with stdout_is_ours():
-        page = write_page(store, analyse(store)) if done.complete else None
+    with stdout_is_ours(), ProgressLine() as line:
+        page = write_page(store, analyse(store), progress=line) if done.complete else None
     if as_json:
         print_json(summary_data(store, done) | {"report": page and str(page)})
         return
