@@ -111,8 +111,8 @@ def analyse(store: Store, seed: int = 0) -> Analysis:
     return analyse_results(load_results(store), seed)
 
 
-def analyse_results(results: Results, seed: int = 0) -> Analysis:
-    """Numbers of some runs; `seed` is that of the bootstrap."""
+def analyse_results(results: Results, seed: int = 0, compared: bool = True) -> Analysis:
+    """Numbers of some runs; `seed` is that of the bootstrap, `compared`: with every two planners compared."""
     runs = results.runs
     grid = runs.grid()
     common = grid.there.all(axis=1)
@@ -132,7 +132,7 @@ def analyse_results(results: Results, seed: int = 0) -> Analysis:
         int(common.sum()),
         times,
         durations,
-        pairs(runs, grid, seed),
+        pairs(runs, grid, seed) if compared else (),
         results.measures,
         tuple(_spreads(runs, measure, seed) for measure in results.measures),
         quality(runs, results.answers, seed),

@@ -122,8 +122,9 @@ def _views(store: Store, analysis: Analysis) -> str:
     if not 2 <= len(names) <= MOST_SETS:
         return text
     results = load_results(store)
-    parts_of = [_view(analyse_results(results.of_set(name)), name, f"set{k}-") for k, name in enumerate(names)]
-    return text + "".join(parts_of)
+    for k, name in enumerate(names):
+        text += _view(analyse_results(results.of_set(name), compared=False), name, f"set{k}-")
+    return text
 
 
 def _view(analysis: Analysis, set_name: str, prefix: str) -> str:

@@ -116,7 +116,7 @@ def test_many_failures_are_listed_in_part(results):
     with Store(results(runs)) as store:
         (reason,) = reasons(store)
         assert (reason.runs, len(reason.examples)) == (40, EXAMPLES)
-        assert "12 of 40 runs" in write_page(store, analyse(store)).read_text()
+        assert "12 of 40 runs" in write_page(store, analyse(store), pages=0).read_text()
 
 
 def test_headline(store):
@@ -170,7 +170,7 @@ class Reader(HTMLParser):
 
 
 def test_page_is_whole_and_asks_for_nothing(store):
-    page = write_page(store, analyse(store))
+    page = write_page(store, analyse(store), pages=1)
     text = page.read_text()
     reader = Reader()
     reader.feed(text)
@@ -180,12 +180,12 @@ def test_page_is_whole_and_asks_for_nothing(store):
     assert outside == []
     assert not re.search(r"@import|url\((?!#)", text)
     scenes = [page.parent / a.split("#")[0] for a in reader.addresses if a.startswith("report-scenes/")]
-    assert len(set(scenes)) == 2 + 4  # a failure of each reason, a page of each problem
+    assert len(set(scenes)) == 2 + 1  # a failure of each reason, a page of one problem
     assert all("meshcat" in scene.read_text() for scene in scenes)
 
 
 def test_names_are_escaped(store):
-    text = write_page(store, analyse(store)).read_text()
+    text = write_page(store, analyse(store), pages=0).read_text()
     assert "&lt;three&gt;" in text
     assert "<three>" not in text
     assert "made &lt;up&gt;" in text
@@ -196,11 +196,11 @@ def test_names_are_escaped(store):
 
 def test_results_without_runs_or_successes_have_a_page(results):
     with Store(results({("s/a", "one", 0): TIGHT})) as store:
-        page = write_page(store, analyse(store))
+        page = write_page(store, analyse(store), pages=0)
         assert "verified 0.0 %" in page.read_text()
         store._db.execute("DELETE FROM runs")
         analysis = analyse(store)
-        assert "No runs yet" in write_page(store, analysis).read_text()
+        assert "No runs yet" in write_page(store, analysis, pages=0).read_text()
         assert "| one" in markdown(analysis)
 
 
