@@ -19,7 +19,7 @@ Quickest, shortest: share of tasks on which no planner was better.
 
 
 def markdown(analysis: Analysis) -> str:
-    """Table and note; ends with a newline."""
+    """ReportTable and note; ends with a newline."""
     rows = [_row(one) for one in analysis.planners]
     lines = [list(HEADS), *rows]
     widths = [max(len(line[k]) for line in lines) for k in range(len(HEADS))]

@@ -16,7 +16,7 @@ from optiplan.bench.report.headline import Card, cards, facts, warnings
 from optiplan.bench.report.matrix import MOST_PROBLEMS, Address, ProblemRow, matrix_html, matrix_rows
 from optiplan.bench.report.scenes import PAGES, write_comparisons, write_scenes
 from optiplan.bench.report.settings import settings
-from optiplan.bench.report.tables.cells import Table, planner
+from optiplan.bench.report.tables.cells import ReportTable, planner
 from optiplan.bench.report.tables.formats import as_csv, as_latex
 from optiplan.bench.report.tables.measure_tables import measure_table, problem_table, quality_table
 from optiplan.bench.report.tables.pair_tables import pair_table, ratio_table
@@ -89,7 +89,7 @@ def render(store: Store, analysis: Analysis, shown: tuple[list[Reason], Sequence
     )
 
 
-def all_tables(analysis: Analysis) -> list[Table]:
+def all_tables(analysis: Analysis) -> list[ReportTable]:
     """Every table of the report, those of single problems too."""
     found = _tables(analysis) + [parts(analysis, some, what) for what, some in _subsets(analysis)]
     if analysis.pairs:
@@ -97,7 +97,7 @@ def all_tables(analysis: Analysis) -> list[Table]:
     return found + [problem_table(analysis, k) for k in range(len(analysis.runs.problems))]
 
 
-def framed(table: Table) -> str:
+def framed(table: ReportTable) -> str:
     """A table with its files behind it."""
     links = " ".join(
         f'<a download="{html.escape(table.name)}.{suffix}" href="data:{kind};charset=utf-8,{quote(text)}">{words}</a>'
@@ -109,7 +109,7 @@ def framed(table: Table) -> str:
     return f"{table.html()}<p class=files>{html.escape(table.caption)}: {links}</p>"
 
 
-def _tables(analysis: Analysis) -> list[Table]:
+def _tables(analysis: Analysis) -> list[ReportTable]:
     """Tables with a row a planner."""
     costs = [percentiles(analysis, field) for field in ("plan_time", "ratio")]
     return [ladder(analysis), quality_table(analysis), measure_table(analysis), *costs]

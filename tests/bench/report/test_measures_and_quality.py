@@ -10,7 +10,7 @@ import pytest
 from optiplan.bench.report.analysis import analyse, analyse_results
 from optiplan.bench.report.page import all_tables, write_page
 from optiplan.bench.report.quality import best_known
-from optiplan.bench.report.tables.cells import Cell, Head, Table
+from optiplan.bench.report.tables.cells import Cell, Head, ReportTable
 from optiplan.bench.report.tables.formats import as_csv, as_latex, escaped, write_tables
 from optiplan.bench.report.tables.measure_tables import digits, measure_table, problem_table, quality_table
 from optiplan.bench.results.database import Store
@@ -120,7 +120,7 @@ def test_csv_has_full_precision_and_intervals(store):
 
 def test_latex_can_be_set(tmp_path):
     cells = [Cell("<b>a_b</b> &amp; 50 %", "a"), Cell("1.5 <small>[1, 2]</small>", 1.5, interval=(1.0, 2.0))]
-    table = Table("some", "What: 100 % of #1", [Head("na{me", words=True), Head("duration, s")], [cells])
+    table = ReportTable("some", "What: 100 % of #1", [Head("na{me", words=True), Head("duration, s")], [cells])
     text = as_latex(table)
     assert r"\begin{tabular}{lr}" in text
     assert r"a\_b \& 50 \% & 1.5 [1, 2] \\" in text

@@ -45,7 +45,7 @@ class Head(NamedTuple):
     planner: int | None = None
 
 
-class Table(NamedTuple):
+class ReportTable(NamedTuple):
     """A table: name of its files, what it shows in a sentence, headings, rows."""
 
     name: str

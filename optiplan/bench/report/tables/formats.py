@@ -5,7 +5,7 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from optiplan.bench.report.tables.cells import Table
+from optiplan.bench.report.tables.cells import ReportTable
 from optiplan.files import write_text
 
 SPECIAL = {
@@ -30,7 +30,7 @@ SPECIAL = {
 """What LaTeX has a meaning of its own for, or no letter, and how to write it."""
 
 
-def as_csv(table: Table) -> str:
+def as_csv(table: ReportTable) -> str:
     """Values as they are sorted by, with two columns more, `low` and `high`, where a column has intervals."""
     has = [any(row[k].interval for row in table.rows) for k in range(len(table.heads))]
     text = io.StringIO()
@@ -48,7 +48,7 @@ def as_csv(table: Table) -> str:
     return text.getvalue()
 
 
-def as_latex(table: Table) -> str:
+def as_latex(table: ReportTable) -> str:
     r"""A `table` with its caption, for `\usepackage{booktabs}`; what is words is on the left, numbers on the right."""
     columns = "".join("l" if head.words else "r" for head in table.heads)
     lines = [_line([head.text for head in table.heads]), r"\midrule"]
@@ -66,7 +66,7 @@ def escaped(text: str) -> str:
     return "".join(SPECIAL.get(letter, letter) for letter in text)
 
 
-def write_tables(tables: Sequence[Table], folder: Path) -> list[Path]:
+def write_tables(tables: Sequence[ReportTable], folder: Path) -> list[Path]:
     """Write every table as `<name>.csv` and `<name>.tex`."""
     written = []
     for table in tables:

@@ -8,7 +8,7 @@ import numpy as np
 
 from optiplan.bench.report.analysis import Analysis, Spread
 from optiplan.bench.report.quality import TIMES
-from optiplan.bench.report.tables.cells import FEW, NOTHING, Cell, Head, Table, percent, planner
+from optiplan.bench.report.tables.cells import FEW, NOTHING, Cell, Head, ReportTable, percent, planner
 from optiplan.bench.results.measures import Measure
 from optiplan.bench.statistics.intervals_and_tests import Interval
 
@@ -16,7 +16,7 @@ BOX = (90.0, 12.0)
 """Width and height of a small box plot, px."""
 
 
-def measure_table(analysis: Analysis) -> Table:
+def measure_table(analysis: Analysis) -> ReportTable:
     """Median of every measure over verified runs, with its interval and a small box plot on one axis a column."""
     heads = [Head("planner", words=True), Head("verified runs")]
     heads += [Head(one.title, f"{one.label}: median of verified runs, 95 % confidence") for one in analysis.measures]
@@ -25,10 +25,10 @@ def measure_table(analysis: Analysis) -> Table:
     for k, one in enumerate(analysis.planners):
         cells = [_spread(spreads[k], ends) for spreads, ends in zip(analysis.spreads, ranges, strict=True)]
         rows.append([planner(k, one.label), Cell(str(one.verified), one.verified), *cells])
-    return Table("measures", "Every stored measure: median of verified runs", heads, rows)
+    return ReportTable("measures", "Every stored measure: median of verified runs", heads, rows)
 
 
-def quality_table(analysis: Analysis) -> Table:
+def quality_table(analysis: Analysis) -> ReportTable:
     """Duration / best known of the best verified answer at 0.1, 1, 10 s and in the end, and who has one by then."""
     heads = [Head("planner", words=True)]
     tip = "median over all runs of duration / best known; without an answer yet: infinite. Below: runs with an answer"
@@ -41,10 +41,10 @@ def quality_table(analysis: Analysis) -> Table:
     for k, one in enumerate(analysis.quality.planners):
         cells = [_quality(ratio, share) for ratio, share in zip(one.ratio, one.answered, strict=True)]
         rows.append([planner(k, one.label), *cells])
-    return Table("quality", "Duration / best known of the best verified answer by a time", heads, rows)
+    return ReportTable("quality", "Duration / best known of the best verified answer by a time", heads, rows)
 
 
-def problem_table(analysis: Analysis, number: int) -> Table:
+def problem_table(analysis: Analysis, number: int) -> ReportTable:
     """One problem (by its index): of every planner how many runs are verified, and the median of every measure."""
     runs, name = analysis.runs, analysis.runs.problems[number]
     mine = runs.problem == number
@@ -58,7 +58,7 @@ def problem_table(analysis: Analysis, number: int) -> Table:
         share = float(good.sum() / tried.sum()) if tried.any() else math.nan
         cells = [_single(one, good) for one in shown]
         rows.append([planner(k, label), Cell(f"{good.sum()} of {tried.sum()}", share), *cells])
-    return Table(f"problem-{name.replace('/', '-')}", f"Problem {name}", heads, rows)
+    return ReportTable(f"problem-{name.replace('/', '-')}", f"Problem {name}", heads, rows)
 
 
 def digits(value: float) -> str:

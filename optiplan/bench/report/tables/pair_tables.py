@@ -4,11 +4,11 @@ import math
 
 from optiplan.bench.report.analysis import Analysis
 from optiplan.bench.report.pairs import TIE, Paired, PlannerPair
-from optiplan.bench.report.tables.cells import NOTHING, Cell, Head, Table, number, planner, probability, within
+from optiplan.bench.report.tables.cells import NOTHING, Cell, Head, ReportTable, number, planner, probability, within
 from optiplan.bench.statistics.intervals_and_tests import holm
 
 
-def pair_table(analysis: Analysis) -> Table:
+def pair_table(analysis: Analysis) -> ReportTable:
     """Every two planners on what both solve."""
     heads = [
         Head("first", words=True),
@@ -30,7 +30,7 @@ def pair_table(analysis: Analysis) -> Table:
     fields = [(what, test) for what in ("plan_time", "duration") for test in ("sign", "rank")]
     corrected = [holm([getattr(getattr(pair, what), test) for pair in analysis.pairs]) for what, test in fields]
     rows = zip(analysis.pairs, zip(*corrected, strict=True), strict=True)
-    return Table("pairs", "Every two planners on what both solve", heads, [_pair(numbers, *row) for row in rows])
+    return ReportTable("pairs", "Every two planners on what both solve", heads, [_pair(numbers, *row) for row in rows])
 
 
 def _pair(numbers: dict[str, int], pair: PlannerPair, corrected: tuple[float, ...]) -> list[Cell]:
@@ -50,7 +50,7 @@ def _paired(one: Paired, corrected: tuple[float, ...]) -> list[Cell]:
     return [within(one.ratio), score, *chances]
 
 
-def ratio_table(analysis: Analysis, field: str) -> Table:
+def ratio_table(analysis: Analysis, field: str) -> ReportTable:
     """Median ratios row / column on commonly solved problems: `plan_time` or `duration`."""
     labels = analysis.runs.planners
     found = {(pair.first, pair.second): (getattr(pair, field), pair.problems) for pair in analysis.pairs}
@@ -69,7 +69,7 @@ def ratio_table(analysis: Analysis, field: str) -> Table:
             cells.append(_ratio_cell(value, corrected[pair], problems))
         rows.append(cells)
     what = {"plan_time": "planning time", "duration": "duration of the motion"}[field]
-    return Table(f"pairs-{field}", f"Median ratio of {what}, row / column, on what both solve", heads, rows)
+    return ReportTable(f"pairs-{field}", f"Median ratio of {what}, row / column, on what both solve", heads, rows)
 
 
 def _ratio_cell(value: float, p: float, problems: int) -> Cell:

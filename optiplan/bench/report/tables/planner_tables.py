@@ -9,7 +9,7 @@ from optiplan.bench.report.tables.cells import (
     NOTHING,
     Cell,
     Head,
-    Table,
+    ReportTable,
     number,
     percent,
     planner,
@@ -20,7 +20,7 @@ from optiplan.bench.report.tables.cells import (
 from optiplan.bench.statistics.intervals_and_tests import Interval
 
 
-def ladder(analysis: Analysis) -> Table:
+def ladder(analysis: Analysis) -> ReportTable:
     """Return the main table: stages reached by runs, and costs of the verified ones."""
     heads = [Head("planner", words=True), Head("success", "share of all runs that are verified"), Head("runs")]
     heads += [
@@ -44,10 +44,10 @@ def ladder(analysis: Analysis) -> Table:
         medians = [within(spread.median) for spread in (one.plan_time, one.plan_cpu, one.ratio)]
         shares = [Cell(percent(value), value) for value in (one.quickest, one.shortest)]
         rows.append([planner(k, one.label), success(one.success), runs, *stages, tried, *medians, *shares])
-    return Table("planners", "How far runs get, and what the verified ones cost", heads, rows)
+    return ReportTable("planners", "How far runs get, and what the verified ones cost", heads, rows)
 
 
-def percentiles(analysis: Analysis, field: str) -> Table:
+def percentiles(analysis: Analysis, field: str) -> ReportTable:
     """Percentiles of one quantity of verified runs: `plan_time` (s) or `ratio`."""
     heads = [Head("planner", words=True), Head("verified runs", "with such a number"), Head("median, 95 % confidence")]
     heads += [Head(f"{p} %", f"{p} % of the verified runs have at most this") for p in PERCENTILES]
@@ -61,17 +61,17 @@ def percentiles(analysis: Analysis, field: str) -> Table:
             row.append(Cell(number(value), value, "few" if tip else "", tip))
         rows.append(row)
     what = {"plan_time": "Planning time of verified runs, s", "ratio": "Duration / bound of verified runs"}[field]
-    return Table(f"percentiles-{field}", what, heads, rows)
+    return ReportTable(f"percentiles-{field}", what, heads, rows)
 
 
-def parts(analysis: Analysis, found: Sequence[SubsetSummary], what: str) -> Table:
+def parts(analysis: Analysis, found: Sequence[SubsetSummary], what: str) -> ReportTable:
     """Success, median planning time and ratio of every planner on parts of the problems, side by side."""
     heads = [Head("planner", words=True)]
     heads += [Head(f"{part.name} ({part.problems})", f"{part.name}: {part.problems} problems") for part in found]
     rows = []
     for k, label in enumerate(analysis.runs.planners):
         rows.append([planner(k, label), *(_part(part, k) for part in found)])
-    return Table(f"by-{what}", f"Success, median planning time and duration / bound by {what}", heads, rows)
+    return ReportTable(f"by-{what}", f"Success, median planning time and duration / bound by {what}", heads, rows)
 
 
 def _part(part: SubsetSummary, k: int) -> Cell:
