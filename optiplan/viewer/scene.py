@@ -142,6 +142,14 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
     )
 
 
+def robot_parts(robot: Robot) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Geometries and parts of a robot alone, as in `SceneData`."""
+    parts = _Parts()
+    bare = not robot.visual.geometryObjects and not robot.geometry.geometryObjects
+    (_add_frames if bare else _add_robot)(parts, robot)
+    return parts.geometries, parts.parts
+
+
 def _reached(runs: Sequence[ViewedRun]) -> list[Array]:
     """Ends of the verified runs."""
     verified = [run.trajectory for run in runs if run.report is not None and run.report.get("verified") is True]

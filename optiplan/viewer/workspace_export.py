@@ -1,30 +1,18 @@
 """Workspaces as files: points for other programs (NPZ, PLY), a page to turn them in, and a section as a picture."""
 
-import html
-import json
 import re
 from collections.abc import Callable, Sequence
-from importlib import resources
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.files import replacing
-from optiplan.viewer.surfaces import packed
+from optiplan.viewer.workspace_page import render_workspaces
+from optiplan.viewer.workspace_values import LABELS, caption, mapped_values
 from optiplan.workspace.sampling import Workspace
 from optiplan.workspace.voxels import DIRECTIONS
-
-LABELS = {
-    "yoshikawa": "manipulability (reach = 1), mean",
-    "yoshikawa_max": "manipulability (reach = 1), best",
-    "asada": "inverse condition number (reach = 1), mean",
-    "directions": f"tool directions reached, of {DIRECTIONS}",
-    "error_worst": "tool error bound, mm, largest",
-    "error_rms": "tool error, rms, mm, mean",
-}
 
 
 def save_workspaces(found: Sequence[Workspace], folder: Path) -> list[Path]:
@@ -45,50 +33,6 @@ def _stems(found: Sequence[Workspace]) -> list[str]:
     """A file name for each robot, numbered where two have the same name."""
     names = [re.sub(r"[^\w.-]", "_", one.robot.name) for one in found]
     return [name if names.count(name) == 1 else f"{name}-{names[: k + 1].count(name)}" for k, name in enumerate(names)]
-
-
-def mapped_values(one: Workspace) -> dict[str, Array]:
-    """Values of every voxel by the keys of `LABELS`, (V,); -1 where nothing was reached. Errors in mm."""
-    voxels = one.voxels
-    values = {"yoshikawa": voxels.means["yoshikawa"], "yoshikawa_max": voxels.maxima["yoshikawa"]}
-    values |= {"asada": voxels.means["asada"], "directions": voxels.directions.astype(np.float64)}
-    if "error_worst" in voxels.means:
-        values |= {"error_worst": 1e3 * voxels.maxima["error_worst"], "error_rms": 1e3 * voxels.means["error_rms"]}
-    return {name: np.where(voxels.counts > 0, value, -1.0) for name, value in values.items()}
-
-
-def render_workspaces(found: Sequence[Workspace]) -> str:
-    """One page that shows all robots side by side, every reach sphere as large; nothing is loaded from elsewhere."""
-    own = resources.files("optiplan.viewer")
-    names = ", ".join(one.robot.name for one in found)
-    data = {
-        "labels": LABELS,
-        "robots": [_panel(one) for one in found],
-    }
-    return Template((own / "workspace.html").read_text("utf-8")).substitute(
-        title=html.escape(f"Workspace of {names}"),
-        data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
-        script=(own / "workspace.js").read_text("utf-8"),
-    )
-
-
-def caption(one: Workspace) -> str:
-    """Return the result in a line."""
-    c = one.voxels.coverage
-    return (
-        f"{one.robot.name}: reach {one.reach.largest:.3f} m, sphere covered {c.whole:.1%}, "
-        f"upper half {c.upper:.1%}, lower half {c.lower:.1%}"
-    )
-
-
-def _panel(one: Workspace) -> dict[str, Any]:
-    return {
-        "caption": caption(one),
-        "radius": one.reach.largest,
-        "edge": one.voxels.edge,
-        "points": packed(one.voxels.centres - one.reach.shoulder),
-        "values": {name: packed(value) for name, value in mapped_values(one).items()},
-    }
 
 
 def _npz(one: Workspace) -> Callable[[Path], object]:
