@@ -22,7 +22,7 @@ from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.page import write_page
 from optiplan.bench.suite.suite import load_suite
 from optiplan.robot.robot import load_robot
-from optiplan.viewer.workspace_page import render_workspaces
+from optiplan.viewer.workspaces.page import render_workspaces
 from optiplan.workspace.sampling import WorkspaceOptions, study_workspace
 
 HERE = Path(__file__).parent.resolve()
@@ -80,7 +80,8 @@ def main() -> None:
         page.wait_for_selector("html[data-ready='1']")
         page.evaluate(
             """(at) => {
-              const robot = OptiPlanWorkspace.robots[0], { points, rows } = robot, far = (k) => Math.hypot(...at.map((x, i) => x - points[3 * k + i]));
+              const robot = OptiPlanWorkspace.robots[0], { points, rows } = robot;
+              const far = (k) => Math.hypot(...at.map((x, i) => x - points[3 * k + i]));
               const reached = [...rows.keys()].filter((k) => rows[k] >= 0);
               OptiPlanWorkspace.select([robot, reached.reduce((best, k) => (far(k) < far(best) ? k : best))]);
             }""",

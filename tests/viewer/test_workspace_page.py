@@ -11,7 +11,7 @@ import pytest
 
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.robot.robot import load_robot
-from optiplan.viewer.workspace_page import best_samples, render_workspaces
+from optiplan.viewer.workspaces.page import best_samples, render_workspaces
 from optiplan.workspace.sampling import WorkspaceOptions, study_workspace
 from tests.axe import serious
 

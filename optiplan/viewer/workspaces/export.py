@@ -9,8 +9,8 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.files import replacing
-from optiplan.viewer.workspace_page import render_workspaces
-from optiplan.viewer.workspace_values import LABELS, caption, mapped_values
+from optiplan.viewer.workspaces.page import render_workspaces
+from optiplan.viewer.workspaces.values import LABELS, caption, mapped_values
 from optiplan.workspace.sampling import Workspace
 from optiplan.workspace.voxels import DIRECTIONS
 

@@ -16,7 +16,7 @@ from optiplan.viewer.assets import asset, scripts, styles
 from optiplan.viewer.page import meshcat_licences, meshcat_script
 from optiplan.viewer.scene import robot_parts
 from optiplan.viewer.surfaces import packed
-from optiplan.viewer.workspace_values import LABELS, caption, mapped_values
+from optiplan.viewer.workspaces.values import LABELS, caption, mapped_values
 from optiplan.workspace.reach import sampling_range
 from optiplan.workspace.sampling import Workspace
 
