@@ -14,7 +14,7 @@ from optiplan.bench.report.pairs import PlannerPair, pairs
 from optiplan.bench.report.quality import Quality, quality
 from optiplan.bench.results.arrays import Indices, Runs
 from optiplan.bench.results.database import Store
-from optiplan.bench.results.measures import Measure, Results, load_results
+from optiplan.bench.results.measures import Results, RunMeasure, load_results
 from optiplan.bench.statistics.intervals_and_tests import Interval, median_interval, performance_ratios, share_intervals
 
 PERCENTILES = (50, 75, 95, 99)
@@ -101,7 +101,7 @@ class Analysis(NamedTuple):
     time_ratios: Array
     duration_ratios: Array
     pairs: tuple[PlannerPair, ...]
-    measures: tuple[Measure, ...]
+    measures: tuple[RunMeasure, ...]
     spreads: tuple[tuple[Spread, ...], ...]
     quality: Quality
 
@@ -139,7 +139,7 @@ def analyse_results(results: Results, seed: int = 0, compared: bool = True) -> A
     )
 
 
-def _spreads(runs: Runs, measure: Measure, seed: int) -> tuple[Spread, ...]:
+def _spreads(runs: Runs, measure: RunMeasure, seed: int) -> tuple[Spread, ...]:
     """Distribution of a measure over the verified runs of each planner."""
     masks = [(runs.planner == k) & runs.verified for k in range(len(runs.planners))]
     return tuple(_spread(measure.values[mask], runs.problem[mask], seed) for mask in masks)

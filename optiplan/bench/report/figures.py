@@ -17,7 +17,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.bench.report.analysis import Analysis
 from optiplan.bench.results.arrays import Runs
-from optiplan.bench.results.measures import Measure
+from optiplan.bench.results.measures import RunMeasure
 from optiplan.bench.statistics.intervals_and_tests import share_within
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#868686")
@@ -206,7 +206,7 @@ def _quality(analysis: Analysis, ax: Any) -> None:
     _legend(ax)
 
 
-def _measure(measure: Measure, analysis: Analysis, ax: Any) -> None:
+def _measure(measure: RunMeasure, analysis: Analysis, ax: Any) -> None:
     _boxes(analysis, ax, lambda _: measure.values)
     values = measure.values[analysis.runs.verified]
     values = values[np.isfinite(values)]

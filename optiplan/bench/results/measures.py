@@ -42,7 +42,7 @@ LOOKED_AT = 2000
 
 
 @dataclass(frozen=True)
-class Measure:
+class RunMeasure:
     """One number of all runs: key, label, unit, and values (n,), nan where there is none."""
 
     name: str
@@ -76,7 +76,7 @@ class Results:
     """Everything that a report is made of: runs, their measures, their answers on the way."""
 
     runs: Runs
-    measures: tuple[Measure, ...]
+    measures: tuple[RunMeasure, ...]
     answers: Answers
 
     def of_set(self, name: str) -> "Results":
@@ -100,7 +100,7 @@ def load_results(store: Store) -> Results:
     for k, (name, label, unit, factor) in enumerate(known):
         values = factor * np.array([_number(row[k]) for row in rows], dtype=np.float64)
         if np.isfinite(values).any():
-            measures.append(Measure(name, label, unit, values))
+            measures.append(RunMeasure(name, label, unit, values))
     return Results(load_runs(store), tuple(measures), _answers(rows))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from optiplan.bench.report.analysis import Analysis, Spread
 from optiplan.bench.report.quality import TIMES
 from optiplan.bench.report.tables.cells import FEW, NOTHING, Cell, Head, ReportTable, percent, planner
-from optiplan.bench.results.measures import Measure
+from optiplan.bench.results.measures import RunMeasure
 from optiplan.bench.statistics.intervals_and_tests import Interval
 
 BOX = (90.0, 12.0)
@@ -118,7 +118,7 @@ def _quality(ratio: Interval, share: float) -> Cell:
     return Cell(f"{digits(ratio.value)}{more}{words}", ratio.value, interval=(ratio.low, ratio.high) if known else None)
 
 
-def _single(measure: Measure, good: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Cell:
+def _single(measure: RunMeasure, good: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Cell:
     values = measure.values[good]
     values = values[np.isfinite(values)]
     if not len(values):
