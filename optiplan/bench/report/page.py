@@ -31,6 +31,9 @@ FILE = "report.html"
 MOST_SETS = 12
 """Sets that have views of their own."""
 
+OF_SETS = ("success-over-time", "quality-over-time", "duration-ratio")
+"""Figures that a set has of its own."""
+
 Link = Callable[[Failed], str | None]
 """Where a failure can be looked at; None where only a command shows it."""
 
@@ -161,7 +164,7 @@ def _figures(analysis: Analysis, prefix: str = "", measure: bool = False) -> str
         f'<figure id="{prefix}figure-{figure.name}"><h3>{html.escape(figure.title)}</h3>'
         f"{inline_svg(figure, analysis, prefix)}<figcaption>{html.escape(figure.caption)}</figcaption></figure>"
         for figure in (measure_figures(analysis) if measure else figures(analysis))
-        if not (prefix and figure.name.startswith("profile"))
+        if not prefix or figure.name in OF_SETS
     )
 
 
