@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from optiplan.api.listings import planners, robots
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.planning import plan, retime, verify
+    from optiplan.api.plotting import plot
     from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
     from optiplan.control.controller import Controller
@@ -64,6 +65,7 @@ _ROOMS = {
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.planning": ("plan", "retime", "verify"),
     "api.simulating": ("execute", "simulate"),
+    "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),
     "control.controller": ("Controller",),
     "control.limits.clearance": ("ClearanceLimit",),
@@ -171,6 +173,7 @@ __all__ = [
     "load_run",
     "plan",
     "planners",
+    "plot",
     "retime",
     "robots",
     "simulate",

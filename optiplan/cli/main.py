@@ -15,7 +15,6 @@ import typer
 
 import optiplan
 from optiplan.cli.commands import (
-    bench,
     check,
     control,
     export,
@@ -24,10 +23,12 @@ from optiplan.cli.commands import (
     kinematics,
     plan,
     planners,
+    plot,
     verify,
     view,
     workspace,
 )
+from optiplan.cli.commands.bench import app as bench
 from optiplan.cli.commands.robots import app as robots
 from optiplan.cli.output import Exit, print_error, print_json, report_error, results
 from optiplan.errors import InputError, Issue, OptiPlanError
@@ -81,6 +82,7 @@ app.command("plan")(plan.plan)
 app.command("verify")(verify.verify)
 app.command("view")(view.view)
 app.command("export")(export.export)
+app.command("plot")(plot.plot)
 app.command("check")(check.check)
 app.command("control")(control.control)
 app.command("workspace")(workspace.workspace)

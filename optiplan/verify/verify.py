@@ -40,7 +40,7 @@ def verify(
     found = [limit_checks.form(trajectory)]
     if found[0].passed:
         found.append(limit_checks.joints(problem, trajectory))
-    robot = _robot(problem, policy)
+    robot = checked_robot(problem, policy)
     report = Report(
         policy,
         tuple(found),
@@ -60,7 +60,7 @@ def verify(
     return replace(report, checks=tuple(found), scope=scope(problem, robot, found))
 
 
-def _robot(problem: Problem, policy: VerifyPolicy) -> Robot:
+def checked_robot(problem: Problem, policy: VerifyPolicy) -> Robot:
     """Return the robot with all pairs checked that are not proved for this problem.
 
     A proof is about the robot's own limits of position and a little beyond, and proved pairs may be nearer than a
@@ -91,7 +91,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
 
     `worst` is the clearance proved; where none is proved, the smallest distance met.
     """
-    model = CollisionModel(_robot(problem, policy), problem.scene)
+    model = CollisionModel(checked_robot(problem, policy), problem.scene)
     proof = certify(model, trajectory, policy)
     near = proof.nearest
     witness: dict[str, Any] = {

@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from optiplan.bench.report.tables import NOTHING, Cell, Head, table
+from optiplan.bench.report.tables.cells import NOTHING, Cell, Head, ReportTable
 from optiplan.bench.results.database import Store
 
 MEANING = """
@@ -56,10 +56,11 @@ def _words(value: Any) -> str:
 
 
 def _planners(store: Store) -> str:
-    rows = store.query("SELECT label, name, options FROM planners ORDER BY position")
-    cells = [(row["label"], row["name"], _words(json.loads(row["options"]))) for row in rows]
+    found = store.query("SELECT label, name, options FROM planners ORDER BY position")
+    cells = [(row["label"], row["name"], _words(json.loads(row["options"]))) for row in found]
     heads = [Head(text, words=True) for text in ("planner", "name", "options")]
-    return table(heads, [[Cell(html.escape(text), text) for text in row] for row in cells])
+    rows = [[Cell(html.escape(text), text) for text in row] for row in cells]
+    return ReportTable("options", "Planners and their options", heads, rows).html()
 
 
 def _sessions(store: Store) -> str:
@@ -80,7 +81,7 @@ def _sessions(store: Store) -> str:
             Cell("–" if value is None else f"{value:g}" if value < 1e5 else f"{value:.0f}", value) for value in numbers
         ]
         rows.append([*(Cell(html.escape(text), text) for text in words), *cells])
-    return table(heads, rows)
+    return ReportTable("sessions", "Sessions in which runs were made", heads, rows).html()
 
 
 def _versions(store: Store) -> str:

@@ -40,9 +40,10 @@ class Touch:
     q: Array
     contact: Contact
 
-    def witness(self) -> dict[str, Any]:
-        """Return the contact as a JSON-ready `Failure.witness`."""
-        return {"t": self.t, **contact_witness(self.q, self.contact)}
+    def witness(self, motion: Trajectory | None = None) -> dict[str, Any]:
+        """Return the contact as a JSON-ready `Failure.witness`, with the `motion` that touches if it is given."""
+        moving = {} if motion is None else {"motion": motion.to_dict()}
+        return {"t": self.t, **contact_witness(self.q, self.contact), **moving}
 
 
 def first_contact(
