@@ -50,7 +50,7 @@ def _demand(robot: Robot, limit: Array, trajectory: Trajectory, t: Array) -> Arr
 
 
 def _torques(model: pin.Model, Q: Array, V: Array, A: Array) -> tuple[Array, Array]:
-    """Torques of states (k, n), and those that hold the robot there, (k, n) each; in the native core if there is one."""
+    """Torques of states (k, n), and those that hold the robot there, each (k, n); in the native core where built."""
     if core is not None:
         tree = native_tree(model)
         Q, V, A = (np.ascontiguousarray(part) for part in (Q, V, A))
