@@ -19,6 +19,7 @@ ROOMS = (
     {"viewer"},
     {"api"},
     {"bench"},
+    {"service"},
     {"cli"},
 )
 LEVELS = {name: level for level, names in enumerate(ROOMS, 1) for name in names}

@@ -23,6 +23,7 @@ from optiplan.cli.commands import (
     kinematics,
     plan,
     planners,
+    serve,
     verify,
     view,
     workspace,
@@ -88,6 +89,8 @@ app.command("kinematics")(kinematics.kinematics)
 app.command("planners")(planners.planners)
 app.add_typer(import_problems.app, name="import")
 app.add_typer(bench.app, name="bench")
+app.command("serve")(serve.serve)
+app.command("worker")(serve.worker)
 
 
 def main() -> None:

@@ -72,7 +72,7 @@ class WorkerSlot:
                 row = Row(**message["row"])
                 if message["spoilt"] or len(worker.processes()) > 1:  # it must not disturb the next run
                     self.close()
-                return Outcome(replace(row, output=worker.output(), memory=peak), message.get("trajectory")), None
+                return Outcome(replace(row, output=worker.output(), memory=peak), message.get("content")), None
             if message is not None:
                 phase, deadline = message["phase"], time.perf_counter() + task.wall
             death = self._death(worker, task, (phase, deadline, peak))

@@ -102,12 +102,17 @@ class WorkerProcess:
             if self._connection in ready:
                 message: dict[str, Any] = json.loads(self._connection.recv_bytes())
                 if message.get("blob"):
-                    message["trajectory"] = self._connection.recv_bytes()
+                    message["content"] = self._connection.recv_bytes()
                 return message
         except (EOFError, OSError):
             self.gone = True
         self.gone = self.gone or self._process.poll() is not None
         return None
+
+    def exit_seen(self) -> bool:
+        """Return whether the process has ended, perhaps while nobody waited for a message."""
+        self.gone = self.gone or self._process.poll() is not None
+        return self.gone
 
     def autopsy(self) -> Death:
         """Return how a dead process ended."""
