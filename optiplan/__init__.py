@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from optiplan.problem.statement import Pose, ViaPoint
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
+    from optiplan.service.client import Client
     from optiplan.trajectory.sample_file import Samples
     from optiplan.trajectory.trajectory import Trajectory
     from optiplan.verify.report import Check, Report
@@ -67,6 +68,7 @@ _ROOMS = {
     "problem.statement": ("Pose", "ViaPoint"),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
+    "service.client": ("Client",),
     "trajectory.sample_file": ("Samples",),
     "trajectory.trajectory": ("Trajectory",),
     "verify.report": ("Check", "Report"),
@@ -79,6 +81,7 @@ __all__ = [
     "Budget",
     "Capsule",
     "Check",
+    "Client",
     "Cylinder",
     "Failure",
     "HalfSpace",
