@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Annotated, Any
 
 from fastapi import Depends, Path, Request
-from fastapi.responses import Response
+from fastapi.responses import JSONResponse
 
 from optiplan.service.models import ErrorAnswer, RunAnswer
 from optiplan.service.planner_service import PlannerService
@@ -34,6 +34,11 @@ def errors(*statuses: int) -> Responses:
     return {status: {"model": ErrorAnswer, "description": ERRORS[status]} for status in (*statuses, 400, 401, 403, 429)}
 
 
+def files(*kinds: str) -> Responses:
+    """The answer of a route that gives a file of one of these media types."""
+    return {200: {"description": "The file", "content": {kind: {} for kind in kinds}}}
+
+
 def service(request: Request) -> PlannerService:
     """The service behind the application."""
     found: PlannerService = request.app.state.service
@@ -45,10 +50,8 @@ RunPath = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="Id of a run
 HashPath = Annotated[str, Path(pattern="^[0-9a-f]{64}$", description="Hash of a stored problem")]
 
 
-class Json(Response):
+class Json(JSONResponse):
     """JSON in ASCII: whatever characters somebody sent, the answer can be sent."""
-
-    media_type = "application/json"
 
     def render(self, content: Any) -> bytes:
         """The bytes."""

@@ -12,7 +12,7 @@ from optiplan.runs.export import FORMATS
 from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.models import PlanAnswer, RunAnswer, RunList, Submission
 from optiplan.service.refusals import Refusal, not_found
-from optiplan.service.routes.answers import Json, RunPath, Service, errors, run_answer, run_answers
+from optiplan.service.routes.answers import Json, RunPath, Service, errors, files, run_answer, run_answers
 from optiplan.service.store.run_table import ENDED
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -74,7 +74,7 @@ async def record(run: RunPath, service: Service) -> Response:
     return await _file(service, run, RUN)
 
 
-@router.get("/runs/{run}/run.zip", responses=errors(404, 422))
+@router.get("/runs/{run}/run.zip", response_class=Response, responses=files("application/zip") | errors(404, 422))
 async def folder(run: RunPath, service: Service) -> Response:
     """The run folder, as `optiplan verify` and `optiplan view` read it."""
     found, packed = await service.run(run), io.BytesIO()
@@ -84,7 +84,7 @@ async def folder(run: RunPath, service: Service) -> Response:
     return Response(packed.getvalue(), media_type="application/zip")
 
 
-@router.get("/runs/{run}/export.{format}", responses=errors(404, 422))
+@router.get("/runs/{run}/export.{format}", response_class=Response, responses=files(*MEDIA.values()) | errors(404, 422))
 async def exported(
     run: RunPath,
     format: str,
