@@ -3,14 +3,19 @@
 import asyncio
 import hashlib
 import json
+import logging
 import re
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from sqlalchemy.exc import SQLAlchemyError
+
 import optiplan
+from optiplan.errors import OptiPlanError
 from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.execution.run_solver import GRACE, LEAD, RunSolver
@@ -26,6 +31,8 @@ from optiplan.service.store.tables import open_database, store_name
 
 Result = TypeVar("Result")
 
+_log = logging.getLogger("optiplan.service")
+
 REMEMBERED = 2000
 """Checks of problems that are remembered."""
 WAITING = 8
@@ -34,6 +41,15 @@ LOOKING = 400
 """Problems that may wait to be read."""
 WRITERS, READERS = 4, 8
 """Threads that write to the database, and that read from it."""
+
+
+@dataclass(frozen=True)
+class WaitedRun:
+    """A run that a caller waited for, its trajectory.json, and what keeps it, to be awaited after the answer."""
+
+    record: Record
+    motion: bytes | None
+    keep: Callable[[], Any] | None = None
 
 
 class PlannerService:
@@ -132,8 +148,8 @@ class PlannerService:
             self.queue.enqueue(new.id)
         return record
 
-    async def plan(self, submission: Submission, gone: Callable[[], Any]) -> tuple[Record, bytes | None]:
-        """Plan while the caller waits: the run, and its trajectory.json.
+    async def plan(self, submission: Submission, gone: Callable[[], Any]) -> "WaitedRun":
+        """Plan while the caller waits.
 
         Args:
             submission: what to plan.
@@ -148,14 +164,14 @@ class PlannerService:
         if known is not None:
             record = await self.read(lambda: self.runs.get(self._new_run(submission, known, "").id))
             if record is not None and record["status"] == "done":
-                return record, await self.content(record, TRAJECTORY)
+                return WaitedRun(record, await self.content(record, TRAJECTORY))
         if self.pool.waiting("plan") >= WAITING * self.settings.interactive:
             raise busy("too many callers wait for a plan", 1.0)
         left = submission.deadline or float("inf")
-        asked = {**request, "do": "plan", "budget": max(LEAD, min(submission.budget, left - LEAD))}
+        asked = {**request, "do": "plan", "early": True, "budget": max(LEAD, min(submission.budget, left - LEAD))}
         wall = self.settings.reading + submission.budget + GRACE
         job = SolverJob(asked, wall, until=time.monotonic() + left)
-        answer = await self._answer(self.pool.submit("plan", job), job, gone)
+        answer, whole = await self._answer(job, gone)
         if "error" in answer.data:
             raise _refusal(answer)
         if answer.death is not None:
@@ -164,8 +180,7 @@ class PlannerService:
         new = self._new_run(submission, answer.data, "")
         record = {**vars(new), **answer.data, "status": "failed" if answer.data["failure"] else "done"}
         record |= {"submitted": began, "started": began, "finished": time.time()}
-        self._save(new, request, answer, began)
-        return record, answer.files.get(TRAJECTORY)
+        return WaitedRun(record, answer.files.get(TRAJECTORY), self._keeper(new, request, whole, began))
 
     async def run(self, run: str) -> Record:
         """A run.
@@ -275,31 +290,49 @@ class PlannerService:
             deadline=submission.deadline,
         )
 
-    async def _answer(self, future: "Future[SolverAnswer]", job: SolverJob, gone: Callable[[], Any]) -> SolverAnswer:
-        answer = asyncio.wrap_future(future)
+    async def _answer(
+        self, job: SolverJob, gone: Callable[[], Any]
+    ) -> tuple[SolverAnswer, "asyncio.Future[SolverAnswer]"]:
+        """What a process answers as soon as the caller can use it, and the whole of it, which comes later."""
+        loop = asyncio.get_running_loop()
+        early: asyncio.Future[SolverAnswer] = loop.create_future()
+
+        def answered(answer: SolverAnswer) -> None:
+            loop.call_soon_threadsafe(early.set_result, answer)
+
+        job.answered = answered
+        whole = asyncio.wrap_future(self.pool.submit("plan", job))
         while True:
-            done, _ = await asyncio.wait([answer], timeout=0.25)
-            if done:
-                return answer.result()
+            await asyncio.wait([early, whole], timeout=0.25, return_when=asyncio.FIRST_COMPLETED)
+            if early.done() or whole.done():
+                return (early if early.done() else whole).result(), whole
             if await gone():
                 job.cancel.set()
 
-    def _save(self, new: NewRun, request: Record, answer: SolverAnswer, began: float) -> None:
-        """Keep a run that was waited for, after it is answered; who asks for it before waits for that."""
+    def _keeper(
+        self, new: NewRun, request: Record, whole: "asyncio.Future[SolverAnswer]", began: float
+    ) -> Callable[[], Any]:
+        """What keeps a run that was waited for, to be awaited once it is answered; who asks for it until then waits."""
+        saved = self._saving[new.id] = asyncio.get_running_loop().create_future()
 
-        def keep() -> None:
-            self.contents.check_room()
-            digest = self.contents.put(json.dumps(request).encode())
-            self.runs.add_ended(NewRun(**{**vars(new), "request": digest}), self._solver.ended(answer), began)
+        async def keep() -> None:
+            try:
+                end = await whole
 
-        saving = asyncio.ensure_future(self.write(keep))
-        self._saving[new.id] = saving
+                def write() -> None:
+                    self.contents.check_room()
+                    digest = self.contents.put(json.dumps(request).encode())
+                    self.runs.add_ended(NewRun(**{**vars(new), "request": digest}), self._solver.ended(end), began)
 
-        def done(future: "asyncio.Future[None]") -> None:
-            self._saving.pop(new.id, None)
-            future.cancelled() or future.exception()  # a full disk costs the record, not the answer
+                if end.death is None:
+                    await self.write(write)
+            except (OptiPlanError, SQLAlchemyError, OSError) as error:  # costs the record, not the answer
+                _log.warning("run %s is not kept: %s", new.id, error)
+            finally:
+                self._saving.pop(new.id, None)
+                saved.set_result(None)
 
-        saving.add_done_callback(done)
+        return keep
 
 
 def _refusal(answer: SolverAnswer) -> Refusal:

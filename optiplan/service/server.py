@@ -19,6 +19,8 @@ from optiplan.viewer.safety import LOOPBACK
 
 SHORTEST_TOKEN = 16
 """Characters."""
+SWITCH = 5e-4
+"""s after which a thread that computes lets others run: answers do not wait for the queue's threads."""
 PATIENCE = 5
 """s that connections have to end when the server stops."""
 
@@ -33,6 +35,7 @@ def run_server(settings: ServiceSettings, level: str = "info") -> int:
     """
     check_token(settings)
     log_to_stderr(level)
+    sys.setswitchinterval(SWITCH)
     with listening(settings) as sock:
         server = make_server(settings)
         server.on_ready = lambda: _announce(settings.host, sock)  # type: ignore[attr-defined]

@@ -46,6 +46,7 @@ class ProblemReader:
         self._robots: dict[str, Robot] = {}
         self._names = set(robot_names())
         self._problems: dict[str, Problem] = {}
+        self._documents: dict[tuple[str, Path], Document] = {}
 
     def read(self, request: Mapping[str, Any]) -> Problem:
         """The problem of a request: `problem` as text or data, `name` where it has none, `start` and `goal` instead.
@@ -86,13 +87,22 @@ class ProblemReader:
     def _load(self, request: Mapping[str, Any]) -> Problem:
         path = Path(f"{request.get('name') or 'problem'}.yaml")
         given = request["problem"]
-        document = parse_yaml(given, path) if isinstance(given, str) else Document(path, plain(given), {})
+        document = self._parsed(given, path) if isinstance(given, str) else Document(path, plain(given), {})
         instead = {key: request[key] for key in ("start", "goal") if request.get(key) is not None}
         if isinstance(document.data, dict):
             document = replace(document, data=document.data | instead)
             self._count(document)
         with reading(self._folders):
             return Problem.of(read_problem(document, self._base, self.robot).whole())
+
+    def _parsed(self, text: str, path: Path) -> Document:
+        """The document of a text; the last ones are kept, for requests that differ in start and goal alone."""
+        key = (text, path)
+        document = self._documents.pop(key, None) or parse_yaml(text, path)
+        self._documents[key] = document
+        if len(self._documents) > KEPT:
+            del self._documents[next(iter(self._documents))]
+        return document
 
     def _count(self, document: Document) -> None:
         scene = document.data.get("scene")

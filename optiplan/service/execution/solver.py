@@ -30,10 +30,14 @@ def main() -> None:
     connection = Connection(socket)
     from optiplan.bench.execution.worker import limit_memory, surroundings
 
-    def send(message: Message) -> None:
-        connection.send_bytes(json.dumps(message, allow_nan=False).encode())
+    def send(message: Message, files: Mapping[str, bytes]) -> None:
+        sizes = {name: len(content) for name, content in files.items()}
+        whole = {**message, "sizes": sizes, "blob": bool(files)}
+        connection.send_bytes(json.dumps(whole, allow_nan=False).encode())
+        if files:
+            connection.send_bytes(b"".join(files.values()))
 
-    send({"phase": "ready", "pid": os.getpid()})
+    send({"phase": "ready", "pid": os.getpid()}, {})
     libc = ctypes.CDLL(None)
     tasks: Any = None
     while True:
@@ -45,7 +49,7 @@ def main() -> None:
             os.nice(request["nice"])
             limit_memory(request["memory"])
             tasks = _tasks(request)
-            send({"phase": "done", "sizes": {}})
+            send({"phase": "done"}, {})
             continue
         before = surroundings()
         answer, files = _answer(tasks, request, Progress(send))
@@ -53,10 +57,7 @@ def main() -> None:
             with suppress(Exception):
                 stream.flush()
         libc.fflush(None)
-        sizes = {name: len(content) for name, content in files.items()}
-        send({**answer, "phase": "done", "sizes": sizes, "blob": bool(files), "spoilt": surroundings() != before})
-        if files:
-            connection.send_bytes(b"".join(files.values()))
+        send({**answer, "phase": "done", "spoilt": surroundings() != before}, files)
 
 
 def _tasks(settings: Mapping[str, Any]) -> Any:
@@ -90,9 +91,9 @@ def _answer(tasks: Any, request: Mapping[str, Any], progress: "Progress") -> tup
 
 
 class Progress:
-    """Tells of stages, and of motions that a planner found on the way and that are not proved yet."""
+    """Tells of stages, of motions that a planner found on the way and that are not proved yet, and of the answer."""
 
-    def __init__(self, send: Callable[[Message], None]) -> None:
+    def __init__(self, send: Callable[[Message, Mapping[str, bytes]], None]) -> None:
         self._send = send
         self._stage, self._told, self._began = "", 0.0, time.perf_counter()
 
@@ -102,8 +103,12 @@ class Progress:
         if stage == self._stage and now - self._told < EVERY:
             return
         self._stage, self._told = stage, now
-        self._send({"phase": "stage", "stage": stage, "fraction": float(fraction)})
+        self._send({"phase": "stage", "stage": stage, "fraction": float(fraction)}, {})
 
     def found(self, duration: float) -> None:
         """Tell of a motion of this duration, s."""
-        self._send({"phase": "best", "seconds": time.perf_counter() - self._began, "duration": duration})
+        self._send({"phase": "best", "seconds": time.perf_counter() - self._began, "duration": duration}, {})
+
+    def answered(self, answer: Message, files: Mapping[str, bytes]) -> None:
+        """Tell what somebody waits for, before the rest is made."""
+        self._send({**answer, "phase": "answered"}, files)

@@ -52,6 +52,7 @@ class SolverJob:
         wall: seconds that it may take once a process has it.
         until: instant of `time.monotonic` at which it ends wherever it is.
         told: called with each message on the way.
+        answered: called with what the caller waits for, where the request is `early`, before the job is done.
         cancel: ends it at once.
     """
 
@@ -59,6 +60,7 @@ class SolverJob:
     wall: float
     until: float = math.inf
     told: Callable[[Mapping[str, Any]], None] = lambda message: None
+    answered: Callable[[SolverAnswer], None] = lambda answer: None
     cancel: threading.Event = field(default_factory=threading.Event)
     future: "Future[SolverAnswer]" = field(default_factory=Future)
 
@@ -170,13 +172,15 @@ class _Slot(threading.Thread):
         deadline = min(time.monotonic() + job.wall, job.until)
         while True:
             message = worker.message(POLL)
-            if message is not None and message["phase"] == "done":
-                files = _cut(message)
+            files = {} if message is None else _cut(message)
+            if message is not None and message["phase"] == "answered":
+                job.answered(SolverAnswer(message, files))
+            elif message is not None and message["phase"] == "done":
                 memory = machine.resident([worker.pid])
                 if message.get("spoilt") or memory > SPOILT_BY * self._settings.memory:
                     self._end()
                 return SolverAnswer(message, files)
-            if message is not None:
+            elif message is not None:
                 job.told(message)
             death = self._death(worker, job, deadline)
             if death is not None:

@@ -45,7 +45,7 @@ class Tasks:
         return _identity(problem, choice), {}
 
     def plan(self, request: Mapping[str, Any], progress: Any) -> Answer:
-        """Plan and prove; the files are those of a run folder, and the request's `rate` is of the samples."""
+        """Plan and prove; the files are those of a run folder. A request that is `early` has its motion sent first."""
         problem = self._reader.read(request)
         choice = self._reader.choose(request, problem)
         if request.get("hash") not in (None, problem.hash):
@@ -53,7 +53,10 @@ class Tasks:
             return {"failure": {"kind": "input", "detail": detail, "witness": {}}, "timings": {}}, {}
         budget, given = Budget(request["budget"]), problem.with_seed(choice.seed)
         run = pipeline.attempt(given, choice.planner, choice.options, budget, progress)
-        return _about(run) | _identity(problem, choice), run_files(run)
+        about, motion = _about(run) | _identity(problem, choice), motion_file(run)
+        if request.get("early"):
+            progress.answered(about, motion)
+        return about, {**motion, **record_file(run)}
 
     def page(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """The page of a run, from its two files."""
@@ -87,13 +90,18 @@ class Tasks:
         return branches(self._reader.read(request), request["pose"], request.get("near")), {}
 
 
-def run_files(run: Run) -> dict[str, bytes]:
-    """The content of `run.json` and, where there is a motion, of `trajectory.json`, as a run folder has them."""
+def record_file(run: Run) -> dict[str, bytes]:
+    """The content of `run.json`, as a run folder has it."""
     record = json.dumps(jsonable(run.to_dict()), allow_nan=False, indent=1, default=repr)
-    files = {RUN: (record + "\n").encode()}
-    if run.trajectory is not None:
-        files[TRAJECTORY] = _json(run.trajectory.to_dict(rate=RATE))
-    return files
+    return {RUN: (record + "\n").encode()}
+
+
+def motion_file(run: Run) -> dict[str, bytes]:
+    """The content of `trajectory.json`, as a run folder has it; nothing without a motion."""
+    if run.trajectory is None:
+        return {}
+    motion = json.dumps(run.trajectory.to_dict(rate=RATE), allow_nan=False, separators=(",", ":"))
+    return {TRAJECTORY: (motion + "\n").encode()}
 
 
 def _identity(problem: Problem, choice: PlannerChoice) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
+from starlette.background import BackgroundTask
 
 from optiplan.runs.export import FORMATS
 from optiplan.runs.run_folder import RUN, TRAJECTORY
@@ -102,10 +103,12 @@ async def exported(
 @router.post("/plan", response_model=PlanAnswer, responses=errors(404, 413, 422, 503, 504, 507))
 async def plan(submission: Submission, service: Service, request: Request) -> Response:
     """Plan and wait for the answer, past the queue: for callers that need the motion now. Who goes away, cancels."""
-    record, motion = await service.plan(submission, request.is_disconnected)
-    head = json.dumps(run_answer(record), allow_nan=False, separators=(",", ":"))
-    body = b"null" if motion is None else motion.rstrip()
-    return Response(head[:-1].encode() + b',"trajectory":' + body + b"}", media_type="application/json")
+    run = await service.plan(submission, request.is_disconnected)
+    head = json.dumps(run_answer(run.record), allow_nan=False, separators=(",", ":"))
+    motion = b"null" if run.motion is None else run.motion.rstrip()
+    body = head[:-1].encode() + b',"trajectory":' + motion + b"}"
+    later = None if run.keep is None else BackgroundTask(run.keep)
+    return Response(body, media_type="application/json", background=later)
 
 
 async def _file(service: Any, run: str, name: str) -> Response:
