@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.service_process import HTTP, serving, wait_until_ready
 from optiplan.resources import problems_dir
-from optiplan.service.cell import Cell
+from optiplan.service.cell import CellPlanner
 
 PROBLEMS = ("19_lspb", "01_reach", "07_any_of")
 WARM = 5
@@ -47,7 +47,7 @@ def over_http(url: str, text: str) -> Callable[[int], float]:
 
 def from_a_cell(url: str, file: Path, start: Sequence[float]) -> Callable[[int], float]:
     """One request of a cell, each from another start."""
-    cell = Cell(url, file)
+    cell = CellPlanner(url, file)
 
     def plan(number: int) -> float:
         motion = cell.plan([*start[:-1], start[-1] + 1e-4 * number], budget=5.0)

@@ -14,7 +14,8 @@ from starlette.types import ASGIApp
 
 import optiplan
 from optiplan.service.guard.gate import Gate
-from optiplan.service.guard.metrics import Metrics
+from optiplan.service.guard.metrics import RequestCounts
+from optiplan.service.guard.yaml_bodies import YamlBodies
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.refusals import Refusal
 from optiplan.service.routes import events, health, pages, problems, robots, runs
@@ -45,7 +46,7 @@ def make_application(settings: ServiceSettings) -> ASGIApp:
         redoc_url=None,
         lifespan=_lifespan,
     )
-    app.state.service, app.state.metrics, app.state.feed = service, Metrics(), EventFeed(service)
+    app.state.service, app.state.metrics, app.state.feed = service, RequestCounts(), EventFeed(service)
     for room in (runs, problems, robots, events, health, pages):
         app.include_router(room.router)
     app.add_exception_handler(Refusal, _refused)
@@ -53,7 +54,7 @@ def make_application(settings: ServiceSettings) -> ASGIApp:
     app.add_exception_handler(sa.exc.OperationalError, _database)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _http)
-    return Gate(app, settings, app.state.metrics)
+    return Gate(YamlBodies(app), settings, app.state.metrics)
 
 
 @asynccontextmanager

@@ -4,9 +4,9 @@ One file that needs httpx and numpy and nothing else of OptiPlan. A server hands
 `curl -O http://SERVER:7100/cell.py`.
 
 Example:
-    from cell import Cell
+    from cell import CellPlanner
 
-    cell = Cell("http://127.0.0.1:7100", "cell.yaml")             # the scene, the robot, the limits
+    cell = CellPlanner("http://127.0.0.1:7100", "cell.yaml")             # the scene, the robot, the limits
     motion = cell.plan(joints, target=(0.5, 0.2, 0.6, 1, 0, 0, 0), budget=0.5)
     if motion.verified:
         for t, q, v in zip(motion.t, motion.q, motion.v):
@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 
 @dataclass(frozen=True)
-class Motion:
+class CellMotion:
     """What a server answered.
 
     Attributes:
@@ -58,7 +58,7 @@ class Motion:
         return self.status == "verified"
 
 
-class Cell:
+class CellPlanner:
     """A problem on a server, to be planned again and again from other states to other targets.
 
     Args:
@@ -89,7 +89,7 @@ class Cell:
         budget: float = 1.0,
         deadline: float | None = None,
         planner: str | None = None,
-    ) -> Motion:
+    ) -> CellMotion:
         """Plan from a state to a target and wait for the answer; nothing is raised, `status` says what happened.
 
         Args:
@@ -112,19 +112,19 @@ class Cell:
         try:
             answer = self._http.post("/api/plan", json=asked, timeout=wait)
         except httpx.TimeoutException:
-            return Motion("late", f"no answer within {wait:g} s")
+            return CellMotion("late", f"no answer within {wait:g} s")
         except httpx.HTTPError as error:
-            return Motion("unreachable", str(error))
+            return CellMotion("unreachable", str(error))
         if answer.status_code != 200:
             status = {429: "busy", 503: "busy", 504: "late"}.get(answer.status_code, "failed")
-            return Motion(status, _error(answer))
+            return CellMotion(status, _error(answer))
         return _motion(json.loads(answer.content))
 
     def close(self) -> None:
         """Close the connection; the problem stays on the server."""
         self._http.close()
 
-    def __enter__(self) -> "Cell":
+    def __enter__(self) -> "CellPlanner":
         """Itself."""
         return self
 
@@ -133,14 +133,16 @@ class Cell:
         self.close()
 
 
-def _motion(answer: Mapping[str, Any]) -> Motion:
+def _motion(answer: Mapping[str, Any]) -> CellMotion:
     seconds = sum(value for value in (answer["timings"] or {}).values() if isinstance(value, float))
     points = answer["trajectory"]
     if points is None:
         failure = answer["failure"] or {}
-        return Motion("failed", f"{failure.get('kind')}: {failure.get('detail')}", seconds=seconds, run=answer["id"])
+        return CellMotion(
+            "failed", f"{failure.get('kind')}: {failure.get('detail')}", seconds=seconds, run=answer["id"]
+        )
     verified = answer["verified"] is True
-    return Motion(
+    return CellMotion(
         status="verified" if verified else "not verified",
         reason="" if verified else "the motion breaks a limit or touches something; its run.json says where",
         joint_names=tuple(points["joint_names"]),

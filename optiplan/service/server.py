@@ -6,6 +6,7 @@ import signal
 import socket
 import sys
 import threading
+from types import FrameType
 from typing import Any
 
 import uvicorn
@@ -108,9 +109,13 @@ def make_server(settings: ServiceSettings) -> "uvicorn.Server":
 
 
 class _Server(uvicorn.Server):
-    """Calls `on_ready` once it answers."""
+    """Calls `on_ready` once it answers; a signal ends it, and that is a good end."""
 
     on_ready: Any = staticmethod(lambda: None)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        self.force_exit = self.should_exit and sig == signal.SIGINT  # pressed twice
+        self.should_exit = True
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)

@@ -75,7 +75,7 @@ def server(tmp_path_factory) -> Iterator[Running]:
             while not uvicorn.started:
                 assert thread.is_alive()
                 time.sleep(0.05)
-            application = uvicorn.config.app._app
+            application = uvicorn.config.app._app._app
             running = Running(url, application.state.service, http)
             while http.get("/readyz").status_code != 200:
                 time.sleep(0.1)

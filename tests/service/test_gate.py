@@ -9,7 +9,7 @@ import pytest
 from optiplan.errors import OptiPlanError
 from optiplan.service.guard.gate import Gate
 from optiplan.service.guard.json_log import JsonLines
-from optiplan.service.guard.metrics import Metrics
+from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.rates import Rates
 from optiplan.service.server import check_token
 from optiplan.service.settings import ServiceSettings
@@ -33,7 +33,7 @@ async def echo(scope, receive, send):
 
 def ask(settings, method="GET", path="/", host="127.0.0.1:7100", **given):
     async def call():
-        transport = httpx.ASGITransport(Gate(echo, settings, Metrics()))
+        transport = httpx.ASGITransport(Gate(echo, settings, RequestCounts()))
         async with httpx.AsyncClient(transport=transport, base_url=f"http://{host}") as client:
             return await client.request(method, path, **given)
 
@@ -148,7 +148,7 @@ def test_clients_have_a_rate_each(monkeypatch):
 
 def test_too_many_requests_say_when_to_come_again():
     async def call():
-        transport = httpx.ASGITransport(Gate(echo, ServiceSettings(rate=0.1, burst=2), Metrics()))
+        transport = httpx.ASGITransport(Gate(echo, ServiceSettings(rate=0.1, burst=2), RequestCounts()))
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
             return [await client.get("/") for _ in range(3)]
 

@@ -16,7 +16,7 @@ from urllib.parse import parse_qsl, urlencode
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from optiplan.service.guard.metrics import Metrics
+from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.rates import Rates
 from optiplan.service.settings import ServiceSettings
 from optiplan.viewer.safety import HEADERS, LOOPBACK, host_name, same_origin
@@ -46,7 +46,7 @@ class Refused(Exception):
 class Gate:
     """ASGI application in front of another one."""
 
-    def __init__(self, app: ASGIApp, settings: ServiceSettings, metrics: Metrics) -> None:
+    def __init__(self, app: ASGIApp, settings: ServiceSettings, metrics: RequestCounts) -> None:
         self._app, self._settings, self._metrics = app, settings, metrics
         self._rates = Rates(settings.rate, settings.burst)
         loopback = settings.host in LOOPBACK

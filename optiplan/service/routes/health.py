@@ -3,7 +3,7 @@
 from fastapi import APIRouter, Request
 from fastapi.responses import PlainTextResponse
 
-from optiplan.service.guard.metrics import Metrics
+from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.routes.answers import Json, Service, errors
 
 router = APIRouter(default_response_class=Json)
@@ -27,7 +27,7 @@ async def ready(service: Service) -> Json:
 @router.get("/metrics", response_class=PlainTextResponse, responses=errors())
 async def metrics(service: Service, request: Request) -> PlainTextResponse:
     """Counts for Prometheus."""
-    counts: Metrics = request.app.state.metrics
+    counts: RequestCounts = request.app.state.metrics
     pool = service.pool
     gauges = {"solver_memory_megabytes": pool.memory(), "callers_waiting": pool.waiting("plan") + pool.waiting("look")}
     text = counts.text(gauges, await service.read(service.runs.counts))
