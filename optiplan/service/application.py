@@ -13,6 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp
 
 import optiplan
+from optiplan.errors import OptiPlanError
 from optiplan.service.guard.gate import Gate
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.yaml_bodies import YamlBodies
@@ -50,6 +51,7 @@ def make_application(settings: ServiceSettings) -> ASGIApp:
     for room in (runs, problems, robots, events, health, pages):
         app.include_router(room.router)
     app.add_exception_handler(Refusal, _refused)
+    app.add_exception_handler(OptiPlanError, _wrong)
     app.add_exception_handler(StorageFullError, _full)
     app.add_exception_handler(sa.exc.OperationalError, _database)
     app.add_exception_handler(RequestValidationError, _invalid)
@@ -78,6 +80,11 @@ async def _keep_tidy(service: PlannerService) -> None:
 
 def _refused(request: Request, error: Any) -> Json:
     return Json({"error": str(error), "issues": error.issues}, error.status, headers=error.headers)
+
+
+def _wrong(request: Request, error: Any) -> Json:
+    issues = [vars(issue) for issue in getattr(error, "issues", ())]
+    return Json({"error": str(error), "issues": issues}, 422)
 
 
 def _full(request: Request, error: Any) -> Json:

@@ -2,14 +2,16 @@
 
 import io
 import json
+import tempfile
 import zipfile
+from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 from starlette.background import BackgroundTask
 
-from optiplan.runs.export import FORMATS
+from optiplan.runs.export import FORMATS, export
 from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.models import PlanAnswer, RunAnswer, RunList, Submission
 from optiplan.service.refusals import Refusal, not_found
@@ -19,7 +21,8 @@ from optiplan.trajectory.trajectory import Trajectory
 
 router = APIRouter(prefix="/api", default_response_class=Json)
 
-MEDIA = {"csv": "text/csv", "json": "application/json", "npz": "application/octet-stream"}
+MEDIA = {"csv": "text/csv", "json": "application/json", "ros": "application/yaml", "urscript": "text/plain"}
+BYTES = "application/octet-stream"
 
 
 @router.post("/runs", status_code=202, response_model=RunAnswer, responses=errors(404, 413, 422, 503, 507))
@@ -85,19 +88,27 @@ async def folder(run: RunPath, service: Service) -> Response:
     return Response(packed.getvalue(), media_type="application/zip")
 
 
-@router.get("/runs/{run}/export.{format}", response_class=Response, responses=files(*MEDIA.values()) | errors(404, 422))
+@router.get(
+    "/runs/{run}/export.{format}", response_class=Response, responses=files(*MEDIA.values(), BYTES) | errors(404, 422)
+)
 async def exported(
     run: RunPath,
     format: str,
     service: Service,
-    rate: Annotated[float, Query(gt=0, le=10_000, description="Samples a second")] = 200.0,
+    rate: Annotated[float | None, Query(gt=0, le=10_000, description="Samples a second")] = None,
 ) -> Response:
-    """The motion for other programs: csv, json or npz."""
+    """The motion for other programs: csv, json, npz, ros or urscript."""
     if format not in FORMATS:
         raise Refusal(404, f"there is no format '{format}'; choose from: {', '.join(FORMATS)}")
     content = await service.content(await service.run(run), TRAJECTORY)
-    made = await service.read(lambda: FORMATS[format](Trajectory.from_dict(json.loads(content)), rate))
-    return Response(made, media_type=MEDIA.get(format, "application/octet-stream"))
+
+    def made() -> bytes:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"motion{FORMATS[format].suffixes[0]}"
+            export(Trajectory.from_dict(json.loads(content)), path, format, rate)
+            return path.read_bytes()
+
+    return Response(await service.read(made), media_type=MEDIA.get(format, BYTES))
 
 
 @router.post("/plan", response_model=PlanAnswer, responses=errors(404, 413, 422, 503, 504, 507))
