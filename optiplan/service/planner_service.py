@@ -207,13 +207,20 @@ class PlannerService:
             raise Refusal(404, f"the run '{record['id']}' is {record['status']} and has no {name}")
         return content
 
-    async def page(self, record: Record) -> bytes:
-        """The page of a run that has ended."""
-        run = await self.content(record, RUN)
-        motion = await self.content(record, TRAJECTORY) if TRAJECTORY in record["contents"] else b""
-        stored = await self.read(lambda: self.contents.get(record["request"]))
-        request = json.loads(stored or b"{}")
-        answer = await self.ask({**request, "run": run.decode(), "trajectory": motion.decode()}, "page")
+    async def page(self, *records: Record) -> bytes:
+        """The page of one run that has ended, or of several of one problem.
+
+        Raises:
+            Refusal: one has no record, or they are of different problems.
+        """
+        if len({record["problem"] for record in records}) > 1:
+            raise Refusal(422, "these runs are of different problems; expected runs of one")
+        shown = []
+        for record in records:
+            motion = await self.content(record, TRAJECTORY) if TRAJECTORY in (record["contents"] or {}) else b""
+            shown.append({"run": (await self.content(record, RUN)).decode(), "trajectory": motion.decode()})
+        stored = await self.read(lambda: self.contents.get(records[0]["request"]))
+        answer = await self.ask({**json.loads(stored or b"{}"), "runs": shown}, "page")
         return answer.files["page.html"]
 
     async def ask(self, request: Mapping[str, Any], do: str) -> SolverAnswer:

@@ -59,17 +59,18 @@ class Tasks:
         return about, {**motion, **record_file(run)}
 
     def page(self, request: Mapping[str, Any], progress: Any) -> Answer:
-        """The page of a run, from its two files."""
+        """The page of runs, each of them from the texts of its two files."""
         from optiplan.viewer.page import render_page
         from optiplan.viewer.runs import ViewedRun
         from optiplan.viewer.scene import build_scene
 
-        problem, record = self._reader.read(request), json.loads(request["run"])
-        motion = None
-        if request.get("trajectory"):
-            motion = Trajectory.from_dict(json.loads(request["trajectory"]))
-        shown = ViewedRun(str(record.get("planner", "run")), motion, record.get("report"), record.get("failure"))
-        return {}, {"page.html": render_page(build_scene(problem, [shown])).encode()}
+        problem, shown = self._reader.read(request), []
+        for one in request["runs"]:
+            record = json.loads(one["run"])
+            motion = Trajectory.from_dict(json.loads(one["trajectory"])) if one["trajectory"] else None
+            label = str(record.get("planner", "run"))
+            shown.append(ViewedRun(label, motion, record.get("report"), record.get("failure")))
+        return {}, {"page.html": render_page(build_scene(problem, shown)).encode()}
 
     def scene(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """What the studio draws: the scene as data, and what can be moved."""

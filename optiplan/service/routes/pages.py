@@ -1,12 +1,19 @@
 """Routes of pages for people, and of the client that a cell takes along."""
 
+import json
 from importlib import resources
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
+from optiplan.runs.run_folder import TRAJECTORY
 from optiplan.service.refusals import not_found
 from optiplan.service.routes.answers import RunPath, Service
+from optiplan.service.routes.thumbnails import joint_curves
+from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.safety import PAGE_POLICY
 
 router = APIRouter(include_in_schema=False)
@@ -19,8 +26,35 @@ PAGES = {"": "home.html", "studio": "studio.html"}
 async def run_page(run: RunPath, service: Service) -> Response:
     """The page of a run that has ended."""
     page = await service.page(await service.run(run))
-    headers = {"Content-Security-Policy": PAGE_POLICY}
-    return Response(page, media_type="text/html; charset=utf-8", headers=headers)
+    return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
+
+
+@router.get("/compare")
+async def comparison(run: Annotated[list[str], Query(min_length=1, max_length=8)], service: Service) -> Response:
+    """One page of several runs of one problem."""
+    page = await service.page(*[await service.run(one) for one in run])
+    return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
+
+
+@router.get("/api/runs/{run}/thumbnail.svg")
+async def thumbnail(run: RunPath, service: Service) -> Response:
+    """The joints over time, as a small picture."""
+    content = await service.content(await service.run(run), TRAJECTORY)
+    drawn = await service.read(lambda: joint_curves(Trajectory.from_dict(json.loads(content))))
+    return Response(drawn, media_type="image/svg+xml", headers={"Cache-Control": "private, max-age=86400"})
+
+
+@router.get("/pages/viewer.js")
+async def viewer() -> Response:
+    """What draws: meshcat's bundle, and the viewer's shapes."""
+    scripts = resources.files("optiplan.viewer")
+    ours = [path for name in ("packed.js", "shapes.js") for path in sorted(Path(str(scripts)).rglob(name))]
+    found = find_spec("meshcat")
+    if found is None or not found.origin:
+        raise not_found("package", "meshcat")
+    bundle = Path(found.origin).parent / "viewer" / "dist" / "main.min.js"
+    texts = [path.read_text("utf-8") for path in (bundle, *ours)]
+    return Response("\n;".join(texts), media_type="text/javascript; charset=utf-8")
 
 
 @router.get("/cell.py")
