@@ -199,6 +199,7 @@
     text.value = typeof problem === "string" ? problem : JSON.stringify(problem, null, 2);
     check();
   }
+  byId("joints").addEventListener("toggle", () => scene.resize());
   window.optiplanStudio = { scene, state };
   begin();
 })();

@@ -38,7 +38,9 @@ const StudioScene = (() => {
 
     resize() {
       const width = Math.max(1, this.pane.clientWidth), height = Math.max(1, this.pane.clientHeight), { camera, renderer } = this.viewer;
+      const card = document.getElementById("joints"), aside = width > 620 && card.open ? 0.5 * card.offsetWidth : 0;
       camera.aspect = width / height;
+      camera.setViewOffset(width, height, aside, 0, width, height); // the middle of what the card leaves free
       camera.updateProjectionMatrix();
       renderer.setSize(width, height);
       this.viewer.set_dirty();
@@ -104,7 +106,8 @@ const StudioScene = (() => {
       this.ghosts.clear();
       found.forEach((branch) => {
         const bad = branch.touching || !branch.within_limits;
-        const skin = new THREE.MeshStandardMaterial({ color: bad ? BAD : GOOD, transparent: true, opacity: bad ? 0.12 : 0.3, depthWrite: false });
+        const skin = new THREE.MeshStandardMaterial({ color: bad ? BAD : GOOD, transparent: true, opacity: bad ? 0.12 : 0.3, depthWrite: false,
+          polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 4 });
         const ghost = this.figure(() => skin);
         ghost.bodies[0].visible = false;
         this.pose(branch.poses, ghost);
@@ -114,12 +117,17 @@ const StudioScene = (() => {
     }
 
     frame() {
-      const box = new THREE.Box3().setFromObject(this.robot), { camera, controls } = this.viewer;
+      const box = new THREE.Box3().setFromObject(this.robot).expandByObject(this.ball), one = new THREE.Box3(), { camera, controls } = this.viewer;
+      const reach = box.getSize(new THREE.Vector3()).length();
+      for (const mesh of this.obstacles.children) {
+        one.setFromObject(mesh);
+        if (!mesh.userData.fixed && one.getSize(new THREE.Vector3()).length() < 1.6 * reach) box.union(one);
+      }
       const centre = box.getCenter(new THREE.Vector3()), radius = 0.5 * box.getSize(new THREE.Vector3()).length() || 1;
       camera.fov = 35;
       camera.near = 0.01 * radius;
       camera.far = 80 * radius;
-      camera.position.copy(centre).add(new THREE.Vector3(0.75, 0.5, 0.75).normalize().multiplyScalar(4.4 * radius));
+      camera.position.copy(centre).add(new THREE.Vector3(-0.35, 0.5, 1).normalize().multiplyScalar(3.9 * radius));
       controls.target.copy(centre);
       controls.update();
     }
