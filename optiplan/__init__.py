@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from optiplan.problem.statement import Pose, ViaPoint
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
+    from optiplan.service.client import Client
     from optiplan.simulation.log import Log
     from optiplan.simulation.simulation import Simulation
     from optiplan.trajectory.sample_file import Samples
@@ -99,6 +100,7 @@ _ROOMS = {
     "runs.run": ("Run",),
     "simulation.log": ("Log",),
     "simulation.simulation": ("Simulation",),
+    "service.client": ("Client",),
     "trajectory.sample_file": ("Samples",),
     "trajectory.trajectory": ("Trajectory",),
     "verify.report": ("Check", "Report"),
@@ -115,6 +117,7 @@ __all__ = [
     "CentreOfMassTask",
     "Check",
     "ClearanceLimit",
+    "Client",
     "ControlStep",
     "Controller",
     "Cylinder",

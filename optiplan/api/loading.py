@@ -4,21 +4,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from optiplan.api.stored_runs import run_of_record
 from optiplan.arrays import is_finite
 from optiplan.config.messages import choices
 from optiplan.errors import UnknownChoiceError, described, wrong_argument
-from optiplan.planners.base import Failure
 from optiplan.problem import load
 from optiplan.problem.examples import find_problem
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.robot import robot
 from optiplan.robot.robot import Robot
-from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
-from optiplan.runs.run_folder import StoredRun
 from optiplan.runs.run_folder import load_run as read_run
-from optiplan.verify.verify import verify
 
 
 def load_problem(source: Path | str | Mapping[str, Any], **overrides: Any) -> Problem:
@@ -101,26 +98,4 @@ def load_run(folder: Path | str) -> Run:
     if "problem" not in stored.record:
         found = f"{str(folder)!r}, a trajectory without its problem"
         raise wrong_argument("load_run", "folder", found, "the folder of a run (or op.verify(problem, path))")
-    return _run(stored, problem_from_dict(stored.record["problem"]))
-
-
-def _run(stored: StoredRun, problem: Problem) -> Run:
-    record, motion = stored.record, stored.trajectory
-    report = None if motion is None else verify(problem, motion, given=stored.samples)
-    timings = dict(record.get("timings") or {})
-    failed = record.get("failure")
-    return Run(
-        problem=problem.with_seed(int(record.get("seed", problem.seed))),
-        planner=str(record.get("planner", problem.planner)),
-        options=dict(record.get("options") or {}),
-        trajectory=motion,
-        failure=None if failed is None else Failure(failed["kind"], failed["detail"], failed.get("witness") or {}),
-        report=report,
-        lower_bound=record.get("lower_bound"),
-        metrics=None if motion is None or report is None else measure(problem, motion, report),
-        timings={key: value for key, value in timings.items() if key not in ("stages", "plan_cpu")},
-        stages=timings.get("stages") or {},
-        info=record.get("info") or {},
-        improvements=tuple((float(when), float(best)) for when, best in record.get("improvements") or ()),
-        plan_cpu=timings.get("plan_cpu"),
-    )
+    return run_of_record(stored.record, stored.trajectory, samples=stored.samples)

@@ -24,6 +24,7 @@ from optiplan.cli.commands import (
     plan,
     planners,
     plot,
+    serve,
     verify,
     view,
     workspace,
@@ -92,6 +93,8 @@ app.command("kinematics")(kinematics.kinematics)
 app.command("planners")(planners.planners)
 app.add_typer(import_problems.app, name="import")
 app.add_typer(bench.app, name="bench")
+app.command("serve")(serve.serve)
+app.command("worker")(serve.worker)
 
 
 def main() -> None:

@@ -115,8 +115,17 @@ def read_yaml(path: Path | str) -> Document:
     Raises:
         InputError: the file is missing, unreadable, not text, empty, no valid YAML, or has a key twice.
     """
-    path = Path(path)
-    text = _read_text(path)
+    return parse_yaml(_read_text(Path(path)), Path(path))
+
+
+def parse_yaml(text: str, path: Path) -> Document:
+    """Return the YAML 1.2 document in a text; `path` names it in errors.
+
+    Raises:
+        InputError: as `read_yaml`.
+    """
+    if "\0" in text:
+        raise InputError([Issue(str(path), None, "file", "a binary file", "a YAML document")])
     reader = YAML(typ="safe", pure=True)
     try:
         root = reader.compose(text)
@@ -185,8 +194,6 @@ def _read_text(path: Path) -> str:
     except (OSError, ValueError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise InputError([Issue(str(path), None, "file", reason, "a readable YAML file")]) from error
-    if "\0" in text:
-        raise InputError([Issue(str(path), None, "file", "a binary file", "a YAML document")])
     return text
 
 

@@ -145,7 +145,14 @@ class Budget:
 
 
 Progress = Callable[[str, float], None]
-"""Called with the name of a stage and the fraction done of it."""
+"""Called with the name of a stage and the fraction done of it; see `announce` for what else it may want to know."""
+
+
+def announce(progress: Progress, trajectory: Trajectory) -> None:
+    """Tell of a new incumbent, which nobody has verified, where `progress` has a method `found(duration)`, s."""
+    found = getattr(progress, "found", None)
+    if found is not None:
+        found(trajectory.duration)
 
 
 OptionsT = TypeVar("OptionsT")

@@ -3,6 +3,7 @@
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from html import escape
 from importlib import metadata
 from pathlib import Path
@@ -189,6 +190,12 @@ def share_of(duration: float | None, bound: float | None) -> float | None:
 
 def versions() -> dict[str, str]:
     """Versions of OptiPlan, Python and the libraries that can change a result."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """The same, looked up once: reading what pip knows takes milliseconds."""
     found = {"optiplan": optiplan.__version__, "python": platform.python_version()}
     for name in LIBRARIES:
         try:

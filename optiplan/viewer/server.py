@@ -7,6 +7,7 @@ from optiplan.errors import OptiPlanError
 from optiplan.problem.problem import Problem
 from optiplan.viewer.page import render_page
 from optiplan.viewer.runs import RunLike
+from optiplan.viewer.safety import HEADERS, LOOPBACK, PAGE_POLICY, is_ours
 from optiplan.viewer.scene import build_scene
 
 FIRST_PORT = 7000
@@ -50,7 +51,11 @@ class _Handler(BaseHTTPRequestHandler):
     server: PageServer
 
     def do_GET(self) -> None:
-        """Answer with the page at `/`, and with 404 anywhere else."""
+        """Answer with the page at `/`, and with 404 anywhere else; with 403 to whoever calls us by a name not ours."""
+        names = {*LOOPBACK, str(self.server.server_address[0])}
+        if not is_ours(self.headers.get("Host"), self.headers.get("Origin"), names):
+            self.send_error(403, explain="This server is called by another name than its own.")
+            return
         page = self.server.answer(self.path)
         if page is None:
             self.send_error(404)
@@ -58,9 +63,15 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_response(200)
         self.send_header("Content-Type", "text/html; charset=utf-8")
         self.send_header("Content-Length", str(len(page)))
-        self.send_header("Cache-Control", "no-store")
+        self.send_header("Content-Security-Policy", PAGE_POLICY)
         self.end_headers()
         self.wfile.write(page)
+
+    def end_headers(self) -> None:
+        """Add what every answer has, errors included."""
+        for name, value in {**HEADERS, "Cache-Control": "no-store"}.items():
+            self.send_header(name, value)
+        super().end_headers()
 
     def log_message(self, format: str, *args: object) -> None:
         """Suppress logging: standard error belongs to the command."""

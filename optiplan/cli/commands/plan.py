@@ -1,6 +1,7 @@
 """`optiplan plan`: from a problem file to a verified trajectory."""
 
 import math
+import os
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ BUDGET = 20.0
 PORT = 7000
 """First port that --view tries."""
 PROBLEM = "a problem file, or the name of an example: 01_reach"
+SERVER = "have an `optiplan serve` plan (OPTIPLAN_TOKEN: its token)"
 PLANNER = "instead of the file's; see: planners. all, or NAME,NAME,…: compares these"
 
 
@@ -39,6 +41,7 @@ def plan(
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
     view: Annotated[bool, typer.Option("--view", help="then show it in the browser")] = False,
     full: Annotated[bool, typer.Option("--full", help="every check, not only those that failed")] = False,
+    server: Annotated[str, typer.Option(metavar="URL", help=SERVER)] = "",
 ) -> int:
     """Plan a motion, prove it, and print the report.
 
@@ -52,6 +55,8 @@ def plan(
 
       optiplan plan cell.yaml --planner all --out runs   one table; runs/trajopt, runs/rrtconnect, …
 
+      optiplan plan cell.yaml --server http://127.0.0.1:7100   planned there, verified here
+
     Of several planners each has the whole budget, and the planner that the file names has the file's options.
 
     Exit code: 0 verified · 2 bad input · 3 no plan within the budget · 4 found but not verified.
@@ -62,6 +67,8 @@ def plan(
     from optiplan.runs.run_folder import check_folder
 
     path, names = find_problem(file), plan_comparison.several(planner)
+    if server and names:
+        raise typer.BadParameter("a server runs one planner at a time", param_hint="--planner")
     if out is not None:
         for folder in [out / name for name in names] or [out]:
             check_folder(folder)
@@ -73,7 +80,7 @@ def plan(
         runs, unsaved = plan_comparison.run_all(path, problem, names, budget, out)
         code = plan_comparison.show(runs, as_json, unsaved)
     else:
-        run = _run(path, problem, planner, budget)
+        run = _run(path, problem, planner, (budget, server))
         runs = [replace(run, timings={"load": loaded, **run.timings})]
         code = _finish(runs[0], out, as_json, full)
     if view:
@@ -81,18 +88,29 @@ def plan(
     return code
 
 
-def _run(path: Path, problem: Any, planner: str | None, seconds: float) -> Any:
-    """Run one planner; issues with the options of the file carry their lines."""
+def _run(path: Path, problem: Any, planner: str | None, how: tuple[float, str]) -> Any:
+    """Run one planner for so many seconds, here or on a server; issues with the options carry the file's lines."""
     from optiplan.cli.planner_choice import choose, placed
     from optiplan.planners.base import Budget
     from optiplan.runs import pipeline
 
     chosen, options = choose(path, problem, planner)
+    seconds, server = how
+    if server:
+        return _run_there(server, problem, chosen, options, seconds)
     with stdout_is_ours(), ProgressLine() as progress:
         try:
             return pipeline.run(problem, chosen, options, Budget(seconds), progress)
         except InputError as error:
             raise placed(path, error) if options else error from None
+
+
+def _run_there(server: str, problem: Any, planner: str, options: Any, seconds: float) -> Any:
+    """Have a server plan; the motion is verified here."""
+    from optiplan.service.client import Client
+
+    with Client(server, os.environ.get("OPTIPLAN_TOKEN", "").strip()) as client, stdout_is_ours():
+        return client.plan(problem, planner, options, budget=seconds)
 
 
 def _finish(run: Any, out: Path | None, as_json: bool, full: bool) -> Exit:

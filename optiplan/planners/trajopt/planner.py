@@ -8,7 +8,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.native_model import planning_model
-from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
+from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
@@ -280,6 +280,7 @@ class _Run:
         self.best = cost
         self.info.pop("fallback", None)
         self.candidates.append(Candidate(trajectory, time.perf_counter() - self.began))
+        announce(self.progress, trajectory)
         if attempt is not None:
             self.curve = attempt
         return True

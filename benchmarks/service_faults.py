@@ -1,0 +1,172 @@
+"""Runs are submitted while their server and workers are killed at random: is any lost, done twice, or served by half?
+
+    python benchmarks/service_faults.py --rounds 20 --jobs 100
+    python benchmarks/service_faults.py --rounds 20 --jobs 100 --postgres --workers 2
+
+Every run ends once: the log of ends that the database keeps (one event `end` a run) says so. Every answer that a
+server gives is whole: `run.json` and `trajectory.json` of each run that is done are fetched and verified offline.
+"""
+
+import argparse
+import random
+import tempfile
+import time
+from collections import Counter
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+import sqlalchemy as sa
+
+from benchmarks.service_process import HTTP, Program, postgres
+from optiplan.problem.load import problem_from_dict
+from optiplan.service.settings import ServiceSettings
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.verify import verify
+
+PROBLEM = """\
+version: 1
+name: faults
+robot: planar2r
+start: {joints: [0.5, 1.0]}
+goal: {joints: [-0.5, 1.2]}
+scene: {obstacles: [{name: far, shape: {sphere: 0.1}, pose: {position: [-1, 0.18, 1]}}]}
+planner: quintic
+"""
+
+
+@dataclass
+class Findings:
+    """What came of it; all but the first two are faults."""
+
+    done: int = 0
+    restarts: list[float] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
+    twice: list[str] = field(default_factory=list)
+    broken: list[str] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+
+    @property
+    def faultless(self) -> bool:
+        """Whether nothing was wrong."""
+        return not (self.lost or self.twice or self.broken or self.refused)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is submitted and killed.
+
+    Attributes:
+        rounds: kills.
+        jobs: runs in all.
+        workers: processes beside the server; 0: the server solves.
+        seed: of the chances.
+    """
+
+    rounds: int = 20
+    jobs: int = 100
+    workers: int = 0
+    seed: int = 0
+
+
+def faults(folder: Path, database: str, plan: Plan) -> Findings:
+    """Submit jobs over so many rounds, each of which ends by kill -9 of one process, and look at what is there then.
+
+    Args:
+        folder: for the data.
+        database: URL; empty: SQLite.
+        plan: how much.
+    """
+    rng, found = random.Random(plan.seed), Findings()
+    rounds, jobs, workers = plan.rounds, plan.jobs, plan.workers
+    shared = ["--data", str(folder / "data"), *(["--database", database] if database else [])]
+    serve = ["serve", "--port", "0", *shared, "--solvers", "0" if workers else "2"]
+    work = ["worker", *shared, "--solvers", "1"]
+    with ExitStack() as stack:
+        programs = [Program(*serve, log=folder / "log"), *(Program(*work, log=folder / "log") for _ in range(workers))]
+        stack.callback(lambda: [program.kill() for program in programs])
+        ids: dict[str, int] = {}
+        for number in range(rounds):
+            wanted = range(jobs * number // rounds, jobs * (number + 1) // rounds)
+            for job in wanted:
+                _submit(programs[0].url, job, ids)
+            time.sleep(rng.uniform(0.0, 1.5))
+            which = rng.randrange(len(programs))
+            programs[which].kill()
+            programs[which] = Program(*(serve if which == 0 else work), log=folder / "log")
+            found.restarts.append(programs[which].started)
+        _look(programs[0].url, ids, found)
+    _count_ends(ServiceSettings(data=folder / "data", database=database).database_url, ids, found)
+    return found
+
+
+def _submit(url: str, job: int, ids: dict[str, int]) -> None:
+    answer = HTTP.post(f"{url}/api/runs", json={"problem": PROBLEM, "seed": job, "budget": 5.0})
+    answer.raise_for_status()
+    ids[answer.json()["id"]] = job
+
+
+def _look(url: str, ids: dict[str, int], found: Findings) -> None:
+    """Wait for all runs, and hold each of their answers against the verifier."""
+    end, problem = time.monotonic() + 60.0 + 1.0 * len(ids), None
+    waiting = set(ids)
+    while waiting and time.monotonic() < end:
+        for run in sorted(waiting):
+            state = HTTP.get(f"{url}/api/runs/{run}").json()["status"]
+            if state in ("failed", "cancelled"):
+                found.refused.append(run)
+            if state in ("done", "failed", "cancelled"):
+                waiting.discard(run)
+        time.sleep(0.2)
+    found.lost = sorted(waiting)
+    for run in set(ids) - waiting - set(found.refused):
+        try:
+            record: dict[str, Any] = HTTP.get(f"{url}/api/runs/{run}/run.json").json()
+            motion = Trajectory.from_dict(HTTP.get(f"{url}/api/runs/{run}/trajectory.json").json())
+            problem = problem or problem_from_dict(record["problem"])
+            whole = record["verified"] and record["seed"] == ids[run] and verify(problem, motion).verified
+        except (ValueError, KeyError, httpx.HTTPError):
+            whole = False
+        found.done += bool(whole)
+        if not whole:
+            found.broken.append(run)
+
+
+def _count_ends(url: str, ids: dict[str, int], found: Findings) -> None:
+    engine = sa.create_engine(url)
+    with engine.connect() as connection:
+        rows = connection.execute(sa.text("SELECT run, data FROM optiplan_events")).all()
+    ends = Counter(run for run, data in rows if '"end"' in str(data).replace("'", '"'))
+    found.twice = sorted(run for run, count in ends.items() if count > 1)
+    engine.dispose()
+
+
+def main() -> None:
+    """Run it and tell."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=20)
+    parser.add_argument("--jobs", type=int, default=100)
+    parser.add_argument("--workers", type=int, default=0)
+    parser.add_argument("--postgres", action="store_true", help="a server of Debian's package, started for this")
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="optiplan-faults-")))
+        database = stack.enter_context(postgres()) if given.postgres else ""
+        began = time.monotonic()
+        found = faults(folder, database, Plan(given.rounds, given.jobs, given.workers, given.seed))
+        with suppress(OSError):
+            print(
+                f"{'PostgreSQL' if database else 'SQLite'}, {given.workers} workers, {time.monotonic() - began:.0f} s"
+            )
+    print(f"{given.rounds} kills, {given.jobs} jobs: {found.done} done and verified, {len(found.lost)} lost, ")
+    print(f"{len(found.twice)} done twice, {len(found.broken)} broken answers, {len(found.refused)} refused")
+    print(f"restart until it answers: median {sorted(found.restarts)[len(found.restarts) // 2]:.2f} s, ", end="")
+    print(f"longest {max(found.restarts):.2f} s")
+    raise SystemExit(0 if found.faultless else 1)
+
+
+if __name__ == "__main__":
+    main()

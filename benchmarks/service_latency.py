@@ -1,0 +1,91 @@
+"""How much longer `POST /api/plan` takes than the planning itself, with everything warm.
+
+    python benchmarks/service_latency.py --requests 200
+
+Overhead is the time that a caller waits less that of planning, proof and measures, as the answer tells it: HTTP,
+reading the problem, the way to the process and back, the motion as JSON. Each request differs, so that none is answered
+from the store. Also shown: the same through `optiplan.service.cell`, which turns the answer into arrays.
+"""
+
+import argparse
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.service_process import HTTP, serving, wait_until_ready
+from optiplan.resources import problems_dir
+from optiplan.service.cell import CellPlanner
+
+PROBLEMS = ("19_lspb", "01_reach", "07_any_of")
+WARM = 5
+"""Requests before any is measured."""
+
+
+def overheads(plan: Callable[[int], float], requests: int) -> np.ndarray:
+    """Return the ms that requests took beyond planning; `plan` makes one and returns the seconds of planning."""
+    found = []
+    for number in range(WARM + requests):
+        began = time.perf_counter()
+        planned = plan(number)
+        found.append(1e3 * (time.perf_counter() - began - planned))
+    return np.array(found[WARM:])
+
+
+def over_http(url: str, text: str) -> Callable[[int], float]:
+    """One request for the text of a problem."""
+
+    def plan(number: int) -> float:
+        answer = HTTP.post(f"{url}/api/plan", json={"problem": text, "seed": number, "budget": 5.0})
+        answer.raise_for_status()
+        return sum(answer.json()["timings"][key] for key in ("plan", "verify", "measure"))
+
+    return plan
+
+
+def from_a_cell(url: str, file: Path, start: Sequence[float]) -> Callable[[int], float]:
+    """One request of a cell, each from another start."""
+    cell = CellPlanner(url, file)
+
+    def plan(number: int) -> float:
+        motion = cell.plan([*start[:-1], start[-1] + 1e-4 * number], budget=5.0)
+        if not motion.verified:
+            raise RuntimeError(f"{file}: {motion.status}: {motion.reason}")
+        return motion.seconds
+
+    return plan
+
+
+def main() -> None:
+    """Measure and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--requests", type=int, default=200)
+    given = parser.parse_args()
+    print("| problem | by | overhead ms, median | 90 % | 99 % | planning ms, median |")
+    print("|---|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as folder, serving(Path(folder) / "data", "--log-level", "error") as server:
+        wait_until_ready(server.url)
+        for name in PROBLEMS:
+            file = problems_dir() / f"{name}.yaml"
+            scene = HTTP.post(f"{server.url}/api/scene", json={"problem": file.read_text()}).json()
+            ways = {
+                "HTTP": over_http(server.url, file.read_text()),
+                "cell": from_a_cell(server.url, file, scene["start"]),
+            }
+            for way, plan in ways.items():
+                planned: list[float] = []
+
+                def kept(number: int, plan: Callable[[int], float] = plan, planned: list[float] = planned) -> float:
+                    planned.append(plan(number))
+                    return planned[-1]
+
+                ms = overheads(kept, given.requests)
+                low, high, most = np.percentile(ms, [50, 90, 99])
+                middle = 1e3 * float(np.median(planned[WARM:]))
+                print(f"| {name} | {way} | {low:.1f} | {high:.1f} | {most:.1f} | {middle:.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""Runs from what was stored of them, verified afresh."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from optiplan.planners.base import Failure
+from optiplan.problem.load import problem_from_dict
+from optiplan.problem.problem import Problem
+from optiplan.runs.metrics import measure
+from optiplan.runs.run import Run
+from optiplan.trajectory.sample_file import Samples
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.verify import verify
+
+
+def run_of_record(
+    record: Mapping[str, Any],
+    motion: Trajectory | None,
+    problem: Problem | None = None,
+    samples: Samples | None = None,
+) -> Run:
+    """A run from the content of its `run.json` and its motion, which is verified on the problem.
+
+    Args:
+        record: the content.
+        motion: None where the planner failed.
+        problem: None: as the record says.
+        samples: that stood beside the motion and are held against it.
+
+    Raises:
+        InputError: the problem of the record cannot be read any more.
+    """
+    if problem is None:
+        problem = problem_from_dict(record["problem"])
+    report = None if motion is None else verify(problem, motion, given=samples)
+    timings = dict(record.get("timings") or {})
+    failed = record.get("failure")
+    return Run(
+        problem=problem.with_seed(int(record.get("seed", problem.seed))),
+        planner=str(record.get("planner", problem.planner)),
+        options=dict(record.get("options") or {}),
+        trajectory=motion,
+        failure=None if failed is None else Failure(failed["kind"], failed["detail"], failed.get("witness") or {}),
+        report=report,
+        lower_bound=record.get("lower_bound"),
+        metrics=None if motion is None or report is None else measure(problem, motion, report),
+        timings={key: value for key, value in timings.items() if key not in ("stages", "plan_cpu")},
+        stages=timings.get("stages") or {},
+        info=record.get("info") or {},
+        improvements=tuple((float(when), float(best)) for when, best in record.get("improvements") or ()),
+        plan_cpu=timings.get("plan_cpu"),
+    )

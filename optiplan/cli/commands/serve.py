@@ -1,0 +1,124 @@
+"""`optiplan serve` and `optiplan worker`: the planner as a service."""
+
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from optiplan.errors import InputError, Issue, OptiPlanError
+
+DATABASE = "sqlite:///PATH or postgresql://USER@HOST/NAME; without it, SQLite in the data folder"
+DATA = "folder of contents, uploads and the database; one that all machines of a database share"
+FOLDER = "problems may read meshes and robots from there (again for more); nothing else is read, uploads apart"
+TOKEN = "file with the token that every request carries; or OPTIPLAN_TOKEN"
+
+
+def serve(
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="to listen on; not loopback: a token is needed")] = "",
+    port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="0: any")] = 7100,
+    database: Annotated[str, typer.Option(metavar="URL", help=DATABASE)] = "",
+    data: Annotated[Path | None, typer.Option(metavar="DIR", help=DATA)] = None,
+    token_file: Annotated[Path | None, typer.Option(metavar="FILE", help=TOKEN)] = None,
+    allow_host: Annotated[list[str] | None, typer.Option(metavar="NAME", help="a name it may be called by")] = None,
+    folder: Annotated[list[Path] | None, typer.Option(metavar="DIR", help=FOLDER)] = None,
+    solvers: Annotated[
+        int | None, typer.Option(min=0, metavar="N", help="processes for the queue; default: cores less one")
+    ] = None,
+    interactive: Annotated[int, typer.Option(min=1, metavar="N", help="processes for callers who wait")] = 1,
+    queue: Annotated[int, typer.Option(min=1, metavar="N", help="most runs that wait")] = 1000,
+    memory: Annotated[float, typer.Option(min=300.0, metavar="MB", help="most memory of one process")] = 2000.0,
+    keep_days: Annotated[float, typer.Option(min=0.0, metavar="DAYS", help="how long runs are kept")] = 30.0,
+    log_level: Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")] = "info",
+) -> int:
+    """Serve the planner to browsers and programs: REST, OpenAPI at /openapi.json, pages at /.
+
+    Runs are kept in a database and queued in it: a server that is killed goes on where it was.
+    It listens on this machine alone, unless told otherwise and given a token.
+
+    [bold]Examples[/]
+
+      optiplan serve
+
+      optiplan serve --host 0.0.0.0 --token-file token --database postgresql://optiplan@db/optiplan --data /shared
+    """
+    from optiplan.service.server import run_server
+
+    settings = _settings(
+        host=host or "127.0.0.1",
+        port=port,
+        database=database,
+        data=data,
+        token=_token(token_file),
+        hosts=tuple(allow_host or ()),
+        folders=_folders(folder),
+        solvers=_solvers(solvers),
+        interactive=interactive,
+        queue=queue,
+        memory=memory,
+        keep_days=keep_days,
+    )
+    return run_server(settings, _level(log_level))
+
+
+def worker(
+    database: Annotated[str, typer.Option(metavar="URL", help=DATABASE)],
+    data: Annotated[Path | None, typer.Option(metavar="DIR", help=DATA)] = None,
+    folder: Annotated[list[Path] | None, typer.Option(metavar="DIR", help=FOLDER)] = None,
+    solvers: Annotated[int | None, typer.Option(min=1, metavar="N", help="processes; default: all cores")] = None,
+    memory: Annotated[float, typer.Option(min=300.0, metavar="MB", help="most memory of one process")] = 2000.0,
+    log_level: Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")] = "info",
+) -> int:
+    """Solve queued runs of a database, beside its server or on another machine.
+
+    [bold]Example[/]
+
+      optiplan worker --database postgresql://optiplan@db/optiplan --data /shared
+    """
+    from optiplan.service.server import run_worker
+
+    settings = _settings(
+        database=database,
+        data=data,
+        folders=_folders(folder),
+        solvers=solvers or len(os.sched_getaffinity(0)),
+        memory=memory,
+    )
+    return run_worker(settings, _level(log_level))
+
+
+def _settings(data: Path | None, **given: Any) -> Any:
+    from optiplan.service.settings import ServiceSettings
+
+    return ServiceSettings(**given) if data is None else ServiceSettings(data=data.absolute(), **given)
+
+
+def _solvers(given: int | None) -> int:
+    return max(1, len(os.sched_getaffinity(0)) - 1) if given is None else given
+
+
+def _folders(given: list[Path] | None) -> tuple[Path, ...]:
+    missing = [path for path in given or () if not path.is_dir()]
+    if missing:
+        raise InputError([Issue(str(path), None, "folder", "no folder", "a folder that is there") for path in missing])
+    return tuple(path.resolve() for path in given or ())
+
+
+def _token(file: Path | None) -> str:
+    """The token, of the file or else of the environment; empty without either."""
+    if file is None:
+        return os.environ.get("OPTIPLAN_TOKEN", "").strip()
+    try:
+        token = file.read_text("utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "no text"
+        raise InputError([Issue(str(file), None, "token-file", str(reason).lower(), "a file with the token")]) from None
+    if not token:
+        raise InputError([Issue(str(file), None, "token-file", "an empty file", "a file with the token")])
+    return token
+
+
+def _level(name: str) -> str:
+    if name.lower() not in ("debug", "info", "warning", "error"):
+        raise OptiPlanError(f"--log-level: found '{name}'; choose from: debug, info, warning, error")
+    return name

@@ -1,0 +1,126 @@
+"""The application: routes behind the gate, errors as data, started and stopped with its service."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from typing import Any
+
+import sqlalchemy as sa
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp
+
+import optiplan
+from optiplan.errors import OptiPlanError
+from optiplan.service.guard.gate import Gate
+from optiplan.service.guard.metrics import RequestCounts
+from optiplan.service.guard.yaml_bodies import YamlBodies
+from optiplan.service.planner_service import PlannerService
+from optiplan.service.refusals import Refusal
+from optiplan.service.routes import events, health, pages, problems, robots, runs
+from optiplan.service.routes.answers import Json
+from optiplan.service.routes.events import EventFeed
+from optiplan.service.settings import ServiceSettings
+from optiplan.service.store.contents import StorageFullError
+
+TIDY = 600.0
+"""s between two looks at what is too old."""
+ABOUT = "Plans robot motions that are proved free of collision and within limits. Errors: `{error, issues}`."
+
+_log = logging.getLogger("optiplan.service")
+
+
+def make_application(settings: ServiceSettings) -> ASGIApp:
+    """The whole server as an ASGI application.
+
+    Raises:
+        OptiPlanError: the database or the folder cannot be used.
+    """
+    service = PlannerService(settings)
+    app = FastAPI(
+        title="OptiPlan",
+        version=optiplan.__version__,
+        description=ABOUT,
+        docs_url=None,  # these pages load scripts from elsewhere
+        redoc_url=None,
+        lifespan=_lifespan,
+    )
+    app.state.service, app.state.metrics, app.state.feed = service, RequestCounts(), EventFeed(service)
+    for room in (runs, problems, robots, events, health, pages):
+        app.include_router(room.router)
+    app.add_exception_handler(Refusal, _refused)
+    app.add_exception_handler(OptiPlanError, _wrong)
+    app.add_exception_handler(StorageFullError, _full)
+    app.add_exception_handler(sa.exc.OperationalError, _database)
+    app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(HTTPException, _http)
+    return Gate(YamlBodies(app), settings, app.state.metrics)
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    service: PlannerService = app.state.service
+    await asyncio.to_thread(service.start)
+    tidying = asyncio.ensure_future(_keep_tidy(service))
+    yield
+    tidying.cancel()
+    await asyncio.to_thread(service.close)
+
+
+async def _keep_tidy(service: PlannerService) -> None:
+    while True:
+        try:
+            await service.write(service.tidy)
+        except Exception as error:  # the next time may do better
+            _log.warning("old runs cannot be deleted: %s", error)
+        await asyncio.sleep(TIDY)
+
+
+def _refused(request: Request, error: Any) -> Json:
+    return Json({"error": str(error), "issues": error.issues}, error.status, headers=error.headers)
+
+
+def _wrong(request: Request, error: Any) -> Json:
+    issues = [vars(issue) for issue in getattr(error, "issues", ())]
+    return Json({"error": str(error), "issues": issues}, 422)
+
+
+def _full(request: Request, error: Any) -> Json:
+    return Json({"error": str(error), "issues": []}, 507)
+
+
+def _database(request: Request, error: Any) -> Json:
+    reason = str(error.orig).strip()
+    if "full" in reason or "No space" in reason:
+        return Json({"error": f"the disk of the database is full: {reason}", "issues": []}, 507)
+    _log.error("the database does not answer: %s", reason)
+    return Json({"error": "the database does not answer", "issues": []}, 503, headers={"Retry-After": "2"})
+
+
+def _invalid(request: Request, error: Any) -> Json:
+    issues = []
+    for item in error.errors():
+        place = ".".join(str(part) for part in item["loc"])
+        issues.append(
+            {"file": "request", "line": None, "field": place, "found": _found(item), "expected": str(item["msg"])}
+        )
+    broken = any(item["type"] == "json_invalid" for item in error.errors())
+    text = "; ".join(f"{one['field']}: found {one['found']}; {one['expected']}" for one in issues[:5])
+    return Json({"error": text, "issues": issues}, 400 if broken else 422)
+
+
+def _found(item: Any) -> str:
+    """What was found, in a few words."""
+    if item["type"] in ("missing", "json_invalid"):
+        return "nothing" if item["type"] == "missing" else "broken JSON"
+    value = item.get("input")
+    with suppress(Exception):
+        text = " ".join(repr(value)[:200].split()) if not isinstance(value, dict | list) else type(value).__name__
+        return text if len(text) <= 80 else text[:79] + "…"
+    return type(value).__name__
+
+
+def _http(request: Request, error: Any) -> Json:
+    return Json({"error": str(error.detail), "issues": []}, error.status_code, headers=error.headers)

@@ -1,0 +1,163 @@
+"""Client for a cell's controller: joint state and target in, timed points and status out.
+
+One file that needs httpx and numpy and nothing else of OptiPlan. A server hands it out, so that the two fit:
+`curl -O http://SERVER:7100/cell.py`.
+
+Example:
+    from cell import CellPlanner
+
+    cell = CellPlanner("http://127.0.0.1:7100", "cell.yaml")             # the scene, the robot, the limits
+    motion = cell.plan(joints, target=(0.5, 0.2, 0.6, 1, 0, 0, 0), budget=0.5)
+    if motion.verified:
+        for t, q, v in zip(motion.t, motion.q, motion.v):
+            ...                                                    # to the drives
+    else:
+        print(motion.status, motion.reason)
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import numpy.typing as npt
+
+
+@dataclass(frozen=True)
+class CellMotion:
+    """What a server answered.
+
+    Attributes:
+        status: `verified`; `not verified`, whose motion must not be driven; `failed`, `busy`, `late` or `unreachable`.
+        reason: why it is not verified, in a sentence; empty where it is.
+        joint_names: of the planned joints.
+        t: times (k,), s, from 0.
+        q: positions (k, n), rad or m.
+        v: velocities (k, n), rad/s or m/s.
+        a: accelerations (k, n), rad/s^2 or m/s^2.
+        seconds: of planning and proof.
+        run: id on the server.
+    """
+
+    status: str
+    reason: str = ""
+    joint_names: tuple[str, ...] = ()
+    t: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    q: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    v: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    a: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    seconds: float = 0.0
+    run: str = ""
+
+    @property
+    def verified(self) -> bool:
+        """Whether the motion is proved free of collision and within limits."""
+        return self.status == "verified"
+
+
+class CellPlanner:
+    """A problem on a server, to be planned again and again from other states to other targets.
+
+    Args:
+        url: of the server.
+        problem: path or text of a problem file (YAML); its start and goal are used where `plan` gives none.
+        token: where the server wants one.
+
+    Raises:
+        ValueError: the server refuses the problem; says everything that is wrong with it.
+        httpx.HTTPError: it cannot be reached.
+    """
+
+    def __init__(self, url: str, problem: str | Path, token: str = "") -> None:
+        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        self._http = httpx.Client(base_url=url, headers=headers, timeout=httpx.Timeout(10.0))
+        text = str(problem) if "\n" in str(problem) else Path(problem).read_text("utf-8")
+        answer = self._http.post("/api/problems", json={"problem": text, "name": _stem(problem)})
+        if answer.status_code != 201:
+            raise ValueError(_error(answer))
+        self.problem: str = answer.json()["hash"]
+
+    def plan(
+        self,
+        joints: Sequence[float] | None = None,
+        target: Sequence[float] | None = None,
+        *,
+        joint_target: Sequence[float] | None = None,
+        budget: float = 1.0,
+        deadline: float | None = None,
+        planner: str | None = None,
+    ) -> CellMotion:
+        """Plan from a state to a target and wait for the answer; nothing is raised, `status` says what happened.
+
+        Args:
+            joints: positions of the planned joints now (n,), rad or m.
+            target: pose of the tool in the world: x, y, z, m, and the quaternion x, y, z, w.
+            joint_target: or positions of the joints (n,).
+            budget: s for planning and proof.
+            deadline: s from now after which no answer is wanted.
+            planner: another one than the problem's.
+        """
+        asked: dict[str, Any] = {"problem": self.problem, "budget": budget, "deadline": deadline, "planner": planner}
+        if joints is not None:
+            asked["start"] = {"joints": [float(x) for x in joints]}
+        if target is not None:
+            pose = [float(x) for x in target]
+            asked["goal"] = {"pose": {"position": pose[:3], "quaternion": pose[3:]}}
+        elif joint_target is not None:
+            asked["goal"] = {"joints": [float(x) for x in joint_target]}
+        wait = (deadline or budget + 20.0) + 1.0
+        try:
+            answer = self._http.post("/api/plan", json=asked, timeout=wait)
+        except httpx.TimeoutException:
+            return CellMotion("late", f"no answer within {wait:g} s")
+        except httpx.HTTPError as error:
+            return CellMotion("unreachable", str(error))
+        if answer.status_code != 200:
+            status = {429: "busy", 503: "busy", 504: "late"}.get(answer.status_code, "failed")
+            return CellMotion(status, _error(answer))
+        return _motion(json.loads(answer.content))
+
+    def close(self) -> None:
+        """Close the connection; the problem stays on the server."""
+        self._http.close()
+
+    def __enter__(self) -> "CellPlanner":
+        """Itself."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close the connection."""
+        self.close()
+
+
+def _motion(answer: Mapping[str, Any]) -> CellMotion:
+    seconds = sum(value for value in (answer["timings"] or {}).values() if isinstance(value, float))
+    points = answer["trajectory"]
+    if points is None:
+        failure = answer["failure"] or {}
+        return CellMotion(
+            "failed", f"{failure.get('kind')}: {failure.get('detail')}", seconds=seconds, run=answer["id"]
+        )
+    verified = answer["verified"] is True
+    return CellMotion(
+        status="verified" if verified else "not verified",
+        reason="" if verified else "the motion breaks a limit or touches something; its run.json says where",
+        joint_names=tuple(points["joint_names"]),
+        seconds=seconds,
+        run=answer["id"],
+        **{key: np.array(points[key], float) for key in ("t", "q", "v", "a")},
+    )
+
+
+def _stem(problem: str | Path) -> str | None:
+    return None if "\n" in str(problem) else Path(problem).stem
+
+
+def _error(answer: httpx.Response) -> str:
+    try:
+        return str(answer.json()["error"])
+    except (ValueError, KeyError, TypeError):
+        return f"HTTP {answer.status_code}"

@@ -1,0 +1,236 @@
+"""`Client`: the functions of `import optiplan as op`, done by a server."""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from optiplan.api.loading import load_problem
+from optiplan.api.planning import BUDGET
+from optiplan.api.stored_runs import run_of_record
+from optiplan.errors import InputError, Issue, OptiPlanError, described, wrong_argument
+from optiplan.files import read_bytes
+from optiplan.problem.hashing import meshes_of
+from optiplan.problem.problem import Problem
+from optiplan.runs.run import Run
+from optiplan.runs.run_folder import RUN, TRAJECTORY
+from optiplan.trajectory.trajectory import Trajectory
+
+PATIENCE = 30.0
+"""s that a server has to answer what takes no planning, and beyond the budget what does."""
+
+
+class ServerError(OptiPlanError):
+    """A server that cannot be reached, or refuses: `status` is that of HTTP, 0 where there is none."""
+
+    def __init__(self, status: int, detail: str) -> None:
+        super().__init__(detail)
+        self.status = status
+
+
+class Client:
+    """A planner on a server (`optiplan serve`).
+
+    Args:
+        url: of the server, such as `http://127.0.0.1:7100`.
+        token: where it wants one.
+
+    Example:
+        >>> import optiplan as op
+        >>> client = op.Client("http://127.0.0.1:7100")
+        >>> run = client.plan("01_reach")  # doctest: +SKIP
+    """
+
+    def __init__(self, url: str, token: str = "") -> None:
+        if not isinstance(url, str) or not url.startswith(("http://", "https://")):
+            raise wrong_argument("Client", "url", described(url), "an address such as http://127.0.0.1:7100")
+        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        self.url = url.rstrip("/")
+        self._http = httpx.Client(base_url=self.url, headers=headers, timeout=PATIENCE)
+
+    def plan(
+        self,
+        problem: Problem | Path | str | Mapping[str, Any],
+        planner: str | None = None,
+        options: Mapping[str, Any] | None = None,
+        budget: float = BUDGET,
+        seed: int | None = None,
+        deadline: float | None = None,
+    ) -> Run:
+        """Plan on the server and wait for the answer; the motion is verified afresh here.
+
+        Args:
+            problem: as `op.load_problem` takes it, or a `Problem`; meshes of its scene are uploaded.
+            planner: a name of `op.planners()`; None: the problem's own.
+            options: of that planner.
+            budget: s for planning and proof.
+            seed: None: the problem's own.
+            deadline: s from now after which no answer is wanted.
+
+        Raises:
+            InputError: the problem or an argument is wrong.
+            ServerError: there is no server, it refuses, or the answer is of another problem.
+        """
+        asked = _problem(problem)
+        given = self._submission(asked, planner, options, budget, seed, deadline)
+        answer = self._send("POST", "/api/plan", json=given, timeout=(deadline or budget) + PATIENCE).json()
+        return self._run(asked, answer)
+
+    def submit(
+        self,
+        problem: Problem | Path | str | Mapping[str, Any],
+        planner: str | None = None,
+        options: Mapping[str, Any] | None = None,
+        budget: float = BUDGET,
+        seed: int | None = None,
+        deadline: float | None = None,
+    ) -> str:
+        """Queue a run and return its id; the same submission has the same id. Arguments as of `plan`.
+
+        Raises:
+            InputError, ServerError: as `plan`.
+        """
+        given = self._submission(_problem(problem), planner, options, budget, seed, deadline)
+        return str(self._send("POST", "/api/runs", json=given).json()["id"])
+
+    def status(self, run: str) -> dict[str, Any]:
+        """How a run is: `status`, `verified`, `failure`, `timings`, ….
+
+        Raises:
+            ServerError: there is none of that id.
+        """
+        found: dict[str, Any] = self._send("GET", f"/api/runs/{run}").json()
+        return found
+
+    def watch(self, run: str) -> Iterator[dict[str, Any]]:
+        """What happens in a run, until it has ended.
+
+        Yields:
+            `type` and more: `status`; `stage` with `fraction`; `best` with `seconds` and `duration`, of a motion that
+            is not proved yet; `end` with `status` and `verified`.
+
+        Raises:
+            ServerError: there is none of that id, or the server goes away.
+        """
+        try:
+            with self._http.stream("GET", f"/api/runs/{run}/events", timeout=httpx.Timeout(PATIENCE)) as lines:
+                if lines.status_code != 200:
+                    lines.read()
+                    _check(lines)
+                for line in lines.iter_lines():
+                    if line.startswith("data:"):
+                        yield json.loads(line[5:])
+        except httpx.HTTPError as error:
+            raise ServerError(0, f"{self.url}: {error or type(error).__name__}") from error
+
+    def run(self, run: str, problem: Problem | None = None) -> Run:
+        """A run that has ended; its motion is verified afresh here.
+
+        Args:
+            run: its id.
+            problem: of the run; None: as the run says, which needs its files here.
+
+        Raises:
+            ServerError: there is none, it has not ended, or it is of another problem.
+        """
+        answer = self.status(run)
+        if answer["status"] in ("done", "failed"):
+            answer["trajectory"] = (
+                self._send("GET", f"/api/runs/{run}/{TRAJECTORY}").json() if answer["status"] == "done" else None
+            )
+            return self._run(problem, answer)
+        raise ServerError(409, f"the run {run} is {answer['status']}")
+
+    def cancel(self, run: str) -> None:
+        """Cancel a run; one that has ended stays as it is.
+
+        Raises:
+            ServerError: there is none of that id.
+        """
+        self._send("POST", f"/api/runs/{run}/cancel")
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.close()
+
+    def __enter__(self) -> "Client":
+        """Itself."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close the connections."""
+        self.close()
+
+    def __repr__(self) -> str:
+        """Where the server is."""
+        return f"Client: {self.url}"
+
+    def _submission(
+        self,
+        problem: Problem,
+        planner: str | None,
+        options: Mapping[str, Any] | None,
+        budget: float,
+        seed: int | None,
+        deadline: float | None,
+    ) -> dict[str, Any]:
+        if not problem.source:
+            found = "a problem that was put together by hand"
+            raise wrong_argument("Client", "problem", found, "one that was read, or made by op.Problem(…)")
+        data = json.loads(json.dumps(problem.source))
+        for mesh in meshes_of(data):
+            mesh["file"] = self._upload(Path(mesh["file"]))
+        given = {"problem": data, "planner": planner, "options": None if options is None else dict(options)}
+        seed = problem.seed if seed is None else seed
+        return given | {"budget": budget, "seed": seed, "deadline": deadline}
+
+    def _upload(self, file: Path) -> str:
+        from optiplan.cache import digest
+
+        content = read_bytes(file)
+        name = f"{digest([content])[:32]}/{file.stem[:40].encode('ascii', 'ignore').decode() or 'mesh'}{file.suffix}"
+        name = "".join(c if c.isalnum() or c in "._-/" else "_" for c in name)
+        self._send("PUT", f"/api/uploads/{name}", content=content)
+        return name
+
+    def _run(self, problem: Problem | None, answer: Mapping[str, Any]) -> Run:
+        if problem is not None and answer["problem"] != problem.hash:
+            raise ServerError(409, "the server planned another problem: its robot or meshes differ from those here")
+        try:
+            record = self._send("GET", f"/api/runs/{answer['id']}/{RUN}").json()
+        except ServerError as error:
+            failure = answer["failure"]
+            if failure is None or error.status != 404:
+                raise
+            raise ServerError(500, f"the run {answer['id']} failed: {failure['kind']}: {failure['detail']}") from None
+        motion = None if answer["trajectory"] is None else Trajectory.from_dict(answer["trajectory"])
+        return run_of_record(record, motion, problem)
+
+    def _send(self, method: str, path: str, **given: Any) -> httpx.Response:
+        try:
+            answer = self._http.request(method, path, **given)
+        except httpx.HTTPError as error:
+            raise ServerError(0, f"no server answers at {self.url} ({error or type(error).__name__})") from error
+        _check(answer)
+        return answer
+
+
+def _problem(given: Any) -> Problem:
+    return given if isinstance(given, Problem) else load_problem(given)
+
+
+def _check(answer: httpx.Response) -> None:
+    """Turn a refusal into an error."""
+    if answer.status_code < 400:
+        return
+    try:
+        data = answer.json()
+        issues = [Issue(**{**issue, "path": tuple(issue.get("path", ()))}) for issue in data["issues"]]
+        text = str(data["error"])
+    except (ValueError, KeyError, TypeError):
+        issues, text = [], f"{answer.request.url}: HTTP {answer.status_code}"
+    if issues and answer.status_code == 422:
+        raise InputError(issues)
+    raise ServerError(answer.status_code, text)

@@ -1,0 +1,1 @@
+"""Who solves: warm processes under hard limits, and the durable queue that feeds them."""

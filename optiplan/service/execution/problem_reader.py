@@ -1,0 +1,137 @@
+"""Problems as they come over the network: read within the folders allowed, kept while they are asked for again."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from optiplan.config.document import Document, parse_yaml, plain
+from optiplan.config.messages import choices
+from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.files import reading
+from optiplan.planners.registry import PLANNERS, make_planner
+from optiplan.problem.from_data import read_problem
+from optiplan.problem.hashing import meshes_of
+from optiplan.problem.problem import Problem
+from optiplan.resources import robots_dir
+from optiplan.robot.robot import Robot, load_robot, robot_names
+from optiplan.runs.pipeline import chosen
+
+KEPT, KEPT_ROBOTS = 32, 16
+"""Problems and robots that stay loaded."""
+
+
+@dataclass(frozen=True)
+class PlannerChoice:
+    """The planner of a request, its options and the seed."""
+
+    planner: str
+    options: Mapping[str, Any]
+    seed: int
+
+
+class ProblemReader:
+    """Reads requests; robots and the last problems stay loaded.
+
+    Args:
+        base: folder that files named in problems are relative to.
+        folders: the only ones, besides the robots that come along, from which files are read.
+        bodies: most obstacles and held objects of one problem.
+    """
+
+    def __init__(self, base: Path, folders: list[Path], bodies: int) -> None:
+        self._base, self._folders, self._bodies = base, [*folders, robots_dir()], bodies
+        self._robots: dict[str, Robot] = {}
+        self._names = set(robot_names())
+        self._problems: dict[str, Problem] = {}
+        self._documents: dict[tuple[str, Path], Document] = {}
+
+    def read(self, request: Mapping[str, Any]) -> Problem:
+        """The problem of a request: `problem` as text or data, `name` where it has none, `start` and `goal` instead.
+
+        Problems whose files may change are not kept.
+
+        Raises:
+            InputError: everything that is wrong with it.
+        """
+        asked = [request["problem"], request.get("name"), request.get("start"), request.get("goal")]
+        key = hashlib.sha256(json.dumps(asked).encode("utf-8", "surrogatepass")).hexdigest()
+        problem = self._problems.pop(key, None) or self._load(request)
+        if _name(problem) in self._names and not any(meshes_of(problem.source)):
+            self._problems[key] = problem  # the last one used is the last to go
+            if len(self._problems) > KEPT:
+                del self._problems[next(iter(self._problems))]
+        return problem
+
+    def choose(self, request: Mapping[str, Any], problem: Problem) -> PlannerChoice:
+        """The planner that is asked for, which is made on trial.
+
+        Raises:
+            InputError: there is no such planner or option, or it has a wrong value.
+        """
+        name, options = chosen(problem, request.get("planner"), request.get("options"))
+        given = request.get("seed")
+        try:
+            if name not in PLANNERS:  # `module:Class` would run the sender's choice of code
+                raise UnknownChoiceError("planner", name, PLANNERS)
+            make_planner(name, options)
+        except UnknownChoiceError as error:
+            field = "planner" if error.kind == "planner" else f"planner.{error.found}"
+            raise InputError(
+                [Issue("request", None, field, f"unknown {error.kind}", choices(error.found, error.choices))]
+            ) from None
+        return PlannerChoice(name, options, problem.seed if given is None else given)
+
+    def _load(self, request: Mapping[str, Any]) -> Problem:
+        path = Path(f"{request.get('name') or 'problem'}.yaml")
+        given = request["problem"]
+        document = self._parsed(given, path) if isinstance(given, str) else Document(path, plain(given), {})
+        instead = {key: request[key] for key in ("start", "goal") if request.get(key) is not None}
+        if isinstance(document.data, dict):
+            document = replace(document, data=document.data | instead)
+            self._count(document)
+        with reading(self._folders):
+            return Problem.of(read_problem(document, self._base, self.robot).whole())
+
+    def _parsed(self, text: str, path: Path) -> Document:
+        """The document of a text; the last ones are kept, for requests that differ in start and goal alone."""
+        key = (text, path)
+        document = self._documents.pop(key, None) or parse_yaml(text, path)
+        self._documents[key] = document
+        if len(self._documents) > KEPT:
+            del self._documents[next(iter(self._documents))]
+        return document
+
+    def _count(self, document: Document) -> None:
+        scene = document.data.get("scene")
+        for key in ("obstacles", "attached"):
+            held = scene.get(key) if isinstance(scene, dict) else None
+            if isinstance(held, list) and len(held) > self._bodies:
+                raise InputError(
+                    [document.issue(("scene", key), f"{len(held)} bodies", f"at most {self._bodies} on this server")]
+                )
+
+    def robot(
+        self,
+        ref: str | Mapping[str, Any],
+        base: Path | None = None,
+        locked: Mapping[str, float] | None = None,
+        group: str | None = None,
+    ) -> Robot:
+        """A robot as `load_robot` gives it; those that come along are kept, since their files do not change."""
+        if not isinstance(ref, str) or ref not in self._names:
+            return load_robot(ref, base, locked, group)
+        key = json.dumps([ref, sorted((locked or {}).items()), group])
+        robot = self._robots.pop(key, None) or load_robot(ref, base, locked, group)
+        self._robots[key] = robot
+        if len(self._robots) > KEPT_ROBOTS:
+            del self._robots[next(iter(self._robots))]
+        return robot
+
+
+def _name(problem: Problem) -> str:
+    """What the problem calls its robot; empty where it describes it."""
+    stated = problem.source["robot"]
+    return stated if isinstance(stated, str) else ""

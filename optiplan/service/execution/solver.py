@@ -1,0 +1,114 @@
+"""Process of a slot: reads problems, plans, makes pages; one request at a time, from a pipe.
+
+Its arguments are those of `bench.execution.worker`. A request is a JSON object with `do`, a name of `TASKS`; the answer
+is a message with `phase: done`, its files behind it in one piece.
+"""
+
+import ctypes
+import json
+import os
+import sys
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any
+
+from optiplan.bench.execution.keeper import keep_a_child
+
+EVERY = 0.1
+"""s between two words about the same stage."""
+
+Message = dict[str, Any]
+
+
+def main() -> None:
+    """Serve until the other end is closed, in a child of the keeper that this process becomes."""
+    socket, parent, _ = (int(word) for word in sys.argv[2:5])
+    keep_a_child(parent, socket)
+    connection = Connection(socket)
+    from optiplan.bench.execution.worker import limit_memory, surroundings
+
+    def send(message: Message, files: Mapping[str, bytes]) -> None:
+        sizes = {name: len(content) for name, content in files.items()}
+        whole = {**message, "sizes": sizes, "blob": bool(files)}
+        connection.send_bytes(json.dumps(whole, allow_nan=False).encode())
+        if files:
+            connection.send_bytes(b"".join(files.values()))
+
+    send({"phase": "ready", "pid": os.getpid()}, {})
+    libc = ctypes.CDLL(None)
+    tasks: Any = None
+    while True:
+        try:
+            request = json.loads(connection.recv_bytes())
+        except EOFError:
+            return
+        if request["do"] == "set up":
+            os.nice(request["nice"])
+            limit_memory(request["memory"])
+            tasks = _tasks(request)
+            send({"phase": "done"}, {})
+            continue
+        before = surroundings()
+        answer, files = _answer(tasks, request, Progress(send))
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(Exception):
+                stream.flush()
+        libc.fflush(None)
+        send({**answer, "phase": "done", "spoilt": surroundings() != before}, files)
+
+
+def _tasks(settings: Mapping[str, Any]) -> Any:
+    """The tasks, with everything loaded that most of them need."""
+    from optiplan.service.execution.tasks import Tasks
+
+    tasks = Tasks(settings)
+    with suppress(Exception):  # a task will tell
+        tasks.warm_up()
+    return tasks
+
+
+def _answer(tasks: Any, request: Mapping[str, Any], progress: "Progress") -> tuple[Message, dict[str, bytes]]:
+    """What came of a request: an answer, or the error, as data."""
+    from optiplan.errors import InputError, OptiPlanError
+
+    try:
+        do: Callable[..., tuple[Message, dict[str, bytes]]] = getattr(tasks, request["do"])
+        answer, files = do(request, progress)
+        json.dumps(answer, allow_nan=False)
+        return answer, files
+    except InputError as error:
+        return {"error": str(error), "issues": [vars(issue) for issue in error.issues]}, {}
+    except OptiPlanError as error:
+        return {"error": str(error), "issues": []}, {}
+    except MemoryError:
+        return {"error": "it takes more memory than this server allows", "issues": []}, {}
+    except BaseException as error:
+        text = "".join(traceback.format_exception(error, limit=-8))
+        return {"error": f"internal error: {type(error).__name__}: {error}", "issues": [], "bug": text}, {}
+
+
+class Progress:
+    """Tells of stages, of motions that a planner found on the way and that are not proved yet, and of the answer."""
+
+    def __init__(self, send: Callable[[Message, Mapping[str, bytes]], None]) -> None:
+        self._send = send
+        self._stage, self._told, self._began = "", 0.0, time.perf_counter()
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        """Tell of a stage, now and then."""
+        now = time.perf_counter()
+        if stage == self._stage and now - self._told < EVERY:
+            return
+        self._stage, self._told = stage, now
+        self._send({"phase": "stage", "stage": stage, "fraction": float(fraction)}, {})
+
+    def found(self, duration: float) -> None:
+        """Tell of a motion of this duration, s."""
+        self._send({"phase": "best", "seconds": time.perf_counter() - self._began, "duration": duration}, {})
+
+    def answered(self, answer: Message, files: Mapping[str, bytes]) -> None:
+        """Tell what somebody waits for, before the rest is made."""
+        self._send({**answer, "phase": "answered"}, files)

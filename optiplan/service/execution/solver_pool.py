@@ -1,0 +1,218 @@
+"""Warm solver processes, a thread each: jobs in, futures out; a process over a limit of time or memory is killed."""
+
+import math
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from optiplan.bench.execution import machine
+from optiplan.bench.execution.worker_process import WorkerProcess
+from optiplan.service.settings import ServiceSettings
+
+MODULE = "optiplan.service.execution.solver"
+POLL = 0.05
+"""s between two looks at the clock and at a process's memory."""
+START = 120.0
+"""s within which a process has to be ready."""
+SPOILT_BY = 0.75
+"""Share of the allowed memory above which a process is exchanged once its job is done."""
+
+Lane = Literal["queue", "plan", "look"]
+"""Who waits for the answer: the queue; a caller who wants a plan; a caller who wants a problem read or drawn."""
+
+NICE: dict[Lane, int] = {"queue": 5, "plan": 0, "look": 1}
+"""How far processes step back: the server itself, then callers who wait, come before the queue."""
+
+
+@dataclass(frozen=True)
+class SolverAnswer:
+    """What a process answered.
+
+    Attributes:
+        data: JSON-ready; `error` in it says that the request was wrong, `bug` beside it that we are.
+        files: contents by name.
+        death: why there is no answer: `timeout`, `out-of-memory`, `crashed` or `cancelled`; with `detail`.
+    """
+
+    data: Mapping[str, Any] = field(default_factory=dict)
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    death: str | None = None
+    detail: str = ""
+
+
+@dataclass(eq=False)
+class SolverJob:
+    """One request to a process.
+
+    Attributes:
+        wall: seconds that it may take once a process has it.
+        until: instant of `time.monotonic` at which it ends wherever it is.
+        told: called with each message on the way.
+        answered: called with what the caller waits for, where the request is `early`, before the job is done.
+        cancel: ends it at once.
+    """
+
+    request: Mapping[str, Any]
+    wall: float
+    until: float = math.inf
+    told: Callable[[Mapping[str, Any]], None] = lambda message: None
+    answered: Callable[[SolverAnswer], None] = lambda answer: None
+    cancel: threading.Event = field(default_factory=threading.Event)
+    future: "Future[SolverAnswer]" = field(default_factory=Future)
+
+
+class SolverPool:
+    """Processes by lane, ready before they are needed."""
+
+    def __init__(self, settings: ServiceSettings, lanes: Mapping[Lane, int]) -> None:
+        self._stop = threading.Event()
+        self._jobs: dict[Lane, queue.Queue[SolverJob]] = {lane: queue.Queue() for lane in lanes}
+        self._slots = [
+            _Slot(settings, lane, self._jobs[lane], self._stop) for lane in lanes for _ in range(lanes[lane])
+        ]
+
+    def start(self) -> None:
+        """Start all processes, without waiting for them."""
+        for slot in self._slots:
+            slot.start()
+
+    def submit(self, lane: Lane, job: SolverJob) -> "Future[SolverAnswer]":
+        """Have a job done by the next free process of a lane."""
+        self._jobs[lane].put(job)
+        return job.future
+
+    @property
+    def ready(self) -> bool:
+        """Whether each process is ready, or at work."""
+        return all(slot.warm for slot in self._slots)
+
+    def waiting(self, lane: Lane) -> int:
+        """How many jobs of a lane no process has begun."""
+        return self._jobs[lane].qsize()
+
+    def memory(self) -> float:
+        """Resident memory of all processes, MB."""
+        return sum(slot.memory() for slot in self._slots)
+
+    def close(self) -> None:
+        """End all processes, whatever they are doing."""
+        self._stop.set()
+        for slot in self._slots:
+            slot.join(20.0)
+        for jobs in self._jobs.values():
+            while not jobs.empty():
+                jobs.get_nowait().future.set_result(SolverAnswer(death="cancelled", detail="the server stopped"))
+
+
+class _Slot(threading.Thread):
+    """One process and the thread that started it: processes die with that thread."""
+
+    def __init__(
+        self, settings: ServiceSettings, lane: Lane, jobs: "queue.Queue[SolverJob]", stop: threading.Event
+    ) -> None:
+        super().__init__(name=f"solver-{lane}", daemon=True)
+        self._settings, self._lane, self._jobs, self._stop_event = settings, lane, jobs, stop
+        self._worker: WorkerProcess | None = None
+        self.warm = False
+
+    def memory(self) -> float:
+        """Resident memory of the process and what it started, MB."""
+        worker = self._worker
+        return 0.0 if worker is None or worker.gone else machine.resident(worker.processes())
+
+    def run(self) -> None:
+        """Serve jobs until the pool is closed."""
+        while not self._stop_event.is_set():
+            try:
+                worker = self._ready()
+                job = self._jobs.get(timeout=POLL)
+            except queue.Empty:
+                continue
+            except OSError:  # no process can be started now
+                self._stop_event.wait(1.0)
+                continue
+            if worker is None:
+                answer = SolverAnswer(death="crashed", detail="no process can be started")
+            else:
+                answer = self._carry_out(worker, job)
+            job.future.set_result(answer)
+        self._end()
+
+    def _ready(self) -> WorkerProcess | None:
+        """The process, started anew if it has ended; None if none starts."""
+        if self._worker is not None and (self._worker.exit_seen()):
+            self._end()
+        if self._worker is None:
+            self.warm = False
+            self._worker = worker = WorkerProcess(MODULE)
+            began = time.monotonic()
+            while not (worker.pid or worker.gone or self._stop_event.is_set() or time.monotonic() - began > START):
+                worker.greet(POLL)
+            set_up: dict[str, Any] = {
+                "base": str(self._settings.upload_folder),
+                "folders": [str(f) for f in self._settings.readable],
+            }
+            set_up |= {"bodies": self._settings.bodies, "memory": self._settings.memory, "nice": NICE[self._lane]}
+            if worker.pid:
+                self._carry_out(worker, SolverJob({"do": "set up", **set_up}, START))
+            if worker.gone or not worker.pid:
+                self._end()
+                return None
+            self.warm = True
+        return self._worker
+
+    def _carry_out(self, worker: WorkerProcess, job: SolverJob) -> SolverAnswer:
+        if job.cancel.is_set():
+            return SolverAnswer(death="cancelled", detail="cancelled before it began")
+        worker.begin(job.request)
+        deadline = min(time.monotonic() + job.wall, job.until)
+        while True:
+            message = worker.message(POLL)
+            files = {} if message is None else _cut(message)
+            if message is not None and message["phase"] == "answered":
+                job.answered(SolverAnswer(message, files))
+            elif message is not None and message["phase"] == "done":
+                memory = machine.resident([worker.pid])
+                if message.get("spoilt") or memory > SPOILT_BY * self._settings.memory:
+                    self._end()
+                return SolverAnswer(message, files)
+            elif message is not None:
+                job.told(message)
+            death = self._death(worker, job, deadline)
+            if death is not None:
+                self._end()
+                return death
+
+    def _death(self, worker: WorkerProcess, job: SolverJob, deadline: float) -> SolverAnswer | None:
+        """Why the process has ended or has to end; None when all is well."""
+        if worker.gone:
+            death = worker.autopsy()
+            return SolverAnswer(death=death.kind, detail=f"{death.detail} {death.how}".strip())
+        if job.cancel.is_set() or self._stop_event.is_set():
+            return SolverAnswer(death="cancelled", detail="cancelled")
+        if time.monotonic() > deadline:
+            return SolverAnswer(death="timeout", detail=f"no answer within the hard limit of {job.wall:.3g} s")
+        memory = machine.resident(worker.processes())
+        if memory > self._settings.memory:
+            limit = self._settings.memory
+            return SolverAnswer(death="out-of-memory", detail=f"{memory:.0f} MB resident; the limit is {limit:.0f} MB")
+        return None
+
+    def _end(self) -> None:
+        self.warm = False
+        if self._worker is not None:
+            self._worker.kill()
+            self._worker = None
+
+
+def _cut(message: dict[str, Any]) -> dict[str, bytes]:
+    """The files behind a message, which came in one piece."""
+    whole, files, at = message.pop("content", b""), {}, 0
+    for name, size in message.pop("sizes", {}).items():
+        files[name] = whole[at : at + size]
+        at += size
+    return files

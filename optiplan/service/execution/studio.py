@@ -1,0 +1,107 @@
+"""What the studio draws and asks: a problem without runs, a configuration, the branches of an inverse kinematics."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.errors import InputError, Issue
+from optiplan.kinematics.ik.solve import answer
+from optiplan.problem.problem import Problem
+from optiplan.viewer.runs import Poses
+from optiplan.viewer.scene import build_scene
+
+MOST_BRANCHES = 16
+"""Ghosts drawn at a time."""
+
+
+def studio_scene(problem: Problem) -> dict[str, Any]:
+    """What the viewer draws of a problem, with its joints and obstacles as things to move.
+
+    Returns:
+        `scene` as `SceneData.to_dict`; `joints`: name and limits, null where there is none; `start`: (n,); `tool`: its
+        pose at the start; `problem`: the problem as data, all defaults filled in; `hash`.
+    """
+    limits = problem.robot.limits
+    joints = [
+        {"name": name, "lower": _finite(low), "upper": _finite(high)}
+        for name, low, high in zip(problem.robot.joint_names, limits.lower, limits.upper, strict=True)
+    ]
+    return {
+        "scene": build_scene(problem, []).to_dict(),
+        "joints": joints,
+        "start": problem.start.tolist(),
+        "tool": _tool(problem, problem.start),
+        "problem": dict(problem.source),
+        "hash": problem.hash,
+    }
+
+
+def posed(problem: Problem, q: Array) -> dict[str, Any]:
+    """Where the bodies and the tool are at q (n,), and which bodies touch there.
+
+    Raises:
+        InputError: q has another number of values than the robot joints, or one that is not finite.
+    """
+    _check(problem, q)
+    model = CollisionModel(problem.robot, problem.scene)
+    touching = [[contact.pair.name_a, contact.pair.name_b] for contact in model.contacts(q, 0.0)]
+    return {"poses": _flat(problem, q), "tool": _tool(problem, q), "touching": touching}
+
+
+def branches(problem: Problem, pose: Sequence[float], near: Sequence[float] | None) -> dict[str, Any]:
+    """All configurations that put the tool at a pose (x, y, z, qx, qy, qz, qw), nearest to `near` (n,) first.
+
+    Returns:
+        `branches`: `q`, `branch`, `within_limits`, `touching` and `poses` of each; `reason`: why none is within limits.
+
+    Raises:
+        InputError: the pose or `near` is none.
+    """
+    given = np.asarray(pose, float)
+    if not np.isfinite(given).all() or np.linalg.norm(given[3:]) < 1e-6:
+        raise InputError([Issue("request", None, "pose", "numbers that are no pose", "m, and a quaternion x, y, z, w")])
+    given[3:] /= np.linalg.norm(given[3:])
+    q = problem.start if near is None else np.asarray(near, float)
+    _check(problem, q)
+    found = answer(problem.robot, problem.robot.tool_frame, pin.XYZQUATToSE3(given), q)
+    model = CollisionModel(problem.robot, problem.scene)
+    shown = [
+        {
+            "q": solution.q.tolist(),
+            "branch": solution.branch,
+            "within_limits": bool(solution.within_limits),
+            "touching": bool(model.collides(solution.q)),
+            "poses": _flat(problem, solution.q),
+        }
+        for solution in found.solutions[:MOST_BRANCHES]
+    ]
+    return {"branches": shown, "reason": found.reason}
+
+
+def _check(problem: Problem, q: Array) -> None:
+    if q.shape != (problem.robot.n,) or not np.isfinite(q).all():
+        found = f"{q.size} values" if np.isfinite(q).all() else "values that are not finite"
+        expected = f"{problem.robot.n} finite values, rad or m"
+        raise InputError([Issue("request", None, "q", found, expected)])
+
+
+def _flat(problem: Problem, q: Array) -> list[list[float]]:
+    """Poses of the joints (bodies, 7)."""
+    rows: list[list[float]] = Poses(problem).of(q[None])[0][0].tolist()
+    return rows
+
+
+def _tool(problem: Problem, q: Array) -> list[float]:
+    robot = problem.robot
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    pose: list[float] = pin.SE3ToXYZQUAT(data.oMf[robot.model.getFrameId(robot.tool_frame)]).tolist()
+    return pose
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,128 @@
+"""What a solver process can be asked: check a problem, plan, draw, solve inverse kinematics."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optiplan.files import reading
+from optiplan.planners.base import Budget
+from optiplan.problem.load import load_problem
+from optiplan.problem.problem import Problem
+from optiplan.resources import problems_dir
+from optiplan.runs import pipeline
+from optiplan.runs.run import Run
+from optiplan.runs.run_folder import RATE, RUN, TRAJECTORY
+from optiplan.service.execution.problem_reader import PlannerChoice, ProblemReader
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.report import jsonable
+
+Answer = tuple[dict[str, Any], dict[str, bytes]]
+"""A JSON-ready answer, and files by name."""
+
+_WARM_UP = 1.0  # s
+
+
+class Tasks:
+    """Answers requests, with robots and problems kept in between."""
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        folders = [Path(folder) for folder in settings["folders"]]
+        self._reader = ProblemReader(Path(settings["base"]), folders, settings["bodies"])
+
+    def warm_up(self) -> None:
+        """Plan the first example, so that libraries are loaded, code is compiled and caches are filled."""
+        with reading(None):
+            problem = load_problem(problems_dir() / "01_reach.yaml")
+        pipeline.run(problem, "trajopt", {}, Budget(_WARM_UP), lambda stage, fraction: None)
+
+    def check(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """Read a problem and the planner's options; the answer says what they are."""
+        problem = self._reader.read(request)
+        choice = self._reader.choose(request, problem)
+        return _identity(problem, choice), {}
+
+    def plan(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """Plan and prove; the files are those of a run folder. A request that is `early` has its motion sent first."""
+        problem = self._reader.read(request)
+        choice = self._reader.choose(request, problem)
+        if request.get("hash") not in (None, problem.hash):
+            detail = "the files that the problem names were changed after it was submitted"
+            return {"failure": {"kind": "input", "detail": detail, "witness": {}}, "timings": {}}, {}
+        budget, given = Budget(request["budget"]), problem.with_seed(choice.seed)
+        run = pipeline.attempt(given, choice.planner, choice.options, budget, progress)
+        about, motion = _about(run) | _identity(problem, choice), motion_file(run)
+        if request.get("early"):
+            progress.answered(about, motion)
+        return about, {**motion, **record_file(run)}
+
+    def page(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """The page of runs, each of them from the texts of its two files."""
+        from optiplan.viewer.page import render_page
+        from optiplan.viewer.runs import ViewedRun
+        from optiplan.viewer.scene import build_scene
+
+        problem, shown = self._reader.read(request), []
+        for one in request["runs"]:
+            record = json.loads(one["run"])
+            motion = Trajectory.from_dict(json.loads(one["trajectory"])) if one["trajectory"] else None
+            label = str(record.get("planner", "run"))
+            shown.append(ViewedRun(label, motion, record.get("report"), record.get("failure")))
+        return {}, {"page.html": render_page(build_scene(problem, shown)).encode()}
+
+    def scene(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """What the studio draws: the scene as data, and what can be moved."""
+        from optiplan.service.execution.studio import studio_scene
+
+        return {}, {"scene.json": _json(studio_scene(self._reader.read(request)))}
+
+    def pose(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """Poses of the joints at a configuration, what touches there, and where the tool is."""
+        from optiplan.service.execution.studio import posed
+
+        return posed(self._reader.read(request), np.asarray(request["q"], float)), {}
+
+    def ik(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """All branches of the inverse kinematics for a pose of the tool, each drawn as poses of the joints."""
+        from optiplan.service.execution.studio import branches
+
+        return branches(self._reader.read(request), request["pose"], request.get("near")), {}
+
+
+def record_file(run: Run) -> dict[str, bytes]:
+    """The content of `run.json`, as a run folder has it."""
+    record = json.dumps(jsonable(run.to_dict()), allow_nan=False, indent=1, default=repr)
+    return {RUN: (record + "\n").encode()}
+
+
+def motion_file(run: Run) -> dict[str, bytes]:
+    """The content of `trajectory.json`, as a run folder has it; nothing without a motion."""
+    if run.trajectory is None:
+        return {}
+    motion = json.dumps(run.trajectory.to_dict(rate=RATE), allow_nan=False, separators=(",", ":"))
+    return {TRAJECTORY: (motion + "\n").encode()}
+
+
+def _identity(problem: Problem, choice: PlannerChoice) -> dict[str, Any]:
+    """What decides the answer, the budget apart."""
+    about = {"hash": problem.hash, "name": problem.name, "robot": problem.robot.name}
+    return about | {"planner": choice.planner, "options": dict(choice.options), "seed": choice.seed}
+
+
+def _about(run: Run) -> dict[str, Any]:
+    failed = run.failure and {"kind": run.failure.kind, "detail": run.failure.detail, "witness": run.failure.witness}
+    about = {
+        "verified": run.verified,
+        "duration": run.duration,
+        "ratio": run.ratio,
+        "failure": failed,
+        "timings": dict(run.timings),
+        "improvements": [list(one) for one in run.improvements],
+    }
+    return dict(jsonable(about))
+
+
+def _json(data: Any) -> bytes:
+    return json.dumps(jsonable(data), allow_nan=False, default=repr, separators=(",", ":")).encode() + b"\n"

@@ -1,0 +1,1 @@
+"""What stands before every answer: who may ask, how much, how often; and the record of it."""

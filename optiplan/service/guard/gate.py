@@ -1,0 +1,177 @@
+"""The gate: every request passes it before anything of it is read.
+
+It looks, in this order, at the name by which it is called, where it comes from, the token, how often the client asks,
+and how large the body is; then it sends the headers that keep an answer where it belongs, and writes a line of log.
+"""
+
+import hmac
+import json
+import logging
+import time
+import uuid
+from collections.abc import MutableMapping
+from http.cookies import CookieError, SimpleCookie
+from typing import Any
+from urllib.parse import parse_qsl, urlencode
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from optiplan.service.guard.metrics import RequestCounts
+from optiplan.service.guard.rates import Rates
+from optiplan.service.settings import ServiceSettings
+from optiplan.viewer.safety import HEADERS, LOOPBACK, host_name, same_origin
+
+COOKIE = "optiplan_token"
+"""Carries the token for browsers."""
+OPEN = ("/healthz", "/readyz")
+"""Answered without a token: they tell nothing."""
+PAGE = (
+    "default-src 'self'; script-src 'self' 'unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data: blob:; worker-src 'self' blob:; connect-src 'self' data: blob:; object-src 'none'; "
+    "base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
+)
+"""Content policy of what has none of its own: everything from this server, nothing inside the page."""
+
+_log = logging.getLogger("optiplan.requests")
+
+
+class Refused(Exception):
+    """A request that does not pass."""
+
+    def __init__(self, status: int, error: str, headers: dict[str, str] | None = None) -> None:
+        super().__init__(error)
+        self.status, self.headers = status, headers or {}
+
+
+class Gate:
+    """ASGI application in front of another one."""
+
+    def __init__(self, app: ASGIApp, settings: ServiceSettings, metrics: RequestCounts) -> None:
+        self._app, self._settings, self._metrics = app, settings, metrics
+        self._rates = Rates(settings.rate, settings.burst)
+        loopback = settings.host in LOOPBACK
+        self._names = (
+            {*LOOPBACK, settings.host, *map(str.lower, settings.hosts)} if loopback or settings.hosts else None
+        )
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let a request pass, or refuse it."""
+        if scope["type"] != "http":
+            if scope["type"] == "lifespan":
+                await self._app(scope, receive, send)
+            return  # no websockets here
+        call = _Call(scope, receive, send, self._settings.body)
+        try:
+            self._check(scope, call)
+            if (clean := self._token_in_address(scope)) is not None:
+                await call.redirect(clean, f"{COOKIE}={self._settings.token}; HttpOnly; SameSite=Strict; Path=/")
+            else:
+                await self._app(scope, call.receive, call.send)
+        except Refused as error:
+            await call.refuse(error)
+        except Exception:
+            _log.exception("internal error", extra={"request_id": call.id, "path": scope["path"]})
+            await call.refuse(Refused(500, f"internal error; the log has it under request {call.id}"))
+        finally:
+            self._metrics.add(scope["method"], call.status, time.perf_counter() - call.began)
+            _log.info("request", extra=call.line(scope))
+
+    def _check(self, scope: Scope, call: "_Call") -> None:
+        host, origin = call.headers.get("host"), call.headers.get("origin")
+        if self._names is not None and host_name(host or "") not in self._names:
+            raise Refused(403, "this server is called by a name that is not its own; see --allow-host")
+        if origin is not None and not same_origin(origin, host or ""):
+            raise Refused(403, "requests from pages of other servers are refused")
+        if self._settings.token and scope["path"] not in OPEN and not self._has_token(scope, call):
+            raise Refused(401, "a token is needed: Authorization: Bearer …", {"WWW-Authenticate": "Bearer"})
+        client = (scope.get("client") or ("local", 0))[0]
+        if (wait := self._rates.wait(client)) > 0.0:
+            raise Refused(429, "too many requests", {"Retry-After": str(max(1, round(wait)))})
+        length = call.headers.get("content-length", "0")
+        if not length.isascii() or not length.isdigit() or int(length) > self._settings.body:
+            raise _too_large(self._settings.body)
+
+    def _has_token(self, scope: Scope, call: "_Call") -> bool:
+        given = call.headers.get("authorization", "")
+        scheme, _, token = given.partition(" ")
+        if scheme.lower() == "bearer":
+            return self._same(token.strip())
+        cookies: SimpleCookie = SimpleCookie()
+        try:
+            cookies.load(call.headers.get("cookie", ""))
+        except CookieError:
+            return False
+        if COOKIE in cookies and self._same(cookies[COOKIE].value):
+            return True
+        return scope["method"] == "GET" and self._same(dict(_query(scope)).get("token", ""))
+
+    def _same(self, token: str) -> bool:
+        return hmac.compare_digest(token.encode(), self._settings.token.encode())
+
+    def _token_in_address(self, scope: Scope) -> str | None:
+        """The address without the token that a person opened a page with; the token goes on as a cookie."""
+        query = _query(scope)
+        if not self._settings.token or scope["method"] != "GET" or "token" not in dict(query):
+            return None
+        rest = urlencode([pair for pair in query if pair[0] != "token"])
+        path = "/" + str(scope["path"]).lstrip("/")  # `//elsewhere` is another server
+        return f"{path}?{rest}" if rest else path
+
+
+class _Call:
+    """One request on its way: its body is counted, its answer gets our headers."""
+
+    def __init__(self, scope: Scope, receive: Receive, send: Send, most: int) -> None:
+        self.id, self.began, self.status = uuid.uuid4().hex[:16], time.perf_counter(), 0
+        self.headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        self._receive, self._send, self._most, self._read = receive, send, most, 0
+
+    async def receive(self) -> Message:
+        """A part of the body, unless it is too large with that."""
+        message = await self._receive()
+        self._read += len(message.get("body", b""))
+        if self._read > self._most:
+            raise _too_large(self._most)
+        return message
+
+    async def send(self, message: Message) -> None:
+        """A part of the answer."""
+        if message["type"] == "http.response.start":
+            self.status = message["status"]
+            known = {name.lower() for name, _ in message["headers"]}
+            ours = {**HEADERS, "Content-Security-Policy": PAGE, "X-Request-Id": self.id, "Cache-Control": "no-store"}
+            extra = [(name.lower().encode(), value.encode()) for name, value in ours.items()]
+            message["headers"] = [*message["headers"], *(pair for pair in extra if pair[0] not in known)]
+        await self._send(message)
+
+    async def refuse(self, why: Refused) -> None:
+        """Answer with an error, unless an answer has begun."""
+        if self.status:
+            return
+        body = json.dumps({"error": str(why), "issues": []}).encode()
+        await self._answer(why.status, {"Content-Type": "application/json", **why.headers}, body)
+
+    async def redirect(self, path: str, cookie: str) -> None:
+        """Send the browser to another address of ours, with a cookie."""
+        await self._answer(303, {"Location": path, "Set-Cookie": cookie}, b"")
+
+    async def _answer(self, status: int, headers: dict[str, str], body: bytes) -> None:
+        listed = [(name.lower().encode(), value.encode("latin-1")) for name, value in headers.items()]
+        listed.append((b"content-length", str(len(body)).encode()))
+        await self.send({"type": "http.response.start", "status": status, "headers": listed})
+        await self.send({"type": "http.response.body", "body": body})
+
+    def line(self, scope: Scope) -> MutableMapping[str, Any]:
+        """What the log says of it."""
+        client = (scope.get("client") or ("local", 0))[0]
+        seconds = round(time.perf_counter() - self.began, 6)
+        words = {"request_id": self.id, "method": scope["method"], "path": scope["path"], "client": client}
+        return {**words, "status": self.status, "seconds": seconds}
+
+
+def _too_large(most: int) -> Refused:
+    return Refused(413, f"the body is too large; this server takes {most} bytes")
+
+
+def _query(scope: Scope) -> list[tuple[str, str]]:
+    return parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True)

@@ -1,0 +1,147 @@
+"""What goes over the network, as OpenAPI tells it."""
+
+import json
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Text = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")]
+"""A name: one line."""
+
+Hash = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+"""SHA-256, in hex."""
+
+RunId = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
+"""Digest of the problem, planner, options, seed, budget, deadline and version."""
+
+
+class ProblemInput(BaseModel):
+    """A problem: the text of a YAML file, the same as JSON, or the hash of a stored one."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    problem: str | dict[str, Any] = Field(
+        description="Text of a problem file (YAML), its content as JSON, or the hash of a stored problem",
+        examples=["version: 1\nrobot: panda\nstart: {configuration: ready}\ngoal: {joints: [0, 0, 0, -2, 0, 2, 0]}\n"],
+    )
+    name: Text | None = Field(None, description="Name of the problem where it states none")
+    start: dict[str, Any] | None = Field(None, description="In place of the problem's `start`")
+    goal: dict[str, Any] | None = Field(None, description="In place of the problem's `goal`")
+
+    @model_validator(mode="after")
+    def _storable(self) -> Self:
+        try:
+            text = json.dumps(self.model_dump(), allow_nan=False, ensure_ascii=False)
+            text.encode()
+        except (ValueError, RecursionError) as error:
+            raise ValueError("found NaN, infinity, half a character or too many levels; expected JSON text") from error
+        if "\\u0000" in text:
+            raise ValueError("found the character NUL; expected text")
+        return self
+
+
+class Submission(ProblemInput):
+    """A problem and how to plan it."""
+
+    planner: Text | None = Field(None, description="Instead of the problem's; see GET /api/planners")
+    options: dict[str, Any] | None = Field(None, description="Options of the planner, by name")
+    seed: int | None = Field(None, ge=0, lt=2**63, strict=True, description="Instead of the problem's")
+    budget: float = Field(20.0, gt=0, le=3600, description="Seconds for planning and proof")
+    deadline: float | None = Field(
+        None, gt=0, le=1e6, description="Seconds from now after which no answer is wanted; the run is killed then"
+    )
+
+
+class IssueAnswer(BaseModel):
+    """One thing that is wrong with an input."""
+
+    file: str
+    line: int | None
+    field: str
+    found: str
+    expected: str
+
+
+class ErrorAnswer(BaseModel):
+    """Why a request is refused."""
+
+    error: str
+    issues: list[IssueAnswer] = []
+
+
+class FailureAnswer(BaseModel):
+    """Why a run has no motion."""
+
+    kind: str
+    detail: str
+    witness: dict[str, Any] = {}
+
+
+class RunAnswer(BaseModel):
+    """A run: `done` has a trajectory, `failed` has a failure; only the verifier says `verified`."""
+
+    id: RunId
+    status: Literal["queued", "running", "done", "failed", "cancelled"]
+    verified: bool | None = None
+    failure: FailureAnswer | None = None
+    timings: dict[str, Any] | None = None
+    name: str
+    problem: Hash
+    robot: str
+    planner: str
+    seed: int
+    budget: float
+    deadline: float | None = None
+    duration: float | None = None
+    ratio: float | None = None
+    submitted: float
+    started: float | None = None
+    finished: float | None = None
+
+
+class RunList(BaseModel):
+    """Runs, the last submitted first."""
+
+    runs: list[RunAnswer]
+    counts: dict[str, int]
+
+
+class PlanAnswer(RunAnswer):
+    """A run that was waited for, with its motion."""
+
+    trajectory: dict[str, Any] | None = Field(
+        None, description="As trajectory.json: joint_names, pieces (the motion), samples t, q, v, a"
+    )
+
+
+class CheckAnswer(BaseModel):
+    """What a problem is, or everything that is wrong with it."""
+
+    valid: bool
+    issues: list[IssueAnswer] = []
+    hash: Hash | None = None
+    name: str | None = None
+    robot: str | None = None
+
+
+class ProblemAnswer(BaseModel):
+    """A stored problem."""
+
+    hash: Hash
+    name: str
+    robot: str
+    created: float
+
+
+class RobotAnswer(BaseModel):
+    """A robot that comes along."""
+
+    name: str
+    about: str
+
+
+class PlannerAnswer(BaseModel):
+    """A planner."""
+
+    name: str
+    about: str

@@ -1,0 +1,1 @@
+"""Pages, scripts and styles that the service sends to browsers."""

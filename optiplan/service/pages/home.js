@@ -1,0 +1,54 @@
+"use strict";
+// The list of runs and problems; looks again while anything is queued or running.
+(() => {
+  const byId = (id) => document.getElementById(id), chosen = new Set();
+
+  function make(tag, properties = {}, ...children) {
+    const element = Object.assign(document.createElement(tag), properties);
+    element.append(...children);
+    return element;
+  }
+  const when = (seconds) => new Date(1000 * seconds).toLocaleString();
+  const word = (run) => (run.status === "done" ? (run.verified ? "verified" : "not verified") : run.status);
+  const look = (run) => (run.status === "done" ? (run.verified ? "verified" : "refused") : run.status);
+
+  async function send(method, path) {
+    await fetch(path, { method });
+    await show();
+  }
+
+  function card(run) {
+    const ended = !["queued", "running"].includes(run.status), name = run.name + " · " + run.planner;
+    const picture = run.status === "done"
+      ? make("img", { src: `api/runs/${run.id}/thumbnail.svg`, alt: "Joint positions over time", loading: "lazy" })
+      : make("div", { className: "blank" });
+    const title = ended && run.status !== "cancelled" ? make("a", { href: "runs/" + run.id, textContent: name }) : make("span", { textContent: name });
+    const facts = [run.robot, run.duration === null ? null : run.duration.toFixed(3) + " s", run.ratio === null ? null : run.ratio.toFixed(3) + " × bound",
+      run.timings && run.timings.plan ? "planned in " + run.timings.plan.toFixed(2) + " s" : null, when(run.submitted)];
+    const box = make("input", { type: "checkbox", checked: chosen.has(run.id), disabled: run.status !== "done" });
+    box.addEventListener("change", () => { chosen[box.checked ? "add" : "delete"](run.id); byId("compare").disabled = chosen.size < 2; });
+    const button = ended
+      ? make("button", { type: "button", textContent: "Delete", onclick: () => send("DELETE", "api/runs/" + run.id) })
+      : make("button", { type: "button", textContent: "Cancel", onclick: () => send("POST", `api/runs/${run.id}/cancel`) });
+    const tools = make("div", { className: "tools" }, make("label", {}, box, "compare"), button);
+    const parts = [make("div", { className: "head" }, title, make("span", { className: "badge " + look(run), textContent: word(run) })), picture,
+      make("div", { className: "facts", textContent: facts.filter(Boolean).join(" · ") })];
+    if (run.failure) parts.push(make("div", { className: "facts", textContent: run.failure.kind + ": " + run.failure.detail.slice(0, 160) }));
+    return make("div", { className: "run" }, ...parts, tools);
+  }
+
+  async function show() {
+    const { runs, counts } = await (await fetch("api/runs?limit=60")).json();
+    byId("runs").replaceChildren(...(runs.length ? runs.map(card) : [make("p", { className: "none", textContent: "No runs yet: plan one in the studio." })]));
+    byId("counts").textContent = Object.entries(counts).map(([state, count]) => `${count} ${state}`).join(" · ");
+    const problems = await (await fetch("api/problems")).json();
+    byId("problems").replaceChildren(...problems.map((problem) => make("tr", {},
+      make("td", {}, make("a", { href: "studio#" + problem.hash, textContent: problem.name })), make("td", { textContent: problem.robot }),
+      make("td", { textContent: when(problem.created) }),
+      make("td", {}, make("button", { type: "button", textContent: "Delete", onclick: () => send("DELETE", "api/problems/" + problem.hash) })))));
+    if (counts.queued || counts.running) setTimeout(show, 1000);
+  }
+
+  byId("compare").addEventListener("click", () => { location.href = "compare?" + [...chosen].map((run) => "run=" + run).join("&"); });
+  show();
+})();

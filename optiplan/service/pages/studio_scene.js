@@ -1,0 +1,195 @@
+"use strict";
+// The live scene: a robot to be posed, ghosts of all branches, a goal and obstacles to be dragged. Metres, z up.
+const StudioScene = (() => {
+  const THREE = MeshCat.THREE, { makeGeometry, rgb, place } = OptiPlanShapes;
+  const GOAL = 0x2374c6, GOOD = 0x2374c6, BAD = 0xd3261f, STEP = 1e-3;
+  const round = (x) => Math.round(x / STEP) * STEP;
+
+  function floats(text) {
+    const raw = atob(text), bytes = new Uint8Array(raw.length);
+    for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
+    return new Float32Array(bytes.buffer);
+  }
+
+  class Scene {
+    constructor(pane, events) {
+      this.pane = pane;
+      this.events = events; // goal(pose, ended), obstacle(name, position)
+      this.viewer = new MeshCat.Viewer(pane, false);
+      this.viewer.set_3d_pane_size = () => this.resize();
+      for (const path of ["/Lights", "/Axes"]) this.viewer.handle_command({ type: "delete", path });
+      this.viewer.handle_command({ type: "set_property", path: "/Background", property: "visible", value: false });
+      const { scene, renderer } = this.viewer, sun = new THREE.DirectionalLight(0xffffff, 0.65);
+      renderer.outputEncoding = THREE.sRGBEncoding;
+      scene.background = new THREE.Color("#eef1f3");
+      sun.position.set(2, -2, 4);
+      this.root = new THREE.Group();
+      scene.add(sun, new THREE.HemisphereLight(0xffffff, 0xd8d2ca, 0.65), this.root);
+      this.root.updateMatrixWorld(true);
+      this.seen = null;
+      this.listen();
+      new ResizeObserver(() => this.resize()).observe(pane);
+      const draw = () => {
+        requestAnimationFrame(draw);
+        if (this.viewer.needs_render) this.viewer.render();
+      };
+      draw();
+    }
+
+    resize() {
+      const width = Math.max(1, this.pane.clientWidth), height = Math.max(1, this.pane.clientHeight), { camera, renderer } = this.viewer;
+      const card = document.getElementById("joints"), aside = width > 620 && card.open ? 0.5 * card.offsetWidth : 0;
+      camera.aspect = width / height;
+      camera.setViewOffset(width, height, aside, 0, width, height); // the middle of what the card leaves free
+      camera.updateProjectionMatrix();
+      renderer.setSize(width, height);
+      this.viewer.set_dirty();
+    }
+
+    show(data, tool) {
+      this.root.clear();
+      this.data = data;
+      this.geometries = data.geometries.map(makeGeometry);
+      this.obstacles = new THREE.Group();
+      for (const part of data.parts.filter((one) => one.set === "obstacle")) {
+        const plane = data.geometries[part.geometry].kind === "plane";
+        const mesh = this.mesh(part, new THREE.MeshStandardMaterial({ color: rgb(part.colour), roughness: 0.7, transparent: plane, opacity: plane ? 0.25 : 1 }));
+        if (plane) this.spread(mesh, data.geometries[part.geometry]);
+        mesh.userData.fixed = plane;
+        this.obstacles.add(mesh);
+      }
+      this.robot = this.figure((part) => new THREE.MeshStandardMaterial({ color: rgb(part.colour), roughness: 0.62 }));
+      this.ghosts = new THREE.Group();
+      this.handle = new THREE.Group();
+      this.ball = new THREE.Mesh(new THREE.SphereGeometry(0.03, 24, 16), new THREE.MeshBasicMaterial({ color: GOAL, depthTest: false, transparent: true, opacity: 0.85 }));
+      this.ball.renderOrder = 9;
+      this.handle.add(this.ball, new THREE.AxesHelper(0.14));
+      place(this.handle, data.targets.length ? data.targets[0] : tool);
+      this.root.add(this.obstacles, this.robot, this.ghosts, this.handle);
+      const start = floats(data.start);
+      this.pose(Array.from({ length: data.bodies }, (_, j) => Array.from(start.slice(7 * j, 7 * j + 7))));
+      this.viewer.scene.updateMatrixWorld(true);
+      if (this.seen !== data.bodies) this.frame();
+      this.seen = data.bodies;
+      this.resize();
+    }
+
+    mesh(part, material) {
+      const mesh = new THREE.Mesh(this.geometries[part.geometry], material);
+      place(mesh, part.pose);
+      mesh.name = part.name;
+      return mesh;
+    }
+
+    spread(mesh, { normal, offset }) {
+      const n = new THREE.Vector3(...normal).normalize();
+      const world = n.clone().applyQuaternion(mesh.quaternion);
+      mesh.position.addScaledVector(world, offset);
+      mesh.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), world);
+      mesh.scale.set(1.5, 1.5, 1);
+    }
+
+    figure(material) {
+      const figure = new THREE.Group(), drawn = new Set(this.data.parts.map((part) => part.set)).has("visual") ? ["visual", "attached"] : ["collision", "frame", "attached"];
+      figure.bodies = Array.from({ length: this.data.bodies + 1 }, () => new THREE.Group());
+      figure.add(...figure.bodies);
+      for (const part of this.data.parts) if (drawn.includes(part.set)) figure.bodies[part.body].add(this.mesh(part, material(part)));
+      return figure;
+    }
+
+    pose(poses, figure = this.robot) {
+      poses.forEach((pose, j) => place(figure.bodies[j + 1], pose));
+      this.viewer.set_dirty();
+    }
+
+    branches(found) {
+      this.ghosts.clear();
+      found.forEach((branch) => {
+        const bad = branch.touching || !branch.within_limits;
+        const skin = new THREE.MeshStandardMaterial({ color: bad ? BAD : GOOD, transparent: true, opacity: bad ? 0.12 : 0.3, depthWrite: false,
+          polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 4 });
+        const ghost = this.figure(() => skin);
+        ghost.bodies[0].visible = false;
+        this.pose(branch.poses, ghost);
+        this.ghosts.add(ghost);
+      });
+      this.viewer.set_dirty();
+    }
+
+    frame() {
+      const box = new THREE.Box3().setFromObject(this.robot).expandByObject(this.ball), one = new THREE.Box3(), { camera, controls } = this.viewer;
+      const reach = box.getSize(new THREE.Vector3()).length();
+      for (const mesh of this.obstacles.children) {
+        one.setFromObject(mesh);
+        if (!mesh.userData.fixed && one.getSize(new THREE.Vector3()).length() < 1.6 * reach) box.union(one);
+      }
+      const centre = box.getCenter(new THREE.Vector3()), radius = 0.5 * box.getSize(new THREE.Vector3()).length() || 1;
+      camera.fov = 35;
+      camera.near = 0.01 * radius;
+      camera.far = 80 * radius;
+      camera.position.copy(centre).add(new THREE.Vector3(-0.35, 0.5, 1).normalize().multiplyScalar(3.9 * radius));
+      controls.target.copy(centre);
+      controls.update();
+    }
+
+    goal() {
+      return [...this.handle.position.toArray(), ...this.handle.quaternion.toArray()];
+    }
+
+    // Where on the screen the goal is, for tests and for people who ask the console.
+    goalOnScreen() {
+      this.viewer.scene.updateMatrixWorld(true);
+      const at = this.root.localToWorld(this.handle.position.clone()).project(this.viewer.camera), area = this.pane.getBoundingClientRect();
+      return [area.left + 0.5 * (1 + at.x) * area.width, area.top + 0.5 * (1 - at.y) * area.height];
+    }
+
+    listen() {
+      const rays = new THREE.Raycaster(), plane = new THREE.Plane(), hit = new THREE.Vector3();
+      let held = null;
+      const aim = (event) => {
+        const area = this.pane.getBoundingClientRect();
+        rays.setFromCamera(new THREE.Vector2((2 * (event.clientX - area.left)) / area.width - 1, 1 - (2 * (event.clientY - area.top)) / area.height), this.viewer.camera);
+      };
+      const grab = (object, event) => {
+        const at = object.getWorldPosition(new THREE.Vector3()), up = new THREE.Vector3(0, 1, 0), sight = this.viewer.camera.getWorldDirection(new THREE.Vector3());
+        const level = object !== this.handle && !event.shiftKey;
+        plane.setFromNormalAndCoplanarPoint(level ? up : object === this.handle ? sight : sight.setY(0).normalize(), at);
+        if (!rays.ray.intersectPlane(plane, hit)) return;
+        held = { object, offset: at.sub(hit.clone()) };
+        this.viewer.controls.enabled = false;
+        this.pane.setPointerCapture(event.pointerId);
+      };
+      this.pane.addEventListener("pointerdown", (event) => {
+        if (!this.data || event.button !== 0) return;
+        aim(event);
+        if (rays.intersectObject(this.ball).length) grab(this.handle, event);
+        else {
+          const found = rays.intersectObjects([...this.obstacles.children, this.robot], true)[0];
+          if (found && this.obstacles.children.includes(found.object) && !found.object.userData.fixed) grab(found.object, event);
+        }
+        if (held) event.stopPropagation();
+      }, true);
+      this.pane.addEventListener("pointermove", (event) => {
+        if (!held) return;
+        aim(event);
+        if (!rays.ray.intersectPlane(plane, hit)) return;
+        held.object.position.copy(this.root.worldToLocal(hit.clone().add(held.offset)));
+        held.moved = true;
+        if (held.object === this.handle) this.events.goal(this.goal(), false);
+        this.viewer.set_dirty();
+      });
+      const drop = () => {
+        if (!held) return;
+        const { object, moved } = held;
+        held = null;
+        this.viewer.controls.enabled = true;
+        if (!moved) return;
+        if (object === this.handle) this.events.goal(this.goal(), true);
+        else this.events.obstacle(object.name, object.position.toArray().map(round));
+      };
+      this.pane.addEventListener("pointerup", drop);
+      this.pane.addEventListener("pointercancel", drop);
+    }
+  }
+  return { Scene };
+})();

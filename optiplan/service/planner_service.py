@@ -1,0 +1,356 @@
+"""What a server does, apart from HTTP: checks and submits problems, plans while a caller waits, hands out runs."""
+
+import asyncio
+import hashlib
+import json
+import logging
+import re
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from sqlalchemy.exc import SQLAlchemyError
+
+import optiplan
+from optiplan.errors import OptiPlanError
+from optiplan.runs.run_folder import RUN, TRAJECTORY
+from optiplan.service.execution.run_queue import RunQueue
+from optiplan.service.execution.run_solver import GRACE, LEAD, RunSolver
+from optiplan.service.execution.solver_pool import Lane, SolverAnswer, SolverJob, SolverPool
+from optiplan.service.models import ProblemInput, Submission
+from optiplan.service.refusals import Refusal, busy, not_found
+from optiplan.service.settings import ServiceSettings
+from optiplan.service.store.contents import ContentFolder
+from optiplan.service.store.problem_table import ProblemTable
+from optiplan.service.store.retention import outdated, sweep
+from optiplan.service.store.run_table import NewRun, Record, RunTable
+from optiplan.service.store.tables import open_database, store_name
+
+Result = TypeVar("Result")
+
+_log = logging.getLogger("optiplan.service")
+
+REMEMBERED = 2000
+"""Checks of problems that are remembered."""
+WAITING = 8
+"""Callers per interactive process that may wait for it."""
+LOOKING = 400
+"""Problems that may wait to be read."""
+WRITERS, READERS = 4, 8
+"""Threads that write to the database, and that read from it."""
+
+
+@dataclass(frozen=True)
+class WaitedRun:
+    """A run that a caller waited for, its trajectory.json, and what keeps it, to be awaited after the answer."""
+
+    record: Record
+    motion: bytes | None
+    keep: Callable[[], Any] | None = None
+
+
+class PlannerService:
+    """A server's parts, put together.
+
+    Attributes:
+        settings: what it was made with.
+        runs: the table of runs.
+        problems: the table of stored problems.
+        contents: the folder of contents.
+        pool: the solver processes.
+        queue: the durable queue.
+    """
+
+    def __init__(self, settings: ServiceSettings, serving: bool = True) -> None:
+        """Open the database and the folder; nothing is started.
+
+        Args:
+            settings: of the process.
+            serving: whether callers wait for it; else it only takes runs from the queue.
+
+        Raises:
+            OptiPlanError: one of them cannot be used.
+        """
+        self.settings = settings
+        self.contents = ContentFolder(settings.data / "contents", settings.spare)
+        settings.upload_folder.mkdir(parents=True, exist_ok=True)
+        self._engine = open_database(settings.database_url)
+        self.contents.claim(store_name(self._engine))
+        self.runs, self.problems = RunTable(self._engine), ProblemTable(self._engine)
+        callers: dict[Lane, int] = {"plan": settings.interactive, "look": 1} if serving else {}
+        self.pool = SolverPool(settings, {**callers, "queue": settings.solvers})
+        self._solver = RunSolver(settings, self.runs, self.contents, self.pool)
+        self.queue = RunQueue(settings, self._engine, self.runs, self._solver)
+        self._checked: OrderedDict[str, Mapping[str, Any]] = OrderedDict()
+        self._saving: dict[str, asyncio.Future[None]] = {}
+        self._writers = ThreadPoolExecutor(WRITERS, "write")
+        self._readers = ThreadPoolExecutor(READERS, "read")
+
+    def start(self) -> None:
+        """Start processes and queue."""
+        self.pool.start()
+        self.queue.start()
+
+    def close(self) -> None:
+        """Stop all that was started; runs under way are put back."""
+        self.queue.close()
+        self.pool.close()
+        self._writers.shutdown()
+        self._readers.shutdown()
+        self._engine.dispose()
+
+    async def check(self, given: ProblemInput) -> Mapping[str, Any]:
+        """What a problem is: `hash`, `name`, `robot`, `planner`, `options`, `seed`.
+
+        Raises:
+            Refusal: it cannot be planned; every issue is told.
+        """
+        request = await self.request(given)
+        key = _digest(request)
+        if key in self._checked:
+            self._checked.move_to_end(key)
+            return self._checked[key]
+        if self.pool.waiting("look") > LOOKING:
+            raise busy("too many problems wait to be read", 2.0)
+        answer = await self.ask(request, "check")
+        if not _names_files(request):  # files may change
+            self._checked[key] = answer.data
+            if len(self._checked) > REMEMBERED:
+                self._checked.popitem(last=False)
+        return answer.data
+
+    async def submit(self, submission: Submission) -> Record:
+        """Queue a run and return it, or the one that there is of the same submission.
+
+        Raises:
+            Refusal: the problem cannot be planned, the queue is full.
+            StorageFullError: so is the disk.
+        """
+        self._check_budget(submission)
+        about = await self.check(submission)
+        request = await self.request(submission)
+        return await self.write(lambda: self._submit(submission, about, request))
+
+    def _submit(self, submission: Submission, about: Mapping[str, Any], request: Record) -> Record:
+        self.contents.check_room()
+        new = self._new_run(submission, about, "")
+        known = self.runs.get(new.id)
+        if known is not None and known["status"] in ("queued", "running", "done"):
+            return known
+        if (waiting := self.runs.waiting()) >= self.settings.queue:
+            raise busy(f"{waiting} runs are queued, which is all that this server takes", min(60.0, 0.1 * waiting))
+        new = self._new_run(submission, about, self.contents.put(json.dumps(request).encode()))
+        record, fresh = self.runs.submit(new)
+        if fresh:
+            self.queue.enqueue(new.id)
+        return record
+
+    async def plan(self, submission: Submission, gone: Callable[[], Any]) -> "WaitedRun":
+        """Plan while the caller waits.
+
+        Args:
+            submission: what to plan.
+            gone: awaited now and then: whether the caller has gone, so that nobody wants the answer.
+
+        Raises:
+            Refusal: the problem cannot be planned, too many callers wait.
+        """
+        self._check_budget(submission)
+        request, began = await self.request(submission), time.time()
+        known = self._checked.get(_digest(request))
+        if known is not None:
+            record = await self.read(lambda: self.runs.get(self._new_run(submission, known, "").id))
+            if record is not None and record["status"] == "done":
+                return WaitedRun(record, await self.content(record, TRAJECTORY))
+        if self.pool.waiting("plan") >= WAITING * self.settings.interactive:
+            raise busy("too many callers wait for a plan", 1.0)
+        left = submission.deadline or float("inf")
+        asked = {**request, "do": "plan", "early": True, "budget": max(LEAD, min(submission.budget, left - LEAD))}
+        wall = self.settings.reading + submission.budget + GRACE
+        job = SolverJob(asked, wall, until=time.monotonic() + left)
+        answer, whole = await self._answer(job, gone)
+        if "error" in answer.data:
+            raise _refusal(answer)
+        if answer.death is not None:
+            late = answer.death == "timeout" and left < wall
+            raise Refusal(504 if answer.death == "timeout" else 503, "deadline" if late else answer.detail)
+        new = self._new_run(submission, answer.data, "")
+        record = {**vars(new), **answer.data, "status": "failed" if answer.data["failure"] else "done"}
+        record |= {"submitted": began, "started": began, "finished": time.time()}
+        return WaitedRun(record, answer.files.get(TRAJECTORY), self._keeper(new, request, whole, began))
+
+    async def run(self, run: str) -> Record:
+        """A run.
+
+        Raises:
+            Refusal: there is none of that id.
+        """
+        if (saving := self._saving.get(run)) is not None:
+            await asyncio.shield(saving)
+        record = await self.read(lambda: self.runs.get(run))
+        if record is None:
+            raise not_found("run", run)
+        return record
+
+    async def content(self, record: Record, name: str) -> bytes:
+        """A file of a run.
+
+        Raises:
+            Refusal: the run has none of that name, yet or at all.
+        """
+        digest = (record["contents"] or {}).get(name)
+        content = None if digest is None else await self.read(lambda: self.contents.get(digest))
+        if content is None:
+            raise Refusal(404, f"the run '{record['id']}' is {record['status']} and has no {name}")
+        return content
+
+    async def page(self, *records: Record) -> bytes:
+        """The page of one run that has ended, or of several of one problem.
+
+        Raises:
+            Refusal: one has no record, or they are of different problems.
+        """
+        if len({record["problem"] for record in records}) > 1:
+            raise Refusal(422, "these runs are of different problems; expected runs of one")
+        shown = []
+        for record in records:
+            motion = await self.content(record, TRAJECTORY) if TRAJECTORY in (record["contents"] or {}) else b""
+            shown.append({"run": (await self.content(record, RUN)).decode(), "trajectory": motion.decode()})
+        stored = await self.read(lambda: self.contents.get(records[0]["request"]))
+        answer = await self.ask({**json.loads(stored or b"{}"), "runs": shown}, "page")
+        return answer.files["page.html"]
+
+    async def ask(self, request: Mapping[str, Any], do: str) -> SolverAnswer:
+        """Have a process read, draw or compute something.
+
+        Raises:
+            Refusal: what is asked is wrong, or takes too long or too much memory.
+        """
+        job = SolverJob({**request, "do": do}, self.settings.reading)
+        answer = await asyncio.wrap_future(self.pool.submit("look", job))
+        if answer.death in ("timeout", "out-of-memory"):
+            raise Refusal(422, f"the problem cannot be read: {answer.detail}")
+        if answer.death is not None:
+            raise Refusal(503, f"the problem was not read: {answer.detail}", headers={"Retry-After": "1"})
+        if "error" in answer.data:
+            raise _refusal(answer)
+        return answer
+
+    def forget(self, run: str) -> None:
+        """Delete a run that has ended."""
+        if self.runs.delete(run) is not None:
+            self.queue.forget(run)
+
+    def tidy(self) -> None:
+        """Delete what is too old or too much, and contents that nothing refers to."""
+        for run in outdated(self.runs, self.settings):
+            self.forget(run)
+        sweep(self.contents, self.runs, self.problems)
+
+    async def read(self, look: Callable[[], Result]) -> Result:
+        """Look something up in a thread for that."""
+        return await asyncio.get_running_loop().run_in_executor(self._readers, look)
+
+    async def write(self, change: Callable[[], Result]) -> Result:
+        """Change something in a thread for that."""
+        return await asyncio.get_running_loop().run_in_executor(self._writers, change)
+
+    async def request(self, given: ProblemInput) -> Record:
+        """A problem as processes take it: a stored one by its text.
+
+        Raises:
+            Refusal: it is not stored, or its scene is too large.
+        """
+        request = given.model_dump(include={"problem", "name", "start", "goal", "planner", "options", "seed"})
+        text = given.problem if isinstance(given.problem, str) else json.dumps(given.problem)
+        if re.fullmatch("[0-9a-f]{64}", text):
+            row = await self.read(lambda: self.problems.get(text))
+            stored = None if row is None else await self.read(lambda: self.contents.get(row["text"]))
+            if stored is None:
+                raise not_found("problem", text)
+            request |= {key: value for key, value in json.loads(stored).items() if request.get(key) is None}
+            request["problem"] = json.loads(stored)["problem"]
+        elif (count := len(re.findall(r"\bshape\b", text))) > self.settings.bodies:  # before anybody reads it all
+            raise Refusal(422, f"the scene has {count} bodies; this server takes {self.settings.bodies}")
+        return request
+
+    def _check_budget(self, submission: Submission) -> None:
+        most = self.settings.most_budget
+        if submission.budget > most:
+            raise Refusal(422, f"budget: found {submission.budget:g} s; expected at most {most:g} s on this server")
+
+    def _new_run(self, submission: Submission, about: Mapping[str, Any], request: str) -> NewRun:
+        asked = [about[key] for key in ("hash", "planner", "options", "seed")]
+        asked += [submission.budget, submission.deadline, optiplan.__version__]
+        return NewRun(
+            id=_digest(asked)[:32],
+            name=about["name"],
+            problem=about["hash"],
+            robot=about["robot"],
+            request=request,
+            planner=about["planner"],
+            seed=about["seed"],
+            budget=submission.budget,
+            deadline=submission.deadline,
+        )
+
+    async def _answer(
+        self, job: SolverJob, gone: Callable[[], Any]
+    ) -> tuple[SolverAnswer, "asyncio.Future[SolverAnswer]"]:
+        """What a process answers as soon as the caller can use it, and the whole of it, which comes later."""
+        loop = asyncio.get_running_loop()
+        early: asyncio.Future[SolverAnswer] = loop.create_future()
+
+        def answered(answer: SolverAnswer) -> None:
+            loop.call_soon_threadsafe(early.set_result, answer)
+
+        job.answered = answered
+        whole = asyncio.wrap_future(self.pool.submit("plan", job))
+        while True:
+            await asyncio.wait([early, whole], timeout=0.25, return_when=asyncio.FIRST_COMPLETED)
+            if early.done() or whole.done():
+                return (early if early.done() else whole).result(), whole
+            if await gone():
+                job.cancel.set()
+
+    def _keeper(
+        self, new: NewRun, request: Record, whole: "asyncio.Future[SolverAnswer]", began: float
+    ) -> Callable[[], Any]:
+        """What keeps a run that was waited for, to be awaited once it is answered; who asks for it until then waits."""
+        saved = self._saving[new.id] = asyncio.get_running_loop().create_future()
+
+        async def keep() -> None:
+            try:
+                end = await whole
+
+                def write() -> None:
+                    self.contents.check_room()
+                    digest = self.contents.put(json.dumps(request).encode())
+                    self.runs.add_ended(NewRun(**{**vars(new), "request": digest}), self._solver.ended(end), began)
+
+                if end.death is None:
+                    await self.write(write)
+            except (OptiPlanError, SQLAlchemyError, OSError) as error:  # costs the record, not the answer
+                _log.warning("run %s is not kept: %s", new.id, error)
+            finally:
+                self._saving.pop(new.id, None)
+                saved.set_result(None)
+
+        return keep
+
+
+def _refusal(answer: SolverAnswer) -> Refusal:
+    return Refusal(500 if "bug" in answer.data else 422, answer.data["error"], answer.data["issues"])
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def _names_files(request: Mapping[str, Any]) -> bool:
+    """Whether a problem may read files besides those that come along."""
+    text = json.dumps(request["problem"])
+    return any(word in text for word in ("file", "urdf", ".yaml", "/"))

@@ -1,0 +1,68 @@
+"""Answers as routes give them, and what may go wrong with each, for OpenAPI."""
+
+import json
+from collections.abc import Iterable
+from typing import Annotated, Any
+
+from fastapi import Depends, Path, Request
+from fastapi.responses import JSONResponse
+
+from optiplan.service.models import ErrorAnswer, RunAnswer
+from optiplan.service.planner_service import PlannerService
+from optiplan.service.store.run_table import Record
+
+ERRORS = {
+    400: "the body is not JSON",
+    401: "the token is missing or wrong",
+    403: "called by a foreign name, or from a foreign page",
+    404: "there is no such thing",
+    409: "not in this state",
+    413: "the body is too large",
+    422: "the input is wrong; `issues` has everything that is",
+    429: "too much is asked for; Retry-After says when to try again",
+    503: "not now; try again",
+    504: "no answer before the deadline",
+    507: "the disk is full",
+}
+"""Statuses of errors, and what they mean."""
+
+Responses = dict[int | str, dict[str, Any]]
+
+
+def errors(*statuses: int) -> Responses:
+    """The errors of a route, with those of every route."""
+    return {status: {"model": ErrorAnswer, "description": ERRORS[status]} for status in (*statuses, 400, 401, 403, 429)}
+
+
+def files(*kinds: str) -> Responses:
+    """The answer of a route that gives a file of one of these media types."""
+    return {200: {"description": "The file", "content": {kind: {} for kind in kinds}}}
+
+
+def service(request: Request) -> PlannerService:
+    """The service behind the application."""
+    found: PlannerService = request.app.state.service
+    return found
+
+
+Service = Annotated[PlannerService, Depends(service)]
+RunPath = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="Id of a run")]
+HashPath = Annotated[str, Path(pattern="^[0-9a-f]{64}$", description="Hash of a stored problem")]
+
+
+class Json(JSONResponse):
+    """JSON in ASCII: whatever characters somebody sent, the answer can be sent."""
+
+    def render(self, content: Any) -> bytes:
+        """The bytes."""
+        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
+
+
+def run_answer(record: Record) -> dict[str, Any]:
+    """A run as `RunAnswer` says."""
+    return {key: record.get(key) for key in RunAnswer.model_fields}
+
+
+def run_answers(records: Iterable[Record]) -> list[dict[str, Any]]:
+    """Runs as `RunAnswer` says."""
+    return [run_answer(record) for record in records]

@@ -1,0 +1,86 @@
+"""Routes of pages for people, and of the client that a cell takes along."""
+
+import json
+from importlib import resources
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from fastapi.responses import Response
+
+from optiplan.runs.run_folder import TRAJECTORY
+from optiplan.service.refusals import not_found
+from optiplan.service.routes.answers import RunPath, Service
+from optiplan.service.routes.thumbnails import joint_curves
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.viewer.safety import PAGE_POLICY
+
+router = APIRouter(include_in_schema=False)
+
+TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".py": "text/x-python"}
+PAGES = {"": "home.html", "studio": "studio.html"}
+
+
+@router.get("/runs/{run}")
+async def run_page(run: RunPath, service: Service) -> Response:
+    """The page of a run that has ended."""
+    page = await service.page(await service.run(run))
+    return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
+
+
+@router.get("/compare")
+async def comparison(run: Annotated[list[str], Query(min_length=1, max_length=8)], service: Service) -> Response:
+    """One page of several runs of one problem."""
+    page = await service.page(*[await service.run(one) for one in run])
+    return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
+
+
+@router.get("/api/runs/{run}/thumbnail.svg")
+async def thumbnail(run: RunPath, service: Service) -> Response:
+    """The joints over time, as a small picture."""
+    content = await service.content(await service.run(run), TRAJECTORY)
+    drawn = await service.read(lambda: joint_curves(Trajectory.from_dict(json.loads(content))))
+    return Response(drawn, media_type="image/svg+xml", headers={"Cache-Control": "private, max-age=86400"})
+
+
+@router.get("/pages/viewer.js")
+async def viewer() -> Response:
+    """What draws: meshcat's bundle, and the viewer's shapes."""
+    scripts = resources.files("optiplan.viewer")
+    ours = [path for name in ("packed.js", "shapes.js") for path in sorted(Path(str(scripts)).rglob(name))]
+    found = find_spec("meshcat")
+    if found is None or not found.origin:
+        raise not_found("package", "meshcat")
+    bundle = Path(found.origin).parent / "viewer" / "dist" / "main.min.js"
+    texts = [path.read_text("utf-8") for path in (bundle, *ours)]
+    return Response("\n;".join(texts), media_type="text/javascript; charset=utf-8")
+
+
+@router.get("/cell.py")
+async def cell() -> Response:
+    """The client for cells, one file."""
+    return _file("optiplan.service", "cell.py")
+
+
+@router.get("/pages/{name}")
+async def page_file(name: str) -> Response:
+    """A script or style of the pages."""
+    return _file("optiplan.service.pages", name)
+
+
+@router.get("/{name}")
+@router.get("/")
+async def page(name: str = "") -> Response:
+    """A page."""
+    if name not in PAGES:
+        raise not_found("page", name)
+    return _file("optiplan.service.pages", PAGES[name])
+
+
+def _file(package: str, name: str) -> Response:
+    kind = next((kind for ending, kind in TYPES.items() if name.endswith(ending)), None)
+    found = resources.files(package) / name
+    if kind is None or "/" in name or not found.is_file():
+        raise not_found("page", name)
+    return Response(found.read_bytes(), media_type=f"{kind}; charset=utf-8")

@@ -1,0 +1,112 @@
+"""Routes of problems: check, store, look, delete; and the files that problems name."""
+
+import json
+import re
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Body, Path, Query
+from fastapi.responses import Response
+
+from optiplan.files import write_bytes
+from optiplan.problem.schema import problem_schema
+from optiplan.service.models import CheckAnswer, ProblemAnswer, ProblemInput
+from optiplan.service.refusals import Refusal, not_found
+from optiplan.service.routes.answers import HashPath, Json, Service, errors
+from optiplan.service.store.contents import folder_size
+
+router = APIRouter(prefix="/api", default_response_class=Json)
+
+PART = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}")
+"""A folder or file of an upload: no hidden ones, nothing that leads upwards."""
+DEEPEST = 8
+"""Folders within folders."""
+
+
+@router.get("/schema", responses=errors())
+async def schema() -> Json:
+    """JSON schema of a problem file, for editors."""
+    return Json(problem_schema())
+
+
+@router.post("/problems/validate", response_model=CheckAnswer, responses=errors(404, 413, 422, 503))
+async def validate(given: ProblemInput, service: Service) -> Json:
+    """Everything that is wrong with a problem; nothing is stored."""
+    try:
+        about = await service.check(given)
+    except Refusal as refusal:
+        if refusal.status == 422 and refusal.issues:
+            return Json({"valid": False, "issues": refusal.issues, "hash": None, "name": None, "robot": None})
+        raise
+    return Json({"valid": True, "issues": [], **{key: about[key] for key in ("hash", "name", "robot")}})
+
+
+@router.post("/problems", status_code=201, response_model=ProblemAnswer, responses=errors(404, 413, 422, 503, 507))
+async def store(given: ProblemInput, service: Service) -> Json:
+    """Store a problem; its hash stands for it as `problem` of a submission, with `start` and `goal` in their place."""
+    about = await service.check(given)
+    request = await service.request(given)
+
+    def keep() -> None:
+        service.contents.check_room()
+        kept = {key: request[key] for key in ("problem", "name", "start", "goal")}
+        text = service.contents.put(json.dumps(kept).encode())
+        service.problems.add(about["hash"], about["name"], about["robot"], text)
+
+    await service.write(keep)
+    row = await service.read(lambda: service.problems.get(about["hash"]))
+    if row is None:  # deleted meanwhile
+        raise not_found("problem", about["hash"])
+    return Json(_answer(row), 201)
+
+
+@router.get("/problems", response_model=list[ProblemAnswer], responses=errors(422))
+async def listed(service: Service, limit: Annotated[int, Query(ge=1, le=500)] = 100) -> Json:
+    """The stored problems, the last stored first."""
+    return Json([_answer(row) for row in await service.read(lambda: service.problems.newest(limit))])
+
+
+@router.get("/problems/{hash}", responses=errors(404, 422))
+async def one(hash: HashPath, service: Service) -> Response:
+    """A stored problem: text as it came, or JSON."""
+    row = await service.read(lambda: service.problems.get(hash))
+    content = None if row is None else await service.read(lambda: service.contents.get(row["text"]))
+    if content is None:
+        raise not_found("problem", hash)
+    return Response(content, media_type="application/json")
+
+
+@router.delete("/problems/{hash}", status_code=204, responses=errors(404, 422))
+async def delete(hash: HashPath, service: Service) -> Response:
+    """Forget a stored problem; its runs stay."""
+    if not await service.write(lambda: service.problems.delete(hash)):
+        raise not_found("problem", hash)
+    return Response(status_code=204)
+
+
+@router.put("/uploads/{path:path}", status_code=201, responses=errors(413, 422, 507))
+async def upload(
+    path: Annotated[str, Path(description="Where problems find it: mesh and robot files by this name")],
+    content: Annotated[bytes, Body(media_type="application/octet-stream")],
+    service: Service,
+) -> Json:
+    """Upload a mesh, URDF, SRDF or robot.yaml, which problems then name by this path; an older one is replaced."""
+    parts = path.split("/")
+    if len(parts) > DEEPEST or not all(PART.fullmatch(part) for part in parts):
+        raise Refusal(422, f"path: found {path[:80]!r}; expected names of letters, digits, '.', '_', '-' between '/'")
+    folder = service.settings.upload_folder
+
+    def keep() -> None:
+        service.contents.check_room()
+        if folder_size(folder) + len(content) > service.settings.uploads:
+            raise Refusal(507, f"uploads may take {service.settings.uploads / 1e6:.0f} MB in all")
+        try:
+            write_bytes(folder.joinpath(*parts), content)
+        except (FileExistsError, NotADirectoryError, IsADirectoryError):
+            raise Refusal(422, f"path: '{path}' is a folder, or below a file") from None
+
+    await service.write(keep)
+    return Json({"file": path, "bytes": len(content)}, 201)
+
+
+def _answer(row: dict[str, Any]) -> dict[str, Any]:
+    return {key: row[key] for key in ProblemAnswer.model_fields}

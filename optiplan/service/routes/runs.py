@@ -1,0 +1,129 @@
+"""Routes of runs: submit, look, cancel, delete, and the files of a run."""
+
+import io
+import json
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import Response
+from starlette.background import BackgroundTask
+
+from optiplan.runs.export import FORMATS, export
+from optiplan.runs.run_folder import RUN, TRAJECTORY
+from optiplan.service.models import PlanAnswer, RunAnswer, RunList, Submission
+from optiplan.service.refusals import Refusal, not_found
+from optiplan.service.routes.answers import Json, RunPath, Service, errors, files, run_answer, run_answers
+from optiplan.service.store.run_table import ENDED
+from optiplan.trajectory.trajectory import Trajectory
+
+router = APIRouter(prefix="/api", default_response_class=Json)
+
+MEDIA = {"csv": "text/csv", "json": "application/json", "ros": "application/yaml", "urscript": "text/plain"}
+BYTES = "application/octet-stream"
+
+
+@router.post("/runs", status_code=202, response_model=RunAnswer, responses=errors(404, 413, 422, 503, 507))
+async def submit(submission: Submission, service: Service) -> Json:
+    """Queue a run. The same submission is the same run: its id again, with the answer where there is one."""
+    return Json(run_answer(await service.submit(submission)), 202)
+
+
+@router.get("/runs", response_model=RunList, responses=errors(422))
+async def listed(
+    service: Service,
+    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    before: Annotated[float | None, Query(allow_inf_nan=False, description="Submitted before this time")] = None,
+) -> Json:
+    """The runs, the last submitted first."""
+    records = await service.read(lambda: service.runs.newest(limit, before))
+    return Json({"runs": run_answers(records), "counts": await service.read(service.runs.counts)})
+
+
+@router.get("/runs/{run}", response_model=RunAnswer, responses=errors(404, 422))
+async def one(run: RunPath, service: Service) -> Json:
+    """A run."""
+    return Json(run_answer(await service.run(run)))
+
+
+@router.delete("/runs/{run}", status_code=204, responses=errors(404, 409, 422))
+async def delete(run: RunPath, service: Service) -> Response:
+    """Forget a run that has ended, with its files."""
+    record = await service.run(run)
+    if record["status"] not in ENDED:
+        raise Refusal(409, f"the run is {record['status']}; cancel it first")
+    await service.write(lambda: service.forget(run))
+    return Response(status_code=204)
+
+
+@router.post("/runs/{run}/cancel", response_model=RunAnswer, responses=errors(404, 422))
+async def cancel(run: RunPath, service: Service) -> Json:
+    """Cancel a run: at once where it waits, within a second where it runs; one that has ended stays as it is."""
+    await service.run(run)
+    await service.write(lambda: service.queue.cancel(run))
+    return Json(run_answer(await service.run(run)))
+
+
+@router.get("/runs/{run}/trajectory.json", responses=errors(404, 422))
+async def trajectory(run: RunPath, service: Service) -> Response:
+    """The motion: `joint_names`, `pieces`, and samples `t`, `q`, `v`, `a`."""
+    return await _file(service, run, TRAJECTORY)
+
+
+@router.get("/runs/{run}/run.json", responses=errors(404, 422))
+async def record(run: RunPath, service: Service) -> Response:
+    """Everything about the run but its motion: the problem, the report, measures, timings."""
+    return await _file(service, run, RUN)
+
+
+@router.get("/runs/{run}/run.zip", response_class=Response, responses=files("application/zip") | errors(404, 422))
+async def folder(run: RunPath, service: Service) -> Response:
+    """The run folder, as `optiplan verify` and `optiplan view` read it."""
+    found, packed = await service.run(run), io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in found["contents"] or {RUN: ""}:
+            archive.writestr(name, await service.content(found, name))
+    return Response(packed.getvalue(), media_type="application/zip")
+
+
+@router.get(
+    "/runs/{run}/export.{format}", response_class=Response, responses=files(*MEDIA.values(), BYTES) | errors(404, 422)
+)
+async def exported(
+    run: RunPath,
+    format: str,
+    service: Service,
+    rate: Annotated[float | None, Query(gt=0, le=10_000, description="Samples a second")] = None,
+) -> Response:
+    """The motion for other programs: csv, json, npz, ros or urscript."""
+    if format not in FORMATS:
+        raise Refusal(404, f"there is no format '{format}'; choose from: {', '.join(FORMATS)}")
+    content = await service.content(await service.run(run), TRAJECTORY)
+
+    def made() -> bytes:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"motion{FORMATS[format].suffixes[0]}"
+            export(Trajectory.from_dict(json.loads(content)), path, format, rate)
+            return path.read_bytes()
+
+    return Response(await service.read(made), media_type=MEDIA.get(format, BYTES))
+
+
+@router.post("/plan", response_model=PlanAnswer, responses=errors(404, 413, 422, 503, 504, 507))
+async def plan(submission: Submission, service: Service, request: Request) -> Response:
+    """Plan and wait for the answer, past the queue: for callers that need the motion now. Who goes away, cancels."""
+    run = await service.plan(submission, request.is_disconnected)
+    head = json.dumps(run_answer(run.record), allow_nan=False, separators=(",", ":"))
+    motion = b"null" if run.motion is None else run.motion.rstrip()
+    body = head[:-1].encode() + b',"trajectory":' + motion + b"}"
+    later = None if run.keep is None else BackgroundTask(run.keep)
+    return Response(body, media_type="application/json", background=later)
+
+
+async def _file(service: Any, run: str, name: str) -> Response:
+    found = await service.run(run)
+    if name == TRAJECTORY and found["status"] == "failed":
+        raise not_found("trajectory of the failed run", run)
+    return Response(await service.content(found, name), media_type="application/json")

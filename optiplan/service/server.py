@@ -1,0 +1,129 @@
+"""Server and worker as processes: started, told where they are, stopped by a signal."""
+
+import asyncio
+import logging
+import signal
+import socket
+import sys
+import threading
+from types import FrameType
+from typing import Any
+
+import uvicorn
+
+from optiplan.errors import OptiPlanError
+from optiplan.service.application import make_application
+from optiplan.service.guard.json_log import log_to_stderr
+from optiplan.service.planner_service import PlannerService
+from optiplan.service.settings import ServiceSettings
+from optiplan.viewer.safety import LOOPBACK
+
+SHORTEST_TOKEN = 16
+"""Characters."""
+SWITCH = 5e-4
+"""s after which a thread that computes lets others run: answers do not wait for the queue's threads."""
+PATIENCE = 5
+"""s that connections have to end when the server stops."""
+
+_log = logging.getLogger("optiplan.service")
+
+
+def run_server(settings: ServiceSettings, level: str = "info") -> int:
+    """Serve until a signal ends it; the address is printed on standard output once it can be opened.
+
+    Raises:
+        OptiPlanError: the address is none of this machine or in use; it needs a token; the database cannot be used.
+    """
+    check_token(settings)
+    log_to_stderr(level)
+    sys.setswitchinterval(SWITCH)
+    with listening(settings) as sock:
+        server = make_server(settings)
+        server.on_ready = lambda: _announce(settings.host, sock)  # type: ignore[attr-defined]
+        asyncio.run(server.serve(sockets=[sock]))
+    return 0
+
+
+def run_worker(settings: ServiceSettings, level: str = "info") -> int:
+    """Solve queued runs until a signal ends it; runs under way are put back.
+
+    Raises:
+        OptiPlanError: the database or the folder cannot be used.
+    """
+    log_to_stderr(level)
+    service, stop = PlannerService(settings, serving=False), threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    service.start()
+    print(f"working on the queue with {settings.solvers} processes (ctrl-C ends)", flush=True)
+    stop.wait()
+    service.close()
+    return 0
+
+
+def check_token(settings: ServiceSettings) -> None:
+    """Check that who can reach the server from elsewhere needs a token.
+
+    Raises:
+        OptiPlanError: there is none, or a short one.
+    """
+    if settings.token and len(settings.token) < SHORTEST_TOKEN:
+        raise OptiPlanError(f"the token has {len(settings.token)} characters; expected at least {SHORTEST_TOKEN}")
+    if settings.host not in LOOPBACK and not settings.token:
+        raise OptiPlanError(
+            f"{settings.host} can be reached from other machines: give --token-file or OPTIPLAN_TOKEN "
+            "(a token: openssl rand -hex 32)"
+        )
+
+
+def listening(settings: ServiceSettings) -> socket.socket:
+    """A socket that listens at the address of the settings.
+
+    Raises:
+        OptiPlanError: it cannot be had.
+    """
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    sock = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        sock.bind((settings.host, settings.port))
+    except OSError as error:
+        sock.close()
+        raise OptiPlanError(f"cannot listen on {settings.host}, port {settings.port}: {error.strerror}") from None
+    return sock
+
+
+def make_server(settings: ServiceSettings) -> "uvicorn.Server":
+    """The server of an application, not yet running."""
+    config = uvicorn.Config(
+        make_application(settings),
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=PATIENCE,
+        timeout_keep_alive=30,
+        limit_concurrency=2000,
+        h11_max_incomplete_event_size=65536,
+    )
+    return _Server(config)
+
+
+class _Server(uvicorn.Server):
+    """Calls `on_ready` once it answers; a signal ends it, and that is a good end."""
+
+    on_ready: Any = staticmethod(lambda: None)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        self.force_exit = self.should_exit and sig == signal.SIGINT  # pressed twice
+        self.should_exit = True
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            self.on_ready()
+
+
+def _announce(host: str, sock: socket.socket) -> None:
+    name = f"[{host}]" if ":" in host else host
+    print(f"serving at http://{name}:{sock.getsockname()[1]}/ (ctrl-C ends)", flush=True)
+    sys.stdout.flush()

@@ -1,0 +1,85 @@
+"""Settings of the service: where it listens, what it keeps, and how much it takes on."""
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+PORT = 7100
+"""TCP port, when none is given."""
+
+
+def default_data() -> Path:
+    """`$XDG_DATA_HOME/optiplan`, by default `~/.local/share/optiplan`."""
+    home = os.environ.get("XDG_DATA_HOME")
+    return (Path(home) if home else Path.home() / ".local" / "share") / "optiplan"
+
+
+@dataclass(frozen=True)
+class ServiceSettings:
+    """How a server or a worker runs; every limit is a hard one.
+
+    Attributes:
+        data: folder of contents and uploads, and of the database where that is SQLite. All machines that share a
+            database share it.
+        database: `sqlite:///…` or `postgresql://…`; empty: `service.sqlite` in `data`.
+        host: address to listen on.
+        port: 0: any that is free.
+        token: every request carries it; empty: none needed, which only a loopback address allows.
+        hosts: names besides the address and localhost that requests may call this server by.
+        folders: where problems may read meshes and robots from, besides the uploads.
+        solvers: processes for queued runs; 0: this server only takes them, workers solve.
+        interactive: processes for callers that wait.
+        queue: most runs that wait; more are refused with 429.
+        memory: of one process, MB resident.
+        most_budget: longest budget of a run, s.
+        reading: longest time to read one problem, s.
+        body: largest request, bytes.
+        bodies: most obstacles and held objects of one problem, together.
+        rate: requests a second that one client may send in the long run; `burst` at once.
+        burst: see `rate`.
+        keep_days: runs older than that are deleted.
+        keep_bytes: most bytes of contents; the oldest runs go first.
+        uploads: most bytes of uploaded files.
+        spare: bytes that stay free on the disk; below it nothing new is taken on (507).
+    """
+
+    data: Path = field(default_factory=default_data)
+    database: str = ""
+    host: str = "127.0.0.1"
+    port: int = PORT
+    token: str = ""
+    hosts: tuple[str, ...] = ()
+    folders: tuple[Path, ...] = ()
+    solvers: int = 1
+    interactive: int = 1
+    queue: int = 1000
+    memory: float = 2000.0
+    most_budget: float = 300.0
+    reading: float = 10.0
+    body: int = 5_000_000
+    bodies: int = 2000
+    rate: float = 200.0
+    burst: int = 1000
+    keep_days: float = 30.0
+    keep_bytes: int = 10 * 10**9
+    uploads: int = 10**9
+    spare: int = 50 * 10**6
+
+    @property
+    def database_url(self) -> str:
+        """The database as SQLAlchemy takes it, with the driver that the service uses."""
+        url = self.database or f"sqlite:///{(self.data / 'service.sqlite').absolute()}"
+        for scheme in ("postgresql://", "postgres://"):
+            if url.startswith(scheme):
+                return "postgresql+psycopg://" + url.removeprefix(scheme)
+        return url
+
+    @property
+    def upload_folder(self) -> Path:
+        """Where uploaded files lie, which relative names in problems are relative to."""
+        return self.data / "uploads"
+
+    @property
+    def readable(self) -> tuple[Path, ...]:
+        """The folders that problems may read from."""
+        return (self.upload_folder, *self.folders)

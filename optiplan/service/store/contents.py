@@ -1,0 +1,123 @@
+"""Files named by the SHA-256 of what is in them: never changed, the same content once, damage seen when read."""
+
+import errno
+import hashlib
+import os
+import shutil
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from optiplan.errors import OptiPlanError
+from optiplan.files import write_bytes
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+"""Errors of a disk, or a share of one, that is full."""
+
+_NAME = "store"
+
+
+class StorageFullError(OptiPlanError):
+    """No room is left for what the service has to keep."""
+
+
+class ContentFolder:
+    """Folder of contents that belongs to one database."""
+
+    def __init__(self, folder: Path, spare: int) -> None:
+        """Open it.
+
+        Args:
+            folder: made where it is not there.
+            spare: bytes of the disk that stay free.
+
+        Raises:
+            OptiPlanError: it cannot be written.
+        """
+        self.folder, self.spare = folder, spare
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OptiPlanError(f"{folder} cannot be written: {error.strerror or error}") from error
+
+    def claim(self, store: str) -> None:
+        """Check that the folder is that of a database, or make it so.
+
+        Raises:
+            OptiPlanError: it belongs to another one: a worker that writes there would not be seen by the server.
+        """
+        mark = self.folder / _NAME
+        if not mark.exists():
+            write_bytes(mark, store.encode())
+        found = mark.read_text().strip()
+        if found != store:
+            raise OptiPlanError(
+                f"{self.folder} belongs to another database; expected the folder that all servers and workers of this "
+                "database share (--data)"
+            )
+
+    def put(self, content: bytes) -> str:
+        """Keep a content and return its digest; it is on the disk when this returns.
+
+        Raises:
+            StorageFullError: there is no room.
+        """
+        digest = hashlib.sha256(content).hexdigest()
+        path = self._path(digest)
+        if path.is_file() and path.stat().st_size == len(content):
+            with suppress(OSError):
+                os.utime(path)  # it is young again: no sweep takes it before its run is recorded
+                return digest
+        try:
+            write_bytes(path, content)
+        except OSError as error:
+            if error.errno in FULL:
+                raise StorageFullError(f"the disk of {self.folder} is full") from error
+            raise
+        return digest
+
+    def get(self, digest: str) -> bytes | None:
+        """The content of a digest; None if it is not there, or not what it was."""
+        try:
+            content = self._path(digest).read_bytes()
+        except OSError:
+            return None
+        return content if hashlib.sha256(content).hexdigest() == digest else None
+
+    def delete(self, digest: str) -> None:
+        """Keep a content no longer."""
+        self._path(digest).unlink(missing_ok=True)
+
+    def check_room(self) -> None:
+        """Check that the disk takes more.
+
+        Raises:
+            StorageFullError: less than `spare` bytes are free.
+        """
+        free = shutil.disk_usage(self.folder).free
+        if free < self.spare:
+            raise StorageFullError(f"the disk of {self.folder} has {free / 1e6:.0f} MB left; nothing new is taken on")
+
+    def older_than(self, seconds: float) -> set[str]:
+        """Digests of the contents that have been there for so long."""
+        found, limit = set(), time.time() - seconds
+        for path in self.folder.glob("??/*"):
+            with suppress(OSError):
+                if len(path.name) == 64 and path.stat().st_mtime <= limit:
+                    found.add(path.name)
+        return found
+
+    def _path(self, digest: str) -> Path:
+        if len(digest) != 64 or not set(digest) <= set("0123456789abcdef"):
+            raise ValueError(f"no digest: {digest!r}")
+        return self.folder / digest[:2] / digest
+
+
+def folder_size(folder: Path) -> int:
+    """Bytes of the files below a folder."""
+    return sum(
+        entry.stat().st_size
+        for place, _, names in os.walk(folder)
+        for name in names
+        if (entry := Path(place, name)).is_file()
+    )

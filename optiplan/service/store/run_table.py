@@ -1,0 +1,194 @@
+"""Runs in the database: every change of state is one statement that only one of several processes can win."""
+
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Engine
+
+from optiplan.service.store.tables import events, runs
+
+RunState = Literal["queued", "running", "done", "failed", "cancelled"]
+ENDED: tuple[RunState, ...] = ("done", "failed", "cancelled")
+"""States that a run does not leave, but for being submitted again after `failed` or `cancelled`."""
+
+Record = dict[str, Any]
+"""A row of the table of runs."""
+
+RETRIED = ("timeout", "out-of-memory", "crashed", "deadline", "storage")
+"""Failures that are not the planner's answer: the same submission tries again."""
+
+_OUTCOME = (*("verified", "duration", "ratio", "failure", "timings", "contents"), *("started", "finished", "holder"))
+
+
+@dataclass(frozen=True)
+class NewRun:
+    """What a submission asks for; `id` is the digest of all that decides the answer."""
+
+    id: str
+    name: str
+    problem: str
+    robot: str
+    request: str
+    planner: str
+    seed: int
+    budget: float
+    deadline: float | None
+
+
+@dataclass(frozen=True)
+class RunEnd:
+    """How a run ended."""
+
+    status: RunState
+    verified: bool | None = None
+    duration: float | None = None
+    ratio: float | None = None
+    failure: Record | None = None
+    timings: Record | None = None
+    contents: dict[str, str] = field(default_factory=dict)
+    bytes: int = 0
+
+
+class RunTable:
+    """Runs and their events."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+
+    def submit(self, new: NewRun) -> tuple[Record, bool]:
+        """Return the run of a submission and whether it is to be queued now: it is new, or to be tried again."""
+        values = {**vars(new), "status": "queued", "submitted": time.time()}
+        with self._engine.begin() as connection:
+            known = connection.execute(sa.select(runs).where(runs.c.id == new.id)).mappings().first()
+            if known is None:
+                try:
+                    with connection.begin_nested():
+                        connection.execute(runs.insert().values(cancel=False, tries=0, bytes=0, **values))
+                except sa.exc.IntegrityError:  # another process was first
+                    return self._found(connection, new.id), False
+                return self._found(connection, new.id), True
+            if not _again(dict(known)):
+                return dict(known), False
+            fresh: Record = {"cancel": False, "tries": 0, "bytes": 0, **dict.fromkeys(_OUTCOME)}
+            same = (runs.c.id == new.id) & (runs.c.status == known["status"])
+            won = connection.execute(runs.update().where(same).values(**fresh, **values)).rowcount
+            return self._found(connection, new.id), won == 1
+
+    def get(self, run: str) -> Record | None:
+        """A run; None if there is none of that id."""
+        with self._engine.connect() as connection:
+            row = connection.execute(sa.select(runs).where(runs.c.id == run)).mappings().first()
+        return None if row is None else dict(row)
+
+    def newest(self, count: int, before: float | None = None) -> list[Record]:
+        """At most `count` runs, the last submitted first; only those submitted before a time."""
+        query = sa.select(runs).order_by(runs.c.submitted.desc(), runs.c.id).limit(count)
+        if before is not None:
+            query = query.where(runs.c.submitted < before)
+        return self._all(query)
+
+    def of_states(self, states: Sequence[RunState], holder: str | None = None) -> list[Record]:
+        """The runs of some states, the first submitted first; only those that a process holds."""
+        query = sa.select(runs).where(runs.c.status.in_(states)).order_by(runs.c.submitted)
+        return self._all(query if holder is None else query.where(runs.c.holder == holder))
+
+    def counts(self) -> dict[str, int]:
+        """How many runs there are of each state."""
+        with self._engine.connect() as connection:
+            rows = connection.execute(sa.select(runs.c.status, sa.func.count()).group_by(runs.c.status))
+            return {str(status): int(count) for status, count in rows}
+
+    def waiting(self) -> int:
+        """How many runs are queued."""
+        with self._engine.connect() as connection:
+            query = sa.select(sa.func.count()).where(runs.c.status == "queued")
+            return int(connection.scalar(query) or 0)
+
+    def begin(self, run: str, holder: str) -> Record | None:
+        """Take a queued run; None if it is not queued any more."""
+        values = {"status": "running", "holder": holder, "started": time.time(), "tries": runs.c.tries + 1}
+        return self.get(run) if self._change(run, ("queued",), values) else None
+
+    def end(self, run: str, holder: str, end: RunEnd) -> bool:
+        """Record how a run ended that `holder` holds; False if it holds it no longer, and nothing is changed."""
+        values = {**vars(end), "finished": time.time(), "holder": None}
+        return self._change(run, ("running",), values, runs.c.holder == holder)
+
+    def add_ended(self, new: NewRun, end: RunEnd, started: float) -> None:
+        """Record a run that was never queued, unless one of its id is there and has an answer, or will have one."""
+        values = {**vars(new), **vars(end), "submitted": started, "started": started, "finished": time.time()}
+        with self._engine.begin() as connection:
+            stale = (runs.c.id == new.id) & runs.c.status.in_(("failed", "cancelled"))
+            connection.execute(runs.delete().where(stale))
+            try:
+                with connection.begin_nested():
+                    connection.execute(runs.insert().values(cancel=False, tries=1, **values))
+            except sa.exc.IntegrityError:
+                return
+
+    def cancel(self, run: str) -> None:
+        """Cancel a run: at once where it waits, by its holder where it runs."""
+        now = {"status": "cancelled", "finished": time.time()}
+        if not self._change(run, ("queued",), now):
+            self._change(run, ("running",), {"cancel": True})
+
+    def to_be_cancelled(self, holder: str) -> list[str]:
+        """The runs of a holder that somebody wants cancelled."""
+        query = sa.select(runs.c.id).where(runs.c.holder == holder, runs.c.cancel, runs.c.status == "running")
+        with self._engine.connect() as connection:
+            return list(connection.scalars(query))
+
+    def release(self, run: str, holder: str) -> bool:
+        """Put a run back whose holder is gone; False if somebody else did."""
+        back = {"status": "queued", "holder": None}
+        return self._change(run, ("running",), back, runs.c.holder == holder)
+
+    def delete(self, run: str) -> Record | None:
+        """Forget a run that has ended; None if there is none of that id that has."""
+        with self._engine.begin() as connection:
+            which = (runs.c.id == run) & runs.c.status.in_(ENDED)
+            row = connection.execute(sa.select(runs).where(which)).mappings().first()
+            if row is not None:
+                connection.execute(runs.delete().where(which))
+                connection.execute(events.delete().where(events.c.run == run))
+        return None if row is None else dict(row)
+
+    def digests_in_use(self) -> set[str]:
+        """Digests of all contents that runs refer to."""
+        with self._engine.connect() as connection:
+            rows = connection.execute(sa.select(runs.c.request, runs.c.contents)).all()
+        return {request for request, _ in rows} | {digest for _, held in rows for digest in (held or {}).values()}
+
+    def tell(self, run: str, data: Record) -> None:
+        """Add an event to a run."""
+        with self._engine.begin() as connection:
+            connection.execute(events.insert().values(run=run, data=data))
+
+    def events_after(self, number: int, watched: Iterable[str]) -> list[tuple[int, str, Record]]:
+        """Events of some runs after the one of a number: number, run, data."""
+        query = sa.select(events.c.number, events.c.run, events.c.data).where(
+            events.c.number > number, events.c.run.in_(list(watched))
+        )
+        with self._engine.connect() as connection:
+            return [(row[0], row[1], row[2]) for row in connection.execute(query.order_by(events.c.number))]
+
+    def _change(self, run: str, states: Sequence[str], values: Record, *further: sa.ColumnElement[bool]) -> bool:
+        which = sa.and_(runs.c.id == run, runs.c.status.in_(states), *further)
+        with self._engine.begin() as connection:
+            return connection.execute(runs.update().where(which).values(**values)).rowcount == 1
+
+    def _all(self, query: sa.Select[Any]) -> list[Record]:
+        with self._engine.connect() as connection:
+            return [dict(row) for row in connection.execute(query).mappings()]
+
+    def _found(self, connection: sa.Connection, run: str) -> Record:
+        return dict(connection.execute(sa.select(runs).where(runs.c.id == run)).mappings().one())
+
+
+def _again(known: Record) -> bool:
+    """Whether the same submission is tried again: what stopped the run was not its planner."""
+    failure = known["failure"] or {}
+    return known["status"] == "cancelled" or (known["status"] == "failed" and failure.get("kind") in RETRIED)

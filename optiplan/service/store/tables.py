@@ -1,0 +1,131 @@
+"""Tables of the service's database, the version of their layout, and how a database is opened.
+
+The same database holds the queue's own tables, which DBOS makes and migrates.
+"""
+
+import uuid
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Engine
+
+from optiplan.errors import OptiPlanError
+
+LAYOUT = 1
+"""Version of the tables; a database of a newer one is refused, an older one is brought up to it by `MIGRATIONS`."""
+
+metadata = sa.MetaData()
+
+about = sa.Table(
+    "optiplan_about",
+    metadata,
+    sa.Column("key", sa.String(40), primary_key=True),
+    sa.Column("value", sa.Text, nullable=False),
+)
+"""`layout`, and `store`: which folder of contents belongs to this database."""
+
+problems = sa.Table(
+    "optiplan_problems",
+    metadata,
+    sa.Column("hash", sa.String(64), primary_key=True),
+    sa.Column("name", sa.Text, nullable=False),
+    sa.Column("robot", sa.Text, nullable=False),
+    sa.Column("text", sa.String(64), nullable=False),
+    sa.Column("created", sa.Float, nullable=False),
+)
+"""Problems that were stored; `text` is the digest of the YAML or JSON as it came."""
+
+runs = sa.Table(
+    "optiplan_runs",
+    metadata,
+    sa.Column("id", sa.String(64), primary_key=True),
+    sa.Column("name", sa.Text, nullable=False),
+    sa.Column("problem", sa.String(64), nullable=False),
+    sa.Column("robot", sa.Text, nullable=False),
+    sa.Column("request", sa.String(64), nullable=False),
+    sa.Column("planner", sa.Text, nullable=False),
+    sa.Column("seed", sa.BigInteger, nullable=False),
+    sa.Column("budget", sa.Float, nullable=False),
+    sa.Column("deadline", sa.Float),
+    sa.Column("status", sa.String(10), nullable=False, index=True),
+    sa.Column("cancel", sa.Boolean, nullable=False, default=False),
+    sa.Column("holder", sa.String(40)),
+    sa.Column("tries", sa.Integer, nullable=False, default=0),
+    sa.Column("verified", sa.Boolean),
+    sa.Column("duration", sa.Float),
+    sa.Column("ratio", sa.Float),
+    sa.Column("failure", sa.JSON),
+    sa.Column("timings", sa.JSON),
+    sa.Column("contents", sa.JSON),
+    sa.Column("bytes", sa.BigInteger, nullable=False, default=0),
+    sa.Column("submitted", sa.Float, nullable=False, index=True),
+    sa.Column("started", sa.Float),
+    sa.Column("finished", sa.Float),
+)
+"""Runs: `request` and the values of `contents` are digests; times are seconds since 1970; `holder` solves it now."""
+
+events = sa.Table(
+    "optiplan_events",
+    metadata,
+    sa.Column("number", sa.BigInteger().with_variant(sa.Integer, "sqlite"), primary_key=True, autoincrement=True),
+    sa.Column("run", sa.String(64), nullable=False, index=True),
+    sa.Column("data", sa.JSON, nullable=False),
+)
+"""What happened in a run, in order."""
+
+MIGRATIONS: dict[int, tuple[str, ...]] = {}
+"""Statements that bring a database to a layout from the one before it."""
+
+
+def open_database(url: str) -> Engine:
+    """Open a database and bring its tables up to `LAYOUT`.
+
+    Raises:
+        OptiPlanError: it cannot be reached, or is of a newer version.
+    """
+    sqlite = url.startswith("sqlite")
+    try:
+        options: dict[str, Any] = {} if sqlite else {"pool_size": 10, "max_overflow": 20, "pool_pre_ping": True}
+        engine = sa.create_engine(url, **options)
+        if sqlite:
+            sa.event.listen(engine, "connect", _set_up_sqlite)
+        with engine.begin() as connection:
+            _bring_up(connection)
+    except (sa.exc.SQLAlchemyError, ImportError) as error:
+        reason = str(getattr(error, "orig", None) or error).strip().split("\n")[0]
+        shown = sa.make_url(url).render_as_string(hide_password=True) if "://" in url else url
+        raise OptiPlanError(f"the database {shown} cannot be used: {reason}") from error
+    return engine
+
+
+def store_name(engine: Engine) -> str:
+    """The name that the folder of contents of this database has, made at the first asking."""
+    with engine.begin() as connection:
+        found = connection.scalar(sa.select(about.c.value).where(about.c.key == "store"))
+        if found is None:
+            found = uuid.uuid4().hex
+            connection.execute(about.insert().values(key="store", value=found))
+    return str(found)
+
+
+def _set_up_sqlite(connection: Any, _: Any) -> None:
+    """Readers do not wait for a writer; a commit is on the disk; writers wait for one another."""
+    connection.isolation_level = "IMMEDIATE"  # a writer waits at its first statement, not at its last
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=30000"):
+        connection.execute(f"PRAGMA {pragma}")
+
+
+def _bring_up(connection: sa.Connection) -> None:
+    if connection.dialect.name == "postgresql":
+        connection.execute(sa.text("SELECT pg_advisory_xact_lock(7100)"))  # one of several processes makes them
+    metadata.create_all(connection)
+    found = int(connection.scalar(sa.select(about.c.value).where(about.c.key == "layout")) or 0)
+    if found > LAYOUT:
+        raise OptiPlanError(f"the database is of layout {found}, made by a newer OptiPlan; this one knows {LAYOUT}")
+    for layout in range(found + 1, LAYOUT + 1) if found else ():
+        for statement in MIGRATIONS[layout]:
+            connection.execute(sa.text(statement))
+    if found == 0:
+        connection.execute(about.insert().values(key="layout", value=str(LAYOUT)))
+    elif found < LAYOUT:
+        connection.execute(about.update().where(about.c.key == "layout").values(value=str(LAYOUT)))

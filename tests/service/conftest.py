@@ -1,0 +1,85 @@
+"""A server in this process, for all tests that do not kill it, and problems that are planned in a blink."""
+
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import httpx
+import pytest
+
+from optiplan.service.planner_service import PlannerService
+from optiplan.service.server import listening, make_server
+from optiplan.service.settings import ServiceSettings
+
+QUICK = """\
+version: 1
+name: free
+robot: planar2r
+start: {joints: [0.5, 1.0]}
+goal: {joints: [-0.5, 1.2]}
+scene: {obstacles: [{name: far, shape: {sphere: 0.1}, pose: {position: [-1, 0.18, 1]}}]}
+planner: quintic
+"""
+
+NO_WAY = """\
+version: 1
+name: shut-in
+robot: planar2r
+start: {joints: [0.9, 0.5]}
+goal: {joints: [-1.5708, 0]}
+scene:
+  obstacles:
+    - {name: ceiling, shape: {box: [3.0, 0.1, 0.04]}, pose: {position: [0, 0.2, 0.75]}}
+planner: rrtconnect
+"""
+
+
+@dataclass
+class Running:
+    """A server that runs: its address, what is behind it, and a client."""
+
+    url: str
+    service: PlannerService
+    http: httpx.Client
+
+    def ended(self, run: str, patience: float = 60.0) -> dict:
+        """The run, once it has ended."""
+        end = time.monotonic() + patience
+        while time.monotonic() < end:
+            found = self.http.get(f"/api/runs/{run}").json()
+            if found["status"] not in ("queued", "running"):
+                return found
+            time.sleep(0.05)
+        raise AssertionError(f"the run has not ended: {found}")
+
+    def submit(self, **given) -> dict:
+        """Submit the quick problem, or another, and return the answer."""
+        answer = self.http.post("/api/runs", json={"problem": QUICK, "budget": 5.0, **given})
+        assert answer.status_code == 202, answer.text
+        return answer.json()
+
+
+@pytest.fixture(scope="session")
+def server(tmp_path_factory) -> Iterator[Running]:
+    """One server for all: DBOS is one in a process."""
+    folder = tmp_path_factory.mktemp("service")
+    (folder / "meshes").mkdir()
+    settings = ServiceSettings(data=folder / "data", port=0, folders=(folder / "meshes",), rate=1e6, burst=10**6)
+    with listening(settings) as sock:
+        uvicorn = make_server(settings)
+        thread = threading.Thread(target=uvicorn.run, args=([sock],), daemon=True)
+        thread.start()
+        url = f"http://127.0.0.1:{sock.getsockname()[1]}"
+        with httpx.Client(base_url=url, timeout=60.0, trust_env=False) as http:
+            while not uvicorn.started:
+                assert thread.is_alive()
+                time.sleep(0.05)
+            application = uvicorn.config.app._app._app
+            running = Running(url, application.state.service, http)
+            while http.get("/readyz").status_code != 200:
+                time.sleep(0.1)
+            yield running
+        uvicorn.should_exit = True
+        thread.join(30.0)
+        assert not thread.is_alive()

@@ -1,0 +1,127 @@
+"""`op.Client`, the client for cells, and `optiplan plan --server`: what a server plans is what is planned here."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.cli.main import run as command
+from optiplan.service.cell import CellPlanner
+from optiplan.service.client import ServerError
+from tests.service.conftest import NO_WAY, QUICK
+from tests.service.test_problems import MESH, TETRAHEDRON
+
+
+@pytest.fixture
+def quick(tmp_path):
+    path = tmp_path / "quick.yaml"
+    path.write_text(QUICK)
+    return path
+
+
+@pytest.fixture
+def client(server):
+    with op.Client(server.url) as client:
+        yield client
+
+
+def test_a_plan_of_a_server_is_a_run(client, quick):
+    there, here = client.plan(quick, seed=51), op.plan(op.load_problem(quick), seed=51)
+    assert there.verified
+    assert there.problem.hash == here.problem.hash
+    assert there.trajectory.duration == here.trajectory.duration
+    assert np.array_equal(there.trajectory([0.1, 0.2]), here.trajectory([0.1, 0.2]))
+    assert there.metrics is not None
+    assert set(there.timings) >= {"plan", "verify"}
+
+
+def test_submit_watch_and_fetch(client, quick):
+    run = client.submit(quick, seed=52)
+    assert client.submit(quick, seed=52) == run
+    events = list(client.watch(run))
+    assert events[-1]["type"] == "end"
+    assert client.status(run)["status"] == "done"
+    assert client.run(run).verified
+    assert repr(client).startswith("Client: http://127.0.0.1:")
+
+
+def test_cancel(client, tmp_path):
+    (tmp_path / "no.yaml").write_text(NO_WAY)
+    run = client.submit(tmp_path / "no.yaml", budget=60.0, seed=53)
+    client.cancel(run)
+    end = time.monotonic() + 20.0
+    while client.status(run)["status"] in ("queued", "running") and time.monotonic() < end:
+        time.sleep(0.05)
+    assert client.status(run)["status"] == "cancelled"
+    with pytest.raises(ServerError, match="cancelled"):
+        client.run(run)
+
+
+def test_a_failure_is_a_run_without_a_motion(client, tmp_path):
+    (tmp_path / "no.yaml").write_text(NO_WAY)
+    run = client.plan(tmp_path / "no.yaml", budget=0.5)
+    assert run.trajectory is None
+    assert run.failure.detail
+
+
+def test_meshes_are_uploaded(client, tmp_path):
+    (tmp_path / "tetra hedron.obj").write_bytes(TETRAHEDRON)
+    (tmp_path / "mesh.yaml").write_text(MESH.format(file='"tetra hedron.obj"'))
+    assert client.plan(tmp_path / "mesh.yaml").verified
+
+
+def test_errors_say_what_is_wrong(client, quick, server):
+    with pytest.raises(op.InputError, match="unknown planner"):
+        client.plan(quick, planner="nonsense")
+    with pytest.raises(ServerError, match="there is no run"):
+        client.status("0" * 32)
+    with pytest.raises(ServerError, match="there is no run"):
+        list(client.watch("0" * 32))
+    with pytest.raises(op.InputError, match="an address such as"):
+        op.Client("127.0.0.1")
+    with pytest.raises(ServerError, match="no server answers at"):
+        op.Client("http://127.0.0.1:9").plan(quick)
+
+
+def test_a_cell_gets_timed_points(server, quick):
+    with CellPlanner(server.url, quick) as cell:
+        motion = cell.plan([0.4, 1.0], joint_target=[-0.4, 1.1])
+        assert motion.verified
+        assert motion.status == "verified"
+        assert motion.q.shape == motion.v.shape == motion.a.shape == (len(motion.t), 2)
+        assert motion.q[0] == pytest.approx([0.4, 1.0])
+        assert motion.q[-1] == pytest.approx([-0.4, 1.1])
+        assert np.abs(motion.v[[0, -1]]).max() < 1e-9
+        refused = cell.plan([100.0, 1.0])
+        assert refused.status == "failed"
+        assert "start" in refused.reason
+    with pytest.raises(ValueError, match="unknown robot"):
+        CellPlanner(server.url, QUICK.replace("planar2r", "nobody"))
+
+
+def test_a_cell_that_reaches_nobody_is_told(server, quick):
+    with CellPlanner(server.url, quick) as cell:
+        cell._http.base_url = "http://127.0.0.1:9"
+        assert cell.plan([0.4, 1.0]).status == "unreachable"
+
+
+def test_the_cells_client_is_handed_out_and_needs_nothing_of_ours(server, tmp_path):
+    text = server.http.get("/cell.py").text
+    assert "optiplan" not in "".join(line for line in text.splitlines() if line.startswith(("import", "from")))
+    compile(text, "cell.py", "exec")
+
+
+def test_the_command_line_plans_on_a_server(server, quick, tmp_path, capsys):
+    code = command(
+        ["plan", str(quick), "--server", server.url, "--seed", "54", "--out", str(tmp_path / "run"), "--json"]
+    )
+    told = json.loads(capsys.readouterr().out)
+    assert code == 0
+    assert told["verified"] is True
+    assert told["seed"] == 54
+    assert command(["verify", str(quick), str(tmp_path / "run")]) == 0
+    assert command(["plan", str(quick), "--server", "http://127.0.0.1:9"]) == 2
+    assert "no server answers" in capsys.readouterr().err
+    assert command(["plan", str(quick), "--server", server.url, "--planner", "all"]) == 2

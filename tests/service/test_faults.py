@@ -1,0 +1,111 @@
+"""Servers that are killed, workers that share, stops that are asked for: no run is lost, none is done twice."""
+
+import time
+
+import pytest
+import sqlalchemy as sa
+
+from benchmarks.service_faults import PROBLEM, Plan, faults
+from benchmarks.service_process import HTTP, Program, postgres, postgres_folder, serving
+from optiplan.cli.main import run as command
+from optiplan.errors import OptiPlanError
+from optiplan.service.execution.leases import take_lease
+from optiplan.service.store.contents import ContentFolder
+from optiplan.service.store.tables import LAYOUT, about, open_database
+
+needs_postgres = pytest.mark.skipif(postgres_folder() is None, reason="PostgreSQL is not installed")
+
+
+def test_kills_on_sqlite(tmp_path):
+    found = faults(tmp_path, "", Plan(rounds=2, jobs=8))
+    assert found.faultless, found
+    assert found.done == 8
+
+
+@needs_postgres
+def test_kills_of_server_and_two_workers_on_postgresql(tmp_path):
+    with postgres() as database:
+        found = faults(tmp_path, database, Plan(rounds=3, jobs=9, workers=2, seed=1))
+        engine = sa.create_engine(database.replace("postgresql://", "postgresql+psycopg://"))
+        with engine.connect() as connection:
+            ended = connection.scalar(sa.text("SELECT count(*) FROM optiplan_runs WHERE status = 'done'"))
+        engine.dispose()
+    assert found.faultless, found
+    assert found.done == ended == 9
+
+
+def test_a_server_that_is_stopped_puts_its_run_back(tmp_path):
+    slow = PROBLEM.replace("quintic", "{name: rrtstar}")
+    with serving(tmp_path / "data", "--solvers", "1") as server:
+        run = HTTP.post(f"{server.url}/api/runs", json={"problem": slow, "budget": 4.0}).json()["id"]
+        while HTTP.get(f"{server.url}/api/runs/{run}").json()["status"] == "queued":
+            time.sleep(0.1)
+        assert server.stop() == 0
+    with serving(tmp_path / "data", "--solvers", "1") as server:
+        end = time.monotonic() + 60.0
+        while (state := HTTP.get(f"{server.url}/api/runs/{run}").json()["status"]) in ("queued", "running"):
+            assert time.monotonic() < end
+            time.sleep(0.2)
+        assert state == "done"
+        server.stop()
+
+
+def test_a_lease_ends_with_its_process(tmp_path):
+    engine = sa.create_engine("sqlite://")
+    mine, other = take_lease(engine, tmp_path), take_lease(engine, tmp_path)
+    assert mine.alive(mine.name)
+    assert mine.alive(other.name)
+    other.close()
+    assert not mine.alive(other.name)
+    assert not mine.alive("never was")
+
+
+def test_a_database_of_a_newer_layout_is_refused(tmp_path):
+    url = f"sqlite:///{tmp_path / 'a.sqlite'}"
+    engine = open_database(url)
+    open_database(url).dispose()
+    with engine.begin() as connection:
+        connection.execute(about.update().where(about.c.key == "layout").values(value=str(LAYOUT + 1)))
+    with pytest.raises(OptiPlanError, match="newer OptiPlan"):
+        open_database(url)
+    with pytest.raises(OptiPlanError, match="cannot be used"):
+        open_database("nonsense://x")
+
+
+def test_a_folder_belongs_to_one_database(tmp_path):
+    folder = ContentFolder(tmp_path, 0)
+    folder.claim("one")
+    folder.claim("one")
+    with pytest.raises(OptiPlanError, match="belongs to another database"):
+        folder.claim("two")
+    digest = folder.put(b"content")
+    assert folder.put(b"content") == digest
+    assert folder.get(digest) == b"content"
+    (tmp_path / digest[:2] / digest).write_bytes(b"damaged")
+    assert folder.get(digest) is None
+    assert folder.put(b"content") == digest
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--host", "0.0.0.0"], "OPTIPLAN_TOKEN"),
+        (["--host", "192.0.2.1", "--token-file", "{token}"], "cannot listen"),
+        (["--token-file", "/nowhere/token"], "token-file"),
+        (["--folder", "/nowhere"], "folder"),
+        (["--database", "mysql://x/y"], "cannot be used"),
+        (["--log-level", "loud"], "choose from"),
+    ],
+)
+def test_a_server_that_cannot_start_says_why(arguments, word, tmp_path, capsys):
+    (tmp_path / "token").write_text("a-token-of-enough-characters\n")
+    arguments = [argument.format(token=tmp_path / "token") for argument in arguments]
+    assert command(["serve", "--port", "0", "--data", str(tmp_path / "data"), *arguments]) == 2
+    assert word in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_worker_says_that_it_works(tmp_path):
+    worker = Program(
+        "worker", "--database", f"sqlite:///{tmp_path / 'w.sqlite'}", "--data", str(tmp_path), "--solvers", "1"
+    )
+    assert worker.stop() == 0

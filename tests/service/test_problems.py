@@ -1,0 +1,247 @@
+"""Problems over HTTP: checked with every issue, stored under their hash, with files from nowhere but where allowed."""
+
+import json
+import time
+
+import pytest
+
+from optiplan.problem.load import load_problem
+from optiplan.service.store.contents import FULL
+from tests.service.conftest import QUICK
+
+MESH = """\
+version: 1
+name: mesh
+robot: planar2r
+start: {{joints: [0.5, 1.0]}}
+goal: {{joints: [-0.5, 1.2]}}
+scene: {{obstacles: [{{name: far, shape: {{mesh: {{file: {file}}}}}, pose: {{position: [-1, 0.18, 1]}}}}]}}
+planner: quintic
+"""
+
+TETRAHEDRON = b"""v 0 0 0
+v 0.1 0 0
+v 0 0.1 0
+v 0 0 0.1
+f 1 3 2
+f 1 2 4
+f 1 4 3
+f 2 3 4
+"""
+
+
+def check(server, problem, **given):
+    return server.http.post("/api/problems/validate", json={"problem": problem, **given})
+
+
+def test_a_valid_problem_has_the_hash_that_it_has_everywhere(server, tmp_path):
+    path = tmp_path / "problem.yaml"
+    path.write_text(QUICK)
+    assert check(server, QUICK).json() == {
+        "valid": True,
+        "issues": [],
+        "hash": load_problem(path).hash,
+        "name": "free",
+        "robot": "planar2r",
+    }
+
+
+def test_every_issue_is_told_with_its_line(server):
+    broken = QUICK.replace("planar2r", "planar3r").replace("sphere: 0.1", "sphere: -0.1")
+    found = check(server, broken).json()
+    assert found["valid"] is False
+    assert [(issue["line"], issue["field"]) for issue in found["issues"]] == [
+        (3, "robot"),
+        (6, "scene.obstacles[0].shape.sphere"),
+    ]
+    refused = server.http.post("/api/runs", json={"problem": broken})
+    assert refused.status_code == 422
+    assert len(refused.json()["issues"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ({"planner": "nonsense"}, "unknown planner"),
+        ({"planner": "os:system"}, "unknown planner"),
+        ({"planner": "optiplan.planners.point_to_point.quintic:Quintic"}, "unknown planner"),
+        ({"options": {"nonsense": 1}}, "unknown"),
+        ({"budget": -1}, "budget"),
+        ({"budget": 301}, "at most 300"),
+        ({"seed": -1}, "seed"),
+        ({"seed": 1.5}, "seed"),
+        ({"nonsense": 1}, "nonsense"),
+        ({"deadline": 0}, "deadline"),
+        ({"name": "two\nlines"}, "name"),
+        ({"start": {"joints": [1.0]}}, "start"),
+    ],
+)
+def test_what_is_wrong_with_a_submission_is_said(server, given, word):
+    answer = server.http.post("/api/runs", json={"problem": QUICK, **given})
+    assert answer.status_code == 422
+    assert word in answer.json()["error"]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"",
+        b"{",
+        b"[" * 100_000,
+        b'{"problem": ' + b"[" * 5000 + b"]" * 5000 + b"}",
+        b"9" * 10_000,
+        b"\xff\xfe",
+        b"null",
+    ],
+)
+def test_broken_bodies_are_refused(server, body):
+    answer = server.http.post("/api/runs", content=body, headers={"Content-Type": "application/json"})
+    assert answer.status_code in (400, 422)
+    assert answer.json()["error"]
+
+
+@pytest.mark.parametrize("text", ["NaN", "Infinity", '"\\ud800"', '"\\u0000"', '{"a": 1e999}'])
+def test_values_that_are_no_json_are_refused(server, text):
+    body = f'{{"problem": {{"robot": {text}}}}}'
+    answer = server.http.post("/api/runs", content=body, headers={"Content-Type": "application/json"})
+    assert answer.status_code == 422
+
+
+def test_a_yaml_bomb_is_refused_early(server):
+    levels = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    levels += [f"a{k}: &a{k} [" + ", ".join([f"*a{k - 1}"] * 10) + "]" for k in range(1, 10)]
+    began = time.monotonic()
+    answer = check(server, "\n".join(levels))
+    assert answer.json()["valid"] is False
+    assert "too large" in answer.text
+    assert time.monotonic() - began < 12.0
+
+
+def test_a_million_obstacles_are_refused_early(server):
+    one = {"name": "a", "shape": {"sphere": 0.1}}
+    answer = server.http.post("/api/runs", json={"problem": {"scene": {"obstacles": [one] * 100_000}}})
+    assert answer.status_code == 422
+    assert "this server takes 2000" in answer.json()["error"]
+    by_alias = QUICK.replace(
+        "scene:", "x: &x {name: a, shape: {sphere: 0.1}}\nscene: {obstacles: [" + "*x, " * 3000 + "]}\nold:"
+    )
+    assert "3000 bodies" in check(server, by_alias).text
+
+
+def test_stored_problems_are_found_by_their_hash(server):
+    stored = server.http.post("/api/problems", json={"problem": QUICK, "name": "quick"})
+    assert stored.status_code == 201
+    hash = stored.json()["hash"]
+    assert hash in [problem["hash"] for problem in server.http.get("/api/problems").json()]
+    assert server.http.get(f"/api/problems/{hash}").json()["problem"] == QUICK
+    run = server.submit(problem=hash, seed=31)
+    assert run["problem"] == hash
+    moved = server.http.post("/api/plan", json={"problem": hash, "start": {"joints": [0.4, 1.0]}}).json()
+    assert moved["problem"] != hash
+    assert moved["trajectory"]["q"][0] == pytest.approx([0.4, 1.0])
+    assert server.http.delete(f"/api/problems/{hash}").status_code == 204
+    assert server.http.post("/api/runs", json={"problem": hash}).status_code == 404
+    assert server.ended(run["id"])["status"] == "done"
+
+
+def test_meshes_come_from_uploads_and_allowed_folders_alone(server, tmp_path):
+    (tmp_path / "canary.obj").write_bytes(TETRAHEDRON)
+    outside = check(server, MESH.format(file=tmp_path / "canary.obj")).json()
+    assert outside["valid"] is False
+    assert "outside the folders" in outside["issues"][0]["found"]
+    for file in ("../contents/store", "/etc/passwd", "/proc/self/environ", "../../../../../../etc/passwd"):
+        assert "outside the folders" in check(server, MESH.format(file=file)).text
+    (server.service.settings.folders[0] / "allowed.obj").write_bytes(TETRAHEDRON)
+    assert check(server, MESH.format(file=server.service.settings.folders[0] / "allowed.obj")).json()["valid"] is True
+    link = server.service.settings.folders[0] / "link.obj"
+    link.symlink_to(tmp_path / "canary.obj")
+    assert "outside the folders" in check(server, MESH.format(file=link)).text
+    assert server.http.put("/api/uploads/part/tetra.obj", content=TETRAHEDRON).status_code == 201
+    assert check(server, MESH.format(file="part/tetra.obj")).json()["valid"] is True
+
+
+def test_a_robot_file_outside_is_not_read(server, tmp_path):
+    (tmp_path / "robot.urdf").write_text("<robot name='canary'/>")
+    for robot in (str(tmp_path / "robot.yaml"), {"urdf": str(tmp_path / "robot.urdf")}):
+        answer = server.http.post("/api/problems/validate", json={"problem": {"version": 1, "robot": robot}})
+        assert answer.json()["valid"] is False
+        assert "canary" not in answer.text
+
+
+@pytest.mark.parametrize("path", ["../a", ".hidden", "a//b", "a\\b", "a b", "%2e%2e/a", "a/b/c/d/e/f/g/h/i", ""])
+def test_uploads_have_plain_names(server, path):
+    answer = server.http.put(f"/api/uploads/{path}", content=b"x")
+    assert answer.status_code in (404, 405, 422)
+
+
+def test_a_folder_is_no_file_of_an_upload(server):
+    assert server.http.put("/api/uploads/folder/file", content=b"x").status_code == 201
+    assert server.http.put("/api/uploads/folder", content=b"x").status_code == 422
+    assert server.http.put("/api/uploads/folder/file/below", content=b"x").status_code == 422
+
+
+def test_a_full_disk_is_said_and_nothing_is_corrupted(server, monkeypatch):
+    def full(*_):
+        raise OSError(FULL[0], "No space left on device")
+
+    before = server.http.get("/api/runs?limit=500").json()["counts"]
+    with monkeypatch.context() as patch:
+        patch.setattr("optiplan.service.store.contents.write_bytes", full)
+        for path in ("/api/runs", "/api/problems"):
+            answer = server.http.post(
+                path,
+                json={"problem": QUICK.replace("free", "full"), "seed": 41}
+                if path == "/api/runs"
+                else {"problem": QUICK.replace("free", "full")},
+            )
+            assert answer.status_code == 507
+            assert "full" in answer.json()["error"]
+        planned = server.http.post("/api/plan", json={"problem": QUICK, "seed": 42})
+        assert planned.status_code == 200  # the answer is there, only the record is not
+        assert server.http.get(f"/api/runs/{planned.json()['id']}").status_code == 404
+    assert server.http.get("/api/runs?limit=500").json()["counts"] == before
+    assert server.submit(problem=QUICK.replace("free", "full"), seed=41)["status"] == "queued"
+
+
+def test_a_disk_that_fills_while_a_run_is_solved_fails_that_run_alone(server, monkeypatch):
+    run = None
+    with monkeypatch.context() as patch:
+        real = server.service.contents.put
+
+        def put(content):
+            if content.startswith(b'{\n "name"'):
+                from optiplan.service.store.contents import StorageFullError
+
+                raise StorageFullError("the disk is full")
+            return real(content)
+
+        patch.setattr(server.service.contents, "put", put)
+        run = server.ended(server.submit(seed=43)["id"])
+        assert run["status"] == "failed"
+        assert run["failure"]["kind"] == "storage"
+    assert server.submit(seed=43)["status"] in ("queued", "running", "done")
+    assert server.ended(run["id"])["status"] == "done"
+
+
+def test_little_room_is_said_before_anything_is_taken_on(server, monkeypatch):
+    monkeypatch.setattr(server.service.contents, "spare", 10**18)
+    assert server.http.post("/api/runs", json={"problem": QUICK, "seed": 44}).status_code == 507
+
+
+def test_a_full_queue_says_when_to_come_again(server, monkeypatch):
+    monkeypatch.setattr(server.service.runs, "waiting", lambda: 1000)
+    answer = server.http.post("/api/runs", json={"problem": QUICK, "seed": 45})
+    assert answer.status_code == 429
+    assert 1 <= int(answer.headers["retry-after"]) <= 60
+
+
+def test_what_there_is_to_choose_from(server):
+    assert "panda" in [robot["name"] for robot in server.http.get("/api/robots").json()]
+    assert server.http.get("/api/robots/panda").json()["name"] == "panda"
+    assert server.http.get("/api/robots/nobody").status_code == 404
+    assert "trajopt" in [planner["name"] for planner in server.http.get("/api/planners").json()]
+    assert "properties" in server.http.get("/api/schema").json()
+    assert "01_reach" in server.http.get("/api/examples").json()
+    metrics = server.http.get("/metrics").text
+    assert 'optiplan_requests_total{method="GET",status="200"}' in metrics
+    assert json.dumps(server.http.get("/openapi.json").json())

@@ -1,0 +1,182 @@
+"""Runs over HTTP: submitted, watched, fetched, cancelled, deleted; the same submission is the same run."""
+
+import csv
+import io
+import json
+import time
+import zipfile
+
+import numpy as np
+import pytest
+
+from optiplan.problem.load import load_problem
+from optiplan.runs.run_folder import load_run
+from optiplan.runs.stored_verdict import judged
+from tests.service.conftest import NO_WAY, QUICK
+
+
+def test_a_submission_becomes_a_verified_run(server):
+    answer = server.submit(seed=1)
+    assert answer["status"] in ("queued", "running", "done")
+    assert len(answer["id"]) == 32
+    done = server.ended(answer["id"])
+    assert done["status"] == "done"
+    assert done["verified"] is True
+    assert done["failure"] is None
+    assert done["timings"]["plan"] > 0.0
+    assert done["duration"] > 0.0
+    assert done["submitted"] <= done["started"] <= done["finished"]
+
+
+def test_the_run_folder_verifies_offline(server, tmp_path):
+    done = server.ended(server.submit(seed=2)["id"])
+    with zipfile.ZipFile(io.BytesIO(server.http.get(f"/api/runs/{done['id']}/run.zip").content)) as archive:
+        assert sorted(archive.namelist()) == ["run.json", "trajectory.json"]
+        archive.extractall(tmp_path / "run")
+    (tmp_path / "problem.yaml").write_text(QUICK)
+    problem = load_problem(tmp_path / "problem.yaml")
+    assert done["problem"] == problem.hash
+    assert judged(problem, load_run(tmp_path / "run")).verified
+
+
+def test_exports(server):
+    run = server.ended(server.submit(seed=2)["id"])["id"]
+    motion = server.http.get(f"/api/runs/{run}/trajectory.json").json()
+    rows = list(csv.reader(io.StringIO(server.http.get(f"/api/runs/{run}/export.csv?rate=50").text)))
+    assert rows[0][0] == "t"
+    assert float(rows[-1][0]) == motion["t"][-1]
+    arrays = np.load(io.BytesIO(server.http.get(f"/api/runs/{run}/export.npz").content))
+    assert arrays["q"].shape[1] == 2
+    unknown = server.http.get(f"/api/runs/{run}/export.doc")
+    assert unknown.status_code == 404
+    assert "csv" in unknown.json()["error"]
+
+
+def test_the_same_submission_is_answered_from_the_store(server):
+    first = server.ended(server.submit(seed=3)["id"])
+    again = server.submit(seed=3)
+    assert (again["id"], again["status"], again["finished"]) == (first["id"], "done", first["finished"])
+    as_data = json.loads(json.dumps(load_problem_data()))
+    assert server.submit(problem=as_data, seed=3)["id"] == first["id"]
+    others = [server.submit(seed=4)["id"], server.submit(seed=3, budget=4.0)["id"]]
+    others.append(server.submit(seed=3, planner="cubic")["id"])
+    assert len({first["id"], *others}) == 4
+
+
+def load_problem_data():
+    """The quick problem as data."""
+    from ruamel.yaml import YAML
+
+    return YAML(typ="safe").load(QUICK)
+
+
+def test_no_plan_is_failed_with_a_reason_and_kept(server):
+    answer = server.submit(problem=NO_WAY, budget=1.0)
+    failed = server.ended(answer["id"])
+    assert failed["status"] == "failed"
+    assert failed["verified"] is False
+    assert failed["failure"]["kind"]
+    assert failed["failure"]["detail"]
+    assert server.http.get(f"/api/runs/{failed['id']}/run.json").json()["failure"]["kind"] == failed["failure"]["kind"]
+    assert server.http.get(f"/api/runs/{failed['id']}/trajectory.json").status_code == 404
+    assert server.submit(problem=NO_WAY, budget=1.0)["status"] == "failed"  # the planner's answer: not tried again
+
+
+def test_events_of_a_run_end_with_its_end(server):
+    run = server.submit(problem=NO_WAY, budget=1.5)["id"]
+    with server.http.stream("GET", f"/api/runs/{run}/events") as lines:
+        assert lines.headers["content-type"].startswith("text/event-stream")
+        events = [json.loads(line[5:]) for line in lines.iter_lines() if line.startswith("data:")]
+    assert events[0]["type"] == "status"
+    assert any(event["type"] == "stage" for event in events)
+    assert events[-1] == {"type": "end", "status": "failed", "verified": False}
+
+
+def test_best_so_far_is_told_on_the_way(server, problems):
+    run = server.submit(problem=(problems / "01_reach.yaml").read_text())["id"]
+    with server.http.stream("GET", f"/api/runs/{run}/events") as lines:
+        events = [json.loads(line[5:]) for line in lines.iter_lines() if line.startswith("data:")]
+    best = [event["duration"] for event in events if event["type"] == "best"]
+    assert best
+    assert best == sorted(best, reverse=True)
+    assert server.ended(run)["duration"] == pytest.approx(best[-1], rel=0.2)
+
+
+def test_a_running_run_is_cancelled_within_a_second(server):
+    run = server.submit(problem=NO_WAY, budget=60.0, seed=5)["id"]
+    while server.http.get(f"/api/runs/{run}").json()["status"] != "running":
+        time.sleep(0.05)
+    time.sleep(0.3)
+    began = time.monotonic()
+    assert server.http.post(f"/api/runs/{run}/cancel").status_code == 200
+    assert server.ended(run)["status"] == "cancelled"
+    assert time.monotonic() - began < 5.0
+    again = server.submit(problem=NO_WAY, budget=60.0, seed=5)
+    assert again["id"] == run
+    assert again["status"] == "queued"
+    server.http.post(f"/api/runs/{run}/cancel")
+    assert server.ended(run)["status"] == "cancelled"
+
+
+def test_a_queued_run_is_cancelled_at_once(server):
+    long = server.submit(problem=NO_WAY, budget=60.0, seed=6)["id"]
+    waiting = server.submit(problem=NO_WAY, budget=60.0, seed=7)["id"]
+    assert server.http.post(f"/api/runs/{waiting}/cancel").json()["status"] == "cancelled"
+    server.http.post(f"/api/runs/{long}/cancel")
+    assert server.ended(long)["status"] == "cancelled"
+
+
+def test_a_deadline_ends_a_run(server):
+    run = server.submit(problem=NO_WAY, budget=60.0, deadline=1.0)["id"]
+    began = time.monotonic()
+    failed = server.ended(run)
+    assert failed["status"] == "failed"
+    assert time.monotonic() - began < 10.0
+
+
+def test_only_ended_runs_are_deleted(server):
+    run = server.submit(problem=NO_WAY, budget=60.0, seed=8)["id"]
+    assert server.http.delete(f"/api/runs/{run}").status_code == 409
+    server.http.post(f"/api/runs/{run}/cancel")
+    server.ended(run)
+    assert server.http.delete(f"/api/runs/{run}").status_code == 204
+    assert server.http.get(f"/api/runs/{run}").status_code == 404
+    assert server.http.delete(f"/api/runs/{run}").status_code == 404
+
+
+def test_runs_are_listed_with_the_last_first(server):
+    first, second = server.submit(seed=11)["id"], server.submit(seed=12)["id"]
+    server.ended(first)
+    server.ended(second)
+    listed = server.http.get("/api/runs?limit=500").json()
+    ids = [run["id"] for run in listed["runs"]]
+    assert ids.index(second) < ids.index(first)
+    assert listed["counts"]["done"] >= 2
+
+
+def test_plan_waits_and_gives_the_motion(server):
+    answer = server.http.post("/api/plan", json={"problem": QUICK, "seed": 21})
+    assert answer.status_code == 200
+    run = answer.json()
+    assert run["status"] == "done"
+    assert run["verified"] is True
+    assert len(run["trajectory"]["joint_names"]) == 2
+    stored = server.http.get(f"/api/runs/{run['id']}").json()  # waits for what is being kept
+    assert stored["status"] == "done"
+    assert server.http.get(f"/api/runs/{run['id']}/trajectory.json").json() == run["trajectory"]
+    assert server.submit(seed=21, budget=20.0)["id"] == run["id"]
+
+
+def test_plan_without_an_answer_says_why(server):
+    run = server.http.post("/api/plan", json={"problem": NO_WAY, "budget": 0.5}).json()
+    assert run["status"] == "failed"
+    assert run["trajectory"] is None
+    assert run["failure"]["detail"]
+
+
+def test_the_run_page_draws_what_was_planned(server):
+    run = server.ended(server.submit(seed=1)["id"])["id"]
+    page = server.http.get(f"/runs/{run}")
+    assert page.status_code == 200
+    assert "free" in page.text
+    assert "frame-ancestors" in page.headers["content-security-policy"]
