@@ -32,6 +32,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         "reference/command-line.md": command_line(),
         "reference/planners.md": planners(),
         "reference/problems.md": problems(),
+        "reference/control-files.md": control_files(),
         "examples.md": examples(),
     }
     for path, text in pages.items():
@@ -144,19 +145,24 @@ def planners() -> str:
 
 def problems() -> str:
     """The shipped problems, each with what its first line says that it shows."""
-    text = [
-        "# Example problems",
-        "",
-        "They come with the program: `optiplan plan 01_reach` finds them anywhere. Each is verified by the tests.",
-        "",
-        "| problem | what it shows |",
-        "|---|---|",
-    ]
-    for path in sorted((ROOT / "problems").glob("*.yaml")):
+    intro = "They come with the program: `optiplan plan 01_reach` finds them anywhere. Each is verified by the tests."
+    return shipped("problems", "Example problems", intro)
+
+
+def control_files() -> str:
+    """The shipped control files, likewise."""
+    intro = "They come with the program: `optiplan control panda_shelf` finds them anywhere. Each is run by the tests."
+    return shipped("control", "Example control files", intro)
+
+
+def shipped(folder: str, title: str, intro: str) -> str:
+    """The YAML files of a folder, each with what its first line says that it shows."""
+    text = [f"# {title}", "", intro, "", "| file | what it shows |", "|---|---|"]
+    for path in sorted((ROOT / folder).glob("*.yaml")):
         lines = path.read_text().splitlines()
         comment = " ".join(line.lstrip("# ") for line in takewhile(lambda line: line.startswith("#"), lines))
         text.append(f"| [`{path.stem}`](#{path.stem}) | {cell(comment)} |")
-    for path in sorted((ROOT / "problems").glob("*.yaml")):
+    for path in sorted((ROOT / folder).glob("*.yaml")):
         text += ["", f"## {path.stem}", "", "```yaml", path.read_text().rstrip("\n"), "```"]
     return "\n".join(text) + "\n"
 

@@ -21,16 +21,41 @@ if TYPE_CHECKING:
     from optiplan.api.listings import planners, robots
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.planning import plan, retime, verify
+    from optiplan.api.plotting import plot
+    from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
+    from optiplan.control.controller import Controller
+    from optiplan.control.limits.clearance import ClearanceLimit
+    from optiplan.control.limits.half_space import HalfSpaceLimit
+    from optiplan.control.limits.joint_limits import AccelerationLimit, JerkLimit, PositionLimit, VelocityLimit
+    from optiplan.control.limits.tool_speed import ToolSpeedLimit, WheelSpeedLimit
+    from optiplan.control.limits.torque import TorqueLimit
+    from optiplan.control.state import State
+    from optiplan.control.step import ControlStep
+    from optiplan.control.tasks.frame_tasks import OrientationTask, PoseTask, PositionTask
+    from optiplan.control.tasks.joint_tasks import BaseMotionTask, DampingTask, JointCouplingTask, PostureTask
+    from optiplan.control.tasks.other_frames import LookAtTask, RelativePoseTask
+    from optiplan.control.tasks.whole_body import CentreOfMassTask, ManipulabilityTask
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
+    from optiplan.problem.constraints.statements import (
+        OnLine,
+        OnPlane,
+        OrientationCone,
+        PairClearance,
+        PositionBox,
+        RelativePose,
+        ToolSpeed,
+    )
     from optiplan.problem.goals_and_vias import JointGoal, Objective, PoseGoal
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
+    from optiplan.simulation.log import Log
+    from optiplan.simulation.simulation import Simulation
     from optiplan.trajectory.sample_file import Samples
     from optiplan.trajectory.trajectory import Trajectory
     from optiplan.verify.report import Check, Report
@@ -39,16 +64,41 @@ _ROOMS = {
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.planning": ("plan", "retime", "verify"),
+    "api.simulating": ("execute", "simulate"),
+    "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),
+    "control.controller": ("Controller",),
+    "control.limits.clearance": ("ClearanceLimit",),
+    "control.limits.half_space": ("HalfSpaceLimit",),
+    "control.limits.joint_limits": ("AccelerationLimit", "JerkLimit", "PositionLimit", "VelocityLimit"),
+    "control.limits.tool_speed": ("ToolSpeedLimit", "WheelSpeedLimit"),
+    "control.limits.torque": ("TorqueLimit",),
+    "control.state": ("State",),
+    "control.step": ("ControlStep",),
+    "control.tasks.frame_tasks": ("OrientationTask", "PoseTask", "PositionTask"),
+    "control.tasks.joint_tasks": ("BaseMotionTask", "DampingTask", "JointCouplingTask", "PostureTask"),
+    "control.tasks.other_frames": ("LookAtTask", "RelativePoseTask"),
+    "control.tasks.whole_body": ("CentreOfMassTask", "ManipulabilityTask"),
     "errors": ("InputError", "OptiPlanError"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
+    "problem.constraints.statements": (
+        "OnLine",
+        "OnPlane",
+        "OrientationCone",
+        "PairClearance",
+        "PositionBox",
+        "RelativePose",
+        "ToolSpeed",
+    ),
     "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
     "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
+    "simulation.log": ("Log",),
+    "simulation.simulation": ("Simulation",),
     "trajectory.sample_file": ("Samples",),
     "trajectory.trajectory": ("Trajectory",),
     "verify.report": ("Check", "Report"),
@@ -56,42 +106,77 @@ _ROOMS = {
 _HOME = {name: f"optiplan.{room}" for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
+    "AccelerationLimit",
     "Attachment",
+    "BaseMotionTask",
     "Box",
     "Budget",
     "Capsule",
+    "CentreOfMassTask",
     "Check",
+    "ClearanceLimit",
+    "ControlStep",
+    "Controller",
     "Cylinder",
+    "DampingTask",
     "Failure",
     "HalfSpace",
+    "HalfSpaceLimit",
     "InputError",
+    "JerkLimit",
+    "JointCouplingTask",
     "JointGoal",
+    "Log",
+    "LookAtTask",
+    "ManipulabilityTask",
     "Mesh",
     "Objective",
     "Obstacle",
+    "OnLine",
+    "OnPlane",
     "OptiPlanError",
+    "OrientationCone",
+    "OrientationTask",
+    "PairClearance",
     "PlanResult",
     "Planner",
     "Pose",
     "PoseGoal",
+    "PoseTask",
+    "PositionBox",
+    "PositionLimit",
+    "PositionTask",
+    "PostureTask",
     "Problem",
+    "RelativePose",
+    "RelativePoseTask",
     "Report",
     "Robot",
     "Run",
     "Samples",
     "Scene",
+    "Simulation",
     "Sphere",
+    "State",
+    "ToolSpeed",
+    "ToolSpeedLimit",
+    "TorqueLimit",
     "Trajectory",
+    "VelocityLimit",
     "ViaPoint",
     "View",
+    "WheelSpeedLimit",
     "__version__",
+    "execute",
     "load_problem",
     "load_robot",
     "load_run",
     "plan",
     "planners",
+    "plot",
     "retime",
     "robots",
+    "simulate",
     "verify",
     "view",
 ]

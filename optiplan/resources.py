@@ -1,4 +1,4 @@
-"""Locate robots and problems: beside the package in a checkout, inside it once installed."""
+"""Locate robots, problems and control files: beside the package in a checkout, inside it once installed."""
 
 from pathlib import Path
 
@@ -13,6 +13,11 @@ def robots_dir() -> Path:
 def problems_dir() -> Path:
     """Folder of the numbered example problems."""
     return _data_dir("problems")
+
+
+def control_dir() -> Path:
+    """Folder of the example control files."""
+    return _data_dir("control")
 
 
 def _data_dir(name: str) -> Path:

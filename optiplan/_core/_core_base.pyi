@@ -1,12 +1,13 @@
 """What each build of the core offers; see the C++ sources for formulas."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 _Array = npt.NDArray[np.float64]
 _Indices = npt.NDArray[np.int64]
+_LaidRows = tuple[_Indices, _Array, _Array, _Array]
 _SoftRows = tuple[_Indices, _Array, _Array, _Array, float, float]
 
 class Spline:
@@ -26,7 +27,7 @@ class Spline:
 class StepSolver:
     def __init__(self, spline: Spline) -> None: ...
     def solve(
-        self, control: _Array, duration: float, soft: Sequence[_SoftRows], radius: float, span: float
+        self, control: _Array, duration: float, soft: Sequence[_SoftRows], radius: float, span: float, gap: float
     ) -> tuple[_Array, float, float, int] | None: ...
 
 class Shape:
@@ -82,6 +83,13 @@ class World:
     def lower_bounds(self, Q: _Array) -> _Array: ...
     def travel(self, Q: _Array, D: _Array) -> _Array: ...
 
+class Sweep:
+    def __init__(self, world: World, breakpoints: _Array, coefficients: _Array, rules: _Array) -> None: ...
+    @property
+    def intervals(self) -> int: ...
+    def look(self, begin: int, end: int) -> list[float]: ...
+    def prove(self, begin: int, end: int) -> list[tuple[float, int]]: ...
+
 class EdgeChecker:
     def __init__(self, world: World, arms: _Array, torque: _Array, rules: _Array) -> None: ...
     def blocked(self, q: _Array) -> bool: ...
@@ -110,3 +118,31 @@ class RrtConnect:
     def sample(self, tree: int, most: int, joints: int) -> _Array: ...
 
 def shorten(check: EdgeChecker, waypoints: _Array, velocity: _Array, draws: _Array, seconds: float) -> _Array: ...
+
+class InverseDynamics:
+    def __init__(self, tree: Tree) -> None: ...
+    def torques(self, Q: _Array, V: _Array, A: _Array) -> _Array: ...
+
+class Sqp:
+    @staticmethod
+    def among_bodies(
+        spline: Spline,
+        world: World,
+        torque: _Array,
+        cutoff: float,
+        margins: tuple[float, _Array, _Array],
+        settings: dict[str, float],
+    ) -> Sqp: ...
+    @staticmethod
+    def among_others(
+        spline: Spline,
+        tree: Tree,
+        torque: _Array,
+        near: Callable[[_Array], tuple[_Indices, _Array, _Array]],
+        settings: dict[str, float],
+    ) -> Sqp: ...
+    def set_samples(self, u: _Array, position: _Array, velocity: _Array, acceleration: _Array) -> None: ...
+    def evaluate(self, control: _Array, duration: float) -> tuple[float, float, _LaidRows, _LaidRows]: ...
+    def optimise(
+        self, control: _Array, iterations: int, stop: Callable[[], bool], best: float, longest: float
+    ) -> tuple[_Array, float, float, float, float, int]: ...

@@ -95,4 +95,4 @@ def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT) ->
 
 def _viewed(run: Run) -> ViewedRun:
     record = run.to_dict()
-    return ViewedRun(run.planner, run.trajectory, record["report"], record["failure"])
+    return ViewedRun(run.planner, run.trajectory, record["report"], record["failure"], record)

@@ -6,12 +6,17 @@ A function returns the names that begin with the text typed, and none where file
 from collections.abc import Iterable
 from pathlib import Path
 
-from optiplan.resources import problems_dir, robots_dir
+from optiplan.resources import control_dir, problems_dir, robots_dir
 
 
 def problem_names(incomplete: str) -> list[str]:
     """Examples."""
     return _beginning(incomplete, (path.stem for path in problems_dir().glob("*.yaml")))
+
+
+def control_names(incomplete: str) -> list[str]:
+    """Example control files."""
+    return _beginning(incomplete, (path.stem for path in control_dir().glob("*.yaml")))
 
 
 def robot_names(incomplete: str) -> list[str]:

@@ -15,18 +15,20 @@ import typer
 
 import optiplan
 from optiplan.cli.commands import (
-    bench,
     check,
+    control,
     export,
     ik,
     import_problems,
     kinematics,
     plan,
     planners,
+    plot,
     verify,
     view,
     workspace,
 )
+from optiplan.cli.commands.bench import app as bench
 from optiplan.cli.commands.robots import app as robots
 from optiplan.cli.output import Exit, print_error, print_json, report_error, results
 from optiplan.errors import InputError, Issue, OptiPlanError
@@ -80,7 +82,9 @@ app.command("plan")(plan.plan)
 app.command("verify")(verify.verify)
 app.command("view")(view.view)
 app.command("export")(export.export)
+app.command("plot")(plot.plot)
 app.command("check")(check.check)
+app.command("control")(control.control)
 app.command("workspace")(workspace.workspace)
 app.add_typer(robots.app, name="robots")
 app.command("ik")(ik.ik)

@@ -12,6 +12,7 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.run_folder import StoredRun, load_run
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
+from optiplan.viewer.plots.runs import PlottedRun
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.server import serve
 
@@ -38,6 +39,28 @@ def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
     return problem, [shown(_judged(problem, run), run.trajectory, _label(run, len(stored) > 1)) for run in stored]
 
 
+def plotted_runs(places: Sequence[Path]) -> tuple[list[PlottedRun], list[str]]:
+    """Return the runs of a figure, of any problems, and what is left out, in words: runs without a motion.
+
+    Trajectories are verified again, as in `open_runs`.
+
+    Raises:
+        InputError: a run is broken, or a trajectory without its problem.
+    """
+    found, left_out = [], []
+    for place in places:
+        run = load_run(place)
+        if "problem" not in run.record:
+            raise InputError([Issue(str(place), None, "file", "a trajectory without its problem", "a run folder")])
+        if run.trajectory is None:
+            left_out.append(f"{place} has no trajectory: {(run.record.get('failure') or {}).get('detail', 'no plan')}")
+            continue
+        problem = problem_from_dict(run.record["problem"])
+        report = verify(problem, run.trajectory, given=run.samples)
+        found.append(PlottedRun(_label(run, len(places) > 1), problem, run.trajectory, report.verified))
+    return found, left_out
+
+
 def serve_page(problem: Problem, runs: Sequence[ViewedRun], port: int) -> None:
     """Serve until ctrl-C."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -48,11 +71,11 @@ def serve_page(problem: Problem, runs: Sequence[ViewedRun], port: int) -> None:
 def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str = "") -> ViewedRun:
     """Return one run for the viewer, from its `run.json`."""
     label = label or str(record.get("planner", "run"))
-    return ViewedRun(label, trajectory, record.get("report"), record.get("failure"))
+    return ViewedRun(label, trajectory, record.get("report"), record.get("failure"), record)
 
 
 def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:
-    if run.trajectory is None:
+    if run.trajectory is None or "execution" in run.record:  # what was executed is looked at, not proved
         return run.record
     return {**run.record, "report": verify(problem, run.trajectory, given=run.samples).to_dict()}
 

@@ -81,7 +81,7 @@ class Containment:
                 parts = connected_parts(vertices_of(shape), triangles_of(shape))
                 self._parts[body] = [part[:: len(part) // _FEW + 1] for part in parts]
             elif isinstance(shape, coal.ConvexBase):
-                corners = np.array([shape.point(i) for i in range(shape.num_points)])
+                corners = np.array(shape.points())
                 self._parts[body] = [np.vstack([corners.mean(axis=0), corners[:: len(corners) // _FEW + 1]])]
             else:
                 self._parts[body] = [np.zeros((1, 3))]

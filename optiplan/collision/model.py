@@ -90,13 +90,24 @@ class CollisionModel:
         for pair in self.pairs:
             self.geometry.addCollisionPair(pin.CollisionPair(pair.a, pair.b))
         self.bounds = PairBounds(robot.model, self.geometry, [(p.a, p.b) for p in self.pairs])
-        self._data, self._geometry_data = robot.model.createData(), self.geometry.createData()
-        exact_queries(self._geometry_data)
+        self._data = robot.model.createData()
         self.outline = Outline(robot.model, self.geometry)
-        bodies_in_pairs = {body for pair in self.pairs for body in (pair.a, pair.b)}
-        self._flat = any(is_flat(self.geometry.geometryObjects[body].geometry) for body in bodies_in_pairs)
-        self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
-            robot.model, self.geometry, self._geometry_data
+
+    @cached_property
+    def _geometry_data(self) -> pin.GeometryData:
+        data = self.geometry.createData()
+        exact_queries(data)
+        return data
+
+    @cached_property
+    def _flat(self) -> bool:
+        bodies = {body for pair in self.pairs for body in (pair.a, pair.b)}
+        return any(is_flat(self.geometry.geometryObjects[body].geometry) for body in bodies)
+
+    @cached_property
+    def _broad_phase(self) -> pin.BroadPhaseManager_DynamicAABBTreeCollisionManager:
+        return pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
+            self.robot.model, self.geometry, self._geometry_data
         )
 
     def collides(self, q: Array) -> bool:
@@ -214,6 +225,35 @@ class CollisionModel:
         distances = np.array([entry[2] for entry in found])
         points = np.array(vectors).reshape(-1, 3, 3)
         return Contacts(rows, pairs, distances, points[:, :2], _normals(distances, points))
+
+    def distances_at(self, placed: pin.Data, which: Index) -> Array:
+        """Distances (K,), m, of chosen pairs where `placed` has the joints; meshes as in `near`."""
+        geometry, data = self.geometry, self._geometry_data
+        pin.updateGeometryPlacements(self.robot.model, placed, geometry, data)
+        self.outline.place(placed)
+        self._answers = results = [self._nearest_points(pair) for pair in which.tolist()]
+        return np.array([result.min_distance for result in results])
+
+    def _nearest_points(self, pair: int) -> coal.DistanceResult:
+        result = self.outline.query(pair) if pair in self.outline.pairs else None
+        if result is None or result.min_distance <= SETTLED:
+            pin.computeDistance(self.geometry, self._geometry_data, pair)
+            own = self._geometry_data.distanceResults[pair]
+            if result is None or own.min_distance > 0.0:
+                return own
+        return result
+
+    def witnesses(self) -> Array:
+        """Nearest points on bodies a and b, m, and unit normals from a to b, world, of the last `distances_at`.
+
+        Returns:
+            (K, 3, 3): rows 0 and 1 are the points, row 2 the normal.
+        """
+        results = self._answers
+        vectors = np.array([(r.getNearestPoint1(), r.getNearestPoint2(), r.normal) for r in results]).reshape(-1, 3, 3)
+        if self.outline.pairs:  # between meshes coal leaves the normal unset
+            vectors[:, 2] = _normals(np.array([result.min_distance for result in results]), vectors)
+        return vectors
 
     def lower_bounds(self, Q: Array) -> Array:
         """Lower bounds, m, of the distance of every pair at Q (N, n), from bounding volumes alone: (N, P)."""

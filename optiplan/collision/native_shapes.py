@@ -34,7 +34,7 @@ def native_shape(body: coal.CollisionGeometry) -> "Shape | None":
         case coal.Halfspace():
             return core.Shape.half_space(np.array(body.n), body.d)
         case coal.ConvexBase():
-            return _hull(np.array([body.point(i) for i in range(body.num_points)]))
+            return _hull(np.array(body.points()))
         case coal.BVHModelBase():
             return _mesh(vertices_of(body), triangles_of(body))
     return None

@@ -5,10 +5,9 @@ import math
 import types
 import typing
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel
+from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 EXPECTED = {
@@ -56,11 +55,6 @@ def mistaken(model_class: type[BaseModel], data: Any) -> tuple[str, str] | None:
     own = [kind for kind, keys in FILES if keys <= set(model_class.model_fields)]
     found = [kind for kind, keys in FILES if keys <= set(data)]
     return (found[0], own[0]) if own and found and not set(own) & set(found) else None
-
-
-@dataclass(frozen=True, slots=True)
-class Reserved(AfterValidator):
-    """Validator of a key whose every useful value is refused so far: messages do not suggest such a key."""
 
 
 def field_name(place: Iterable[str | int]) -> str:
@@ -124,12 +118,7 @@ def _keys_at(model_class: type[BaseModel], loc: Iterable[str | int]) -> list[str
         named = [model for model in models if model.__name__ == key]
         inner = [found for model in models for found in _models_in(_annotation(model, key))]
         models = named or inner or models
-    return [
-        field.alias or name
-        for model in models
-        for name, field in model.model_fields.items()
-        if not any(isinstance(part, Reserved) for part in field.metadata)
-    ]
+    return [field.alias or name for model in models for name, field in model.model_fields.items()]
 
 
 def _annotation(model: type[BaseModel], key: str | int) -> Any:

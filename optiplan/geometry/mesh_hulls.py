@@ -2,6 +2,7 @@
 
 import warnings
 from collections import OrderedDict
+from functools import cached_property
 
 import coal
 import numpy as np
@@ -46,9 +47,16 @@ class Outline:
         for body in {body for k in asked for body in found[k] if meshes[body]}:
             item = self.geometry.geometryObjects[body]
             item.geometry = hull_of_mesh(item.geometry)
-        self._data = self.geometry.createData()
-        exact_queries(self._data)
-        self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(model, self.geometry, self._data)
+
+    @cached_property
+    def _data(self) -> pin.GeometryData:
+        data = self.geometry.createData()
+        exact_queries(data)
+        return data
+
+    @cached_property
+    def _broad_phase(self) -> pin.BroadPhaseManager_DynamicAABBTreeCollisionManager:
+        return pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(self._model, self.geometry, self._data)
 
     def place(self, data: pin.Data) -> None:
         """Move the bodies to where the joints are in `data`."""

@@ -163,6 +163,8 @@ class Planner(ABC, Generic[OptionsT]):
         Options: frozen dataclass of options, preferably a `PlannerOptions`; see `planners.option_schema`.
         passes_vias: whether `plan` handles a problem's vias; otherwise it is called for the legs between them, one by
             one and without vias.
+        holds_constraints: whether `plan` handles a problem's path constraints; otherwise it is not called for those
+            that have any.
 
     Example:
         >>> import optiplan as op
@@ -175,6 +177,7 @@ class Planner(ABC, Generic[OptionsT]):
 
     Options: ClassVar[type[Any]] = NoOptions
     passes_vias: bool = False
+    holds_constraints: bool = False
 
     def __init__(self, options: OptionsT | None = None) -> None:
         self.options: OptionsT = self.Options() if options is None else options

@@ -219,6 +219,13 @@ def _spline() -> PlannerClass:
     return Spline
 
 
+@_listed("taskspace", "Cartesian", "what the task-space controller does by itself to get to the goal, rolled out")
+def _taskspace() -> PlannerClass:
+    from optiplan.planners.cartesian.taskspace import TaskSpace
+
+    return TaskSpace
+
+
 @_listed(
     "trajopt",
     "optimisation",

@@ -17,6 +17,7 @@ from optiplan.geometry.meshes.reading import FORMATS, open_mesh
 from optiplan.geometry.poses import pose_from_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shapes import Mesh, MeshSpec, Shape, ShapeSpec, build_geometry, shape_from_spec
+from optiplan.problem.constraints.statements import PathConstraint, constraint_of
 from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import (
@@ -99,6 +100,26 @@ class Compiler:
             if at is not None:
                 vias.append(LocatedValue(part.place, Via(at, velocity, part.value.time)))
         return vias
+
+    def constraints(self, robot: Robot, scene: Scene) -> list[LocatedValue[PathConstraint]]:
+        """Return the valid path constraints."""
+        found: list[LocatedValue[PathConstraint]] = []
+        bodies = {*link_names(robot), *scene.names}
+        for part in self.draft.constraints:
+            key, value = part.value.kind, part.value.value
+            data = value.model_dump(by_alias=True)
+            names = [(field, data.get(field)) for field in (("frame", "to") if key == "relative_pose" else ("frame",))]
+            wrong = [(field, name) for field, name in names if name is not None and name not in frame_names(robot)]
+            for field, name in wrong:
+                self.unknown((*part.place, key, field), "frame", name, frame_names(robot))
+            for i, pair in enumerate(data.get("pairs", ())):
+                for name in pair:
+                    if name not in bodies:
+                        wrong.append(("pairs", name))
+                        self.unknown((*part.place, key, "pairs", i), "body", name, bodies)
+            if not wrong:
+                found.append(LocatedValue((*part.place, key), constraint_of(key, data, robot.tool_frame)))
+        return found
 
     def _passed(self, robot: Robot, part: LocatedValue[ViaSpec]) -> JointGoal | PoseGoal | None:
         spec = part.value

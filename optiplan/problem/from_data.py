@@ -8,9 +8,12 @@ from typing import Any
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel, Contact
 from optiplan.config.document import Document, Place, validate
+from optiplan.config.messages import field_name
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
+from optiplan.problem.constraints.measures import broken
+from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
 from optiplan.problem.hashing import meshes_of, problem_hash
 from optiplan.problem.partial import Draft, LocatedValue
@@ -36,6 +39,7 @@ class Parts:
     limits: Limits
     vias: tuple[Via, ...]
     objective: Objective
+    path_constraints: tuple[PathConstraint, ...]
     planner: str
     options: Mapping[str, Any]
     seed: int
@@ -68,6 +72,7 @@ class _Places:
     start: Array | None
     goal: Sequence[LocatedValue[JointGoal | PoseGoal]]
     vias: Sequence[LocatedValue[Via]]
+    constraints: Sequence[LocatedValue[PathConstraint]]
 
 
 def read_problem(document: Document, base: Path, robots: RobotLoader = load_robot) -> Reading:
@@ -83,10 +88,13 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     robot = compiler.robot(robots)
     scene = compiler.scene(robot)
     robot = None if robot is None else compiler.mounted(robot, scene)
-    places = _Places(None, (), ())
+    places = _Places(None, (), (), ())
     if robot is not None:
-        places = _Places(compiler.start(robot), compiler.goal(robot), compiler.vias(robot))
+        ends = compiler.start(robot), compiler.goal(robot), compiler.vias(robot)
+        places = _Places(*ends, compiler.constraints(robot, scene))
     issues += compiler.issues
+    if robot is not None:
+        issues += _constraints(document, robot, compiler.draft, places)
     if robot is not None and not any(
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
     ):
@@ -103,6 +111,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         limits=robot.limits.scaled(**spec.limits.model_dump()),
         vias=tuple(part.value for part in places.vias),
         objective=Objective(spec.objective.time, spec.objective.jerk),
+        path_constraints=tuple(part.value for part in places.constraints),
         planner=spec.planner.name,
         options=dict(spec.planner.model_extra or {}),
         seed=spec.seed,
@@ -128,7 +137,7 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
         base: folder that meshes are relative to.
         robot: as loaded for the problem.
     """
-    source = spec.model_dump(mode="json", exclude_none=True)
+    source = spec.model_dump(mode="json", exclude_none=True, by_alias=True)
     source["name"] = spec.name or name
     digest = problem_hash(source, base, robot)
     source["robot"] = _named(spec, robot)
@@ -142,6 +151,28 @@ def _named(spec: ProblemSpec, robot: Robot) -> Any:
     if isinstance(spec.robot, str):
         return spec.robot if spec.robot in robot_names() else str(robot.source)
     return robot.reference.robot
+
+
+def _constraints(document: Document, robot: Robot, draft: Draft, places: _Places) -> list[Issue]:
+    """Report constraints that the start, or every goal of joint values, violates."""
+    issues = []
+    for part in places.constraints:
+        low, high = part.value.during
+        if low == 0.0 and places.start is not None and draft.start is not None:
+            issues += [
+                document.issue(draft.start.place, f"a start that is {words}", f"one that holds {_name(part)}")
+                for words in broken(part.value, robot, places.start)
+            ]
+        ends = [(end.place, end.value.q) for end in places.goal if isinstance(end.value, JointGoal)]
+        found = [(place, words) for place, q in ends for words in broken(part.value, robot, q)[:1]]
+        if high == 1.0 and found and len(found) == len(draft.goal):
+            expected = f"one that holds {_name(part)}"
+            issues += [document.issue(place, f"a goal that is {words}", expected) for place, words in found]
+    return issues
+
+
+def _name(part: LocatedValue[PathConstraint]) -> str:
+    return field_name(part.place)
 
 
 def _collisions(

@@ -13,6 +13,7 @@ from optiplan.problem.schema import (
     AttachedSpec,
     GoalSpec,
     ObstacleSpec,
+    PathConstraintSpec,
     PoseSpec,
     ProblemSpec,
     StartSpec,
@@ -42,6 +43,7 @@ class Draft:
     start: LocatedValue[StartSpec] | None
     goal: tuple[LocatedValue[AlternativeSpec], ...]
     vias: tuple[LocatedValue[ViaSpec], ...]
+    constraints: tuple[LocatedValue[PathConstraintSpec], ...]
     obstacles: tuple[LocatedValue[ObstacleSpec], ...]
     attached: tuple[LocatedValue[AttachedSpec], ...]
     allowed: tuple[LocatedValue[tuple[str, ...]], ...]
@@ -59,6 +61,7 @@ class Draft:
             start=LocatedValue(("start",), spec.start),
             goal=_alternatives(spec.goal),
             vias=_parts(("via",), spec.via),
+            constraints=_parts(("path_constraints",), spec.path_constraints),
             obstacles=_parts(("scene", "obstacles"), scene.obstacles),
             attached=_parts(("scene", "attached"), scene.attached),
             allowed=_parts(("scene", "allowed_collisions"), scene.allowed_collisions),
@@ -82,6 +85,7 @@ class Draft:
             start=None if start is None else LocatedValue(("start",), start),
             goal=_alternatives(whole) if whole else _fits(("goal", "any_of"), AlternativeSpec, ends),
             vias=_fits(("via",), ViaSpec, root.get("via")),
+            constraints=_fits(("path_constraints",), PathConstraintSpec, root.get("path_constraints")),
             obstacles=_fits(("scene", "obstacles"), ObstacleSpec, scene.get("obstacles")),
             attached=_fits(("scene", "attached"), AttachedSpec, scene.get("attached")),
             allowed=_fits(("scene", "allowed_collisions"), NamePair, scene.get("allowed_collisions")),

@@ -14,6 +14,7 @@ from optiplan.errors import InputError, described, path_argument, seed_argument,
 from optiplan.files import reading, write_text
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.problem import to_data
+from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.from_data import Parts, read_problem
 from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
 from optiplan.problem.statement import End, Pose, Values, ViaPoint
@@ -33,6 +34,7 @@ _SAID = {
     "scene": ("scene", to_data.scene_data),
     "limits": ("limits", to_data.limits_data),
     "objective": ("objective", to_data.objective_data),
+    "path_constraints": ("path_constraints", to_data.path_constraint_data),
     "base": ("base", to_data.base_data),
     "gravity": ("gravity", to_data.gravity_data),
 }
@@ -53,6 +55,8 @@ class Problem:
         vias: via points in order: `ViaPoint`, `Pose`, joint values, names of configurations.
         limits: fractions in (0, 1] of the robot's own: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
         objective: weights of duration and of squared jerk; None: the duration alone.
+        path_constraints: what holds on the way: `OrientationCone`, `PositionBox`, `OnPlane`, `OnLine`, `ToolSpeed`,
+            `PairClearance`, `RelativePose`.
         base: pose of the robot's root in the world, a `Pose`; None: the identity.
         gravity: acceleration of free fall in the world (3,), m/s²; None: (0, 0, -9.81).
         name: of the problem.
@@ -91,6 +95,7 @@ class Problem:
     limits: Limits
     vias: tuple[Via, ...]
     objective: Objective
+    path_constraints: tuple[PathConstraint, ...]
     planner: str
     options: Mapping[str, Any]
     seed: int
@@ -107,6 +112,7 @@ class Problem:
         vias: Sequence[ViaPoint | Via | End] = (),
         limits: Mapping[str, float | str] | Limits | None = None,
         objective: Objective | Mapping[str, float] | None = None,
+        path_constraints: Sequence[PathConstraint | Mapping[str, Any]] = (),
         base: Pose | Mapping[str, Any] | None = None,
         gravity: Values | None = None,
         name: str = "problem",
@@ -115,11 +121,13 @@ class Problem:
         seed: int = 0,
     ) -> None:
         given = {"start": start, "goal": goal, "scene": scene, "vias": vias, "limits": limits, "objective": objective}
+        given |= {"path_constraints": path_constraints}
         stands = {"base": base, "gravity": gravity}
         labels = {"name": name, "seed": seed}
         labels |= {"planner": "trajopt" if planner is None else planner, "options": {} if options is None else options}
         if isinstance(limits, Limits):
             rest = {"scene": scene or Scene(), "vias": tuple(vias), "objective": objective or Objective()}
+            rest |= {"path_constraints": tuple(path_constraints)}
             self._set({"robot": robot, **given, **labels, **rest, "source": {}, "hash": ""})
         else:
             self._take(
@@ -198,6 +206,14 @@ class Problem:
             InputError: as for a file: names that are taken or unknown, a start in collision.
         """
         return self._with(scene=scene)
+
+    def with_constraints(self, *constraints: PathConstraint | Mapping[str, Any]) -> "Problem":
+        """Return the problem with these path constraints, or none.
+
+        Raises:
+            InputError: as for a file: unknown frames or bodies, a start or goal that violates one.
+        """
+        return self._with(path_constraints=constraints)
 
     def with_base(self, base: Pose | Mapping[str, Any]) -> "Problem":
         """Return the problem with the robot's root at another pose in the world; obstacles and poses stay.

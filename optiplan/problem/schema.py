@@ -4,6 +4,7 @@ These classes hold what the file says, after checks that need nothing but the fi
 against the robot and the scene.
 """
 
+import math
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
@@ -11,8 +12,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from optiplan.config.document import Number, Strict, Whole
-from optiplan.config.messages import Reserved
 from optiplan.config.values import (
+    Coordinate,
+    Direction,
     ExactlyOne,
     FileName,
     Fraction,
@@ -21,21 +23,13 @@ from optiplan.config.values import (
     NamePair,
     NotNegative,
     Quaternion,
+    Size,
     Vector,
 )
 from optiplan.geometry.shapes import SHAPES, ShapeSpec
 
 LARGEST_MASS = 1e6
 """kg; nothing that an arm can hold."""
-
-
-def _empty(what: str) -> Reserved:
-    def check(values: tuple[Any, ...]) -> tuple[Any, ...]:
-        if values:
-            raise ValueError(f"an empty list: {what} are not supported in this release")
-        return values
-
-    return Reserved(check)
 
 
 def _named(value: Any) -> Any:
@@ -185,6 +179,96 @@ def _timed(vias: tuple[ViaSpec, ...]) -> tuple[ViaSpec, ...]:
     return vias
 
 
+def _ordered(values: tuple[float, ...]) -> tuple[float, ...]:
+    if len(values) != 2 or not 0.0 <= values[0] < values[1] <= 1.0:
+        raise ValueError("two fractions of the duration, [from, to] with 0 <= from < to <= 1")
+    return values
+
+
+class ConstraintSpec(Strict):
+    """What all path constraints have; `frame` is the robot's tool frame without one."""
+
+    frame: Name | None = None
+    during: Annotated[tuple[Number, ...], AfterValidator(_ordered)] | None = None
+
+
+class OrientationConeSpec(ConstraintSpec):
+    """`axis` of the frame stays within an angle, rad, of the direction `toward` of the world."""
+
+    axis: Direction
+    toward: Direction
+    within: Annotated[Length, Field(le=math.pi)]
+
+
+class BoxSpec(Strict):
+    """A box of edge lengths `size`, m, at `pose` in the world."""
+
+    size: Size
+    pose: PoseSpec = PoseSpec()
+
+
+class PositionBoxSpec(ConstraintSpec):
+    """The frame's origin stays in a box."""
+
+    box: BoxSpec
+
+
+class OnPlaneSpec(ConstraintSpec):
+    """The frame's origin p stays near a plane: |normal · p - offset| <= within, m."""
+
+    normal: Direction
+    offset: Coordinate
+    within: Length
+
+
+class OnLineSpec(ConstraintSpec):
+    """The frame's origin stays within a distance, m, of the segment between two points."""
+
+    from_: Annotated[Vector, Field(alias="from")]
+    to: Vector
+    within: Length
+
+
+class ToolSpeedSpec(ConstraintSpec):
+    """The frame moves no faster than `linear`, m/s, and turns no faster than `angular`, rad/s."""
+
+    linear: Length | None = None
+    angular: Length | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if self.linear is None and self.angular is None:
+            raise ValueError("found neither; expected linear, angular, or both")
+        return self
+
+
+class PairClearanceSpec(Strict):
+    """Pairs of bodies stay farther apart than `at_least`, m."""
+
+    pairs: Annotated[tuple[NamePair, ...], Field(min_length=1)]
+    at_least: Length
+    during: Annotated[tuple[Number, ...], AfterValidator(_ordered)] | None = None
+
+
+class RelativePoseSpec(ConstraintSpec, PoseSpec):
+    """The frame keeps its pose in the frame `to`, within `tolerance`."""
+
+    to: Name
+    tolerance: ToleranceSpec = ToleranceSpec()
+
+
+class PathConstraintSpec(ExactlyOne):
+    """One constraint on the path."""
+
+    orientation: OrientationConeSpec | None = None
+    position: PositionBoxSpec | None = None
+    plane: OnPlaneSpec | None = None
+    line: OnLineSpec | None = None
+    tool_speed: ToolSpeedSpec | None = None
+    clearance: PairClearanceSpec | None = None
+    relative_pose: RelativePoseSpec | None = None
+
+
 class LimitScalesSpec(Strict):
     """Fractions of the robot's own limits; `jerk: none` lifts the jerk limits, so that the acceleration may jump."""
 
@@ -235,7 +319,7 @@ class ProblemSpec(Strict):
     goal: GoalSpec
     scene: SceneSpec = SceneSpec()
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(_timed)] = ()
-    path_constraints: Annotated[tuple[Any, ...], _empty("path constraints")] = ()
+    path_constraints: tuple[PathConstraintSpec, ...] = ()
     limits: LimitScalesSpec = LimitScalesSpec()
     objective: ObjectiveSpec = ObjectiveSpec()
     planner: Annotated[PlannerSpec, BeforeValidator(_named, json_schema_input_type=str | PlannerSpec)] = PlannerSpec()

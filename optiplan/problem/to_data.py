@@ -11,6 +11,7 @@ from optiplan.errors import described, wrong_argument
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.scene import Attachment, Scene
 from optiplan.geometry.shapes import shape_data
+from optiplan.problem.constraints.statements import KINDS, constraint_data
 from optiplan.problem.goals_and_vias import Objective
 from optiplan.problem.statement import Pose, end_data, is_configuration, via_point_data
 
@@ -78,6 +79,18 @@ def scene_data(scene: Any) -> Any:
 
 def _weight(held: Attachment) -> dict[str, Any]:
     return {"mass": held.mass, "centre": held.centre, "inertia": held.inertia}
+
+
+def path_constraint_data(constraints: Any) -> list[dict[str, Any]]:
+    """`path_constraints:` of a file."""
+    if isinstance(constraints, Mapping | str) or not isinstance(constraints, Sequence):
+        raise wrong_argument("Problem", "path_constraints", described(constraints), "a list of path constraints")
+    kinds = tuple(KINDS.values())
+    for k, one in enumerate(constraints):
+        if not isinstance(one, (*kinds, Mapping)):
+            expected = ", ".join(f"op.{kind.__name__}" for kind in kinds)
+            raise wrong_argument("Problem", f"path_constraints[{k}]", described(one), f"one of: {expected}")
+    return [dict(plain(one)) if isinstance(one, Mapping) else plain(constraint_data(one)) for one in constraints]
 
 
 def base_data(base: Any) -> Any:

@@ -11,6 +11,7 @@ from optiplan.robot.self_collision.pairs import count_reasons
 from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
+from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.continuous.certificate import Proof, certify
 from optiplan.verify.continuous.torque import torque
 from optiplan.verify.report import Check, Report, VerifyPolicy
@@ -39,7 +40,7 @@ def verify(
     found = [limit_checks.form(trajectory)]
     if found[0].passed:
         found.append(limit_checks.joints(problem, trajectory))
-    robot = _robot(problem, policy)
+    robot = checked_robot(problem, policy)
     report = Report(
         policy,
         tuple(found),
@@ -59,7 +60,7 @@ def verify(
     return replace(report, checks=tuple(found), scope=scope(problem, robot, found))
 
 
-def _robot(problem: Problem, policy: VerifyPolicy) -> Robot:
+def checked_robot(problem: Problem, policy: VerifyPolicy) -> Robot:
     """Return the robot with all pairs checked that are not proved for this problem.
 
     A proof is about the robot's own limits of position and a little beyond, and proved pairs may be nearer than a
@@ -76,6 +77,7 @@ def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> l
         limit_checks.start(problem, trajectory, policy),
         limit_checks.goal(problem, trajectory),
         *([vias(problem, trajectory)] if problem.vias else []),
+        *path_constraints(problem, trajectory, policy),
         limit_checks.rest(problem, trajectory, policy),
         limit_checks.continuity(problem, trajectory, policy),
         limit_checks.position(problem, trajectory, policy),
@@ -89,7 +91,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
 
     `worst` is the clearance proved; where none is proved, the smallest distance met.
     """
-    model = CollisionModel(_robot(problem, policy), problem.scene)
+    model = CollisionModel(checked_robot(problem, policy), problem.scene)
     proof = certify(model, trajectory, policy)
     near = proof.nearest
     witness: dict[str, Any] = {

@@ -7,14 +7,18 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.errors import InputError
 from optiplan.kinematics.manipulability import ToolKinematics, ellipsoids, scaled
 from optiplan.problem.problem import Problem
 from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.viewer.run_checks import about, checks_of
+from optiplan.viewer.run_clearance import clearance_of
+from optiplan.viewer.run_curves import curves_of, tool_frames, tool_points
 from optiplan.viewer.surfaces import packed
 
-RATE = 100.0  # samples of the motion a second; the page interpolates between them
+RATE = 100.0  # samples of the motion a second
 MAX_SAMPLES = 6000
 
 
@@ -26,19 +30,47 @@ class ViewedRun(NamedTuple):
         trajectory: None when the planner failed.
         report: `Report.to_dict()`, or None when nothing was verified.
         failure: `kind`, `detail` and `witness` of a `Failure`, or None.
+        record: `Run.to_dict()`, of which `metrics` and `timings` are shown; None when there is none.
     """
 
     label: str
     trajectory: Trajectory | None
     report: Mapping[str, Any] | None = None
     failure: Mapping[str, Any] | None = None
+    record: Mapping[str, Any] | None = None
 
 
 RunLike = ViewedRun | tuple[str, Trajectory | None, Mapping[str, Any] | None]
 
 
+class Detail(NamedTuple):
+    """How much of each run a page holds: the more runs, the less.
+
+    Attributes:
+        rate: samples of the poses a second; the page interpolates between them.
+        samples: of the curves.
+        distances: measured along the motion.
+        ellipsoids: whether those of velocity and force are there.
+    """
+
+    rate: float = RATE
+    samples: int = 500
+    distances: int = 160
+    ellipsoids: bool = True
+
+    @classmethod
+    def of(cls, motions: int) -> "Detail":
+        """For a page with so many motions."""
+        if motions <= 3:
+            return cls()
+        return cls(max(25.0, 3.0 * RATE / motions), max(40, 600 // motions), max(30, 400 // motions), False)
+
+
+_WHOLE = Detail()
+
+
 class Poses:
-    """Poses of the joints and the tool of a robot, as the page stores them."""
+    """Poses of the joints and the tools of a robot, as the page stores them."""
 
     def __init__(self, problem: Problem) -> None:
         self._model = problem.robot.model
@@ -67,18 +99,24 @@ class Poses:
         return np.hstack([quaternions, drawn.velocity])
 
 
-def show_run(problem: Problem, poses: Poses, run: ViewedRun) -> dict[str, Any]:
+def show_run(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail = _WHOLE) -> dict[str, Any]:
     """JSON-ready form of a run for the page."""
     shown: dict[str, Any] = {"label": run.label, "facts": [], "problems": [], "duration": 0.0}
-    shown["scope"] = [str(statement) for statement in (run.report or {}).get("scope", ())]
     shown["badge"] = _badge(run)
+    shown["row"] = _row(run)
+    failure, report = run.failure or {}, run.report or {}
+    motion = motion_of(problem, run)
+    shown["offending"] = run.trajectory is None and motion is not None
+    if motion is not None:
+        shown |= _motion(problem, poses, motion, detail)
+        shown["curves"] = curves_of(problem, motion, detail.samples)
+        shown["clearance"] = clearance_of(problem, motion, detail.distances)
     if run.trajectory is not None:
-        shown |= _motion(poses, run.trajectory)
         shown["facts"] = _facts(problem, run.trajectory, run.report)
-    failure = run.failure or {}
+    shown["checks"], shown["about"] = checks_of(problem, report), about(problem, report) if report else None
     if failure:
         shown["problems"].append(f"{failure.get('kind', 'failed')}: {failure.get('detail', '')}")
-    refused = [check for check in (run.report or {}).get("checks", ()) if not check.get("passed")]
+    refused = [check for check in report.get("checks", ()) if not check.get("passed")]
     shown["problems"] += [_words(check) for check in refused]
     shown["witnesses"] = [
         shown_witness
@@ -88,24 +126,53 @@ def show_run(problem: Problem, poses: Poses, run: ViewedRun) -> dict[str, Any]:
     return shown
 
 
+def motion_of(problem: Problem, run: ViewedRun) -> Trajectory | None:
+    """The motion of a run, or that which its planner refused, where its failure holds one."""
+    if run.trajectory is not None:
+        return run.trajectory
+    data = ((run.failure or {}).get("witness") or {}).get("motion")
+    if not isinstance(data, Mapping):
+        return None
+    try:
+        motion = Trajectory.from_dict(data)
+    except InputError:
+        return None
+    return motion if motion.joint_names == problem.robot.joint_names else None
+
+
+def _row(run: ViewedRun) -> dict[str, float | None]:
+    """What the command line's comparison shows of a run, None where it is not known; m, s, rad, N m."""
+    record = run.record or {}
+    metrics = record.get("metrics") or {}
+    keys = ("tool_path", "peak_jerk", "jerk_share", "rms_torque", "clearance", "manipulability")
+    row = {key: metrics.get(key) for key in keys}
+    row["planning"] = (record.get("timings") or {}).get("plan")
+    row["duration"] = None if run.trajectory is None else run.trajectory.duration
+    return {key: None if value is None or not np.isfinite(value) else float(value) for key, value in row.items()}
+
+
 def _badge(run: ViewedRun) -> str:
     if run.trajectory is None:
         return "no plan"
     if run.report is None:
         return "not checked"
+    if "executed" in run.report:
+        return "executed" if run.report["executed"] is True else "executed, with contact"
     return "verified" if run.report.get("verified") is True else "not verified"
 
 
-def _motion(poses: Poses, trajectory: Trajectory) -> dict[str, Any]:
-    count = int(min(MAX_SAMPLES, max(2, np.ceil(trajectory.duration * RATE) + 1)))
+def _motion(problem: Problem, poses: Poses, trajectory: Trajectory, detail: Detail) -> dict[str, Any]:
+    count = int(min(MAX_SAMPLES, max(2, np.ceil(trajectory.duration * detail.rate) + 1)))
     Q = trajectory(np.linspace(0.0, trajectory.duration, count))
     joints, tool = poses.of(Q)
+    others = list(tool_points(problem.robot, Q).values())[1:] if len(tool_frames(problem.robot)) > 1 else []
     return {
         "duration": trajectory.duration,
         "samples": count,
         "poses": packed(joints),
         "path": packed(tool),
-        "ellipsoids": packed(poses.ellipsoids(Q)),
+        "other_paths": [packed(points) for points in others],
+        "ellipsoids": packed(poses.ellipsoids(Q)) if detail.ellipsoids else None,
     }
 
 
@@ -137,6 +204,8 @@ def _witness(poses: Poses, n: int, source: Mapping[str, Any]) -> dict[str, Any] 
     if q is None and not points:
         return None
     shown: dict[str, Any] = {"points": points, "pair": [str(name) for name in witness.get("pair") or ()]}
+    distance = witness.get("distance", witness.get("met_clearance"))
+    shown["distance"] = None if distance is None else float(distance)
     time = witness.get("t", source.get("time"))
     if time is not None:
         shown["time"] = float(time)

@@ -9,11 +9,14 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.shapes import Shape, build_geometry
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.robot import Robot
-from optiplan.viewer.runs import Poses, RunLike, ViewedRun, show_run
+from optiplan.runs.common_bound import common_bound
+from optiplan.viewer.run_curves import short_names
+from optiplan.viewer.runs import Detail, Poses, RunLike, ViewedRun, motion_of, show_run
 from optiplan.viewer.stick_figure import skeleton
 from optiplan.viewer.surfaces import Colour, encode, packed, visual_surfaces
 
@@ -33,13 +36,17 @@ class SceneData:
     Attributes:
         name: of the problem; the page's title.
         geometries: each shape once.
-        parts: `{set, name, body, geometry, pose, colour}`; body 0 is the world, body j the robot's joint j; a robot
-            without any geometry has its frames in the set `frame`.
+        parts: `{set, name, owner, body, geometry, pose, colour}`; body 0 is the world, body j the robot's joint j;
+            `owner` is the link, attachment or obstacle as reports name it; a robot without any geometry has its frames
+            in the set `frame`.
+        joints: names of the planned joints, short, and the body that each moves.
         bodies: how many joints move.
         start: poses of the joints at the start, (1, bodies, 7).
         goal: the same at the end to be reached, None when it is not known.
         targets: poses that the goal names, and those of the vias: the tool's where a via gives joint values.
         runs: motions to play, see `runs.show_run`.
+        bound: lower bound of the problem, s, by which durations are divided, and what it is the least of.
+        tool: body and pose in it of the robot's tool frame.
         note: remark on the picture; empty for none.
     """
 
@@ -47,10 +54,13 @@ class SceneData:
     geometries: tuple[dict[str, Any], ...]
     parts: tuple[dict[str, Any], ...]
     bodies: int
+    joints: tuple[tuple[str, int], ...]
     start: str
     goal: str | None
     targets: tuple[list[float], ...]
     runs: tuple[dict[str, Any], ...]
+    bound: tuple[float | None, str]
+    tool: dict[str, Any] | None = None
     note: str = ""
 
     def to_dict(self) -> dict[str, Any]:
@@ -73,12 +83,24 @@ class _Parts:
             self.geometries.append(make())
         return self._known[key]
 
-    def add(self, kind: str, name: str, body: int, X: pin.SE3, drawn: tuple[int, Colour]) -> None:
-        """A part of set `kind` at pose X in `body`, `drawn` as this geometry in this colour."""
+    def add(self, kind: str, name: str | tuple[str, str], body: int, X: pin.SE3, drawn: tuple[int, Colour]) -> None:
+        """A part of set `kind` at pose X in `body`, `drawn` as this geometry in this colour.
+
+        The name is also that of its owner, unless both are given.
+        """
+        name, owner = (name, name) if isinstance(name, str) else name
         pose = [round(float(x), 9) for x in pin.SE3ToXYZQUAT(X)]
         geometry, colour = drawn
         self.parts.append(
-            {"set": kind, "name": name, "body": body, "geometry": geometry, "pose": pose, "colour": list(colour)}
+            {
+                "set": kind,
+                "name": name,
+                "owner": owner,
+                "body": body,
+                "geometry": geometry,
+                "pose": pose,
+                "colour": list(colour),
+            }
         )
 
 
@@ -98,6 +120,8 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
     (_add_frames if bare else _add_robot)(parts, problem.robot)
     _add_objects(parts, problem)
     ends = [run.trajectory for run in viewed if run.trajectory is not None]
+    bound = common_bound(problem, _reached(viewed))
+    detail = Detail.of(sum(motion_of(problem, run) is not None for run in viewed))
     goal = ends[0](np.array([ends[0].duration]))[0] if ends else None
     for end in problem.goal:
         if goal is None and isinstance(end, JointGoal):
@@ -107,12 +131,39 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         geometries=tuple(parts.geometries),
         parts=tuple(parts.parts),
         bodies=problem.robot.model.njoints - 1,
+        joints=_joints(problem.robot),
         start=packed(poses.of(problem.start[None])[0]),
         goal=None if goal is None else packed(poses.of(goal[None])[0]),
         targets=_targets(problem),
-        runs=tuple(show_run(problem, poses, run) for run in viewed),
+        runs=tuple(show_run(problem, poses, run, detail) for run in viewed),
+        tool=_tool(problem.robot),
+        bound=(bound.seconds, bound.words),
         note=_BARE.format(problem.robot.name) if bare else "",
     )
+
+
+def robot_parts(robot: Robot) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Geometries and parts of a robot alone, as in `SceneData`."""
+    parts = _Parts()
+    bare = not robot.visual.geometryObjects and not robot.geometry.geometryObjects
+    (_add_frames if bare else _add_robot)(parts, robot)
+    return parts.geometries, parts.parts
+
+
+def _reached(runs: Sequence[ViewedRun]) -> list[Array]:
+    """Ends of the verified runs."""
+    verified = [run.trajectory for run in runs if run.report is not None and run.report.get("verified") is True]
+    return [trajectory.end for trajectory in verified if trajectory is not None]
+
+
+def _tool(robot: Robot) -> dict[str, Any]:
+    frame = robot.model.frames[robot.frame_id(robot.tool_frame)]
+    return {"body": int(frame.parentJoint), "pose": pin.SE3ToXYZQUAT(frame.placement).tolist()}
+
+
+def _joints(robot: Robot) -> tuple[tuple[str, int], ...]:
+    bodies = [int(robot.model.getJointId(name)) for name in robot.joint_names]
+    return tuple(zip(short_names(robot.joint_names), bodies, strict=True))
 
 
 def _targets(problem: Problem) -> tuple[list[float], ...]:
@@ -131,15 +182,17 @@ def _targets(problem: Problem) -> tuple[list[float], ...]:
 def _add_robot(parts: _Parts, robot: Robot) -> None:
     """Add collision geometry, and visual geometry of the links that have it; others show collision geometry."""
     seen: set[int] = set()
+    frames = robot.model.frames
     for thing in robot.visual.geometryObjects:
         seen.add(thing.parentFrame)
-        _add_visual(parts, thing)
-    for thing in robot.geometry.geometryObjects:
+        _add_visual(parts, thing, str(frames[thing.parentFrame].name))
+    for k, thing in enumerate(robot.geometry.geometryObjects):
+        name = str(thing.name), robot.link_of(k)
         key = (thing.meshPath, tuple(thing.meshScale), thing.name)
         drawn = parts.geometry(("collision", key), partial(encode, thing.geometry))
-        parts.add("collision", thing.name, thing.parentJoint, thing.placement, (drawn, _COLLISION))
+        parts.add("collision", name, thing.parentJoint, thing.placement, (drawn, _COLLISION))
         if thing.parentFrame not in seen:
-            parts.add("visual", thing.name, thing.parentJoint, thing.placement, (drawn, _PLAIN))
+            parts.add("visual", name, thing.parentJoint, thing.placement, (drawn, _PLAIN))
 
 
 def _add_frames(parts: _Parts, robot: Robot) -> None:
@@ -149,17 +202,18 @@ def _add_frames(parts: _Parts, robot: Robot) -> None:
         parts.add("frame", piece.name, piece.body, piece.X_BP, (drawn, piece.colour))
 
 
-def _add_visual(parts: _Parts, thing: pin.GeometryObject) -> None:
+def _add_visual(parts: _Parts, thing: pin.GeometryObject, link: str) -> None:
     given = tuple(float(c) for c in thing.meshColor)
     own: Colour = _PLAIN if given[:3] in ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)) else (given[0], given[1], given[2], 1.0)
     if not isinstance(thing.geometry, coal.BVHModelBase):
         drawn = parts.geometry(("visual", thing.name), partial(encode, thing.geometry))
-        parts.add("visual", thing.name, thing.parentJoint, thing.placement, (drawn, own))
+        parts.add("visual", (thing.name, link), thing.parentJoint, thing.placement, (drawn, own))
         return
     key = ("visual", thing.meshPath, tuple(thing.meshScale))
     for i, surface in enumerate(visual_surfaces(thing)):
         drawn = parts.geometry((*key, i), surface.encoded)
-        parts.add("visual", thing.name, thing.parentJoint, thing.placement, (drawn, surface.colour or own))
+        colour = surface.colour or own
+        parts.add("visual", (thing.name, link), thing.parentJoint, thing.placement, (drawn, colour))
 
 
 def _add_objects(parts: _Parts, problem: Problem) -> None:
@@ -170,14 +224,15 @@ def _add_objects(parts: _Parts, problem: Problem) -> None:
         parts.add("attached", held.name, frame.parentJoint, frame.placement * held.X_LO, (drawn, _HELD))
     for obstacle in problem.scene.obstacles:
         drawn = parts.geometry(obstacle.shape, partial(_encode_shape, obstacle.shape))
-        parts.add("obstacle", obstacle.name, 0, obstacle.X_WO, (drawn, _obstacle_colour(obstacle.shape)))
+        parts.add("obstacle", obstacle.name, 0, obstacle.X_WO, (drawn, obstacle_colour(obstacle.shape)))
 
 
 def _encode_shape(shape: Shape) -> dict[str, Any]:
     return encode(build_geometry(shape))
 
 
-def _obstacle_colour(shape: Shape) -> Colour:
+def obstacle_colour(shape: Shape) -> Colour:
+    """Colour of an obstacle: things are small, furniture is large."""
     if shape.endless:
         return _FURNITURE
     box = build_geometry(shape).aabb_local

@@ -17,6 +17,7 @@ from optiplan.geometry.shapes import shape_of_body
 
 Colour = tuple[float, float, float, float]
 MAX_TRIANGLES = 20_000  # of one surface; more than that makes the page heavy and looks the same
+_NARROW = 1 << 16  # vertices that two bytes can number
 _log = logging.getLogger(__name__)
 
 
@@ -29,8 +30,10 @@ class Surface:
     colour: Colour | None = None
 
     def encoded(self) -> dict[str, Any]:
-        """JSON-ready: base64 of little-endian float32 vertices and uint32 faces."""
-        return {"kind": "mesh", "vertices": packed(self.vertices), "faces": packed(self.faces, "<u4")}
+        """JSON-ready: base64 of little-endian float32 vertices and of faces, uint16, or uint32 where `wide` says so."""
+        wide = len(self.vertices) > _NARROW
+        faces = packed(self.faces, "<u4" if wide else "<u2")
+        return {"kind": "mesh", "vertices": packed(self.vertices), "faces": faces, "wide": wide}
 
 
 def packed(array: npt.NDArray[Any], dtype: str = "<f4") -> str:
@@ -48,10 +51,10 @@ def encode(geometry: coal.CollisionGeometry) -> dict[str, Any]:
     if isinstance(picture, dict):
         return picture
     if picture is not None:
-        return _hull(picture).encoded()
+        return convex_hull(picture).encoded()
     match geometry:
         case coal.ConvexBase():
-            return _hull(np.asarray(geometry.points(), dtype=float)).encoded()
+            return convex_hull(np.asarray(geometry.points(), dtype=float)).encoded()
         case coal.BVHModelBase():
             return bounded(bvh_surface(geometry)).encoded()
     geometry.computeLocalAABB()
@@ -102,7 +105,7 @@ def _merged(surface: Surface, cell: float) -> Surface:
     return Surface(sums / count, faces[(a != b) & (b != c) & (c != a)], surface.colour)
 
 
-def _hull(points: Array) -> Surface:
+def convex_hull(points: Array) -> Surface:
     """Triangles of the convex hull of points (k, 3), seen from outside counter-clockwise."""
     hull = ConvexHull(points)
     faces = hull.simplices.astype(np.int64)

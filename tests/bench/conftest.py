@@ -126,6 +126,7 @@ def _write_results(folder, runs, **given):
     data = {"version": 1, "name": "p", "robot": "planar2r"}
     data |= {"start": {"joints": [0.5, 1.0]}, "goal": {"joints": [-0.5, 1.2]}}
     parts = {"seeds": seeds, "repetitions": 1, "budget": 5.0, "limits": {"wall": 9.0}, "metrics": None}
+    parts |= {"planners": {label: ["quintic", {}] for label in planners}, "problems": {id_: [id_] for id_ in problems}}
     meta = {"name": "made <up>", "suite": "a: <b>\n", "suite_hash": folder.name, "parts": parts}
     found = [BenchProblem(id_, id_.split("/")[0], None, id_, data, {}) for id_ in problems]
     if "problem" in given:

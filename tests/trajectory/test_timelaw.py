@@ -15,7 +15,7 @@ from optiplan.trajectory.paths.corner_blends import blend_path
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.timing.path_constraints import rows_at, tool_motion
 from optiplan.trajectory.timing.stops import stop_at_corners
-from optiplan.trajectory.timing.time_path import TimingOptions, ToolSpeed, compose, time_path
+from optiplan.trajectory.timing.time_path import TimingOptions, ToolLimits, compose, time_path
 from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.trajectory.timing.toppra import fastest_law, slowness
 from optiplan.trajectory.timing.torque_scaling import torque_scale
@@ -141,7 +141,7 @@ def test_the_tool_keeps_its_acceleration_in_sharp_corners_of_a_slow_motion(panda
     ready = panda.configurations["ready"]
     corners = ready + 0.3 * np.random.default_rng(4).uniform(-1.0, 1.0, (4, panda.n))
     path = blend_path(corners, np.array([0.02, 0.05]), panda.limits, panda.joint_names)
-    tool = ToolSpeed(panda.tool_frame, 0.1, 0.5, 0.01)
+    tool = ToolLimits(panda.tool_frame, 0.1, 0.5, 0.01)
     motion = time_path(path, panda, panda.limits, TimingOptions(method, tool))
     assert motion.duration > 20.0
     pairs = zip(motion.breakpoints, np.diff(motion.breakpoints), strict=False)
@@ -210,7 +210,7 @@ def test_too_weak_to_stand_is_no_motion(panda, reach, method):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("limit", [{"linear": 0.3}, {"angular": 0.5}, {"linear_acceleration": 1.5}])
 def test_tool_limits_hold_and_are_met(panda, reach, method, limit):
-    tool = ToolSpeed(panda.tool_frame, **limit)
+    tool = ToolLimits(panda.tool_frame, **limit)
     motion = time_path(reach, panda, panda.limits, TimingOptions(method, tool))
     free = time_path(reach, panda, panda.limits, TimingOptions(method))
     assert motion.duration > 1.1 * free.duration
@@ -244,7 +244,7 @@ def test_tool_motion_is_the_derivative_of_the_pose(panda):
 
 def test_rows_are_the_limits_of_the_motion(panda, reach):
     """A sdd + B sd^2 + G is joint acceleration, then torque, then a component of the tool's acceleration."""
-    tool = ToolSpeed(panda.tool_frame, linear=0.5, linear_acceleration=2.0)
+    tool = ToolLimits(panda.tool_frame, linear=0.5, linear_acceleration=2.0)
     s = np.linspace(0.1, 0.9, 5) * reach.duration
     rows = rows_at(reach, panda, panda.limits, tool, s)
     sd, sdd = 0.7, -1.3
@@ -266,6 +266,6 @@ def test_rows_are_the_limits_of_the_motion(panda, reach):
 
 def test_bad_tools_are_told(panda, reach):
     with pytest.raises(ValueError, match="linear = 0"):
-        ToolSpeed("tool", linear=0.0)
+        ToolLimits("tool", linear=0.0)
     with pytest.raises(UnknownChoiceError):
-        time_path(reach, panda, panda.limits, TimingOptions(tool=ToolSpeed("no such frame", linear=1.0)))
+        time_path(reach, panda, panda.limits, TimingOptions(tool=ToolLimits("no such frame", linear=1.0)))

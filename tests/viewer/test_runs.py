@@ -71,8 +71,8 @@ def test_facts_of_a_verified_run(shelf, motion):
 def test_what_the_verdict_is_about_is_shown(shelf, motion):
     scope = ("4 pairs of links not checked: 4 adjacent", "torque: at all times, without friction")
     run = ViewedRun("quintic", motion(shelf), REPORT | {"scope": list(scope)})
-    assert show_run(shelf, Poses(shelf), run)["scope"] == list(scope)
-    assert show_run(shelf, Poses(shelf), run._replace(report=None))["scope"] == []
+    assert show_run(shelf, Poses(shelf), run)["about"]["statements"] == list(scope)
+    assert show_run(shelf, Poses(shelf), run._replace(report=None))["about"] is None
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e-15, 1e-12])
@@ -116,7 +116,7 @@ def test_failure_without_a_trajectory_is_shown(shelf):
     failure = {"kind": "no-path", "detail": "the goal is walled in", "witness": {"points": [[0.0, 0.0, 1.0]], "t": 0.5}}
     shown = show_run(shelf, Poses(shelf), ViewedRun("rrt", None, None, failure))
     assert shown["problems"] == ["no-path: the goal is walled in"]
-    assert shown["witnesses"] == [{"points": [[0.0, 0.0, 1.0]], "pair": [], "time": 0.5}]
+    assert shown["witnesses"] == [{"points": [[0.0, 0.0, 1.0]], "pair": [], "distance": None, "time": 0.5}]
 
 
 @pytest.mark.parametrize("witness", [{}, {"q": None}, {"points": []}, {"points": [1.0, 2.0]}])

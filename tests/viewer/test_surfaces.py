@@ -11,7 +11,9 @@ from optiplan.viewer.surfaces import MAX_TRIANGLES, Surface, bounded, bvh_surfac
 
 def triangles(encoded: dict) -> np.ndarray:
     vertices = np.frombuffer(base64.b64decode(encoded["vertices"]), "<f4").reshape(-1, 3)
-    return vertices[np.frombuffer(base64.b64decode(encoded["faces"]), "<u4").reshape(-1, 3)].astype(float)
+    return vertices[
+        np.frombuffer(base64.b64decode(encoded["faces"]), "<u4" if encoded["wide"] else "<u2").reshape(-1, 3)
+    ].astype(float)
 
 
 def volume(corners: np.ndarray) -> float:

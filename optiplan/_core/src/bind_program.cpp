@@ -83,7 +83,7 @@ Inequalities near_the_diagonal(const DenseRows &dense, const Spline &spline) {
 using StepFound = std::tuple<nb::ndarray<nb::numpy, double>, double, double, int>;
 
 std::optional<StepFound> solve(StepSolver &solver, Matrix control, double duration, const std::vector<DenseRows> &soft,
-                               double radius, double span) {
+                               double radius, double span, double gap) {
     const Spline &spline = solver.spline();
     expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
     std::vector<Inequalities> rows;
@@ -94,7 +94,7 @@ std::optional<StepFound> solve(StepSolver &solver, Matrix control, double durati
     Step step;
     {
         nb::gil_scoped_release released;
-        step = solver.solve(start, duration, pointers, radius, span);
+        step = solver.solve(start, duration, pointers, radius, span, gap);
     }
     if (!step.solved) return std::nullopt;
     auto moved = to_numpy(std::move(step.control), {spline.points, spline.joints});
@@ -111,7 +111,7 @@ Samples make_samples(const Spline &spline, Vector u, Matrix position, Matrix vel
 SqpSettings make_settings(const std::map<std::string, double> &values) {
     const auto get = [&](const char *name) { return values.at(name); };
     return {get("contact_penalty"), get("torque_penalty"), get("centimetre"), get("first_radius"), get("least_radius"),
-            get("shrink"),          get("stuck"),          get("halved"),     get("worse"),
+            get("shrink"),          get("stuck"),          get("halved"),     get("worse"), get("gap"),
             static_cast<int>(get("stalled")), static_cast<int>(get("slow"))};
 }
 
@@ -207,6 +207,16 @@ std::tuple<double, double, Laid, Laid> evaluate(Sqp &sqp, Matrix control, double
     return {point.duration, point.merit, laid_out(point.contacts, spline), laid_out(point.torques, spline)};
 }
 
+// Torques (N, n) of states Q, V, A (N, n).
+nb::ndarray<nb::numpy, double> torques(InverseDynamics &dynamics, Matrix Q, Matrix V, Matrix A) {
+    const std::size_t count = Q.shape(0), n = dynamics.joints();
+    for (const Matrix *part : {&Q, &V, &A}) expect(part->shape(0) == count && part->shape(1) == n, "states (N, n)");
+    Vec tau(count * n);
+    for (std::size_t i = 0; i < count; ++i)
+        dynamics.torques(Q.data() + i * n, V.data() + i * n, A.data() + i * n, tau.data() + i * n);
+    return to_numpy(std::move(tau), {count, n});
+}
+
 }  // namespace
 
 void bind_program(nb::module_ &m) {
@@ -220,7 +230,10 @@ void bind_program(nb::module_ &m) {
         });
     nb::class_<StepSolver>(m, "StepSolver")
         .def(nb::init<std::shared_ptr<const Spline>>(), "spline"_a)
-        .def("solve", &solve, "control"_a, "duration"_a, "soft"_a, "radius"_a, "span"_a);
+        .def("solve", &solve, "control"_a, "duration"_a, "soft"_a, "radius"_a, "span"_a, "gap"_a);
+    nb::class_<InverseDynamics>(m, "InverseDynamics")
+        .def(nb::init<const Tree &>(), "tree"_a)
+        .def("torques", &torques, "Q"_a, "V"_a, "A"_a);
     nb::class_<Sqp>(m, "Sqp")
         .def_static("among_bodies", &among_bodies, nb::keep_alive<0, 2>(), "spline"_a, "world"_a, "torque"_a, "cutoff"_a,
                     "margins"_a, "settings"_a)

@@ -3,6 +3,7 @@
 
 #include "arrays.hpp"
 #include "module.hpp"
+#include "world/sweep.hpp"
 #include "world/world.hpp"
 
 namespace optiplan {
@@ -184,12 +185,48 @@ static nb::ndarray<nb::numpy, double> travel(const World &world, const Matrix &Q
     const std::size_t count = world.pairs().size();
     std::vector<double> out(Q.shape(0) * count);
     Placement at = world.placement();
+    std::vector<double> reaches;
     for (std::size_t row = 0; row < Q.shape(0); ++row) {
         world.place(Q.data() + row * Q.shape(1), at);
+        world.reaches(at, reaches);
         for (std::size_t pair = 0; pair < count; ++pair)
-            out[row * count + pair] = world.travel(at, D.data() + row * Q.shape(1), static_cast<int>(pair));
+            out[row * count + pair] = world.travel(reaches, D.data() + row * Q.shape(1), static_cast<int>(pair));
     }
     return to_numpy(std::move(out), {Q.shape(0), count});
+}
+
+static void make_sweep(Sweep *self, const World &world, const Vector &breakpoints, const Stack &coefficients,
+                       const Vector &rules) {
+    const std::size_t pieces = coefficients.shape(0), joints = coefficients.shape(2);
+    expect(breakpoints.size() == pieces + 1 && coefficients.shape(1) > 0, "breakpoints (m + 1,) of m pieces");
+    expect(joints == static_cast<std::size_t>(world.tree().planned), "coefficients (m, degree + 1, n)");
+    expect(rules.size() == 4, "first, margin, resolution, most cuts");
+    const double *r = rules.data();
+    Curve curve{to_vector(breakpoints), to_vector(coefficients), static_cast<int>(coefficients.shape(1)) - 1,
+                static_cast<int>(joints)};
+    new (self) Sweep(world, std::move(curve), {r[0], r[1], r[2], static_cast<int>(r[3])});
+}
+
+static void expect_intervals(const Sweep &sweep, int begin, int end) {
+    expect(0 <= begin && begin <= end && end <= sweep.intervals(), "intervals of the sweep");
+}
+
+static std::vector<double> look(Sweep &sweep, int begin, int end) {
+    expect_intervals(sweep, begin, end);
+    nb::gil_scoped_release release;
+    std::vector<double> touching;
+    sweep.look(begin, end, touching);
+    return touching;
+}
+
+static std::vector<std::pair<double, int>> prove(Sweep &sweep, int begin, int end) {
+    expect_intervals(sweep, begin, end);
+    nb::gil_scoped_release release;
+    std::vector<Touched> found;
+    sweep.prove(begin, end, found);
+    std::vector<std::pair<double, int>> out;
+    for (const Touched &touched : found) out.emplace_back(touched.t, touched.pair);
+    return out;
 }
 
 void bind_world(nb::module_ &m) {
@@ -207,6 +244,11 @@ void bind_world(nb::module_ &m) {
         .def("collides", &collides, "q"_a)
         .def("lower_bounds", &lower_bounds, "Q"_a)
         .def("travel", &travel, "Q"_a, "D"_a);
+    nb::class_<Sweep>(m, "Sweep")
+        .def("__init__", &make_sweep, "world"_a, "breakpoints"_a, "coefficients"_a, "rules"_a, nb::keep_alive<1, 2>())
+        .def_prop_ro("intervals", &Sweep::intervals)
+        .def("look", &look, "begin"_a, "end"_a)
+        .def("prove", &prove, "begin"_a, "end"_a);
 }
 
 }  // namespace optiplan

@@ -13,6 +13,7 @@ import numpy as np
 
 from optiplan.bench.execution import machine
 from optiplan.bench.execution.code_version import own_digest, planner_code
+from optiplan.bench.execution.executed import executed, kept
 from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask, Outcome, Row, empty_row, failure
 from optiplan.errors import OptiPlanError, PlannerAnswerError
@@ -69,7 +70,12 @@ class Executor:
             columns["cut_short"] |= done.trajectory is None and done.timings["plan"] >= task.budget - reserve(
                 task.budget
             )
+            began_execution = time.perf_counter()
+            columns["executed"], numbers = executed(done)
+            columns["metrics"] |= jsonable(kept(numbers, task.metrics))
             spent = timings | {**done.timings, "stages": dict(done.stages)}
+            if columns["executed"] is not None:
+                spent["execute"] = time.perf_counter() - began_execution
             json.dumps([columns, spent], allow_nan=False)  # a planner's info may not be storable
             row, timings = row | columns, spent
         except PlannerAnswerError as error:

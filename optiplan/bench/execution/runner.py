@@ -9,8 +9,9 @@ from pathlib import Path
 from optiplan.bench.execution.machine import machine
 from optiplan.bench.execution.pool import Workforce
 from optiplan.bench.results.database import FILE, Store
+from optiplan.bench.results.growth import grown, grown_code
 from optiplan.bench.results.records import Outcome
-from optiplan.bench.suite.suite import Suite, code_differences, differences
+from optiplan.bench.suite.suite import Suite, code_differences, differences, hash_of_parts
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.runs.run import versions
 
@@ -36,8 +37,14 @@ class Summary:
         return self.found + self.made == self.total
 
 
-def open_results(suite: Suite, folder: Path) -> Store:
+def open_results(suite: Suite, folder: Path, add: bool = False) -> Store:
     """Open the results of this suite in a folder for writing; create them if missing.
+
+    Args:
+        suite: what is to be run.
+        folder: of the results.
+        add: the folder may hold results of another suite, to which this one adds planners, problems, seeds or
+            repetitions; `growth` says what has to agree.
 
     Raises:
         InputError: the folder holds the results of another suite or of other code (what differs is named), or another
@@ -50,15 +57,47 @@ def open_results(suite: Suite, folder: Path) -> Store:
         meta: dict[str, object] = {"name": suite.spec.name, "suite": suite.text, "suite_hash": suite.hash}
         meta |= {"parts": suite.parts, "code": suite.code}
         store = Store.create(folder, meta)
+    try:
+        (_grow if add else _check)(store, suite)
+        store.fill(suite.problems, suite.planners)
+    except BaseException:
+        store.close()
+        raise
+    return store
+
+
+def _check(store: Store, suite: Suite) -> None:
+    """Refuse results of another suite or of other code."""
     words = differences(store.meta("parts"), suite.parts)
     issues = [f"results of another suite: {text}" for text in words]
-    issues += [f"results of other code: {text}" for text in code_differences(store.code, suite.code)]
-    if issues:
-        store.close()
-        expected = "the same suite and code (or choose another folder with --out)"
-        raise InputError(Issue(str(folder), None, "suite", text, expected) for text in issues)
-    store.fill(suite.problems, suite.planners)
-    return store
+    others = [f"results of other code: {text}" for text in code_differences(store.code, suite.code)]
+    expected = "the same suite and code (or choose another folder with --out)"
+    if issues and not others and not grown(store.meta("parts"), suite.parts)[1]:
+        expected = "the same suite (or add this one to it with --add, or choose another folder with --out)"
+    if issues or others:
+        raise InputError(Issue(str(store.folder), None, "suite", text, expected) for text in (*issues, *others))
+
+
+def _grow(store: Store, suite: Suite) -> None:
+    """Write that the results are of both suites."""
+    old = store.meta("parts")
+    parts, unlike = grown(old, suite.parts)
+    code, other = grown_code(store.code, suite.code)
+    if unlike or other:
+        expected = "what the folder has, and planners, problems or seeds besides (or another folder with --out)"
+        raise InputError(Issue(str(store.folder), None, "add", text, expected) for text in (*unlike, *other))
+    if parts != old:
+        whole = parts == grown(suite.parts, suite.parts)[0]  # an edited suite says all; one that only adds does not
+        store.set_meta("suite", suite.text if whole else f"{store.meta('suite')}\n---\n{suite.text}")
+        store.set_meta("suite_hash", hash_of_parts(parts))
+        store.set_meta("parts", parts)
+        store.set_meta("code", code)
+
+
+def found_runs(suite: Suite, store: Store) -> int:
+    """Number of the suite's runs that are stored."""
+    done = store.done()
+    return sum(task.key in done for task in suite.tasks())
 
 
 def other_versions(store: Store) -> list[str]:
@@ -88,7 +127,7 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
         WorkerError: no worker can be started.
         CodeError: code was changed since the suite was read.
     """
-    there = store.done()
+    there, found = store.done(), found_runs(suite, store)
     made = 0
     store.begin(label, machine(), versions())
     how = "failed"
@@ -99,7 +138,7 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
                 store.add(outcome)
                 made += 1
                 watch(outcome)
-        summary = Summary(suite.size, len(there), made)
+        summary = Summary(suite.size, found, made)
         how = "complete" if summary.complete else "interrupted"
         return summary
     finally:

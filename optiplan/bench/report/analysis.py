@@ -11,8 +11,10 @@ import numpy as np
 
 from optiplan.arrays import Array, Flags
 from optiplan.bench.report.pairs import PlannerPair, pairs
-from optiplan.bench.results.arrays import Indices, Runs, load_runs
+from optiplan.bench.report.quality import Quality, quality
+from optiplan.bench.results.arrays import Indices, Runs
 from optiplan.bench.results.database import Store
+from optiplan.bench.results.measures import Results, RunMeasure, load_results
 from optiplan.bench.statistics.intervals_and_tests import Interval, median_interval, performance_ratios, share_intervals
 
 PERCENTILES = (50, 75, 95, 99)
@@ -24,11 +26,12 @@ SAME = 1.01
 
 
 class Spread(NamedTuple):
-    """Distribution of a quantity over verified runs: count, median, percentiles 50, 75, 95, 99."""
+    """Distribution of a quantity over verified runs: count, median, percentiles 50, 75, 95, 99, and 5, 25."""
 
     runs: int
     median: Interval
     percentiles: tuple[float, ...]
+    lower: tuple[float, float] = (np.nan, np.nan)
 
 
 class PlannerNumbers(NamedTuple):
@@ -39,7 +42,7 @@ class PlannerNumbers(NamedTuple):
         runs: number of stored runs.
         planned, timed, verified: how many got so far.
         executed: number followed by a controller; None where that was not tried.
-        success: share of verified runs.
+        path_found, has_times, success: share of runs that found a path, whose path got times, that are verified.
         plan_time: s by the clock, of verified runs.
         plan_cpu: s of the processor, of planning alone, likewise.
         ratio: duration / bound of the problem, of verified runs.
@@ -54,6 +57,8 @@ class PlannerNumbers(NamedTuple):
     timed: int
     verified: int
     executed: int | None
+    path_found: Interval
+    has_times: Interval
     success: Interval
     plan_time: Spread
     plan_cpu: Spread
@@ -83,6 +88,9 @@ class Analysis(NamedTuple):
         common: tasks that all planners were given.
         time_ratios, duration_ratios: (tasks, planners), Dolan and More's ratios over the common tasks.
         pairs: comparisons of two planners each.
+        measures: every stored number of the runs.
+        spreads: of each measure the distribution over each planner's verified runs.
+        quality: how good answers were by when.
     """
 
     runs: Runs
@@ -93,19 +101,29 @@ class Analysis(NamedTuple):
     time_ratios: Array
     duration_ratios: Array
     pairs: tuple[PlannerPair, ...]
+    measures: tuple[RunMeasure, ...]
+    spreads: tuple[tuple[Spread, ...], ...]
+    quality: Quality
 
 
 def analyse(store: Store, seed: int = 0) -> Analysis:
     """Numbers of all runs that are stored; `seed` is that of the bootstrap."""
-    runs = load_runs(store)
+    return analyse_results(load_results(store), seed)
+
+
+def analyse_results(results: Results, seed: int = 0, compared: bool = True) -> Analysis:
+    """Numbers of some runs; `seed` is that of the bootstrap, `compared`: with every two planners compared."""
+    runs = results.runs
     grid = runs.grid()
     common = grid.there.all(axis=1)
     times, durations = (performance_ratios(costs[common]) for costs in (grid.plan_time, grid.duration))
-    success = _success(runs, np.ones(runs.size, bool), seed)
+    stages = [
+        _shares(runs, np.ones(runs.size, bool), flags, seed) for flags in (runs.planned, runs.timed, runs.verified)
+    ]
     numbers = []
     for k in range(len(runs.planners)):
         firsts = [_share(ratios[:, k] <= SAME) for ratios in (times, durations)]
-        numbers.append(_planner(runs, k, firsts, success[k], seed))
+        numbers.append(_planner(runs, k, firsts, [stage[k] for stage in stages], seed))
     return Analysis(
         runs,
         tuple(numbers),
@@ -114,21 +132,30 @@ def analyse(store: Store, seed: int = 0) -> Analysis:
         int(common.sum()),
         times,
         durations,
-        pairs(runs, grid, seed),
+        pairs(runs, grid, seed) if compared else (),
+        results.measures,
+        tuple(_spreads(runs, measure, seed) for measure in results.measures),
+        quality(runs, results.answers, seed),
     )
 
 
-def _success(runs: Runs, part: Flags, seed: int) -> list[Interval]:
-    """Share of verified runs of every planner on part of the runs (n,), by problems."""
+def _spreads(runs: Runs, measure: RunMeasure, seed: int) -> tuple[Spread, ...]:
+    """Distribution of a measure over the verified runs of each planner."""
+    masks = [(runs.planner == k) & runs.verified for k in range(len(runs.planners))]
+    return tuple(_spread(measure.values[mask], runs.problem[mask], seed) for mask in masks)
+
+
+def _shares(runs: Runs, part: Flags, flags: Flags, seed: int) -> list[Interval]:
+    """Share of runs with a flag (n,), of every planner on part of the runs (n,), by problems."""
     shape = (len(runs.problems), len(runs.planners))
-    verified, tries = np.zeros(shape), np.zeros(shape)
+    good, tries = np.zeros(shape), np.zeros(shape)
     np.add.at(tries, (runs.problem[part], runs.planner[part]), 1.0)
-    np.add.at(verified, (runs.problem[part], runs.planner[part]), runs.verified[part])
+    np.add.at(good, (runs.problem[part], runs.planner[part]), flags[part])
     there = tries.any(axis=1)
-    return share_intervals(verified[there], tries[there], seed)
+    return share_intervals(good[there], tries[there], seed)
 
 
-def _planner(runs: Runs, k: int, firsts: Sequence[float], success: Interval, seed: int) -> PlannerNumbers:
+def _planner(runs: Runs, k: int, firsts: Sequence[float], stages: Sequence[Interval], seed: int) -> PlannerNumbers:
     mine = runs.planner == k
     verified = mine & runs.verified
     tried = mine & np.isfinite(runs.executed)
@@ -142,7 +169,9 @@ def _planner(runs: Runs, k: int, firsts: Sequence[float], success: Interval, see
         timed=timed,
         verified=good,
         executed=int(runs.executed[tried].sum()) if tried.any() else None,
-        success=success,
+        path_found=stages[0],
+        has_times=stages[1],
+        success=stages[2],
         plan_time=plan_time,
         plan_cpu=plan_cpu,
         ratio=ratio,
@@ -158,7 +187,9 @@ def _spread(values: Array, problems: Indices, seed: int) -> Spread:
     if len(values) == 0:
         return Spread(0, median_interval(values, seed), (np.nan,) * len(PERCENTILES))
     percentiles = np.percentile(values, PERCENTILES)
-    return Spread(len(values), median_interval(values, seed, problems[known]), tuple(map(float, percentiles)))
+    low, quarter = map(float, np.percentile(values, (5, 25)))
+    middle = median_interval(values, seed, problems[known])
+    return Spread(len(values), middle, tuple(map(float, percentiles)), (low, quarter))
 
 
 def _parts(runs: Runs, names: Sequence[str], seed: int) -> tuple[SubsetSummary, ...]:
@@ -173,7 +204,7 @@ def _parts(runs: Runs, names: Sequence[str], seed: int) -> tuple[SubsetSummary, 
             good = (of_run == number) & (runs.planner == k) & runs.verified
             times.append(_median(runs.plan_time[good]))
             ratios.append(_median(runs.ratio[good]))
-        success = tuple(_success(runs, of_run == number, seed))
+        success = tuple(_shares(runs, of_run == number, runs.verified, seed))
         found.append(SubsetSummary(name, int((part == number).sum()), success, tuple(times), tuple(ratios)))
     return tuple(found)
 

@@ -8,6 +8,7 @@ import io
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.bench.report.analysis import Analysis
 from optiplan.bench.results.arrays import Runs
+from optiplan.bench.results.measures import RunMeasure
 from optiplan.bench.statistics.intervals_and_tests import share_within
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#868686")
@@ -51,6 +53,10 @@ _STYLE: dict[str, Any] = {
 }
 
 
+DATES: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+"""Left out of files, so that the same runs give the same."""
+
+
 class Figure(NamedTuple):
     """A figure: file name, heading, what it shows and how to read it, and what draws it on axes."""
 
@@ -64,8 +70,21 @@ def figures(analysis: Analysis) -> list[Figure]:
     """Return the figures that are not empty."""
     found = [FIGURES[0]]
     if analysis.runs.verified.any():
-        found += [figure for figure in FIGURES[1:] if analysis.common > 1 or not figure.name.startswith("profile")]
+        shown = {figure.name for figure in FIGURES}
+        if analysis.common <= 1:
+            shown -= {"profile-time", "profile-duration"}
+        if not any(np.isfinite(ratio).any() for _, ratio in analysis.quality.curves):
+            shown -= {"quality-over-time"}
+        found += [figure for figure in FIGURES[1:] if figure.name in shown]
     return found
+
+
+def measure_figures(analysis: Analysis) -> list[Figure]:
+    """Return a figure of each stored measure that has none of its own, over verified runs."""
+    if not analysis.runs.verified.any():
+        return []
+    others = [one for one in analysis.measures if one.name not in ("plan_time", "ratio")]
+    return [Figure(f"measure-{one.name}", one.label, _BOX, partial(_measure, one)) for one in others]
 
 
 def line_of(k: int) -> tuple[str, str]:
@@ -73,8 +92,8 @@ def line_of(k: int) -> tuple[str, str]:
     return COLOURS[k % len(COLOURS)], DASHES[k // len(COLOURS) % len(DASHES)]
 
 
-def inline_svg(figure: Figure, analysis: Analysis) -> str:
-    """The figure as an SVG element for the page: transparent, in the page's colours, ids of its own."""
+def inline_svg(figure: Figure, analysis: Analysis, prefix: str = "") -> str:
+    """The figure as an SVG element for the page: transparent, in the page's colours, ids that begin with a prefix."""
     buffer = io.StringIO()
     with _drawn(figure, analysis) as canvas:
         canvas.figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
@@ -85,19 +104,19 @@ def inline_svg(figure: Figure, analysis: Analysis) -> str:
     for k, colour in enumerate(COLOURS):
         text = text.replace(colour, f"var(--c{k})")
     text = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font-size: \1; font-family: inherit", text)
-    text = re.sub(r'(\bid="|url\(#|xlink:href="#)', rf"\g<1>{figure.name}-", text)
+    text = re.sub(r'(\bid="|url\(#|xlink:href="#)', rf"\g<1>{prefix}{figure.name}-", text)
     return text.replace("<svg ", f'<svg role="img" aria-label="{figure.title}" ', 1)
 
 
 def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
-    """Write every figure as `<name>.png` (200 dpi) and `<name>.svg`, on white."""
+    """Write every figure as `<name>.png` (200 dpi), `<name>.svg` and `<name>.pdf`, on white."""
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for figure in figures(analysis):
+    for figure in [*figures(analysis), *measure_figures(analysis)]:
         with _drawn(figure, analysis) as canvas:
-            for kind in ("png", "svg"):
+            for kind in ("png", "svg", "pdf"):
                 path = folder / f"{figure.name}.{kind}"
-                dated = {"Date": None} if kind == "svg" else {}  # the same runs give the same files
+                dated = DATES.get(kind, {})
                 canvas.figure.savefig(path, dpi=200, facecolor="white", metadata=dated)
                 written.append(path)
     return written
@@ -165,6 +184,37 @@ def _profile_duration(analysis: Analysis, ax: Any) -> None:
     _profile(analysis, ax, analysis.duration_ratios, "duration of the motion / that of the shortest")
 
 
+def _quality(analysis: Analysis, ax: Any) -> None:
+    """Median over all runs of duration / best known, of the best verified answer so far."""
+    curves = analysis.quality.curves
+    ends = [float(times[-1]) for times, _ in curves if len(times)]
+    for k, (times, ratio) in enumerate(curves):
+        known = np.isfinite(ratio)
+        if not known.any():
+            continue
+        x, y = np.append(times[known], max(ends)), np.append(ratio[known], ratio[known][-1])
+        colour, dashes = line_of(k)
+        style = (0, tuple(map(float, dashes.split()))) if dashes else "-"
+        label = analysis.planners[k].label
+        (line,) = ax.step(x, y, where="post", label=label, color=colour, linestyle=style, lw=1.7)
+        line.set_gid(f"planner{k}")
+        (dot,) = ax.plot(x[:1], y[:1], "o", color=colour, ms=3.5)
+        dot.set_gid(f"first-planner{k}")
+    _plain_log(ax)
+    ax.axhline(1.0, color=INK, lw=0.8)
+    ax.set(xlabel="planning and proving, s", ylabel="duration / best known, median of all runs")
+    _legend(ax)
+
+
+def _measure(measure: RunMeasure, analysis: Analysis, ax: Any) -> None:
+    _boxes(analysis, ax, lambda _: measure.values)
+    values = measure.values[analysis.runs.verified]
+    values = values[np.isfinite(values)]
+    if len(values) and values.min() > 0.0 and values.max() > 30.0 * values.min():
+        _plain_log(ax)
+    ax.set_xlabel(measure.title)
+
+
 def _boxes(analysis: Analysis, ax: Any, values: Callable[[Runs], Array]) -> None:
     runs = analysis.runs
     for k in range(len(analysis.planners)):
@@ -173,9 +223,9 @@ def _boxes(analysis: Analysis, ax: Any, values: Callable[[Runs], Array]) -> None
         if len(mine) == 0:
             continue
         p5, p25, p50, p75, p95 = np.percentile(mine, [5, 25, 50, 75, 95])
-        ax.plot([p5, p95], [k, k], color=COLOURS[0], lw=1.2)
-        ax.plot([p25, p75], [k, k], color=COLOURS[0], lw=7.0, alpha=0.55, solid_capstyle="butt")
-        ax.plot(p50, k, "o", color=COLOURS[1], ms=4.5)
+        ax.plot([p5, p95], [k, k], color=COLOURS[0], lw=1.2, gid=f"line-planner{k}")
+        ax.plot([p25, p75], [k, k], color=COLOURS[0], lw=7.0, alpha=0.55, solid_capstyle="butt", gid=f"half-planner{k}")
+        ax.plot(p50, k, "o", color=COLOURS[1], ms=4.5, gid=f"dot-planner{k}")
     _name_rows(analysis, ax)
 
 
@@ -245,6 +295,13 @@ FIGURES = (
         "Success within a time",
         "Share of all runs that were planned within the time and then verified. A failure never counts as a time.",
         _over_time,
+    ),
+    Figure(
+        "quality-over-time",
+        "Quality against time",
+        "Dot: from here on half of all runs have a verified answer; line: how good the best so far is, against the "
+        "best known of the problem. A run without an answer counts as one of infinite duration.",
+        _quality,
     ),
     Figure("planning-time", "Planning time", _BOX, _times),
     Figure(

@@ -3,7 +3,7 @@
 import math
 
 from optiplan.bench.report.analysis import Analysis, PlannerNumbers
-from optiplan.bench.report.tables import NOTHING, number, percent
+from optiplan.bench.report.tables.cells import NOTHING, number, percent
 from optiplan.bench.statistics.intervals_and_tests import Interval
 
 HEADS = (
@@ -19,7 +19,7 @@ Quickest, shortest: share of tasks on which no planner was better.
 
 
 def markdown(analysis: Analysis) -> str:
-    """Table and note; ends with a newline."""
+    """ReportTable and note; ends with a newline."""
     rows = [_row(one) for one in analysis.planners]
     lines = [list(HEADS), *rows]
     widths = [max(len(line[k]) for line in lines) for k in range(len(HEADS))]

@@ -2,62 +2,156 @@
 
 import html
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
 from string import Template
+from typing import NamedTuple
+from urllib.parse import quote
 
-from optiplan.bench.report import tables
-from optiplan.bench.report.analysis import Analysis
+from optiplan.bench.report.analysis import Analysis, SubsetSummary, analyse_results
 from optiplan.bench.report.failures import REASONS, Failed, Reason, reasons
-from optiplan.bench.report.figures import figures, inline_svg
+from optiplan.bench.report.figures import figures, inline_svg, measure_figures
 from optiplan.bench.report.headline import Card, cards, facts, warnings
-from optiplan.bench.report.scenes import write_scenes
+from optiplan.bench.report.matrix import MOST_PROBLEMS, Address, ProblemRow, matrix_html, matrix_rows
+from optiplan.bench.report.scenes import PAGES, write_comparisons, write_scenes
 from optiplan.bench.report.settings import settings
+from optiplan.bench.report.tables.cells import ReportTable, planner
+from optiplan.bench.report.tables.formats import as_csv, as_latex
+from optiplan.bench.report.tables.measure_tables import measure_table, problem_table, quality_table
+from optiplan.bench.report.tables.pair_tables import pair_table, ratio_table
+from optiplan.bench.report.tables.planner_tables import ladder, parts, percentiles
 from optiplan.bench.results.database import Store
+from optiplan.bench.results.growth import place_of
+from optiplan.bench.results.measures import load_results
 from optiplan.files import write_text
+from optiplan.planners.base import Progress
 
 FILE = "report.html"
+MOST_SETS = 12
+"""Sets that have views of their own."""
+
+OF_SETS = ("success-over-time", "quality-over-time", "duration-ratio")
+"""Figures that a set has of its own."""
 
 Link = Callable[[Failed], str | None]
-"""Where a run can be looked at; None where only a command shows it."""
+"""Where a failure can be looked at; None where only a command shows it."""
 
 
-def write_page(store: Store, analysis: Analysis, path: Path | None = None) -> Path:
-    """Write the report of a suite's results whole or not at all, and scenes of failures beside it.
+class Links(NamedTuple):
+    """Where a page leads to: a failure, and the runs of a problem together."""
+
+    failure: Link
+    problem: Address
+
+
+def _quiet(stage: str, fraction: float) -> None:
+    """Tell nothing."""
+
+
+def write_page(
+    store: Store, analysis: Analysis, path: Path | None = None, pages: int = PAGES, progress: Progress = _quiet
+) -> Path:
+    """Write the report of a suite's results whole or not at all, and pages of the viewer beside it.
 
     Args:
         store: the results.
         analysis: of them.
         path: `report.html` beside the database unless given.
+        pages: problems that have a page of all their planners, of those in the matrix, the first ones.
+        progress: told what is drawn.
     """
     path = path or store.folder / FILE
-    found = reasons(store)
-    text = render(store, analysis, found, write_scenes(store, found, path).get)
-    write_text(path, text)
+    found, rows = reasons(store), matrix_rows(store, analysis, progress)
+    compared = write_comparisons(store, [(row.name, row.keys()) for row in rows[:pages]], path, progress)
+    links = Links(write_scenes(store, found, path).get, compared.get)
+    write_text(path, render(store, analysis, (found, rows), links))
     return path
 
 
-def render(store: Store, analysis: Analysis, found: list[Reason], link: Link) -> str:
+def render(store: Store, analysis: Analysis, shown: tuple[list[Reason], Sequence[ProblemRow]], links: Links) -> str:
     """Return the page as text; all values from the results are escaped."""
     own = resources.files("optiplan.bench.report")
-    name = str(store.meta("name"))
+    found, rows = shown
     return Template((own / "report.html").read_text("utf-8")).substitute(
-        title=html.escape(name),
+        title=html.escape(str(store.meta("name"))),
         style=(own / "report.css").read_text("utf-8"),
         script=(own / "report.js").read_text("utf-8"),
         facts=html.escape(facts(store, analysis)),
         warnings="".join(f"<p class=warning>{html.escape(text)}</p>" for text in warnings(store, analysis)),
+        filters=_filters(analysis),
         cards="".join(map(_card, cards(analysis))),
-        ladder=tables.ladder(analysis),
-        figures=_figures(analysis),
-        times=tables.percentiles(analysis, "plan_time"),
-        ratios=tables.percentiles(analysis, "ratio"),
+        views=_views(store, analysis),
+        matrix=_matrix(store, analysis, rows, links.problem),
+        measures=_figures(analysis, measure=True),
         parts=_parts(analysis),
+        problems=_problems(analysis, [row.name for row in rows]),
         pairs=_pairs(analysis),
-        failures=_failures(store, found, link),
+        failures=_failures(store, found, links.failure),
         settings=settings(store),
     )
+
+
+def all_tables(analysis: Analysis) -> list[ReportTable]:
+    """Every table of the report, those of single problems too."""
+    found = _tables(analysis) + [parts(analysis, some, what) for what, some in _subsets(analysis)]
+    if analysis.pairs:
+        found += [ratio_table(analysis, field) for field in ("duration", "plan_time")] + [pair_table(analysis)]
+    return found + [problem_table(analysis, k) for k in range(len(analysis.runs.problems))]
+
+
+def framed(table: ReportTable) -> str:
+    """A table with its files behind it."""
+    links = " ".join(
+        f'<a download="{html.escape(table.name)}.{suffix}" href="data:{kind};charset=utf-8,{quote(text)}">{words}</a>'
+        for suffix, kind, words, text in (
+            ("csv", "text/csv", "CSV", as_csv(table)),
+            ("tex", "text/x-tex", "LaTeX", as_latex(table)),
+        )
+    )
+    return f"{table.html()}<p class=files>{html.escape(table.caption)}: {links}</p>"
+
+
+def _tables(analysis: Analysis) -> list[ReportTable]:
+    """Tables with a row a planner."""
+    costs = [percentiles(analysis, field) for field in ("plan_time", "ratio")]
+    return [ladder(analysis), quality_table(analysis), measure_table(analysis), *costs]
+
+
+def _views(store: Store, analysis: Analysis) -> str:
+    """Tables and figures of all runs, and those of each set, hidden until it is asked for."""
+    text = _view(analysis, "", "")
+    names = list(dict.fromkeys(analysis.runs.sets))
+    if not 2 <= len(names) <= MOST_SETS:
+        return text
+    results = load_results(store)
+    for k, name in enumerate(names):
+        text += _view(analyse_results(results.of_set(name), compared=False), name, f"set{k}-")
+    return text
+
+
+def _view(analysis: Analysis, set_name: str, prefix: str) -> str:
+    first, *others = _tables(analysis)
+    tables = "".join(f"<h3>{html.escape(one.caption)}</h3>{framed(one)}" for one in others)
+    hidden = " hidden" if prefix else ""
+    of = f" of set {html.escape(set_name)}" if set_name else ""
+    return (
+        f'<div class=view data-view="{html.escape(set_name)}"{hidden}><h2>Planners{of}</h2>{framed(first)}'
+        f"<h2>Figures{of}</h2><p class=note>Point at a planner's name, in a table, to single it out in the figures.</p>"
+        f"<div class=grid>{_figures(analysis, prefix)}</div><h2>Tables{of}</h2>{tables}</div>"
+    )
+
+
+def _filters(analysis: Analysis) -> str:
+    names = list(dict.fromkeys(analysis.runs.sets))
+    shown = names if 2 <= len(names) <= MOST_SETS else []
+    options = "".join(f"<option>{html.escape(name)}</option>" for name in shown)
+    sets = f'<label>Set <select id=set><option value="">all</option>{options}</select></label>' if shown else ""
+    chips = "".join(
+        f"<label class=chosen><input type=checkbox checked data-show={k}>{planner(k, label).html}</label>"
+        for k, label in enumerate(analysis.runs.planners)
+    )
+    return f'{sets}<span class=chips role=group aria-label="Planners that are shown">{chips}</span>'
 
 
 def _card(card: Card) -> str:
@@ -65,18 +159,50 @@ def _card(card: Card) -> str:
     return f"<div class=card><h3>{heading}</h3><p class=big>{answer}</p><p>{reason}</p></div>"
 
 
-def _figures(analysis: Analysis) -> str:
+def _figures(analysis: Analysis, prefix: str = "", measure: bool = False) -> str:
     return "\n".join(
-        f'<figure id="figure-{figure.name}"><h3>{html.escape(figure.title)}</h3>{inline_svg(figure, analysis)}'
-        f"<figcaption>{html.escape(figure.caption)}</figcaption></figure>"
-        for figure in figures(analysis)
+        f'<figure id="{prefix}figure-{figure.name}"><h3>{html.escape(figure.title)}</h3>'
+        f"{inline_svg(figure, analysis, prefix)}<figcaption>{html.escape(figure.caption)}</figcaption></figure>"
+        for figure in (measure_figures(analysis) if measure else figures(analysis))
+        if not prefix or figure.name in OF_SETS
     )
+
+
+def _matrix(store: Store, analysis: Analysis, rows: Sequence[ProblemRow], address: Address) -> str:
+    if not rows:
+        return "<p class=note>No runs yet.</p>"
+    every = sum(1 for k in range(len(analysis.runs.problems)) if (analysis.runs.problem == k).any())
+    some = f"The {MOST_PROBLEMS} of {every} problems on which planners differ most. " if every > len(rows) else ""
+    return f"<p class=note>{some}{MATRIX}</p>{matrix_html(store, analysis, rows, address)}"
+
+
+MATRIX = (
+    "The scene with the robot at its start and the path of its tool; the time is that of the motion. Tick some of a "
+    "row to compare them. Pages of the first rows lie beside this file; <code>optiplan bench report DIR --serve</code> "
+    "has one for every row."
+)
+
+
+def _subsets(analysis: Analysis) -> list[tuple[str, Sequence[SubsetSummary]]]:
+    return [(what, some) for what, some in (("set", analysis.sets), ("difficulty", analysis.difficulties)) if some]
 
 
 def _parts(analysis: Analysis) -> str:
     note = "<p class=note>Share of verified runs; below it median planning time and median duration / bound.</p>"
-    found = [("set", analysis.sets), ("difficulty", analysis.difficulties)]
-    return note + "".join(f"<h3>By {what}</h3>{tables.parts(analysis, part)}" for what, part in found if part)
+    return note + "".join(
+        f"<h3>By {what}</h3>{framed(parts(analysis, some, what))}" for what, some in _subsets(analysis)
+    )
+
+
+def _problems(analysis: Analysis, names: Sequence[str]) -> str:
+    runs = analysis.runs
+    text = ""
+    for name in names:
+        number = runs.problems.index(name)
+        table = framed(problem_table(analysis, number))
+        of_set = html.escape(runs.sets[number])
+        text += f'<details data-set="{of_set}"><summary>{html.escape(name)}</summary>{table}</details>'
+    return text
 
 
 def _pairs(analysis: Analysis) -> str:
@@ -84,8 +210,8 @@ def _pairs(analysis: Analysis) -> str:
         return "<p class=note>There is but one planner.</p>"
     text = ""
     for field, what in (("duration", "Duration of the motion"), ("plan_time", "Planning time")):
-        text += f"<h3>{what}: median ratio, row / column</h3>{tables.matrix(analysis, field)}"
-    more = f"<details><summary>Every pair with its counts and tests</summary>{tables.pair_table(analysis)}</details>"
+        text += f"<h3>{what}: median ratio, row / column</h3>{framed(ratio_table(analysis, field))}"
+    more = f"<details><summary>Every pair with its counts and tests</summary>{framed(pair_table(analysis))}</details>"
     return text + more
 
 
@@ -112,7 +238,8 @@ def _reason(store: Store, reason: Reason, link: Link) -> str:
 
 
 def _example(store: Store, run: Failed, address: str | None) -> str:
-    command = shlex.join(["optiplan", "bench", "show", str(store.folder), *map(str, run[:4])])
+    folder, key = place_of(store, (run.problem, run.planner, run.seed, run.repetition))
+    command = shlex.join(["optiplan", "bench", "show", folder, *map(str, key)])
     opened = f'<a href="{html.escape(address)}">open scene{" and witness" if run.seen else ""}</a> ' if address else ""
     seen = "" if run.seen else " <small>no witness</small>"
     return (

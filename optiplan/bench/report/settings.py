@@ -5,12 +5,13 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from optiplan.bench.report.tables import NOTHING, Cell, Head, table
+from optiplan.bench.report.tables.cells import NOTHING, Cell, Head, ReportTable
 from optiplan.bench.results.database import Store
 
 MEANING = """
 <p>A run is <b>planned</b> when a path was found, <b>timed</b> when it has times, <b>verified</b> when the verifier
-proved it free of collisions and within all limits at all times, <b>executed</b> when a controller followed it.
+proved it free of collisions and within all limits at all times, <b>executed</b> when computed torque followed it
+on rigid-body dynamics without contact and with a tool error of at most 1 mm RMS (robots without inertias: not tried).
 Percentages are of all runs, failures included; times and durations are of verified runs only.</p>
 <p><b>Planning time</b> is wall time from the planner's call to its answer, path and times included; without loading,
 warm-up and verification. Runs that shared the machine slowed each other down, see workers and load. The median of one
@@ -55,10 +56,11 @@ def _words(value: Any) -> str:
 
 
 def _planners(store: Store) -> str:
-    rows = store.query("SELECT label, name, options FROM planners ORDER BY position")
-    cells = [(row["label"], row["name"], _words(json.loads(row["options"]))) for row in rows]
+    found = store.query("SELECT label, name, options FROM planners ORDER BY position")
+    cells = [(row["label"], row["name"], _words(json.loads(row["options"]))) for row in found]
     heads = [Head(text, words=True) for text in ("planner", "name", "options")]
-    return table(heads, [[Cell(html.escape(text), text) for text in row] for row in cells])
+    rows = [[Cell(html.escape(text), text) for text in row] for row in cells]
+    return ReportTable("options", "Planners and their options", heads, rows).html()
 
 
 def _sessions(store: Store) -> str:
@@ -79,7 +81,7 @@ def _sessions(store: Store) -> str:
             Cell("–" if value is None else f"{value:g}" if value < 1e5 else f"{value:.0f}", value) for value in numbers
         ]
         rows.append([*(Cell(html.escape(text), text) for text in words), *cells])
-    return table(heads, rows)
+    return ReportTable("sessions", "Sessions in which runs were made", heads, rows).html()
 
 
 def _versions(store: Store) -> str:

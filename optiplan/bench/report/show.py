@@ -1,6 +1,7 @@
 """Stored run for the viewer: its motion verified again, or the witness of its failure."""
 
 import json
+from collections.abc import Sequence
 
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import Key
@@ -19,16 +20,46 @@ def stored_view(store: Store, key: Key) -> tuple[Problem, ViewedRun]:
         UnknownChoiceError: there is no such problem.
     """
     problem = problem_from_dict(store.problem(key[0]).data)
+    return problem, _view(store, problem, key)
+
+
+def stored_views(store: Store, keys: Sequence[Key]) -> tuple[Problem, list[ViewedRun]]:
+    """Return the problem of several runs, and the data to show them together.
+
+    Raises:
+        InputError, UnknownChoiceError: as `stored_view`.
+    """
+    problem = problem_from_dict(store.problem(keys[0][0]).data)
+    return problem, [_view(store, problem, key) for key in keys]
+
+
+def keys_of(store: Store, problem: str, planners: str, seed: int, repetition: int) -> list[Key]:
+    """Return the keys of runs by planner: one label, several between commas, or `all` that have such a run.
+
+    Raises:
+        UnknownChoiceError: there is no such problem.
+    """
+    store.problem(problem)
+    labels = [row["label"] for row in store.query("SELECT label FROM planners ORDER BY position")]
+    if planners == "all":
+        done = store.done()
+        found = [label for label in labels if (problem, label, seed, repetition) in done]
+        return [(problem, label, seed, repetition) for label in found or labels[:1]]
+    names = [planners] if planners in labels else planners.split(",")
+    return [(problem, name, seed, repetition) for name in dict.fromkeys(names)]
+
+
+def _view(store: Store, problem: Problem, key: Key) -> ViewedRun:
     rows = store.query("SELECT * FROM runs WHERE problem = ? AND planner = ? AND seed = ? AND repetition = ?", key)
     if not rows:
         raise InputError([Issue(str(store.folder), None, "run", f"no run {key}", _choices(store, key[0]))])
     row = rows[0]
     trajectory = None if row["trajectory"] is None else store.trajectory(row["trajectory"])
     if trajectory is not None:
-        return problem, ViewedRun(row["planner"], trajectory, verify(problem, trajectory).to_dict())
+        return ViewedRun(row["planner"], trajectory, verify(problem, trajectory).to_dict())
     witness = json.loads(row["witness"] or "null")
     failure = {"kind": row["failure_kind"], "detail": row["failure_detail"], "witness": witness}
-    return problem, ViewedRun(row["planner"], None, None, failure)
+    return ViewedRun(row["planner"], None, None, failure)
 
 
 def _choices(store: Store, problem: str) -> str:

@@ -19,7 +19,16 @@ from typing import Any, Self
 
 from optiplan.bench.execution.machine import now
 from optiplan.bench.results.records import COLUMNS, BenchPlanner, BenchProblem, Key, Outcome
-from optiplan.bench.results.tables import ADDED, SCHEMA, SCHEMA_VERSION, VIEW
+from optiplan.bench.results.tables import (
+    ABSORB_PLANNERS,
+    ABSORB_PROBLEMS,
+    ABSORB_RUNS,
+    ABSORB_SESSIONS,
+    ADDED,
+    SCHEMA,
+    SCHEMA_VERSION,
+    VIEW,
+)
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.files import replacing
 from optiplan.trajectory.trajectory import Trajectory
@@ -123,6 +132,11 @@ class Store:
             raise KeyError(key)
         return json.loads(found[0][0])
 
+    def set_meta(self, key: str, value: Any) -> None:
+        """Write a value of table `meta`, JSON-ready."""
+        with self._transaction():
+            self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, json.dumps(value)))
+
     @property
     def code(self) -> dict[str, Any] | None:
         """The code that the runs are of, as `Suite.code`; None in results of a release that did not record it."""
@@ -169,15 +183,48 @@ class Store:
         return Trajectory.from_dict(json.loads(zlib.decompress(rows[0]["data"])))
 
     def fill(self, problems: tuple[BenchProblem, ...], planners: tuple[BenchPlanner, ...]) -> None:
-        """Write the suite's problems and planners where they are not there yet."""
+        """Write the suite's problems and planners where they are not there yet, behind those that are."""
         with self._transaction():
-            for position, planner in enumerate(planners):
+            for position, planner in enumerate(planners, self._next_position("planners")):
                 row = (planner.label, position, planner.name, json.dumps(dict(planner.options)))
                 self._db.execute("INSERT OR IGNORE INTO planners VALUES (?, ?, ?, ?)", row)
-            for position, p in enumerate(problems):
+            for position, p in enumerate(problems, self._next_position("problems")):
                 data = (json.dumps(dict(p.data)), json.dumps(dict(p.origin)))
                 values = (p.id, position, p.set_name, p.difficulty, p.hash, *data)
                 self._db.execute("INSERT OR IGNORE INTO problems VALUES (?, ?, ?, ?, ?, ?, ?)", values)
+
+    def absorb(self, other: "Store", labels: Mapping[str, str]) -> tuple[int, int]:
+        """Copy everything of another store but its `meta`; what is there already stays, each run comes once.
+
+        Args:
+            other: read from its file, so it may be open and written to.
+            labels: new names of planners; those that are left out keep theirs.
+
+        Returns:
+            The number of the first copied session and that beyond the last.
+        """
+        first = self.query("SELECT coalesce(max(session), 0) + 1 FROM sessions")[0][0]
+        named = {row["label"]: row["label"] for row in other.query("SELECT label FROM planners")} | dict(labels)
+        columns = ", ".join(name for name in COLUMNS if name != "planner")
+        with self._translated_errors():
+            self._db.execute("ATTACH DATABASE ? AS other", (str(other.path),))
+            try:
+                with self._transaction():
+                    self._db.execute("CREATE TEMP TABLE labels (old TEXT PRIMARY KEY, new TEXT)")
+                    self._db.executemany("INSERT INTO labels VALUES (?, ?)", named.items())
+                    self._db.execute(ABSORB_PROBLEMS, (self._next_position("problems"),))
+                    self._db.execute(ABSORB_PLANNERS, (self._next_position("planners"),))
+                    self._db.execute("INSERT OR IGNORE INTO trajectories SELECT sha256, data FROM other.trajectories")
+                    self._db.execute(ABSORB_SESSIONS, (first - 1,))
+                    self._db.execute(ABSORB_RUNS.format(columns=columns), (first - 1,))
+                    self._db.execute("DROP TABLE labels")
+            finally:
+                self._db.execute("DETACH DATABASE other")
+        return first, self.query("SELECT coalesce(max(session), 0) + 1 FROM sessions")[0][0]
+
+    def _next_position(self, table: str) -> int:
+        found: int = self.query(f"SELECT coalesce(max(position), -1) + 1 FROM {table}")[0][0]
+        return found
 
     def begin(self, workers: str, machine: Mapping[str, Any], versions: Mapping[str, str]) -> None:
         """Start a session: the runs added from now on belong to it."""

@@ -46,3 +46,20 @@ FROM runs LEFT JOIN bounds ON bounds.problem = runs.problem
 """
 """`rated`: the runs with one bound for each problem, the least over the end configurations that verified runs reached
 and those that the problem lists, s; and `ratio`, duration / that bound."""
+
+ABSORB_PROBLEMS = """
+INSERT OR IGNORE INTO problems SELECT id, position + ?, set_name, difficulty, hash, data, origin
+FROM other.problems ORDER BY position
+"""
+ABSORB_PLANNERS = """
+INSERT OR IGNORE INTO planners SELECT new, position + ?, name, options
+FROM other.planners JOIN labels ON old = label ORDER BY position
+"""
+ABSORB_SESSIONS = """
+INSERT INTO sessions SELECT session + ?, started_at, ended_at, how, workers, machine, versions FROM other.sessions
+"""
+ABSORB_RUNS = """
+INSERT OR IGNORE INTO runs ({columns}, planner, session)
+SELECT {columns}, new, session + ? FROM other.runs JOIN labels ON old = other.runs.planner
+"""
+"""Copy the tables of an attached database `other`; table `labels` (old, new) names its planners."""

@@ -10,8 +10,9 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 
 from optiplan.config.document import Document, Number, Strict, Whole, read_yaml, validate
 from optiplan.config.values import Name
+from optiplan.problem.schema import LimitScalesSpec, ObjectiveSpec
 
-COMMON = frozenset({"set", "difficulty"})
+COMMON = frozenset({"set", "difficulty", "limits", "objective"})
 KINDS = {
     "glob": frozenset({"first", "every"}),
     "mbm": frozenset({"robot", "sets", "first", "every"}),
@@ -54,6 +55,8 @@ class SourceSpec(Strict):
         generate: name of a generator of scenes.
         set: name of the set; for `mbm` what stands before the names of its folders.
         difficulty: label of all problems of this source that the suite's own table does not name.
+        limits, objective: as in a problem file, for all problems of this source; what is given here goes before what
+            their files say, key by key.
         robot: a name or a robot file relative to the suite file, instead of the one in the data.
         sets: only these folders or groups.
         first: number of problems to keep of each set.
@@ -69,6 +72,8 @@ class SourceSpec(Strict):
     generate: Name | None = None
     set: SetName | None = None
     difficulty: Name | None = None
+    limits: LimitScalesSpec | None = None
+    objective: ObjectiveSpec | None = None
     robot: Name | None = None
     sets: tuple[Name, ...] | None = None
     first: Count | None = None

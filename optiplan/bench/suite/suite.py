@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from optiplan.bench.execution.code_version import own_code, own_digest, planner_code
+from optiplan.bench.execution.executed import METRICS as EXECUTION_METRICS
 from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask
 from optiplan.bench.sources.base import Found, Place
 from optiplan.bench.sources.readers import read_source
-from optiplan.bench.suite.schema import SuiteSpec, read_suite
+from optiplan.bench.suite.schema import SourceSpec, SuiteSpec, read_suite
 from optiplan.config.document import Document, validate
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
@@ -26,7 +27,7 @@ from optiplan.problem.from_data import source_of
 from optiplan.problem.schema import ProblemSpec
 from optiplan.runs.metrics import Metrics
 
-METRICS = tuple(item.name for item in fields(Metrics))
+METRICS = (*(item.name for item in fields(Metrics)), *EXECUTION_METRICS)
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,12 @@ class Suite:
     @property
     def hash(self) -> str:
         """SHA-256, in hex, of `parts`; neither the suite's name nor where files lie counts."""
-        return hashlib.sha256(json.dumps(self.parts, sort_keys=True).encode()).hexdigest()
+        return hash_of_parts(self.parts)
+
+
+def hash_of_parts(parts: Mapping[str, Any]) -> str:
+    """SHA-256, in hex, of what identifies a suite."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 def load_suite(path: Path | str, scratch: Path, progress: Progress = lambda stage, fraction: None) -> Suite:
@@ -178,12 +184,27 @@ def _problems(places: list[Place], issues: list[Issue], progress: Progress) -> d
                     what = f"a second problem '{item.id}'"
                     issues.append(place.issue(place.spec.kind, what, "other names, or another set:"))
                 try:
-                    found[item.id] = _problem(item, place.spec.difficulty, robots)
+                    found[item.id] = _problem(_with_stated(item, place.spec), place.spec.difficulty, robots)
                 except InputError as error:  # the others may have issues, too
                     issues += error.issues
         except InputError as error:
             issues += error.issues
     return found
+
+
+def _with_stated(item: Found, source: SourceSpec) -> Found:
+    """Put what the source states of limits and objective over what the problem's file says, key by key."""
+    stated = {
+        key: spec.model_dump(mode="json", exclude_unset=True)
+        for key, spec in (("limits", source.limits), ("objective", source.objective))
+        if spec is not None
+    }
+    own = {key: item.data.get(key, {}) for key in stated}
+    if not stated or not all(isinstance(values, Mapping) for values in own.values()):  # the schema will tell
+        return item
+    data = {**item.data, **{key: {**own[key], **values} for key, values in stated.items()}}
+    document = None if item.document is None else replace(item.document, data=data)
+    return replace(item, data=data, document=document, origin={**item.origin, **stated})
 
 
 def _problem(item: Found, difficulty: str | None, robots: RobotCache) -> BenchProblem:

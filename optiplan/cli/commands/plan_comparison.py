@@ -4,9 +4,8 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -17,11 +16,11 @@ from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError, Issue
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.registry import PLANNERS, planner_entry
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import Problem
+from optiplan.runs.common_bound import Bound, common_bound
 from optiplan.runs.pipeline import attempt
-from optiplan.runs.run import SMALLEST_BOUND, Run
+from optiplan.runs.run import Run
 from optiplan.runs.run_folder import save_run
-from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.verify.report import jsonable
 
 ALL = "all"
@@ -93,36 +92,9 @@ def _rank(run: Run) -> tuple[bool, bool, float]:
     return not run.verified, run.trajectory is None, run.duration or 0.0
 
 
-class Bound(NamedTuple):
-    """Lower bound by which all durations of a comparison are divided, s, and what it is the least of."""
-
-    seconds: float | None
-    words: str
-
-    def ratio(self, run: Run) -> float | None:
-        """Duration / bound; None without a motion, or where the robot need not move."""
-        return None if run.duration is None or self.seconds is None else run.duration / self.seconds
-
-
 def bound_of(runs: Sequence[Run]) -> Bound:
-    """Return the lower bound of the problem of these runs.
-
-    No motion to an end configuration is shorter than its bound. Of the problem it is the least over the end
-    configurations that the verified runs reached and those that the problem lists.
-    """
-    problem = runs[0].problem
-    listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
-    reached = [run.trajectory.end for run in runs if run.verified and run.trajectory is not None]
-    if not listed and not reached:
-        return Bound(None, "not known: no goal configuration is listed, and none was reached")
-    seconds = float(lower_bounds(problem.start, np.array([*listed, *reached]), problem.limits).min())
-    if seconds < SMALLEST_BOUND:
-        return Bound(None, "none: the robot need not move")
-    if len(listed) == len(problem.goal):
-        words = "of the goal" if len(listed) == 1 else f"the least over the {len(listed)} goals of the problem"
-    else:
-        words = "the least over the end configurations reached here; others may have a lower one"
-    return Bound(seconds, words)
+    """Return the lower bound of the problem of these runs."""
+    return common_bound(runs[0].problem, [run.trajectory.end for run in runs if run.verified and run.trajectory])
 
 
 def exit_code(runs: Sequence[Run]) -> Exit:
@@ -140,7 +112,7 @@ def show(runs: Sequence[Run], as_json: bool, unsaved: Sequence[InputError] = ())
     for error in unsaved:
         print_error(f"a run is not saved: {error}")
     if as_json:
-        rows = [{**run.to_dict(), "ratio": bound.ratio(run)} for run in runs]
+        rows = [{**run.to_dict(), "ratio": bound.ratio(run.duration)} for run in runs]
         found = {"seconds": bound.seconds, "of": bound.words}
         print_json(jsonable({"runs": rows, "bound": found, "exit_code": int(code)}))
         return code
@@ -187,7 +159,7 @@ def _table(runs: Sequence[Run], bound: Bound, headings: Sequence[str], reasons: 
     for run in runs:
         word = "no plan" if run.trajectory is None else "not verified"
         verdict = "[green]verified[/]" if run.verified else f"[red]{word}[/]"
-        cells = dict(zip((*TIMES, *MEASURES), (verdict, *_numbers(run, bound.ratio(run))), strict=True))
+        cells = dict(zip((*TIMES, *MEASURES), (verdict, *_numbers(run, bound.ratio(run.duration))), strict=True))
         why = [escape(_reason(run))] if reasons else []
         table.add_row(run.planner, *(cells[heading] for heading in headings), *why)
     return table

@@ -1,5 +1,6 @@
-"""`optiplan view`: runs in the browser, or as a page to send."""
+"""`optiplan view`: runs in the browser, or as a page, a picture or a film to send."""
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -7,32 +8,77 @@ import typer
 
 from optiplan.cli.output import results
 from optiplan.errors import InputError, Issue
+from optiplan.files import write_text
 
 
 def view(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="run folders of one problem")],
     export: Annotated[Path | None, typer.Option(metavar="PAGE.html", help="write one file, serve nothing")] = None,
+    png: Annotated[Path | None, typer.Option(metavar="FILE.png", help="write a picture of the page")] = None,
+    gif: Annotated[
+        Path | None, typer.Option(metavar="FILE.gif", help="write a film of the scene (or FILE.webp)")
+    ] = None,
+    at: Annotated[str, typer.Option(metavar="ADDRESS", help="what pictures show, as after the page's #")] = "",
+    size: Annotated[str, typer.Option(metavar="WxH", help="size of pictures, px")] = "1280x800",
     port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="first port to try; 0: any")] = 7000,
 ) -> int:
-    """Show runs in the browser: play, pause, scrub, slow down; several runs of one problem play side by side.
+    """Show runs in the browser: motion, curves against limits, clearance, verdict; several runs side by side.
 
     An exported page needs no network and no OptiPlan; `#t=0.6&paused` behind its address shows one instant.
+    Pictures and films need chromium and the extra `optiplan[pictures]`.
 
     [bold]Examples[/]
 
       optiplan view runs/shelf
 
       optiplan view runs/trajopt runs/rrtconnect --export compare.html
+
+      optiplan view runs/shelf --png shelf.png --at "t=0.4&tab=jerk"
+
+      optiplan view runs/shelf --gif shelf.gif --at "speed=0.25" --size 800x500
     """
     from optiplan.cli.viewing import open_runs, serve_page
-    from optiplan.viewer.page import export_page
+    from optiplan.viewer.page import render_page
+    from optiplan.viewer.pictures import save_film, save_picture
+    from optiplan.viewer.scene import build_scene
 
-    if export is not None and export.is_dir():
-        raise InputError([Issue(str(export), None, "export", "is a folder", "a file to write, such as page.html")])
+    wanted = {"export": export, "png": png, "gif": gif}
+    _check(wanted)
+    pixels = _pixels(size)
     problem, shown = open_runs(runs)
-    if export is None:
+    if not any(wanted.values()):
         serve_page(problem, shown, port)
         return 0
-    export_page(problem, shown, export)
-    results().print(f"written: {export}", markup=False, soft_wrap=True)
+    page = render_page(build_scene(problem, shown))
+    for name, path in wanted.items():
+        if path is None:
+            continue
+        if name == "export":
+            write_text(path, page)
+        elif name == "png":
+            save_picture(page, path, at, pixels)
+        else:
+            save_film(page, path, at, pixels)
+        results().print(f"written: {path}", markup=False, soft_wrap=True)
     return 0
+
+
+def _check(wanted: dict[str, Path | None]) -> None:
+    """Raise InputError where a file to write is a folder, or its name does not fit."""
+    suffixes = {"export": (), "png": (".png",), "gif": (".gif", ".webp")}
+    issues = []
+    for name, path in wanted.items():
+        if path is not None and path.is_dir():
+            issues.append(Issue(str(path), None, name, "is a folder", "a file to write, such as page.html"))
+        elif path is not None and suffixes[name] and path.suffix.lower() not in suffixes[name]:
+            found = f"a name that ends with '{path.suffix}'"
+            issues.append(Issue(str(path), None, name, found, " or ".join(suffixes[name])))
+    if issues:
+        raise InputError(issues)
+
+
+def _pixels(size: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d{2,4})x(\d{2,4})", size)
+    if found is None:
+        raise InputError([Issue("view", None, "size", f"'{size}'", "width x height in px, such as 1280x800")])
+    return int(found[1]), int(found[2])

@@ -107,7 +107,7 @@ def _with_tool(robot: Any, frame: str | None) -> Any:
 
 
 def _save(found: list[Any], out: Path) -> list[Path]:
-    from optiplan.viewer.workspace_export import save_workspaces
+    from optiplan.viewer.workspaces.export import save_workspaces
 
     return save_workspaces(found, out)
 

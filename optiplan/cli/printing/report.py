@@ -106,6 +106,8 @@ def _show_failure(console: Console, failure: Failure, title: str) -> None:
     console.print(f"[bold red]no plan[/] · [bold]{escape(title)}[/]")
     console.print(f"{failure.kind}: {failure.detail}", markup=False, style="red")
     for key, value in failure.witness.items():
+        if key == "motion":  # polynomials: for the viewer
+            continue
         console.print(f"  {key}: {_short(value)}", markup=False, soft_wrap=True)
 
 

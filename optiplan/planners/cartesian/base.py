@@ -20,8 +20,9 @@ from optiplan.planners.common.context import Work
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.option_schema import PlannerOptions, option
+from optiplan.problem.constraints import statements
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
-from optiplan.trajectory.timing.time_path import Method, TimingOptions, ToolSpeed, time_path
+from optiplan.trajectory.timing.time_path import Method, TimingOptions, ToolLimits, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
 _AVOIDANCES = (4.0, 20.0)  # of limits, by arms with more joints than they need; tried in this order
@@ -66,7 +67,12 @@ class _Task:
 
 
 class ToolMotion(Planner[Options]):
-    """A planner is this class and its `path`."""
+    """A planner is this class and its `path`.
+
+    Path constraints are held where the path does by itself; the verifier tells.
+    """
+
+    holds_constraints = True
 
     @abstractmethod
     def path(self, start: pin.SE3, goal: pin.SE3, tolerance: tuple[float, float]) -> ToolPath:
@@ -181,7 +187,11 @@ class ToolMotion(Planner[Options]):
         o = self.options
         given = {"linear": o.speed, "angular": o.angular_speed, "linear_acceleration": o.acceleration}
         limits = {name: value for name, value in given.items() if value is not None}
-        tool = ToolSpeed(frame, **limits) if limits else None
+        for one in work.problem.path_constraints:
+            if isinstance(one, statements.ToolSpeed) and one.frame == frame:
+                wanted = {"linear": one.linear, "angular": one.angular}
+                limits |= {name: min(value, limits.get(name, np.inf)) for name, value in wanted.items()}
+        tool = ToolLimits(frame, **limits) if limits else None
         method = None if o.profile is None else _METHODS[o.profile]
         robot, joint_limits = work.problem.robot, work.problem.limits
         timed = time_path(followed, robot, joint_limits, TimingOptions(method, tool, lambda: work.budget.over))

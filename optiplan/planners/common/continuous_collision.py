@@ -6,15 +6,20 @@ travel to both ends. Where it does not, the interval is subdivided into as many 
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array, Index
 from optiplan.collision.model import CollisionModel, Contact
+from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.planners.common.failures import contact_witness
 from optiplan.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import World
 
 Curve = Callable[[Array, Array], tuple[Array, Array]]
 """(middles (N,), half widths (N,)) of intervals -> (Q (N, n), D (N, n)): the middle configurations and bounds on how
@@ -35,9 +40,10 @@ class Touch:
     q: Array
     contact: Contact
 
-    def witness(self) -> dict[str, Any]:
-        """Return the contact as a JSON-ready `Failure.witness`."""
-        return {"t": self.t, **contact_witness(self.q, self.contact)}
+    def witness(self, motion: Trajectory | None = None) -> dict[str, Any]:
+        """Return the contact as a JSON-ready `Failure.witness`, with the `motion` that touches if it is given."""
+        moving = {} if motion is None else {"motion": motion.to_dict()}
+        return {"t": self.t, **contact_witness(self.q, self.contact), **moving}
 
 
 def first_contact(
@@ -56,6 +62,9 @@ def contacts_along(
     proved free nor found in contact counts as a contact, and so does any interval left when `stop` returns True:
     callers check their budget before they rely on a contact.
     """
+    if isinstance(model, NativeCollisionModel) and model.world is not None:
+        yield from _natively(model, model.world, trajectory, stop)
+        return
     curve, edges = trajectory_curve(trajectory), trajectory.breakpoints
     _, D = curve(0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
     middle, half = _subdivide(edges, np.ceil(2.0 * D.sum(axis=1) / _FIRST_STEP))
@@ -77,6 +86,39 @@ def contacts_along(
         touch = _prove(model, curve, (middle[part], half[part]), stop)
         if touch is not None:
             yield touch
+
+
+def _natively(
+    model: CollisionModel, world: "World", trajectory: Trajectory, stop: Callable[[], bool]
+) -> Iterator[Touch]:
+    """Do the same in the native core, some intervals between two looks at `stop`."""
+    rules = np.array([_FIRST_STEP, _MARGIN, _RESOLUTION, _MOST_CUTS])
+    edges, coefficients = trajectory.breakpoints, np.ascontiguousarray(trajectory.coefficients)
+    sweep = core.Sweep(world, np.ascontiguousarray(edges), coefficients, rules)
+    parts = [(k, min(k + _CHUNK, sweep.intervals)) for k in range(0, sweep.intervals, _CHUNK)]
+    seen = False
+    for look in (sweep.look, sweep.prove):
+        for part in parts:
+            if stop():
+                yield from _touches(model, trajectory, float(edges[0]), None, stopped=True)
+                return
+            for found in look(*part):
+                t, pair = found if isinstance(found, tuple) else (found, None)
+                for touch in _touches(model, trajectory, t, pair):
+                    seen = True
+                    yield touch
+        if seen:
+            return
+
+
+def _touches(
+    model: CollisionModel, trajectory: Trajectory, t: float, pair: int | None, stopped: bool = False
+) -> Iterator[Touch]:
+    """The contact of a pair at t, or of the nearest one if that touches or the work has been `stopped`."""
+    q = trajectory_curve(trajectory)(np.array([t]), np.zeros(1))[0][0]
+    contact = model.clearance(q) if pair is None else model.distance(q, pair)
+    if contact is not None and (stopped or pair is not None or contact.distance <= 0.0):
+        yield Touch(t, q, contact)
 
 
 def trajectory_curve(trajectory: Trajectory) -> Curve:

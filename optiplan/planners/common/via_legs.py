@@ -16,11 +16,16 @@ from optiplan.trajectory.trajectory import Trajectory
 def plan_through(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
     """Plan the problem, or leg by leg between vias.
 
-    A planner that `passes_vias` plans the whole problem; for any other, see `leg_by_leg`.
+    A planner that `passes_vias` plans the whole problem; for any other, see `leg_by_leg`. Path constraints are
+    `unsupported` by planners that do not say `holds_constraints`.
 
     Raises:
         PlannerAnswerError: a planner from outside returns what is no answer.
     """
+    if problem.path_constraints and not planner.holds_constraints:
+        kinds = ", ".join(dict.fromkeys(one.KEY for one in problem.path_constraints))
+        detail = f"this planner does not hold path constraints ({kinds})"
+        return PlanResult(None, Failure("unsupported", detail))
     if not problem.vias or planner.passes_vias:
         return _answer(planner, problem, budget, progress)
     return leg_by_leg(planner, problem, budget, progress)

@@ -147,7 +147,7 @@ class PointToPoint(Planner[Options]):
         with watch.stage("collision"):
             touch = first_contact(model, motion, lambda: work.budget.over)
         if touch is not None:
-            return _collision(touch)
+            return _collision(touch, motion)
         with watch.stage("torque"):
             slower = within_torque(model.robot, limits, motion)
         if slower is None:
@@ -169,7 +169,7 @@ class PointToPoint(Planner[Options]):
         return slower.duration
 
 
-def _collision(touch: Touch) -> Failure:
+def _collision(touch: Touch, motion: Trajectory) -> Failure:
     pair = touch.contact.pair
     detail = f"the motion is not free: '{pair.name_a}' meets '{pair.name_b}' at {touch.t:.3f} s"
-    return Failure("collision", detail, touch.witness())
+    return Failure("collision", detail, touch.witness(motion))

@@ -1,7 +1,7 @@
 """What a search for a path is given and gives back; RRT-Connect in the native core."""
 
 from dataclasses import dataclass
-from math import inf
+from math import ceil, inf
 from typing import Literal, Protocol
 
 import numpy as np
@@ -80,7 +80,7 @@ def native_rrt_connect(  # noqa: PLR0913
         check.native, still, places, box, np.ascontiguousarray(start), np.ascontiguousarray(goals), reach, seed
     )
     while not (trees.met or budget.over or trees.iterations >= patience):
-        left = int(min(patience - trees.iterations, 1_000_000))
+        left = ceil(min(patience - trees.iterations, 1e6))
         trees.grow(left, min(_SLICE, budget.remaining))
     path = None
     if trees.met:

@@ -27,6 +27,8 @@ class Sclerp(Planner[SclerpOptions]):
 
     Options = SclerpOptions
 
+    holds_constraints = True  # where the screw does; the verifier tells
+
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         watch, model = Stopwatch(), planning_model(problem.robot, problem.scene)

@@ -4,15 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.native_sqp import NativeSqp
 from optiplan.planners.trajopt.native_step import step_solver
-from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, optimise
+from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
+from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
 from optiplan.planners.trajopt.transcription import Margins, Transcription
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -80,34 +82,39 @@ class Optimiser:
         """
         margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
         transcription = Transcription(self.problem, self.model, self.basis, margins)
-        subproblem = step_solver(transcription, self.options.solver)
+        descender = self._descender(transcription)
         u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
         iterations, attempt = 0, None
         longest = np.inf if patient else GROWN * self.basis.shortest_duration(control, self.problem.limits.rates)
         for _ in range(self.options.refinements + 1):
-            transcription.set_samples(u)
+            descender.set_samples(u)
             left = self.options.iterations - iterations
-            point, used = optimise(subproblem, control, left, lambda: budget.over, best, longest)
-            iterations += used
-            self.steps += used
-            control = point.control
-            late = budget.over and self.problem.objective.time * point.duration >= best
-            if late or budget.cancelled or point.contacts.violation() > MAX_VIOLATION:
+            found = descender.optimise(control, left, lambda: budget.over, best, longest)
+            iterations += found.steps
+            self.steps += found.steps
+            control = found.control
+            late = budget.over and self.problem.objective.time * found.duration >= best
+            if late or budget.cancelled or found.missing > MAX_VIOLATION:
                 return None
-            trajectory = self.timed(control, point.duration)
+            trajectory = self.timed(control, found.duration)
             if trajectory is None:
                 return None
             touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
-            close = bool((point.contacts.value < ACTIVE).any())
+            close = found.nearest < ACTIVE
             attempt = Attempt(control, trajectory, touches[0] if touches else None, close, iterations)
             if budget.cancelled:
                 return None
-            enough = iterations >= self.options.iterations or (iterations >= SLOW and point.duration > longest)
-            if not touches or enough or budget.over or point.contacts.violation() > STUCK:
+            enough = iterations >= self.options.iterations or (iterations >= SLOW and found.duration > longest)
+            if not touches or enough or budget.over or found.missing > STUCK:
                 break
             near = [_around(transcription.u, touch.t / trajectory.duration) for touch in touches]
             u = np.concatenate([transcription.u, *near])
         return attempt
+
+    def _descender(self, transcription: Transcription) -> Descender:
+        if self.options.solver == AUTO and core is not None:
+            return NativeSqp(transcription)
+        return Sqp(step_solver(transcription, self.options.solver))
 
     def _length(self, control: Array) -> float:
         """Return the path length, m, of the joint origin that the curve carries farthest."""

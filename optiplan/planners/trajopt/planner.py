@@ -82,7 +82,7 @@ class _Run:
         self.curve: Attempt | None = None  # the best optimised one
         self.searched_in_vain = False  # whether a search ended without a path
         self.direct = True  # whether straight lines, with or without a bump, are still tried
-        self.touching: Touch | None = None
+        self.touching: tuple[Touch, Trajectory] | None = None
         self.bound = 0.0
         self.patience = Patience(budget, options.good_enough)
         with self.watch.stage("set-up"):
@@ -268,7 +268,7 @@ class _Run:
             entry["duration"] = attempt.trajectory.duration
         self.info["attempts"].append(entry)
         if attempt is not None and attempt.touch is not None:
-            self.touching = attempt.touch
+            self.touching = attempt.touch, attempt.trajectory
             return None
         return attempt
 
@@ -298,6 +298,7 @@ class _Run:
         detail = f"no free trajectory within {self.budget.seconds:.3g} s"
         if self.touching is None:
             return Failure("budget", detail)
-        pair = self.touching.contact.pair
-        detail += f"; the best attempt touches: '{pair.name_a}' and '{pair.name_b}' at t = {self.touching.t:.3f} s"
-        return Failure("collision", detail, self.touching.witness())
+        touch, motion = self.touching
+        pair = touch.contact.pair
+        detail += f"; the best attempt touches: '{pair.name_a}' and '{pair.name_b}' at t = {touch.t:.3f} s"
+        return Failure("collision", detail, touch.witness(motion))

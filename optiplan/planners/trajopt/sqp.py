@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
+from typing import NamedTuple, Protocol
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.native_step import StepSolver
@@ -36,6 +37,55 @@ SLOW, WORSE = 30, 1.5
 
 GROWN = 2.0
 """Times its first duration that a curve may take then: those that wind around things seldom become good."""
+
+
+class Descended(NamedTuple):
+    """Where a descent ended.
+
+    Attributes:
+        control: (K, n), rad or m.
+        duration: s.
+        missing: clearance violation summed over the samples, m.
+        nearest: least clearance of a near pair beyond its margin, m; infinite where none is near.
+        steps: taken.
+    """
+
+    control: Array
+    duration: float
+    missing: float
+    nearest: float
+    steps: int
+
+
+class Descender(Protocol):
+    """Descends from curves of one transcription."""
+
+    def set_samples(self, u: Array) -> None:
+        """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
+
+    def optimise(
+        self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
+    ) -> Descended:
+        """Descend from control points (K, n); see the function `optimise`."""
+
+
+class Sqp:
+    """Descends with one solver of programs: the reference."""
+
+    def __init__(self, subproblem: StepSolver) -> None:
+        self.subproblem = subproblem
+
+    def set_samples(self, u: Array) -> None:
+        """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
+        self.subproblem.transcription.set_samples(u)
+
+    def optimise(
+        self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
+    ) -> Descended:
+        """Descend from control points (K, n); see the function `optimise`."""
+        point, steps = optimise(self.subproblem, control, iterations, stop, best, longest)
+        nearest = float(point.contacts.value.min(initial=inf))
+        return Descended(point.control, point.duration, point.contacts.violation(), nearest, steps)
 
 
 @dataclass(frozen=True, eq=False)

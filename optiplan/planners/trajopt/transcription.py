@@ -8,7 +8,7 @@ import numpy.typing as npt
 import pinocchio as pin
 import scipy.sparse as sp
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.collision.model import CollisionModel, Contacts
 from optiplan.planners.trajopt.bspline_basis import FIXED, SplineBasis
 from optiplan.problem.problem import Problem
@@ -135,16 +135,19 @@ class Transcription:
     def set_samples(self, u: Array) -> None:
         """Set the instants, as fractions of the duration, at which contacts and torques are evaluated."""
         self.u = np.unique(u)
-        self._at = [self.basis.at(self.u, order) for order in range(3)]
+        self.at = [self.basis.at(self.u, order) for order in range(3)]
         self._watched: Mask = np.zeros((len(self.u), len(self._limited)), dtype=bool)
 
     def contacts(self, control: Array) -> SoftRows:
         """Return the rows of all pairs nearer than the cutoff."""
-        Q = self._at[0] @ control
+        sample, value, gradient = self.near(self.at[0] @ control)
+        return SoftRows(sample, value, self._spread(gradient, self.at[0][sample]), np.zeros(len(value)))
+
+    def near(self, Q: Array) -> tuple[Index, Array, Array]:
+        """Sample (K,), clearance beyond the margin (K,), m, its gradient (K, n), of pairs near at Q (N, n)."""
         found = _pushed_one_way(self.model.near(Q, CUTOFF))
         value = found.distance - self.margins.at(self.u[found.rows], found.pairs)
-        by_control = self._spread(self.model.gradients(Q, found), self._at[0][found.rows])
-        return SoftRows(found.rows, value, by_control, np.zeros(len(value)))
+        return found.rows, value, self.model.gradients(Q, found)
 
     def jerk_cost(self, control: Array, duration: float) -> JerkCost:
         """Return the cost w * (integral of squared jerk) = w T^-5 C' H C, with w from the objective."""
@@ -163,7 +166,7 @@ class Transcription:
         free = (self.basis.size - 2 * FIXED) * control.shape[1]
         if not len(self._limited):
             return SoftRows.none(free)
-        motion = [matrix @ control / duration**order for order, matrix in enumerate(self._at)]
+        motion = [matrix @ control / duration**order for order, matrix in enumerate(self.at)]
         tau = np.array([pin.rnea(self._pin, self._data, q, v, a) for q, v, a in zip(*motion, strict=True)])
         share = tau[:, self._limited] / self.limits.torque[self._limited]
         exceeded: Mask = np.abs(share) > 1.0
@@ -177,7 +180,7 @@ class Transcription:
         rows = [matrix[back, joint] * scale[:, None] for matrix in derivatives]  # by q, v, a: (R, n) each
         by_control = sum(
             self._spread(row, matrix[sample] / duration**order)
-            for order, (row, matrix) in enumerate(zip(rows, self._at, strict=True))
+            for order, (row, matrix) in enumerate(zip(rows, self.at, strict=True))
         )
         by_duration = -np.einsum("rj,rj->r", rows[1], motion[1][sample])
         by_duration -= 2.0 * np.einsum("rj,rj->r", rows[2], motion[2][sample])

@@ -61,7 +61,7 @@ def convert(scene: Mapping[str, Any], request: Mapping[str, Any], robot: Robot, 
 def _refuse(scene: Mapping[str, Any], request: Mapping[str, Any]) -> None:
     constraints = request.get("path_constraints") or {}
     if any(constraints.values()) or (request.get("trajectory_constraints") or {}).get("constraints"):
-        raise CannotConvert("the request has path constraints, which problem files cannot hold yet")
+        raise CannotConvert("the request has path constraints, which are not converted")
     octomap = ((scene.get("world") or {}).get("octomap") or {}).get("octomap") or {}
     if octomap.get("data"):
         raise CannotConvert("the scene has an octomap, which problem files cannot hold yet")

@@ -180,6 +180,11 @@ class PairBounds:
         both = np.array(bodies).reshape(-1, len(self.kinematics.revolute))[self.pairs] * self.moves  # (P, 2, J)
         return self.kinematics.planned_bound(both.sum(axis=1))
 
+    def body_reaches(self) -> Array:
+        """Distance, m, of the farthest corner of every body's box from the origin of its joint, (G,)."""
+        corners = np.einsum("gij,gkj->gki", self.placement[:, :3, :3], self._corners) + self.placement[:, None, :3, 3]
+        return np.asarray(np.linalg.norm(corners, axis=2).max(axis=1, initial=0.0))
+
     def _axis_distances(self, Q: Array) -> Array:
         """Distance, m, of the farthest corner of every body's box from every joint axis at Q (N, n): (N, G, J)."""
         poses = self.kinematics.poses(Q)
@@ -223,6 +228,6 @@ def _local_box(geometry: coal.CollisionGeometry) -> tuple[Array, Array, float]:
     if isinstance(geometry, coal.Sphere):
         return centre, half, float(geometry.radius)
     if isinstance(geometry, coal.ConvexBase):
-        vertices = np.array([geometry.point(i) for i in range(geometry.num_points)])
+        vertices = np.array(geometry.points())
         return centre, half, float(np.linalg.norm(vertices - centre, axis=1).max())
     return centre, half, float(np.linalg.norm(half))

@@ -27,7 +27,7 @@ _RESERVE = 1e-4  # share of the tool's limits kept free for what happens between
 
 
 @dataclass(frozen=True)
-class ToolSpeed:
+class ToolLimits:
     """Limits of a frame of the robot against the world; infinite where there is none.
 
     Attributes:
@@ -67,7 +67,7 @@ class Rows:
     bound: Array
 
 
-def rows_at(path: Trajectory, robot: Robot, limits: Limits, tool: ToolSpeed | None, s: Array) -> Rows:
+def rows_at(path: Trajectory, robot: Robot, limits: Limits, tool: ToolLimits | None, s: Array) -> Rows:
     """The rows of the module's table at s (k,): joint acceleration, torque where limited, tool where limited.
 
     Joint velocity and tool speed are in `speed`; jerk is no row.
@@ -91,7 +91,7 @@ def rows_at(path: Trajectory, robot: Robot, limits: Limits, tool: ToolSpeed | No
     return Rows(s, speed, A, B, G, np.concatenate([block[3] for block in blocks]))
 
 
-def tool_scale(robot: Robot, tool: ToolSpeed | None, trajectory: Trajectory) -> float:
+def tool_scale(robot: Robot, tool: ToolLimits | None, trajectory: Trajectory) -> float:
     """Factor on the duration at which the tool just keeps its limits; 0 where it has none.
 
     Holds at: `sample_times`, with a reserve of 1e-4.

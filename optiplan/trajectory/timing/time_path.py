@@ -10,7 +10,7 @@ from optiplan.arrays import Array
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.timing.compose import compose
 from optiplan.trajectory.timing.jerk_limited import smooth_law
-from optiplan.trajectory.timing.path_constraints import Rows, ToolSpeed, rows_at, tool_scale
+from optiplan.trajectory.timing.path_constraints import Rows, ToolLimits, rows_at, tool_scale
 from optiplan.trajectory.timing.s_curve import s_curve
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -18,7 +18,7 @@ from optiplan.trajectory.timing.toppra import fastest_law, slowness
 from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 
-__all__ = ["TimingOptions", "ToolSpeed", "compose", "time_path"]
+__all__ = ["TimingOptions", "ToolLimits", "compose", "time_path"]
 
 Method = Literal["toppra", "jerk", "uniform"]
 
@@ -42,7 +42,7 @@ class TimingOptions:
     """
 
     method: Method | None = None
-    tool: ToolSpeed | None = None
+    tool: ToolLimits | None = None
     stop: Callable[[], bool] = field(default=lambda: False)
 
 
@@ -125,7 +125,7 @@ def _grid(path: Trajectory, least_parts: int) -> Array:
     return np.concatenate([[0.0], *(np.linspace(a, b, k + 1)[1:] for a, b, k in ends)])
 
 
-def _held(trajectory: Trajectory, robot: Robot, limits: Limits, tool: ToolSpeed | None) -> Trajectory | None:
+def _held(trajectory: Trajectory, robot: Robot, limits: Limits, tool: ToolLimits | None) -> Trajectory | None:
     """Scale a whole curve to its limits; None where gravity is too much."""
     slower = tool_scale(robot, tool, trajectory)
     fitted = scale_to_limits(trajectory, limits, slower)

@@ -3,7 +3,9 @@
 import numpy as np
 import pinocchio as pin
 
+from optiplan._core import core
 from optiplan.arrays import Array
+from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.trajectory import Trajectory
@@ -38,14 +40,22 @@ def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
 
 def _demand(robot: Robot, limit: Array, trajectory: Trajectory, t: Array) -> Array:
     """The largest (tau - g) / (limit - g) of all joints at times t (k,): (k,), s² of the slow-down it asks for."""
-    Q, V, A = (trajectory(t, order) for order in range(3))
-    data = robot.model.createData()
-    tau = np.array([pin.rnea(robot.model, data, q, v, a) for q, v, a in zip(Q, V, A, strict=True)])
-    gravity = np.array([pin.computeGeneralizedGravity(robot.model, data, q) for q in Q])
-    tau, gravity = tau.reshape(len(t), -1), gravity.reshape(len(t), -1)
+    tau, gravity = _torques(robot.model, *(trajectory(t, order) for order in range(3)))
     motion, allowed = tau - gravity, limit * (1.0 - _RESERVE)
     if (np.abs(gravity) > allowed).any():
         return np.full(len(t), np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
         squared = np.abs(motion) / (allowed - np.sign(motion) * gravity)
     return np.asarray(np.nan_to_num(squared, nan=0.0, posinf=np.inf).max(axis=1))
+
+
+def _torques(model: pin.Model, Q: Array, V: Array, A: Array) -> tuple[Array, Array]:
+    """Torques of states (k, n), and those that hold the robot there, (k, n) each; in the native core if there is one."""
+    if core is not None:
+        tree = native_tree(model)
+        Q, V, A = (np.ascontiguousarray(part) for part in (Q, V, A))
+        return core.InverseDynamics(tree).torques(Q, V, A), tree.gravity(Q)
+    data = model.createData()
+    tau = np.array([pin.rnea(model, data, q, v, a) for q, v, a in zip(Q, V, A, strict=True)])
+    gravity = np.array([pin.computeGeneralizedGravity(model, data, q) for q in Q])
+    return tau.reshape(Q.shape), gravity.reshape(Q.shape)

@@ -93,7 +93,7 @@ def support(shape: Shape | None, vertices: Array, n: Array) -> Array:
 def vertices_of(shape: coal.CollisionGeometry) -> Array:
     """Vertices (k, 3), m, of polyhedra and meshes; none for other shapes."""
     if isinstance(shape, coal.ConvexBase):
-        return np.array([shape.point(i) for i in range(shape.num_points)])
+        return np.array(shape.points())
     if isinstance(shape, coal.BVHModelBase):
         return np.array(shape.vertices())
     return np.empty((0, 3))

@@ -9,7 +9,8 @@ from optiplan.collision.containment import Containment
 from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.bodies import Bodies
-from optiplan.verify.continuous.intervals import Intervals, blocks, boxes, middles, step_sizes
+from optiplan.verify.continuous.clearance_record import ClearanceRecord
+from optiplan.verify.continuous.intervals import Intervals, blocks, boxes, middles, spans, step_sizes
 from optiplan.verify.continuous.motion_bounds import Boxes, DistanceQuery, Motion, SeparationRate
 from optiplan.verify.continuous.separating_planes import Distances, PairDistances
 from optiplan.verify.report import VerifyPolicy
@@ -64,7 +65,9 @@ class Proof:
     contact: bool = False
 
 
-def certify(model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy) -> Proof:
+def certify(
+    model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy, record: ClearanceRecord | None = None
+) -> Proof:
     """Prove that all pairs stay apart for all t in [0, duration].
 
     On an interval with middle m and half width h, where a plane with normal w separates a pair by the gap g at m, the
@@ -74,9 +77,11 @@ def certify(model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy)
     see `motion_bounds.SeparationRate`. Where that fails the interval is divided for this pair alone. Bounding volumes
     answer most pairs, exact queries confirmed by separating planes the rest.
 
+    A `record` is filled with what was proved of which pair and when; its least is the proof's `clearance`.
+
     Holds at: all times of the closed interval [0, duration].
     """
-    search = _Search(model, trajectory, policy)
+    search = _Search(model, trajectory, policy, record)
     search.look_first()
     if search.proof.reason:
         return search.proof
@@ -85,8 +90,14 @@ def certify(model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy)
         return search.proof
     rough = min(search.proof.clearance, search.coarse.clearance)
     proved = replace(search.proof, proved=True, clearance=rough)
+    known = None if record is None else len(record)
     search.work_off(search.again())
-    return proved if search.proof.reason else replace(search.proof, proved=True)
+    if not search.proof.reason:
+        return replace(search.proof, proved=True)
+    if record is not None:
+        record.cut(known)
+        search.tell(search.coarse.near)
+    return proved
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +136,7 @@ class _Search:
     model: CollisionModel
     trajectory: Trajectory
     policy: VerifyPolicy
+    record: ClearanceRecord | None = None
     proof: Proof = field(default_factory=lambda: Proof(False))
 
     def __post_init__(self) -> None:
@@ -188,6 +200,7 @@ class _Search:
         clear, far = margin > self.policy.clearance + _EASY, margin > self.policy.clearance + _FAR
         self.keep(margin[far])
         self.coarse = _Coarse(intervals, first, last, clear & ~far, margin)
+        self.tell(far)
         return self.coarse.members(~clear)
 
     def again(self) -> Intervals:
@@ -198,6 +211,7 @@ class _Search:
         if len(items.pair) > _MOST_AGAIN:
             chosen, items = nothing, coarse.members(nothing)
         self.keep(coarse.margin[coarse.near & ~chosen])
+        self.tell(coarse.near & ~chosen)
         return items
 
     def work_off(self, items: Intervals) -> None:
@@ -226,6 +240,9 @@ class _Search:
             return self.stop(items, reason, contact=True)
         clear = margin > self.target()
         self.keep(margin[clear])
+        if self.record is not None:
+            proved = items.take(np.flatnonzero(clear))
+            self.record.add(*spans(self.trajectory, proved), proved.pair, margin[clear])
         still = np.flatnonzero(~clear)
         return self.limit(items.take(still).split(_halvings(found, near, still, self.target())))
 
@@ -262,6 +279,16 @@ class _Search:
         """Remember the smallest clearance proved."""
         if len(margins):
             self.proof = replace(self.proof, clearance=min(self.proof.clearance, float(margins.min())))
+
+    def tell(self, chosen: Flags) -> None:
+        """Record what bounding volumes proved of these pairs of the blocks, (B, P)."""
+        if self.record is None:
+            return
+        coarse = self.coarse
+        rows, pairs = np.nonzero(chosen)
+        begin = spans(self.trajectory, coarse.intervals.take(coarse.first[rows]))[0]
+        end = spans(self.trajectory, coarse.intervals.take(coarse.last[rows] - 1))[1]
+        self.record.add(begin, end, pairs, coarse.margin[rows, pairs])
 
     def see(self, distance: Array, times: Array, Q: Array, pairs: Index, measure: bool) -> None:
         """Remember the smallest distance, with its witness; with `measure` those given are lower bounds."""

@@ -66,6 +66,12 @@ def middles(trajectory: Trajectory, items: Intervals) -> Array:
     return np.asarray(trajectory.breakpoints[items.piece] + (items.index + 0.5) * items.widths(trajectory))
 
 
+def spans(trajectory: Trajectory, items: Intervals) -> tuple[Array, Array]:
+    """Times at which the items begin and end, s."""
+    width, start = items.widths(trajectory), trajectory.breakpoints[items.piece]
+    return np.asarray(start + items.index * width), np.asarray(start + (items.index + 1) * width)
+
+
 def step_sizes(trajectory: Trajectory, tolerance: float) -> Array:
     """Steps of position at the ends of each piece, at most the tolerance: (m, n), rad or m."""
     jump = np.zeros((len(trajectory.breakpoints), trajectory.n))

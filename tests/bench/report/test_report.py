@@ -10,11 +10,11 @@ import pytest
 
 from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.failures import EXAMPLES, alike, reasons
-from optiplan.bench.report.figures import COLOURS, figures, inline_svg, line_of, write_figures
+from optiplan.bench.report.figures import COLOURS, figures, inline_svg, line_of, measure_figures, write_figures
 from optiplan.bench.report.headline import cards, facts, warnings
 from optiplan.bench.report.markdown import markdown
 from optiplan.bench.report.page import write_page
-from optiplan.bench.report.tables import number, percent
+from optiplan.bench.report.tables.cells import number, percent
 from optiplan.bench.results.database import Store
 
 TIGHT = ("budget", "no path within 5.0 s, 'arm' stuck", {"q": [0.1, 0.2], "points": [[0.1, 0.2, 0.3]]})
@@ -116,7 +116,7 @@ def test_many_failures_are_listed_in_part(results):
     with Store(results(runs)) as store:
         (reason,) = reasons(store)
         assert (reason.runs, len(reason.examples)) == (40, EXAMPLES)
-        assert "12 of 40 runs" in write_page(store, analyse(store)).read_text()
+        assert "12 of 40 runs" in write_page(store, analyse(store), pages=0).read_text()
 
 
 def test_headline(store):
@@ -151,7 +151,7 @@ class Reader(HTMLParser):
         self.addresses, self.open, self.ids = [], [], []
 
     def handle_starttag(self, tag, attributes):
-        if tag not in ("meta", "link", "br", "path", "use"):
+        if tag not in ("meta", "link", "br", "path", "use", "input", "wbr"):
             self.open.append(tag)
         for name, value in attributes:
             if name in ("href", "src", "xlink:href"):
@@ -165,12 +165,12 @@ class Reader(HTMLParser):
             self.open.pop()
 
     def handle_endtag(self, tag):
-        if tag not in ("path", "use"):
+        if tag not in ("path", "use", "input", "wbr"):
             assert self.open.pop() == tag
 
 
 def test_page_is_whole_and_asks_for_nothing(store):
-    page = write_page(store, analyse(store))
+    page = write_page(store, analyse(store), pages=1)
     text = page.read_text()
     reader = Reader()
     reader.feed(text)
@@ -179,13 +179,13 @@ def test_page_is_whole_and_asks_for_nothing(store):
     outside = [a for a in reader.addresses if not a.startswith(("#", "data:", "report-scenes/"))]
     assert outside == []
     assert not re.search(r"@import|url\((?!#)", text)
-    scenes = [page.parent / a for a in reader.addresses if a.startswith("report-scenes/")]
-    assert len(scenes) == 2
+    scenes = [page.parent / a.split("#")[0] for a in reader.addresses if a.startswith("report-scenes/")]
+    assert len(set(scenes)) == 2 + 1  # a failure of each reason, a page of one problem
     assert all("meshcat" in scene.read_text() for scene in scenes)
 
 
 def test_names_are_escaped(store):
-    text = write_page(store, analyse(store)).read_text()
+    text = write_page(store, analyse(store), pages=0).read_text()
     assert "&lt;three&gt;" in text
     assert "<three>" not in text
     assert "made &lt;up&gt;" in text
@@ -196,11 +196,11 @@ def test_names_are_escaped(store):
 
 def test_results_without_runs_or_successes_have_a_page(results):
     with Store(results({("s/a", "one", 0): TIGHT})) as store:
-        page = write_page(store, analyse(store))
+        page = write_page(store, analyse(store), pages=0)
         assert "verified 0.0 %" in page.read_text()
         store._db.execute("DELETE FROM runs")
         analysis = analyse(store)
-        assert "No runs yet" in write_page(store, analysis).read_text()
+        assert "No runs yet" in write_page(store, analysis, pages=0).read_text()
         assert "| one" in markdown(analysis)
 
 
@@ -208,8 +208,12 @@ def test_figures_as_files_and_in_the_page(store, tmp_path):
     analysis = analyse(store)
     written = write_figures(analysis, tmp_path / "figures")
     names = [figure.name for figure in figures(analysis)]
-    assert sorted(path.name for path in written) == sorted(f"{n}.{kind}" for n in names for kind in ("png", "svg"))
-    assert len(names) == 6
+    names += [figure.name for figure in measure_figures(analysis)]
+    kinds = ("png", "svg", "pdf")
+    assert sorted(path.name for path in written) == sorted(f"{n}.{kind}" for n in names for kind in kinds)
+    assert names[:2] == ["ladder", "success-over-time"]
+    assert "quality-over-time" in names
+    assert names[-1] == "measure-duration"
     first = (tmp_path / "figures" / "ladder.svg").read_bytes()
     write_figures(analysis, tmp_path / "figures")
     assert (tmp_path / "figures" / "ladder.svg").read_bytes() == first

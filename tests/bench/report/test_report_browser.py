@@ -10,9 +10,11 @@ from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.page import write_page
 from optiplan.bench.report.server import ReportServer
 from optiplan.bench.results.database import Store
+from tests.axe import serious
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+TABLE = "#planners .view:first-child .scroll:first-of-type"
 WITNESS = {"q": [0.1, 0.2], "points": [[0.1, 0.2, 0.3], [0.2, 0.2, 0.3]], "pair": ["arm", "ball"]}
 pytestmark = [pytest.mark.timeout(240)]
 
@@ -70,7 +72,7 @@ def folder(write_results, tmp_path_factory):
             runs[f"set{p % 3}/{p}", f"planner-{k:02d}", 0] = times if good else failed
     folder = write_results(tmp_path_factory.mktemp("report") / "out", runs)
     with Store(folder) as store:
-        write_page(store, analyse(store))
+        write_page(store, analyse(store), pages=1)
     return folder
 
 
@@ -80,19 +82,19 @@ def page(folder, visit):
 
 
 def column(page, number):
-    return page.locator(f"#summary tbody td:nth-child({number})").all_text_contents()
+    return page.locator(f"{TABLE} tbody td:nth-child({number})").all_text_contents()
 
 
 def test_tables_are_sorted_by_a_click(page):
     labels = column(page, 1)
     assert labels == [f"planner-{k:02d}" for k in range(20)]
-    page.locator("#summary th button").nth(1).click()  # share of verified runs: the largest first
+    page.locator(f"{TABLE} th button").nth(1).click()  # share of verified runs: the largest first
     shares = [float(text.split("%")[0]) for text in column(page, 2)]
     assert shares == sorted(shares, reverse=True)
     assert shares[0] > shares[-1]
-    page.locator("#summary th button").nth(1).click()
+    page.locator(f"{TABLE} th button").nth(1).click()
     assert column(page, 1)[0] in ("planner-18", "planner-19")
-    page.locator("#summary th button").nth(0).click()
+    page.locator(f"{TABLE} th button").nth(0).click()
     assert column(page, 1) == labels
 
 
@@ -110,13 +112,20 @@ def test_nothing_overlaps_or_runs_out_of_the_page(page):
           return found;
         })"""
     )
-    assert overlaps == 6 * [0]
+    assert not any(overlaps)
+    assert len(overlaps) > 10
+    page.set_viewport_size({"width": 390, "height": 844})
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    small = page.evaluate(
+        "() => [...document.querySelectorAll('nav a, .chosen')].filter((e) => e.offsetHeight < 40).length"
+    )
+    assert small == 0
 
 
 def test_a_planner_is_singled_out(page):
-    page.locator("#summary .planner").nth(3).hover()
-    lines = page.locator('figure svg [id$="-planner3"]')
-    assert lines.count() == 3  # success within a time, and two profiles
+    page.locator(f"{TABLE} .planner").nth(3).hover()
+    lines = page.locator('.view:not([hidden]) figure svg [id$="-planner3"]')
+    assert lines.count() > 3  # success within a time, two profiles, boxes
     assert page.evaluate("document.body.classList.contains('single')")
     other = page.locator('figure svg [id$="-planner4"]').first
     assert (
@@ -128,6 +137,62 @@ def test_a_planner_is_singled_out(page):
         < 0.5
     )
     assert lines.first.evaluate("e => getComputedStyle(e).opacity") == "1"
+
+
+def test_sets_and_planners_are_filtered(page):
+    """A set shows its own numbers and problems; a planner that is unticked is nowhere."""
+    assert page.locator(".view:visible").count() == 1
+    page.select_option("#set", "set1")
+    assert page.locator(".view:visible h2").first.text_content() == "Planners of set set1"
+    names = page.locator("#matrix tbody tr:visible").evaluate_all("rows => rows.map(row => row.dataset.problem)")
+    assert names == [f"set1/{k}" for k in (1, 4, 7, 10)]
+    assert page.locator("#problems details:visible").count() == 4
+    before = page.locator(".view:visible .scroll").first.locator("tbody tr:visible").count()
+    page.locator("[data-show='2']").uncheck()
+    assert page.locator(".view:visible .scroll").first.locator("tbody tr:visible").count() == before - 1
+    assert page.locator("#matrix [data-column='2']:visible").count() == 0
+    assert page.locator("figure svg [id$='-planner2']:visible").count() == 0
+    page.locator("[data-show='2']").check()
+    page.select_option("#set", "")
+    assert page.locator("#matrix tbody tr:visible").count() == 12
+
+
+def test_ticked_runs_are_compared_and_tips_are_reached_by_keys(page):
+    row = page.locator("#matrix tbody tr").first
+    for k in (0, 2):
+        row.locator(".pick").nth(k).check()
+    opened = page.locator("#compare-open")
+    assert opened.text_content() == "compare these 2 on set0/0"
+    assert opened.get_attribute("href").endswith(".html#runs=planner-00,planner-02")
+    command = page.locator("#compare code").text_content()
+    assert command.endswith(" set0/0 planner-00,planner-02 0 0")
+    page.locator("#matrix tbody tr").nth(1).locator(".pick").first.check()  # of one problem at a time
+    assert page.locator(".pick:checked").count() == 1
+    assert page.locator("#compare-open").is_hidden()  # no page beside the file: the command alone
+    page.locator("#compare-clear").click()
+    assert page.locator("#compare").is_hidden()
+    row.locator(".open").first.focus()
+    assert page.locator("#tip").text_content().startswith("planner-00 on set0/0\nmotion 1.000 s")
+    page.keyboard.press("Escape")
+    assert page.locator("#tip").is_hidden()
+    row.locator("th a").click()
+    page.wait_for_url("**/report-scenes/*.html")
+    page.get_by_role("link", name="report").click()  # and back
+    page.wait_for_url("**/report.html#matrix")
+
+
+def test_nothing_serious_for_axe(visit, write_results, tmp_path):
+    """On a page with all of its parts and few rows, light and dark."""
+    runs = {("s/a", "one", 0): (1.0, 2.0), ("t/b", "one", 0): (1.0, 3.0), ("s/a", "two", 0): (2.0, 1.5)}
+    runs["t/b", "two", 0] = ("collision", "'arm' meets 'ball' at 1 s", WITNESS)
+    with Store(write_results(tmp_path / "out", runs)) as store:
+        page = visit(write_page(store, analyse(store), pages=0).as_uri())
+    page.locator(".pick").first.check()
+    for details in page.locator("details").all():
+        details.evaluate("e => { e.open = true; }")
+    assert serious(page) == []
+    page.locator("#theme").click()
+    assert serious(page) == []
 
 
 def test_light_and_dark_are_readable(page):
@@ -173,5 +238,8 @@ def test_served_every_listed_failure_is_a_link(folder, visit):
         page.goto(f"{server.url}show?problem=%3Cb%3E&planner=x&seed=0&repetition=0")
         assert "unknown problem '<b>'" in page.locator("pre").text_content()
         assert server.answer("/show?problem=a") is None
+        address = page.request.get(server.url).text().split('th scope=row><a href="')[1].split('"')[0]
+        assert server.answer(f"/{address}").decode().count('"label":"planner-') == 20
+        assert server.answer("/compare?problem=a") is None
         assert server.answer("/elsewhere") is None
         server.shutdown()

@@ -33,7 +33,11 @@ def test_what_is_not_given_has_defaults(tmp_path):
     [
         ("{glob: a, mbm: b}", "a mapping with the keys glob, mbm", "exactly one of: glob, mbm, robometrics, generate"),
         ("{set: a}", "a mapping with the key", "exactly one of: glob, mbm, robometrics, generate"),
-        ("{glob: a, count: 3}", "'count' beside 'glob'", "beside it only: difficulty, every, first, set"),
+        (
+            "{glob: a, count: 3}",
+            "'count' beside 'glob'",
+            "difficulty, every, first, limits, objective, set",
+        ),
         ("{glob: a, frist: 3}", "unknown key 'frist'", "did you mean 'first'?"),
         ("{glob: a, first: 0}", "0", "a number ≥ 1"),
         ("{glob: a, every: 1.5}", "1.5", "a whole number"),

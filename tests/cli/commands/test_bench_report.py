@@ -19,9 +19,12 @@ def folder(tmp_path, free, shut_in, optiplan):
 def test_report_show_and_compare(folder, tmp_path, optiplan, optiplan_json):
     assert "50.0 % verified" in (folder / "report.html").read_text()
     written = ("--out", tmp_path / "page.html", "--markdown", tmp_path / "md" / "t.md", "--figures", tmp_path / "f")
+    written += ("--tables", tmp_path / "t", "--pages", 0)
     code, data = optiplan_json("bench", "report", folder, *written)
     assert code == 0
-    assert {path.rsplit(".", 1)[1] for path in data["written"]} == {"html", "md", "png", "svg"}
+    assert {path.rsplit(".", 1)[1] for path in data["written"]} == {"html", "md", "png", "svg", "pdf", "csv", "tex"}
+    assert (tmp_path / "t" / "planners.tex").read_text().startswith("\\begin{table}")
+    assert (tmp_path / "t" / "problem-s-free.csv").read_text().startswith("planner,verified,")
     assert "| quintic" in (tmp_path / "md" / "t.md").read_text()
     (scene,) = (tmp_path / "report-scenes").iterdir()
     assert "the motion is not free" in scene.read_text()
@@ -40,3 +43,33 @@ def test_report_show_and_compare(folder, tmp_path, optiplan, optiplan_json):
     code, out, _ = optiplan("bench", "compare", folder, folder)
     assert (code, "2 runs in common" in out) == (0, True)
     assert optiplan("bench", "report", tmp_path)[0] == optiplan("bench", "compare", folder, tmp_path)[0] == 2
+
+
+def test_results_grow_and_are_shown_together(folder, tmp_path, optiplan, optiplan_json):
+    """A planner is added, the addition is refused without --add; copies are merged; two folders make one page."""
+    suite = tmp_path / "more.yaml"
+    data = json.loads((tmp_path / "mine.yaml").read_text())
+    suite.write_text(json.dumps({**data, "name": "more", "planners": ["scurve"]}))
+    code, _, err = optiplan("bench", suite, "--out", folder, "--workers", 1)
+    assert (code, "--add" in err) == (2, True)
+    apart = tmp_path / "apart"
+    assert optiplan("bench", suite, "--out", apart, "--workers", 1)[0] == 0
+    code, out = optiplan_json("bench", suite, "--out", folder, "--workers", 1, "--add")
+    assert (code, out["found"], out["made"], list(out["planners"])) == (0, 0, 2, ["quintic", "scurve"])
+    code, out, _ = optiplan("bench", "show", folder, "s/free", "all", "--export", tmp_path / "all.html")
+    assert (code, (tmp_path / "all.html").read_text().count('"badge":"verified"')) == (0, 2)
+
+    code, _, err = optiplan("bench", "merge", folder, apart, "--out", tmp_path / "merged")
+    assert (code, "2 runs that" in err, "made another time" in err) == (2, True, True)
+    assert optiplan("bench", "merge", folder, "--out", tmp_path / "merged")[0] == 2
+    code, out = optiplan_json("bench", "merge", folder, folder, "--out", tmp_path / "merged")
+    assert (code, out["runs"], out["planners"]) == (0, 4, 2)
+    assert optiplan("bench", "merge", folder, apart, "--out", tmp_path / "merged")[0] == 2  # there are results already
+
+    page = tmp_path / "both.html"
+    assert optiplan("bench", "report", folder, apart, "--out", page, "--pages", 0)[0] == 0
+    text = page.read_text()
+    assert "mine + more" in text
+    assert "scurve (out)" in text
+    assert "scurve (apart)" in text
+    assert f"optiplan bench show {apart} s/shut-in scurve 0 0" in text

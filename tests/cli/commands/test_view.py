@@ -68,3 +68,32 @@ def test_export_to_a_folder_says_what_to_give(optiplan, run, tmp_path):
     code, out, err = optiplan("view", run, "--export", tmp_path)
     assert (code, out) == (2, "")
     assert err == f"{tmp_path}: export: is a folder; expected a file to write, such as page.html\n"
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "expected"),
+    [("--png", "page.jpg", ".png"), ("--gif", "film.mp4", ".gif or .webp"), ("--size", "big", "such as 1280x800")],
+)
+def test_pictures_that_cannot_be_written_are_refused(optiplan, run, tmp_path, option, value, expected):
+    code, _, err = optiplan("view", run, option, value if option == "--size" else tmp_path / value)
+    assert code == 2
+    assert expected in err
+
+
+def test_a_picture_and_a_film_are_written(optiplan, run, tmp_path):
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    from PIL import Image
+
+    from optiplan.viewer.pictures import BROWSERS
+
+    if not any(map(shutil.which, BROWSERS)):
+        pytest.skip("no browser on this machine")
+    png, gif = tmp_path / "page.png", tmp_path / "film.gif"
+    options = ("--png", png, "--gif", gif, "--at", "t=0.1&speed=4&theme=dark", "--size", "480x320")
+    assert optiplan("view", run, *options)[0] == 0
+    with Image.open(png) as picture:
+        assert picture.size == (480, 320)
+        assert sum(picture.convert("RGB").getpixel((470, 10))) < 200  # in the dark
+    with Image.open(gif) as film:
+        assert film.size == (480, 320)
+        assert film.n_frames > 2

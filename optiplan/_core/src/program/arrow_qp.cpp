@@ -7,6 +7,8 @@ namespace {
 // The first point: change of T, slack beyond what rows lack, least distance from a row, complementarity of each row.
 constexpr double START_T = 0.1, START_SLACK = 0.1, START_ROOM = 0.3, START_PRODUCT = 0.1;
 
+constexpr double NEAR_PATH = 1.5;  // times the gap aimed at, below which it is reached
+
 constexpr double TO_BOUNDARY = 0.99;  // share of the way to the nearest bound that a step may take
 
 }  // namespace
@@ -20,15 +22,18 @@ ArrowSolution ArrowQp::solve(const ArrowProgram &program, const ArrowSettings &s
         residuals();
         found.iterations = k, found.gap = gap_, found.residual = primal_, found.stationarity = dual_;
         if (!std::isfinite(gap_ + primal_ + dual_)) break;
-        if (gap_ <= settings.gap && primal_ <= settings.residual && dual_ <= settings.stationarity) {
+        if (gap_ <= NEAR_PATH * settings.gap && primal_ <= settings.residual && dual_ <= settings.stationarity) {
             found.solved = true;
             break;
         }
-        if (k == settings.iterations || !step()) break;
+        if (k == settings.iterations || !step(settings.gap)) break;
     }
     found.x.assign(x_.begin(), x_.begin() + static_cast<std::ptrdiff_t>(size_));
     found.t = t_;
-    found.slack.assign(s_.begin(), s_.end());
+    found.slack.assign(s_.size(), 0.0);
+    for (std::size_t g = 0; g < s_.size(); ++g)
+        for (std::size_t i = program.soft.groups[g].begin; i < program.soft.groups[g].end; ++i)
+            found.slack[g] = std::max(found.slack[g], moved_[begin_[SOFT] + i] + s_[g] - program.soft.right[i]);
     found.prices.assign(dual(SOFT), dual(SOFT) + rows_of(SOFT));
     return found;
 }
@@ -335,7 +340,7 @@ double ArrowQp::longest(const Vec &value, const Vec &change, double share) const
     return share / inverse;
 }
 
-bool ArrowQp::step() {
+bool ArrowQp::step(double least_gap) {
     if (!factor()) return false;
     const double count = static_cast<double>(total_), now = gap_ / count;
     newton(0.0, false);
@@ -345,7 +350,7 @@ bool ArrowQp::step() {
         affine_[i] = dz_[i] * dy_[i];
         after += (z_[i] + primal * dz_[i]) * (y_[i] + dual * dy_[i]);
     }
-    const double ratio = after / gap_, target = now * ratio * ratio * ratio;
+    const double ratio = after / gap_, target = std::max(now * ratio * ratio * ratio, least_gap / count);
     newton(target, true);
     const double step_z = longest(z_, dz_, TO_BOUNDARY), step_y = longest(y_, dy_, TO_BOUNDARY);
     for (std::size_t i = 0; i < size_; ++i) x_[i] += step_z * dx_[i];

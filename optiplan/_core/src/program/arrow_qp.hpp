@@ -6,7 +6,7 @@
 namespace optiplan {
 
 struct ArrowSettings {
-    double gap = 3e-6;       // complementarity summed over all rows, in the objective's unit
+    double gap = 1e-6;       // complementarity summed over all rows, in the objective's unit, at the point looked for
     double residual = 1e-7;  // largest violation of a row
     double stationarity = 1e-6;
     int iterations = 60;
@@ -16,8 +16,8 @@ struct ArrowSolution {
     bool solved = false;
     int iterations = 0;
     double t = 0.0, gap = 0.0, residual = 0.0, stationarity = 0.0;
-    Vec x, slack;         // (M n,), (groups,)
-    Vec prices;           // (K,) multipliers of the soft rows
+    Vec x, slack;  // (M n,), (groups,) what the rows of each group lack at (x, t)
+    Vec prices;    // (K,) multipliers of the soft rows
 };
 
 class ArrowQp {
@@ -89,7 +89,8 @@ private:
     // Longest step that keeps `value` + step `change` >= 0, at most 1 / `share`.
     double longest(const Vec &value, const Vec &change, double share) const;
 
-    bool step();
+    // Predictor and corrector towards the point of the central path with this gap, at least.
+    bool step(double least_gap);
 };
 
 }  // namespace optiplan

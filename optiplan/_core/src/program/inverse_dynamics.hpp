@@ -28,6 +28,8 @@ class InverseDynamics {
 public:
     explicit InverseDynamics(const Tree &tree);
 
+    std::size_t joints() const { return static_cast<std::size_t>(tree_.planned); }
+
     // tau (n,) at q, v, a (n,): N m or N.
     void torques(const double *q, const double *v, const double *a, double *tau);
 

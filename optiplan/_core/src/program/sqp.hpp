@@ -14,7 +14,7 @@ namespace optiplan {
 struct SqpSettings {
     double contact_penalty, torque_penalty, centimetre;
     double first_radius, least_radius, shrink;
-    double stuck, halved, worse;
+    double stuck, halved, worse, gap;
     int stalled, slow;
 };
 

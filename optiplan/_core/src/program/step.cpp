@@ -27,7 +27,7 @@ double Inequalities::violation() const {
 }
 
 Step StepSolver::solve(const double *control, double duration, const std::vector<const Inequalities *> &soft,
-                       double radius, double span) {
+                       double radius, double span, double gap) {
     const Spline &spline = *spline_;
     const std::size_t n = spline.joints;
     program_.points = spline.free(), program_.joints = n;
@@ -37,7 +37,7 @@ Step StepSolver::solve(const double *control, double duration, const std::vector
     shape(control, duration);
     soften(soft, duration, radius);
 
-    const ArrowSolution found = qp_.solve(program_);
+    const ArrowSolution found = qp_.solve(program_, {gap});
     Step step;
     step.solved = found.solved, step.iterations = found.iterations;
     if (!found.solved) return step;
@@ -151,7 +151,7 @@ double StepSolver::predicted(const ArrowSolution &found) const {
                 const double h = p.hessian[(i * REACH + d) * n + j];
                 sum += (d ? 1.0 : 0.5) * h * found.x[i * n + j] * found.x[(i + d) * n + j];
             }
-    for (std::size_t g = 0; g < p.soft.groups.size(); ++g) sum += p.soft.groups[g].price * std::max(found.slack[g], 0.0);
+    for (std::size_t g = 0; g < p.soft.groups.size(); ++g) sum += p.soft.groups[g].price * found.slack[g];
     return sum;
 }
 

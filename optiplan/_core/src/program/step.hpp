@@ -42,8 +42,10 @@ public:
     const Spline &spline() const { return *spline_; }
 
     // One step from (control (K, n), duration) with control points moved by at most `radius` v_j `span` each.
+    // `gap`: how far from the best, as a share of T, the step may end, on the central path. Of the many steps that are
+    // nearly the best a central one keeps away from rows that do not matter yet, and leads on better than the best.
     Step solve(const double *control, double duration, const std::vector<const Inequalities *> &soft, double radius,
-               double span);
+               double span, double gap);
 
 private:
     void bound(const double *control, double duration, double radius);

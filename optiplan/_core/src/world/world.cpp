@@ -154,36 +154,55 @@ void World::gradient(const Placement &at, const Contact &contact, double *out) c
     for (int j = bodies_[pair.b].joint; j != common; j = tree_.joints[j].parent) push(at, j, w.b, w.normal, out);
 }
 
-// Farthest corner of a body's box from the axis of each joint of one side of a pair, then tip to base:
-// t <- t + D_j (R_j + t) for a joint that turns, t + D_j for one that slides.
-double World::travel(const Placement &at, const double *D, int pair) const {
+void World::reaches(const Placement &at, std::vector<double> &out) const {
+    const std::size_t joints = tree_.joints.size();
+    out.assign(bodies_.size() * joints, 0.0);
+    for (int body : moving_) {
+        const Vec3 &half = bodies_[body].half;
+        const bool bounded = std::isfinite(half.x);
+        Vec3 corners[8];
+        for (int k = 0; k < 8; ++k) {
+            Vec3 local = bodies_[body].centre;
+            if (bounded)
+                local += Vec3{k & 4 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 1 ? half.z : -half.z};
+            corners[k] = at.bodies[body] * local;
+        }
+        for (int j = bodies_[body].joint; j > 0; j = tree_.joints[j].parent) {
+            if (!tree_.joints[j].revolute) continue;
+            const Vec3 axis = tree_.axis(at.joints.data(), j);
+            double squared = 0.0;
+            for (const Vec3 &corner : corners)
+                squared = std::max(squared, squared_norm(cross(axis, corner - at.joints[j].p)));
+            out[body * joints + j] = std::sqrt(squared) + 1e-9;
+        }
+    }
+}
+
+// From the tip to the base: t <- t + D_j (R_j + t) for a joint that turns, t + D_j for one that slides.
+double World::travel(const std::vector<double> &reaches, const double *D, int pair) const {
     double moved = 0.0;
     const int common = common_[pair];
     for (int body : {pairs_[pair].a, pairs_[pair].b}) {
-        const Vec3 &half = bodies_[body].half;
-        const bool bounded = std::isfinite(half.x);
+        const double *reach = reaches.data() + body * tree_.joints.size();
         double own = 0.0;
         for (int j = bodies_[body].joint; j != common; j = tree_.joints[j].parent) {
             const Joint &joint = tree_.joints[j];
             const double step = std::fabs(joint.multiplier) * D[joint.leader];
-            if (!joint.revolute) {
-                own += step;
-                continue;
-            }
-            const Vec3 axis = tree_.axis(at.joints.data(), j);
-            double squared = 0.0;
-            for (int corner = 0; corner < 8; ++corner) {
-                Vec3 local = bodies_[body].centre;
-                if (bounded)
-                    local += Vec3{corner & 4 ? half.x : -half.x, corner & 2 ? half.y : -half.y,
-                                  corner & 1 ? half.z : -half.z};
-                squared = std::max(squared, squared_norm(cross(axis, at.bodies[body] * local - at.joints[j].p)));
-            }
-            own += step * (std::sqrt(squared) + 1e-9 + own);
+            own += joint.revolute ? step * (reach[j] + own) : step;
         }
         moved += own;
     }
     return moved;
+}
+
+double World::gap(const Placement &at, int pair, double cutoff) const {
+    const auto [a, b, by_outline] = pairs_[pair];
+    if (by_outline) {
+        const double outer = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
+                                                cutoff + ROUNDING).distance - ROUNDING;
+        if (outer > SETTLED || outer > cutoff) return outer;
+    }
+    return distance(at, pair, cutoff).distance;
 }
 
 }  // namespace optiplan

@@ -82,8 +82,16 @@ class World {
     // d(distance)/dq (n,) = n . (J_b - J_a), with J the linear Jacobian of the nearest point.
     void gradient(const Placement &at, const Contact &contact, double *out) const;
 
+    // Distance of the farthest corner of each body's box from the axis of each joint that carries it, m: (bodies,
+    // joints).
+    void reaches(const Placement &at, std::vector<double> &out) const;
+
     // Bound, m, on the change of a pair's distance while |q_j - Q_j| <= D_j (n,): see `PairBounds.travel_of`.
-    double travel(const Placement &at, const double *D, int pair) const;
+    double travel(const std::vector<double> &reaches, const double *D, int pair) const;
+
+    // A lower bound of a pair's distance: that itself, unless it exceeds the cutoff, or the hulls of a mesh are farther
+    // apart than SETTLED.
+    double gap(const Placement &at, int pair, double cutoff) const;
 
     static constexpr double WIDE = 0.03, SETTLED = 0.01;
 

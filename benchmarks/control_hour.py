@@ -1,0 +1,175 @@
+"""Random targets, in and out of reach, for as long as asked: does the controller ever leave a limit, or not answer?
+
+    python benchmarks/control_hour.py --minutes 60 [--robots panda,srra] [--fail 0.3]
+
+Every robot gets its share of the simulated time. The plant follows the command exactly, so what is measured are the
+commands: positions, velocities and accelerations of every step against the limits, and the distance of every pair of
+bodies by a collision model of its own. `--fail` is the chance that the solver fails in a step: it raises, returns NaN,
+nothing, or an answer that is wrong. The last line is one JSON object.
+"""
+
+import argparse
+import json
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+import optiplan as op
+from optiplan.collision.model import CollisionModel
+from optiplan.control.controller import Controller
+from optiplan.control.defaults import default_limits
+from optiplan.control.limits.clearance import AT_LEAST
+from optiplan.control.qp.solvers import ProxQp, QpSolver
+from optiplan.control.state import State
+from optiplan.control.tasks.frame_tasks import PoseTask
+from optiplan.control.tasks.joint_tasks import PostureTask
+
+SCENES = {
+    "panda": [op.Box("post", size=(0.1, 0.1, 0.8), position=(0.45, 0.3, 0.4)), op.HalfSpace("floor", offset=-0.05)],
+    "srra": [op.Box("post", size=(0.2, 0.2, 1.0), position=(1.2, -0.6, 0.3))],
+    "baxter": [op.Box("table", size=(0.6, 1.2, 0.05), position=(0.9, 0.0, -0.1))],
+    "delbot": [op.Box("shelf", size=(0.4, 1.0, 0.6), position=(1.4, 0.0, 0.4))],
+}
+START = {"panda": "ready", "srra": "home", "baxter": "ready", "delbot": "home"}
+HOLD = 1.5
+"""s of a target, on average."""
+EVERY = 10
+"""Steps between two measurements of all distances."""
+
+
+class Flaky(QpSolver):
+    """A solver that fails at random, in every way that solvers do."""
+
+    name = "flaky"
+
+    def __init__(self, chance: float, seed: int) -> None:
+        self._solver, self._chance, self._rng = ProxQp(), chance, np.random.default_rng(seed)
+
+    def solve(self, program):
+        """The answer, or none, or a wrong one."""
+        if self._rng.random() >= self._chance:
+            return self._solver.solve(program)
+        kind = self._rng.integers(5)
+        if kind == 0:
+            raise RuntimeError("injected")
+        n = len(program.g)
+        return [None, np.full(n, np.nan), self._rng.normal(0.0, 5.0, n), np.full(n + 1, 0.1)][kind - 1]
+
+
+@dataclass
+class Worst:
+    """The largest violations of a run, in the units of the limits, and counts."""
+
+    position: float = 0.0
+    velocity: float = 0.0
+    acceleration: float = 0.0
+    jerk: float = 0.0
+    clearance: float = 0.0
+    steps: int = 0
+    braking: int = 0
+    statuses: dict[str, int] = field(default_factory=dict)
+    seconds: list[float] = field(default_factory=list)
+
+
+def random_target(rng: np.random.Generator, robot: op.Robot) -> pin.SE3:
+    """A pose of the tool at random joints, a third of the time moved by up to 1.5 m, mostly out of reach."""
+    limits = robot.limits
+    low, high = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, rng.uniform(low, high))
+    X = pin.SE3(data.oMf[robot.frame_id(robot.tool_frame)])
+    if rng.random() < 1.0 / 3.0:
+        X.translation = X.translation + rng.uniform(-1.5, 1.5, 3)
+    return X
+
+
+def simulate(name: str, seconds: float, dt: float, fail: float, seed: int, form: str = "velocity") -> Worst:
+    """A robot and its random targets for so many seconds of simulated time."""
+    rng = np.random.default_rng(seed)
+    robot, scene = op.load_robot(name), op.Scene(SCENES[name])
+    tool = PoseTask(robot.tool_frame)
+    solver = Flaky(fail, seed) if fail > 0.0 else "proxqp"
+    limits = default_limits(scene)
+    controller = Controller(
+        robot, [tool, PostureTask(START[name])], limits=limits, solver=solver, guess=fail == 0.0, form=form
+    )
+    check = CollisionModel(robot, scene)
+    state, worst, left = State(robot.configurations[START[name]]), Worst(), 0.0
+    for k in range(round(seconds / dt)):
+        if left <= 0.0:
+            tool.set_target(random_target(rng, robot))
+            left = rng.exponential(HOLD)
+        left -= dt
+        step = controller.step(state, dt)
+        measure(worst, robot, state, step, dt)
+        if k % EVERY == 0 or step.solver == "braking":
+            nearest = check.clearance(step.q)
+            if nearest is not None:
+                worst.clearance = max(worst.clearance, AT_LEAST - nearest.distance)
+        state = step.state
+    return worst
+
+
+def measure(worst: Worst, robot: op.Robot, state: State, step: op.ControlStep, dt: float) -> None:
+    """Hold one step against the robot's limits."""
+    limits = robot.limits
+    acceleration = (step.v - state.v) / dt
+    worst.steps += 1
+    worst.braking += step.solver == "braking"
+    worst.statuses[step.status] = worst.statuses.get(step.status, 0) + 1
+    worst.seconds.append(step.seconds)
+    assert np.isfinite(step.q).all(), "a step without an answer"
+    assert np.isfinite(step.v).all(), "a step without an answer"
+    found = {
+        "position": np.maximum(limits.lower - step.q, step.q - limits.upper).max(),
+        "velocity": (np.abs(step.v) - limits.velocity).max(),
+        "acceleration": (np.abs(acceleration) - limits.acceleration).max(),
+        "jerk": (np.abs(acceleration - state.a) / dt - limits.jerk).max(),
+    }
+    for key, value in found.items():
+        setattr(worst, key, max(getattr(worst, key), float(value)))
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--minutes", type=float, default=60.0, help="of simulated time, shared by the robots")
+    parser.add_argument("--robots", default="panda,srra,baxter,delbot")
+    parser.add_argument("--dt", type=float, default=0.002)
+    parser.add_argument("--fail", type=float, default=0.0, help="chance that the solver fails in a step")
+    parser.add_argument("--form", default="velocity")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    names = options.robots.split(",")
+    result = {}
+    print(
+        f"{'robot':8} {'steps':>8} {'position':>9} {'velocity':>9} {'accel.':>9} {'jerk':>9} {'clearance':>10} "
+        f"{'braking':>8}"
+    )
+    for name in names:
+        begin = time.perf_counter()
+        share = 60.0 * options.minutes / len(names)
+        worst = simulate(name, share, options.dt, options.fail, options.seed, options.form)
+        print(
+            f"{name:8} {worst.steps:8d} {worst.position:9.1e} {worst.velocity:9.1e} {worst.acceleration:9.1e} "
+            f"{worst.jerk:9.1e} {worst.clearance:10.1e} {worst.braking:8d}  {worst.statuses} "
+            f"median {np.median(worst.seconds) * 1e3:.2f} ms, 99.9 % {np.quantile(worst.seconds, 0.999) * 1e3:.2f} ms, "
+            f"{time.perf_counter() - begin:.0f} s",
+            flush=True,
+        )
+        result[name] = {
+            key: getattr(worst, key)
+            for key in ("position", "velocity", "acceleration", "jerk", "clearance", "steps", "braking")
+        }
+    violated = [
+        name
+        for name, found in result.items()
+        if max(found[key] for key in ("position", "velocity", "acceleration", "clearance")) > 1e-6
+    ]
+    print(json.dumps({"minutes": options.minutes, "fail": options.fail, "violated": violated, "robots": result}))
+
+
+if __name__ == "__main__":
+    main()

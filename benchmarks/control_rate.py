@@ -1,0 +1,289 @@
+"""Time of a step of the controller on one core, and its error, beside pin-pink and mink.
+
+    taskset -c 1 chrt -r 5 python benchmarks/control_rate.py [--steps 4000] [--families] [--peers]
+
+First Panda with a pose task, a posture, all limits of the joints (position, velocity, acceleration, jerk), torque, tool
+speed and ten clearance rows. Then the same tasks with limits of position and velocity alone, which pink and mink have
+too, on the same moving target, with proxsuite as solver, in one run. With `--families` the six families of motions.
+Peers that are not installed are left out. The last line is one JSON object.
+"""
+
+import argparse
+import json
+import re
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+import optiplan as op
+
+DT = 0.002
+READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+Step = Callable[[pin.SE3, np.ndarray], np.ndarray]
+"""From a target X_WT and its twist (6,) to the next configuration; keeps its own state."""
+
+
+@dataclass
+class Result:
+    """Of one controller on one motion: seconds of each step, errors, configurations."""
+
+    seconds: np.ndarray
+    error: np.ndarray
+    q: np.ndarray
+
+    def __str__(self) -> str:
+        """A line of a table."""
+        tail = self.error[len(self.error) // 4 :]
+        rates = np.diff(self.q, axis=0) / DT
+        return (
+            f"median {np.median(self.seconds) * 1e3:6.3f} ms, 99 % {np.quantile(self.seconds, 0.99) * 1e3:6.3f}, "
+            f"99.9 % {np.quantile(self.seconds, 0.999) * 1e3:6.3f}; "
+            f"error {np.sqrt(np.mean(tail**2)) * 1e3:8.3f} mm RMS; "
+            f"peak jerk {np.abs(np.diff(rates, 2, axis=0)).max() / DT**2:9.2e}; "
+            f"> 3 Hz {fast_power(rates) * 100.0:5.1f} %; frozen {frozen(rates, self.error) * 100.0:4.1f} %"
+        )
+
+
+def fast_power(rates: np.ndarray) -> float:
+    """Share of the power of joint velocities above 3 Hz, their mean left out."""
+    spectrum = np.abs(np.fft.rfft(rates - rates.mean(axis=0), axis=0)) ** 2
+    above = np.fft.rfftfreq(len(rates), DT) > 3.0
+    return float(spectrum[above].sum() / max(spectrum.sum(), 1e-300))
+
+
+def frozen(rates: np.ndarray, error: np.ndarray) -> float:
+    """Share of steps in which nothing moves although the tool is more than 5 mm off."""
+    return float(((np.abs(rates).max(axis=1) < 1e-4) & (error[1:] > 5e-3)).mean())
+
+
+def run(step: Step, robot: op.Robot, targets: Iterator[tuple[pin.SE3, np.ndarray]]) -> Result:
+    """Follow targets, and measure."""
+    data, tool = robot.model.createData(), robot.frame_id(robot.tool_frame)
+    seconds, errors, Q = [], [], []
+    for X, twist in targets:
+        begin = time.perf_counter()
+        q = step(X, twist)
+        seconds.append(time.perf_counter() - begin)
+        pin.framesForwardKinematics(robot.model, data, q)
+        errors.append(np.linalg.norm(data.oMf[tool].translation - X.translation))
+        Q.append(q.copy())
+    return Result(np.array(seconds), np.array(errors), np.array(Q))
+
+
+def ours(
+    robot: op.Robot,
+    limits: list | None,
+    scene: op.Scene | None = None,
+    steps: list | None = None,
+    gain: float | None = None,
+    **options,
+) -> Step:
+    """Our controller; with a gain of 1 / dt and no response time the target is reached in one step, as pink's are."""
+    tool, posture = op.PoseTask(robot.tool_frame, gain=gain), op.PostureTask(READY, cost=1e-2)
+    controller = op.Controller(robot, [tool, posture], scene=scene, limits=limits, **options)
+    state = op.State(READY)
+
+    def step(X: pin.SE3, twist: np.ndarray) -> np.ndarray:
+        nonlocal state
+        tool.set_target(X, twist if gain is None else None)
+        found = controller.step(state, DT)
+        state = found.state
+        if steps is not None:
+            steps.append(found)
+        return state.q
+
+    return step
+
+
+def of_pink(robot: op.Robot) -> Step:
+    """pin-pink with the same tasks and limits, through qpsolvers on proxsuite."""
+    import pink
+
+    model = robot.model.copy()
+    model.lowerPositionLimit, model.upperPositionLimit = robot.limits.lower, robot.limits.upper
+    model.velocityLimit = robot.limits.velocity
+    configuration = pink.Configuration(model, model.createData(), np.array(READY))
+    tool = pink.tasks.FrameTask(robot.tool_frame, 1.0, 1.0)
+    posture = pink.tasks.PostureTask(1e-2, gain=DT)
+    posture.set_target(np.array(READY))
+
+    def step(X: pin.SE3, twist: np.ndarray) -> np.ndarray:
+        tool.set_target(X)
+        v = pink.solve_ik(configuration, [tool, posture], DT, "proxqp", safety_break=False)
+        configuration.integrate_inplace(v, DT)
+        return configuration.q
+
+    return step
+
+
+def of_mink(robot: op.Robot) -> Step:
+    """Mink with the same tasks and limits, through qpsolvers on proxsuite; MuJoCo reads the same URDF."""
+    import mink
+    import mujoco
+
+    text = (robot.source.parent / "panda.urdf").read_text()
+    text = re.sub(r"<(visual|collision)\b.*?</\1>", "", text, flags=re.DOTALL)
+    text = re.sub(r"<mimic[^>]*/>", "", text)
+    spec = mujoco.MjSpec.from_string(
+        text.replace("</robot>", '<mujoco><compiler fusestatic="false" balanceinertia="true"/></mujoco></robot>')
+    )
+    for joint in list(spec.joints):
+        if joint.name not in robot.joint_names:
+            spec.delete(joint)
+    model = spec.compile()
+    configuration = mink.Configuration(model, np.array(READY))
+    tool = mink.FrameTask(robot.tool_frame, "body", 1.0, 1.0)
+    posture = mink.PostureTask(model, 1e-2, gain=DT)
+    posture.set_target(np.array(READY))
+    velocities = dict(zip(robot.joint_names, robot.limits.velocity, strict=True))
+    limits = [mink.ConfigurationLimit(model), mink.VelocityLimit(model, velocities)]
+
+    def step(X: pin.SE3, twist: np.ndarray) -> np.ndarray:
+        tool.set_target(mink.SE3.from_matrix(X.homogeneous))
+        v = mink.solve_ik(configuration, [tool, posture], DT, "proxqp", limits=limits)
+        configuration.integrate_inplace(v, DT)
+        return configuration.q
+
+    return step
+
+
+def figure_eight(robot: op.Robot, seconds: float, size: float = 0.15, period: float = 4.0):
+    """The tool on a figure 8 around where it is at the start, in the plane x-y."""
+    X0 = start_pose(robot)
+    for k in range(round(seconds / DT)):
+        t, w = k * DT, 2.0 * np.pi / period
+        p = X0.translation + size * np.array([0.5 * np.sin(2 * w * t), np.sin(w * t), 0.0])
+        v = size * w * np.array([np.cos(2 * w * t), np.cos(w * t), 0.0])
+        yield pin.SE3(X0.rotation, p), np.array([*v, 0, 0, 0])
+
+
+def jitter(robot: op.Robot, seconds: float):
+    """A target that stands, seen with noise of 2 mm and 10 mrad."""
+    X0, rng = start_pose(robot), np.random.default_rng(0)
+    for _ in range(round(seconds / DT)):
+        noise = pin.SE3(pin.exp3(rng.normal(0.0, 0.01, 3)), rng.normal(0.0, 0.002, 3))
+        yield pin.SE3(X0.rotation @ noise.rotation, X0.translation + noise.translation), np.zeros(6)
+
+
+def along(robot: op.Robot, seconds: float, way: np.ndarray):
+    """Straight by `way` (3,), m, and back, as a cosine."""
+    X0 = start_pose(robot)
+    for k in range(round(seconds / DT)):
+        w, t = 2.0 * np.pi / seconds, k * DT
+        yield (
+            pin.SE3(X0.rotation, X0.translation + 0.5 * (1.0 - np.cos(w * t)) * way),
+            np.array([*(0.5 * w * np.sin(w * t) * way), 0, 0, 0]),
+        )
+
+
+def elbow(robot: op.Robot, seconds: float):
+    """The tool turns in place by ±1.2 rad about the vertical: the elbow has to swing."""
+    X0 = start_pose(robot)
+    for k in range(round(seconds / DT)):
+        w, t = 2.0 * np.pi / seconds, k * DT
+        turn = pin.exp3(np.array([0.0, 0.0, 1.2 * np.sin(w * t)]))
+        yield pin.SE3(turn @ X0.rotation, X0.translation), np.array([0, 0, 0, 0, 0, 1.2 * w * np.cos(w * t)])
+
+
+def start_pose(robot: op.Robot) -> pin.SE3:
+    """Of the tool."""
+    return pin.SE3(op.Controller(robot, []).configuration(op.State(READY)).pose(robot.frame_id(robot.tool_frame)))
+
+
+FAMILIES = {
+    "figure-8": lambda robot: figure_eight(robot, 8.0),
+    "jitter": lambda robot: jitter(robot, 4.0),
+    "extension singularity": lambda robot: along(robot, 8.0, np.array([0.5, 0.0, 0.1])),
+    "out of bounds": lambda robot: along(robot, 8.0, np.array([0.9, 0.0, 0.0])),
+    "elbow": lambda robot: elbow(robot, 6.0),
+    "torso graze": lambda robot: along(robot, 8.0, np.array([-0.25, 0.0, -0.35])),
+}
+
+
+def ten_rows(robot: op.Robot) -> op.Scene:
+    """Obstacles around the tool's figure 8 that give about ten rows of clearance."""
+    x, y, z = start_pose(robot).translation
+    walls = [("left", (0.3, 0.02, 0.3), (0.0, 0.33, 0.0)), ("right", (0.3, 0.02, 0.3), (0.0, -0.33, 0.0))]
+    walls += [("board", (0.5, 0.7, 0.02), (0.0, 0.0, -0.045)), ("front", (0.02, 0.5, 0.2), (0.16, 0.0, 0.0))]
+    return op.Scene([op.Box(name, size, position=(x + a, y + b, z + c)) for name, size, (a, b, c) in walls])
+
+
+def rows_in_view(robot: op.Robot, limit: op.ClearanceLimit, result: Result) -> list[int]:
+    """How many pairs were near enough to be rows, at every hundredth step."""
+    controller, before, found = op.Controller(robot, []), None, []
+    for q in result.q[::100]:
+        before = limit.view(controller.configuration(op.State(q)), before)
+        found.append(len(before.near))
+    return found
+
+
+def violations(robot: op.Robot, result: Result) -> str:
+    """Steps outside the limits of position, velocity, acceleration."""
+    limits, v = robot.limits, np.diff(result.q, axis=0) / DT
+    a = np.diff(v, axis=0) / DT
+    outside = (result.q < limits.lower - 1e-6) | (result.q > limits.upper + 1e-6)
+    fast = np.abs(v) > limits.velocity * (1 + 1e-6) + 1e-6
+    hard = np.abs(a) > limits.acceleration * (1 + 1e-6) + 1e-6
+    counts = {"position": outside, "velocity": fast, "acceleration": hard}
+    return "violations: " + ", ".join(f"{name} {found.any(axis=1).sum()}" for name, found in counts.items())
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--steps", type=int, default=4000)
+    parser.add_argument("--families", action="store_true")
+    options = parser.parse_args()
+    robot, seconds = op.load_robot("panda"), options.steps * DT
+    joints = [op.PositionLimit(), op.VelocityLimit(), op.AccelerationLimit(), op.JerkLimit()]
+    scene = ten_rows(robot)
+    everything = [*joints, op.TorqueLimit(), op.ToolSpeedLimit(linear=1.7, angular=2.5), op.ClearanceLimit(scene)]
+    steps: list = []
+    full = ours(robot, everything, steps=steps)
+    clearance = everything[-1]
+    all_limits = run(full, robot, figure_eight(robot, seconds))
+    hows = {how: sum(step.solver == how for step in steps) for how in {step.solver for step in steps}}
+    print(f"all limits, clearance rows   {all_limits}\n    {hows}; {violations(robot, all_limits)}")
+    print(f"    clearance rows: {np.mean(rows_in_view(robot, clearance, all_limits)):.1f} a step on average")
+    result = {
+        "median_ms": float(np.median(all_limits.seconds) * 1e3),
+        "p999_ms": float(np.quantile(all_limits.seconds, 0.999) * 1e3),
+    }
+    simple = [op.PositionLimit(), op.VelocityLimit()]
+    at_once = {"gain": 1.0 / DT, "response": 0.0}
+    contestants = {
+        "optiplan": lambda: ours(robot, list(simple), **at_once),
+        "optiplan, solver always": lambda: ours(robot, list(simple), guess=False, **at_once),
+    }
+    contestants |= {"pink": lambda: of_pink(robot), "mink": lambda: of_mink(robot)}
+    made = {}
+    for name, make in contestants.items():
+        try:
+            made[name] = make
+            found = run(make(), robot, figure_eight(robot, seconds))
+        except ImportError as error:
+            print(f"{name}: not installed ({error})")
+            del made[name]
+            continue
+        print(f"same tasks, {name:24} {found}")
+        key = name.replace(", ", "_").replace(" ", "_") if name != "optiplan" else "same_tasks"
+        result[f"{key}_median_ms"] = float(np.median(found.seconds) * 1e3)
+        result[f"{key}_error_mm"] = float(np.sqrt(np.mean(found.error[len(found.error) // 4 :] ** 2)) * 1e3)
+    if options.families:
+        contestants = {
+            "optiplan, all joint limits": lambda: ours(robot, None, scene=op.Scene()),
+            **{k: made[k] for k in made if k in ("pink", "mink")},
+        }
+        for family, targets in FAMILIES.items():
+            print(family)
+            for name, make in contestants.items():
+                found = run(make(), robot, targets(robot))
+                print(f"    {name:27} {found}; {violations(robot, found)}", flush=True)
+    print(json.dumps(result))
+
+
+if __name__ == "__main__":
+    main()

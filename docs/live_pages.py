@@ -1,0 +1,48 @@
+"""Pages of the viewer that play in the documentation: a proof, a failure, a comparison, planned when the site is made.
+
+MkDocs calls `on_files` before it reads the pages (`hooks:` in mkdocs.yml).
+"""
+
+from collections.abc import Mapping
+from functools import cache
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+import optiplan as op
+from optiplan.viewer.page import render_page
+from optiplan.viewer.runs import ViewedRun
+from optiplan.viewer.scene import build_scene
+
+PROBLEM = "02_shelf"
+PAGES: Mapping[str, tuple[str, ...]] = {
+    "proof": ("trajopt",),
+    "failure": ("quintic",),
+    "comparison": ("trajopt", "rrtconnect", "kpiece", "prm", "quintic", "circle"),
+}
+BUDGET = 5.0  # s for each planner
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add `live/NAME.html`, which the how-to about the browser shows in frames."""
+    for name, text in live_pages().items():
+        files.append(File.generated(config, f"live/{name}.html", content=text))
+    return files
+
+
+@cache
+def live_pages() -> Mapping[str, str]:
+    """The text of each page."""
+    problem = op.load_problem(PROBLEM)
+    names = dict.fromkeys(name for planners in PAGES.values() for name in planners)
+    runs = {name: _viewed(problem, name) for name in names}
+    return {page: render_page(build_scene(problem, [runs[name] for name in used])) for page, used in PAGES.items()}
+
+
+def _viewed(problem: op.Problem, planner: str) -> ViewedRun:
+    try:
+        run = op.plan(problem, planner, budget=BUDGET)
+    except op.InputError as error:
+        return ViewedRun(planner, None, None, {"kind": "input", "detail": str(error)})
+    record = run.to_dict()
+    return ViewedRun(planner, run.trajectory, record["report"], record["failure"], record)

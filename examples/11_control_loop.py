@@ -1,0 +1,58 @@
+"""A loop of your own at 500 Hz: read the state, step the controller, send the command; what to do when it is late.
+
+Put your robot's driver in the place of `Driver`. Nothing here waits for the controller longer than one period: a step
+that is late is answered by the command before, once or twice, and then by braking.
+"""
+
+import gc
+import time
+
+import optiplan as op
+
+DT = 0.002  # s
+LATE = 2  # missed deadlines in a row after which the robot brakes
+SECONDS = 1.0
+
+
+class Driver:
+    """Stands for the driver of a real robot, which takes positions or velocities every 2 ms."""
+
+    def __init__(self, q):
+        self.state = op.State(q)
+
+    def read(self):
+        """The state now: of a real robot, what it was commanded, or what was measured."""
+        return self.state
+
+    def send(self, step):
+        """Command positions `step.q`, velocities `step.v` or accelerations `step.a`, as your robot takes them."""
+        self.state = step.state
+
+
+robot = op.load_robot("panda")
+scene = op.Scene([op.Box("post", size=(0.1, 0.1, 0.8), position=(0.45, 0.35, 0.4))])
+tool = op.PoseTask(robot.tool_frame)
+controller = op.Controller(robot, [tool, op.PostureTask("ready")], scene=scene)
+driver = Driver(robot.configurations["ready"])
+
+tool.set_target(op.Pose(position=(0.5, 0.1, 0.4), rpy=(3.14159, 0, 0)))
+controller.step(driver.read(), DT)  # the first step allocates: take it before the robot moves
+gc.collect()
+gc.freeze()  # what is loaded is never looked at again by the garbage collector: no pauses from it
+
+late = 0
+due = time.perf_counter()
+for _ in range(round(SECONDS / DT)):
+    step = controller.step(driver.read(), DT)
+    missed = time.perf_counter() - due > DT
+    late = late + 1 if missed else 0
+    if late > LATE:
+        step = controller.stop(driver.read(), DT)  # no program is solved: some ten microseconds
+    driver.send(step)
+    if step.status in ("stopping", "recovering"):
+        print(f"{step.status}: {step.reason}")
+    due = max(due + DT, time.perf_counter() - DT)  # what is lost is lost: never hurry after it
+    time.sleep(max(0.0, due - time.perf_counter()))
+
+print(step)
+print(f"the tool is {step.error * 1e3:.1f} mm (and mrad) from its target; nearest bodies: {step.nearest}")

@@ -1,0 +1,85 @@
+"""`plot`: figures of runs, from Python."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optiplan.api.loading import load_run
+from optiplan.errors import UnknownChoiceError, described, path_argument, wrong_argument
+from optiplan.runs.run import Run
+from optiplan.viewer.plots.figures import FIGURES, PlotOptions, draw, kind_of, write
+from optiplan.viewer.plots.runs import PlottedRun, comparable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot(
+    *runs: Run | Path | str,
+    figure: str = "joints",
+    joints: Sequence[str] | None = None,
+    share: bool = False,
+    frames: int = 9,
+    out: Path | str | None = None,
+) -> "Figure":
+    """Draw a figure of one run, or of several of one robot together.
+
+    Args:
+        runs: at least one run with a trajectory, or the folder of one.
+        figure: `joints`: position, velocity, acceleration, jerk and torque against time, with limits (dashed) and the
+            exact extrema (dots); `tool`: position and speed of the tool against time; `path`: its path in space and
+            seen along the axes, with tool frames along it.
+        joints: names of the joints to show; None: all.
+        share: joints in percent of their limits: -100 at the lower and 100 at the upper one.
+        frames: tool frames along the path, evenly in time.
+        out: a file to write as well, PNG, SVG, PDF or, of the curves themselves, CSV.
+
+    Returns:
+        A figure of matplotlib's, to be changed and saved as others are.
+
+    Raises:
+        InputError: no run, one without a trajectory, runs of other joints, or an argument that does not fit.
+
+    Example:
+        >>> import optiplan as op
+        >>> run = op.plan(op.load_problem("12_planar"))
+        >>> op.plot(run, figure="tool").savefig("tool.pdf")
+    """
+    path = None if out is None else path_argument("plot", "out", out, "the path of a file")
+    if path is not None:
+        kind_of(path)
+    if not isinstance(figure, str) or figure not in FIGURES:
+        raise wrong_argument("plot", "figure", described(figure), f"one of: {', '.join(FIGURES)}")
+    drawn = comparable([_plotted(run) for run in runs], "op.plot")
+    options = PlotOptions(_names(joints), bool(share), _count(frames))
+    try:
+        if path is not None:
+            write([figure], drawn, options, path)
+        drawn_figure: Figure = draw(figure, drawn, options)
+        return drawn_figure
+    except UnknownChoiceError as error:
+        raise wrong_argument("plot", "joints", f"'{error.found}'", f"one of: {', '.join(error.choices)}") from None
+
+
+def _plotted(run: Any) -> PlottedRun:
+    if not isinstance(run, Run | Path | str):
+        raise wrong_argument("plot", "runs", described(run), "a run of op.plan(…), or the folder of one")
+    found = run if isinstance(run, Run) else load_run(run)
+    label = found.planner if isinstance(run, Run) else Path(run).name
+    if found.trajectory is None:
+        raise wrong_argument("plot", "runs", f"'{label}', a run without a trajectory", "runs that have one")
+    return PlottedRun(label, found.problem, found.trajectory, found.verified)
+
+
+def _names(joints: Any) -> tuple[str, ...] | None:
+    if joints is None:
+        return None
+    if isinstance(joints, str) or not isinstance(joints, Sequence) or not all(isinstance(j, str) for j in joints):
+        raise wrong_argument("plot", "joints", described(joints), "names of joints")
+    return tuple(joints) or None
+
+
+def _count(frames: Any) -> int:
+    if isinstance(frames, bool) or not isinstance(frames, int) or not 0 <= frames <= 1000:
+        raise wrong_argument("plot", "frames", described(frames), "a whole number from 0 to 1000")
+    return frames

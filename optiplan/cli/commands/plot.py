@@ -1,0 +1,90 @@
+"""`optiplan plot`: runs as figures for papers and lectures."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from optiplan.cli.output import messages, print_json, results, stdout_is_ours
+
+NAMES = "joints, tool, path; several with commas"
+KINDS = "png, svg, pdf, csv; several with commas (default: what FILE ends in, else png)"
+
+
+def plot(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="run folders of one robot")],
+    out: Annotated[Path, typer.Option(metavar="FILE|DIR", help="curves.png, .svg, .pdf, .csv; or a folder")] = Path(
+        "figures"
+    ),
+    figure: Annotated[str | None, typer.Option(metavar="NAME", help=f"{NAMES} (default: all)")] = None,
+    kinds: Annotated[str | None, typer.Option("--format", metavar="F", help=KINDS)] = None,
+    joints: Annotated[str | None, typer.Option(metavar="J,J,…", help="only these joints")] = None,
+    share: Annotated[bool, typer.Option("--share", help="joints in percent of their limits")] = False,
+    frames: Annotated[int, typer.Option(min=0, max=1000, metavar="N", help="tool frames along the path")] = 9,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+) -> int:
+    """Draw joints, tool and path of one run, or of several together.
+
+    joints: position, velocity, acceleration, jerk and torque against time, with limits and exact extrema.
+    tool: position and speed against time. path: in space and in planes, with tool frames.
+    CSV has what the figures show; a PDF has a page a figure. A PNG or SVG file holds one: joints unless told.
+
+    [bold]Examples[/]
+
+      optiplan plot runs/shelf                                    figures/joints.png, tool.png, path.png
+
+      optiplan plot runs/trajopt runs/rrtconnect --out compared.pdf
+
+      optiplan plot runs/shelf --figure path --frames 20 --out path.svg
+
+    Exit code: 0 done · 2 bad input.
+    """
+    from optiplan.cli.viewing import plotted_runs
+    from optiplan.viewer.plots.figures import FORMATS, PlotOptions, kind_of, write, write_all
+    from optiplan.viewer.plots.runs import comparable
+
+    asked = None if kinds is None else _chosen("format", kinds, FORMATS)
+    to_folder = out.suffix == "" or out.is_dir()
+    single = not to_folder and kind_of(out) in ("png", "svg")
+    names = _figures(figure, single)
+    if not to_folder and asked not in (None, [kind_of(out)]):
+        raise typer.BadParameter(f"--format {kinds}: --out {out} says another; expected a folder for several")
+    with stdout_is_ours():
+        found, left_out = plotted_runs(runs)
+        for words in left_out:
+            messages().print(f"note: {words}", style="yellow")
+        drawn = comparable(found)
+        options = PlotOptions(None if joints is None else tuple(joints.split(",")), share, frames)
+        if to_folder:
+            written = write_all(names, asked or ["png"], drawn, options, out)
+        else:
+            write(names, drawn, options, out)
+            written = [out]
+    if as_json:
+        print_json({"written": [str(path) for path in written], "exit_code": 0})
+    else:
+        results().print("\n".join(f"written: {path}" for path in written), markup=False, soft_wrap=True)
+    return 0
+
+
+def _figures(text: str | None, single: bool) -> list[str]:
+    from optiplan.viewer.plots.figures import FIGURES
+
+    if text is None:
+        return ["joints"] if single else list(FIGURES)
+    return _chosen("figure", text, tuple(FIGURES))
+
+
+def _chosen(kind: str, text: str, valid: tuple[str, ...]) -> list[str]:
+    """The words between commas, each once.
+
+    Raises:
+        UnknownChoiceError: one that is not valid.
+    """
+    from optiplan.errors import UnknownChoiceError
+
+    words = list(dict.fromkeys(word.strip() for word in text.split(",")))
+    for word in words:
+        if word not in valid:
+            raise UnknownChoiceError(kind, word, valid)
+    return words

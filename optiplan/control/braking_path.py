@@ -1,0 +1,75 @@
+"""`BrakingPath`: the configurations that a robot passes if it brakes from the end of this step on."""
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.control.braking import Phase, stop_phases, travel
+from optiplan.control.configuration import Configuration
+from optiplan.control.limits.joint_box import JointBox
+from optiplan.control.limits.stop_limits import StopPath
+from optiplan.robot.robot import Robot
+
+_PHASES = 3
+
+
+class BrakingPath(StopPath):
+    """A stop of all joints, each as quick as its limits let it; one object is moved from candidate to candidate.
+
+    Args:
+        robot: the robot.
+        by_acceleration: whether positions follow the mean of the velocities of both ends of a step, or the new one.
+    """
+
+    def __init__(self, robot: Robot, by_acceleration: bool) -> None:
+        self._trapezoid = by_acceleration
+        self._configuration = Configuration(robot)
+        self.end = np.zeros(robot.n)
+        self._phases: list[tuple[Phase, ...]] = []
+        self._table: tuple[Array, Array, Array, Array] | None = None
+
+    def start(self, q: Array, v: Array, a: Array, box: JointBox, dt: float) -> None:
+        """A stop from q, v, a (n,) at the end of the step."""
+        self._q, self._v, self._dt, self._table = q, v, dt, None
+        speeds = v.tolist()
+        joints = zip(speeds, a.tolist(), box.acceleration_list, box.change_list, strict=True)
+        self._phases = [stop_phases(speed, a_j, limit, change, dt) for speed, a_j, limit, change in joints]
+        ways = [travel(phases, speed, dt) for phases, speed in zip(self._phases, speeds, strict=True)]
+        self.end = q + ways
+        if self._trapezoid:
+            self.end += (0.5 * dt) * v
+
+    @property
+    def steps(self) -> int:  # type: ignore[override]
+        """Number of steps until the last joint stands."""
+        return max([sum([phase[0] for phase in phases]) for phases in self._phases])
+
+    def at(self, step: int) -> Array:
+        """Configuration (n,) after so many steps.
+
+        Of each phase k steps are done, with which the sums of `braking.travel` hold.
+        """
+        if step == 0:
+            return self._q
+        if self._table is None:
+            self._table = self._tabulated()
+        counts, first, change, before = self._table
+        k = np.minimum(np.maximum(step - before, 0.0), counts)
+        gained = k * first + 0.5 * change * k * (k - 1.0)
+        speed = self._v[:, None] + self._dt * (np.cumsum(gained, axis=1) - gained)
+        way = k * speed + self._dt * (0.5 * first * k * (k + 1.0) + change * (k - 1.0) * k * (k + 1.0) / 6.0)
+        q = self._q + self._dt * way.sum(axis=1)
+        if self._trapezoid:
+            q -= (0.5 * self._dt) * (self._dt * gained.sum(axis=1))
+        return np.asarray(q)
+
+    def _tabulated(self) -> tuple[Array, Array, Array, Array]:
+        """Counts, first accelerations, their changes and the steps before each phase, (n, 3) each."""
+        padded = [[*phases, *[(0, 0.0, 0.0)] * (_PHASES - len(phases))] for phases in self._phases]
+        table = np.array(padded, dtype=np.float64)
+        counts = table[:, :, 0]
+        return counts, table[:, :, 1], table[:, :, 2], np.cumsum(counts, axis=1) - counts
+
+    def configuration(self, step: int) -> Configuration:
+        """Kinematics after so many steps."""
+        self._configuration.update(self.at(step), self._v)
+        return self._configuration

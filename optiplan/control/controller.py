@@ -1,0 +1,268 @@
+"""`Controller`: each step, the velocities that do the tasks best within the limits, and from which it can stop."""
+
+import time
+from collections.abc import Iterable, Sequence
+from typing import Literal, get_args
+
+import numpy as np
+
+from optiplan.arrays import Array, is_finite
+from optiplan.control.configuration import Configuration
+from optiplan.control.defaults import ORDER, default_limits
+from optiplan.control.limits.base import ControlLimit, RowLimit
+from optiplan.control.limits.joint_box import JointBox
+from optiplan.control.limits.stop_limits import StopLimit
+from optiplan.control.objective import BASE_DAMPING, Objective, singular_values
+from optiplan.control.qp.answers import Answers
+from optiplan.control.qp.program import Program
+from optiplan.control.qp.solvers import DEFAULT, QpSolver, make_solver
+from optiplan.control.row_stack import RowStack
+from optiplan.control.state import State
+from optiplan.control.step import ControlStep
+from optiplan.control.step_report import Outcome, StepReporter
+from optiplan.control.stopping_guard import StoppingGuard
+from optiplan.control.tasks.base import ControlTask
+from optiplan.control.tasks.frame_tasks import FrameTask
+from optiplan.control.tasks.tool_abilities import response_time
+from optiplan.errors import described, wrong_argument
+from optiplan.geometry.scene import Scene
+from optiplan.robot.robot import Robot
+
+Form = Literal["velocity", "acceleration"]
+"""What tasks ask for, and how positions follow: see `Controller`."""
+
+
+class Controller:
+    """A robot's tasks and limits as one quadratic program a step, never without an answer.
+
+    With the velocities x (n,) at the end of the step as unknowns, minimise sum |cost (J x - rate)|² + damping² |x|²
+    within bounds (position, velocity, acceleration, jerk of each joint) and rows (all other limits). Then the answer is
+    looked at: it is commanded only if the robot, braking from there, stays within its limits and clear of everything;
+    otherwise the robot brakes, which has been looked at in the step before. So a command always exists, whatever the
+    solver does.
+
+    Args:
+        robot: what is controlled.
+        tasks: what it should do.
+        scene: what it should keep clear of, where `limits` are the default ones; None: nothing, itself included.
+        limits: None: position, velocity, acceleration and jerk of the joints, and with a scene clearance.
+        form: `velocity`: tasks ask for velocities, and q' = q + dt x; `acceleration`: tasks ask for accelerations, and
+            q' = q + dt (v + x) / 2.
+        solver: `proxqp`, or another that qpsolvers finds.
+        damping: weight of all velocities, per rad/s or m/s; near singularities it grows by itself.
+        response: s; time constant with which velocities follow what tasks ask for, in the form `velocity`; 0: at
+            once; None: as short as the robot's jerk limits allow.
+        relax: names of limits, the first given up first, where not all can hold; those not named come first.
+        guess: try the active limits of the last step before the solver; False asks the solver in every step.
+
+    Raises:
+        InputError: an argument that does not fit.
+
+    Example:
+        >>> import optiplan as op
+        >>> robot = op.load_robot("panda")
+        >>> tool = op.PoseTask(robot.tool_frame)
+        >>> controller = op.Controller(robot, [tool, op.PostureTask("ready")])
+        >>> state = op.State(robot.configurations["ready"])
+        >>> tool.set_target(op.Pose(position=(0.5, 0.2, 0.5), rpy=(3.14159, 0, 0)))
+        >>> for _ in range(2000):
+        ...     state = controller.step(state, 0.001).state
+        >>> float(abs(tool.error(controller.configuration(state)))[:3].max()) < 1e-4
+        True
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        tasks: Iterable[ControlTask],
+        scene: Scene | None = None,
+        limits: Iterable[ControlLimit] | None = None,
+        form: Form = "velocity",
+        solver: str | QpSolver = DEFAULT,
+        damping: float = BASE_DAMPING,
+        response: float | None = None,
+        relax: Sequence[str] = ORDER,
+        guess: bool = True,
+    ) -> None:
+        self.robot = robot
+        self.tasks = _all(tasks, ControlTask, "tasks", "a task, such as op.PoseTask(…)")
+        wanted = default_limits(scene) if limits is None else limits
+        self.limits = _all(wanted, ControlLimit, "limits", "a limit, such as op.VelocityLimit()")
+        if form not in get_args(Form):
+            raise wrong_argument("Controller", "form", described(form), f"one of: {', '.join(get_args(Form))}")
+        if not is_finite(damping) or damping <= 0.0:
+            raise wrong_argument("Controller", "damping", described(damping), "a finite number > 0")
+        response = response_time(robot) if response is None else response
+        if not is_finite(response) or response < 0.0:
+            raise wrong_argument("Controller", "response", described(response), "a finite number of seconds >= 0")
+        self._answers = Answers(make_solver(solver), guess)
+        for part in (*self.tasks, *self.limits):
+            part.bind(robot)
+        self._order = _order(relax, self.limits)
+        self._damping, self._by_acceleration = float(damping), form == "acceleration"
+        n = robot.n
+        levels = sorted({task.priority for task in self.tasks})
+        self._objectives = [
+            Objective([task for task in self.tasks if task.priority == level], n, self._by_acceleration, response)
+            for level in levels
+        ] or [Objective([], n, self._by_acceleration, response)]
+        self._measured = next((k for k, t in enumerate(self._objectives[0].tasks) if isinstance(t, FrameTask)), None)
+        self._box = JointBox(self.limits, self._order, n)
+        stop_limits = [limit for limit in self.limits if isinstance(limit, StopLimit)]
+        self._guard = StoppingGuard(robot, stop_limits, self._box, self._by_acceleration)
+        self._rows = RowStack([limit for limit in self.limits if isinstance(limit, RowLimit)], self._order, n)
+        for limit in self.limits:
+            if isinstance(limit, RowLimit):
+                limit.delay = self._box.delay
+        self._configuration = Configuration(robot)
+        self._report = StepReporter(robot, self._box, self._rows)
+        self._no_equations = np.zeros((0, n)), np.zeros(0)
+
+    def step(self, state: State, dt: float) -> ControlStep:
+        """What to do in the next dt seconds from a state.
+
+        Args:
+            state: of the robot now: the one that was commanded, `ControlStep.state`, or a measured one.
+            dt: s.
+
+        Raises:
+            InputError: a state of another size or with NaN, a dt that is not > 0.
+        """
+        begin = time.perf_counter()
+        self._check(state, dt)
+        c = self._configuration
+        c.update(state.q, state.v)
+        self._box.update(state, dt, 0.5 * dt if self._by_acceleration else 0.0)
+        brake = self._box.brake(state, dt)
+        outcome = Outcome(state, dt, brake)
+        self._answers.solve_seconds = 0.0
+        groups = self._guard.rows(c, state, dt)
+        self._rows.collect(c, state, dt, groups)
+        x = self._solve(c, state, dt, outcome)
+        if x is not None and not self._accept(x, outcome):
+            outcome.refused = True
+            x = None
+        if x is None:
+            x = brake
+            self._guard.keep(self._next(state, x, dt))
+            self._answers.reset()
+        outcome.x, outcome.how = x, "braking" if x is brake else self._answers.how
+        outcome.next = self._guard.state
+        outcome.solve_seconds = self._answers.solve_seconds
+        return self._report.step(outcome, self._guard.nearest, begin)
+
+    def stop(self, state: State, dt: float) -> ControlStep:
+        """Brake for the next dt seconds, whatever the tasks: as quickly as acceleration and jerk limits let the joints.
+
+        Raises:
+            InputError: a state of another size or with NaN, a dt that is not > 0.
+        """
+        begin = time.perf_counter()
+        self._check(state, dt)
+        self._box.update(state, dt, 0.5 * dt if self._by_acceleration else 0.0)
+        brake = self._box.brake(state, dt)
+        outcome = Outcome(state, dt, brake)
+        self._guard.keep(self._next(state, brake, dt))
+        outcome.x, outcome.how, outcome.next = brake, "braking", self._guard.state
+        outcome.asked = True
+        return self._report.step(outcome, self._guard.nearest, begin)
+
+    def configuration(self, state: State) -> Configuration:
+        """Kinematics at a state, to ask tasks for their errors; a new object."""
+        c = Configuration(self.robot)
+        c.update(state.q, state.v)
+        return c
+
+    def _solve(self, c: Configuration, state: State, dt: float, outcome: Outcome) -> Array | None:
+        """The best velocities of all priorities; None where no answer can be accepted."""
+        rows, witness = self._rows, self._box_clip(outcome.brake)
+        x: Array | None = None
+        equations = self._no_equations
+        C, low, high = rows.C, rows.low, rows.high
+        for level, objective in enumerate(self._objectives):
+            demand = objective.demand(c, state, dt)
+            H, g = objective.program(demand, (state.v, dt), self._damping, self._singular(level, objective, outcome))
+            program = Program(H, g, C, low, high, (self._box.low, self._box.high), *equations)
+            if level == 0:
+                outcome.demand = demand
+                if rows.any and not rows.holds(witness):
+                    groups = rows.by_importance()
+                    program, witness, outcome.slack = self._answers.relaxed(program, groups, witness)
+                    low, high = program.low, program.high
+            found = self._answers.find(program, witness, level)
+            if found is None:
+                return x
+            x = witness = found
+            objective.learn(demand, x, dt)
+            if level + 1 < len(self._objectives):
+                A = np.vstack([equations[0], demand.A])
+                equations = A, A @ x
+        return x
+
+    def _box_clip(self, x: Array) -> Array:
+        return np.asarray(np.minimum(np.maximum(x, self._box.low), self._box.high))
+
+    def _singular(self, level: int, objective: Objective, outcome: Outcome) -> float | None:
+        """Least singular value of the first frame task's weighted Jacobian."""
+        if level or self._measured is None:
+            return None
+        values = singular_values(objective.rows_of(self._measured))
+        outcome.manipulability = float(np.prod(values))
+        return float(values[-1])
+
+    def _accept(self, x: Array, outcome: Outcome) -> bool:
+        """Whether the robot can stop from there; if not, from half the way back to braking, or a quarter of it."""
+        state, dt, brake = outcome.state, outcome.dt, outcome.brake
+        for share in (1.0, 0.5, 0.25):
+            candidate = x if share == 1.0 else brake + share * (x - brake)
+            if self._guard.accepts(self._next(state, candidate, dt), dt):
+                outcome.share = share
+                x[:] = candidate
+                return True
+        return False
+
+    def _next(self, state: State, x: Array, dt: float) -> State:
+        """The state at the end of the step."""
+        a = (x - state.v) / dt
+        q = state.q + (0.5 * dt) * (state.v + x) if self._by_acceleration else state.q + dt * x
+        return State.of(q, x, a)
+
+    def _check(self, state: State, dt: float) -> None:
+        if not isinstance(state, State):
+            raise wrong_argument("Controller.step", "state", described(state), "an op.State")
+        if not is_finite(dt) or dt <= 0.0:
+            raise wrong_argument("Controller.step", "dt", described(dt), "a finite number of seconds > 0")
+        if state.n != self.robot.n:
+            found = f"{state.n} joints"
+            raise wrong_argument("Controller.step", "state.q", found, f"{self.robot.n}, those of {self.robot.name}")
+        if not np.isfinite(state.q.sum() + state.v.sum() + state.a.sum()):
+            raise wrong_argument("Controller.step", *_not_finite(state), "finite numbers")
+
+
+def _not_finite(state: State) -> tuple[str, str]:
+    """Field and value of the first number of a state that is not finite."""
+    for name in ("q", "v", "a"):
+        bad = np.flatnonzero(~np.isfinite(getattr(state, name)))
+        if len(bad):
+            return f"state.{name}[{bad[0]}]", str(getattr(state, name)[bad[0]])
+    return "state", "numbers whose sum overflows"
+
+
+def _all(parts: Iterable[object], kind: type, argument: str, expected: str) -> tuple:  # type: ignore[type-arg]
+    try:
+        found = tuple(parts)
+    except TypeError:
+        raise wrong_argument("Controller", argument, described(parts), f"a list of {argument}") from None
+    for k, part in enumerate(found):
+        if not isinstance(part, kind):
+            raise wrong_argument("Controller", f"{argument}[{k}]", described(part), expected)
+    return found
+
+
+def _order(relax: Sequence[str], limits: Iterable[ControlLimit]) -> tuple[str, ...]:
+    """Names of limits, the least important first."""
+    if isinstance(relax, str) or any(name not in ORDER for name in relax):
+        raise wrong_argument("Controller", "relax", f"{relax!r}", f"names among: {', '.join(ORDER)}")
+    own = dict.fromkeys(limit.name for limit in limits)
+    others = [name for name in own if name not in ORDER]
+    return (*others, *[name for name in ORDER if name not in relax], *relax)

@@ -1,0 +1,77 @@
+"""`HalfSpaceLimit`: a point of the robot on one side of a plane."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from optiplan.arrays import Array, Index, is_finite
+from optiplan.control.configuration import Configuration
+from optiplan.control.limits.stop_limits import StopLimit
+from optiplan.control.tasks.base import checked_number, checked_vector, frame_of
+from optiplan.errors import described, wrong_argument
+from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.robot import Robot
+
+
+class HalfSpaceLimit(StopLimit):
+    """normal · p >= offset for a point p of the robot, m, wherever it could stop: a virtual wall.
+
+    Args:
+        frame: name of the frame that the point belongs to.
+        normal: into the allowed side, of any length > 0, axes of the world.
+        offset: m along the unit normal.
+        point: [x, y, z] in the frame, m.
+        rate: 1/s; how quickly the distance to the wall may shrink, see `StopLimit`.
+
+    Raises:
+        InputError: a normal of length 0, values that are not finite.
+    """
+
+    name: ClassVar[str] = "half-space"
+
+    def __init__(
+        self, frame: str, normal: object, offset: float, point: object = (0.0, 0.0, 0.0), rate: float = 50.0
+    ) -> None:
+        self.frame = frame
+        along = checked_vector(self, "normal", normal, 3)
+        length = float(np.linalg.norm(along))
+        if length == 0.0:
+            raise wrong_argument("HalfSpaceLimit", "normal", "a vector of length 0", "a direction of the world")
+        if not is_finite(offset):
+            raise wrong_argument("HalfSpaceLimit", "offset", described(offset), "a finite number, m")
+        self.normal, self.offset = along / length, float(offset)
+        self.point = checked_vector(self, "point", point, 3)
+        self.rate = checked_number(self, "rate", rate, 1e-3)
+        self.at_least, self.influence = 0.0, np.inf
+
+    def bind(self, robot: Robot) -> None:
+        """Find the frame, and how far the joints move the point at most."""
+        self._frame = frame_of(self, "frame", robot, self.frame)
+        placed = robot.model.frames[self._frame]
+        limits = robot.limits
+        stroke = np.maximum(np.abs(limits.lower), np.abs(limits.upper))
+        kinematics = BatchKinematics(robot.model)
+        point_J = placed.placement.act(self.point)
+        stroke = np.where(np.isfinite(stroke), stroke, np.pi)
+        arms = kinematics.moment_arms(int(placed.parentJoint), point_J[None], stroke)
+        self.arms = kinematics.planned_bound(arms[None])
+        self.labels = (f"half-space of {self.frame}",)
+
+    def distances(self, c: Configuration, which: Index) -> Array:
+        """Normal · p - offset, m."""
+        return np.array([self.normal @ self.mark(c) - self.offset])[: len(which)]
+
+    def gradients(self, c: Configuration, which: Index) -> Array:
+        """Normal · (J_v - [R p_F]× J_w)."""
+        x, y, z = c.pose(self._frame).rotation @ self.point
+        J = c.jacobian(self._frame)
+        turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # -[R p_F]×
+        return np.asarray((self.normal @ (J[:3] + turn @ J[3:]))[None][: len(which)])
+
+    def mark(self, c: Configuration) -> Array:
+        """The point in the world, (3,), m."""
+        return np.asarray(c.pose(self._frame).act(self.point))
+
+    def moved(self, first: Array, second: Array, which: Index) -> Array:
+        """How far the point is, m."""
+        return np.full(len(which), float(np.linalg.norm(second - first)))

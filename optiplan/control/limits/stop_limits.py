@@ -1,0 +1,196 @@
+"""Limits of distances that hold wherever the robot could stop: what clearance and half-spaces share."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.arrays import Array, Index
+from optiplan.control.configuration import Configuration
+from optiplan.control.limits.base import ControlLimit, LimitRows
+
+BUFFER = 5e-4
+"""m; how much more than the distance itself the rows keep, for what is not linear in a step."""
+CURVATURE = 10.0
+"""1/m, of the paths that points of bodies take against each other in a stop: a radius of 10 cm."""
+KEPT = 1.2
+"""Pairs stay in view up to this multiple of the distance at which they come in, so that none flickers."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Abilities:
+    """How joints brake: `delay` (n,), s, that jerk limits cost; 1 / acceleration (n,), 0 where there is no limit."""
+
+    delay: Array
+    per_acceleration: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """Distances at one configuration.
+
+    Attributes:
+        q: (n,).
+        bound: (P,) lower bounds of all distances, m; those in view are exact.
+        near: (K,) indices of the distances in view.
+        distance: (K,) m.
+        gradient: (K, n), m/rad or m/m.
+    """
+
+    q: Array
+    bound: Array
+    near: Index
+    distance: Array
+    gradient: Array
+
+
+class StopLimit(ControlLimit):
+    """P distances d(q) that stay at least `at_least`, now and if the robot brakes.
+
+    Joints brake each for itself, so a stop leads through any part of the box that their stops span. With the gradient g
+    and stops of v τ + v² / 2A (τ stands for the time that jerk limits cost), the least distance there is, to first
+    order,
+
+        b(q, v) = d - at_least + sum_j τ_j g_j v_j - sum over j with g_j v_j < 0 of |g_j| v_j² / 2A_j,
+
+    and each row demands b' >= (1 - rate · dt) b of the end of the step, linear in its velocities x: the nearer, the
+    slower. Where the distance is too small already, b' >= 0 is demanded, and relaxed to the fastest way out.
+    Holds at: every step; whether a stop is clear is measured, by `stop_is_clear`.
+
+    Attributes:
+        at_least: m; `influence`: distances up to which they are rows, m; `rate`: 1/s.
+        arms: (P, n), change of each distance at most per rad or m of each joint.
+        labels: (P,), what each is about.
+    """
+
+    at_least: float
+    influence: float
+    rate: float
+    arms: Array
+    labels: tuple[str, ...]
+
+    def distances(self, c: Configuration, which: Index) -> Array:
+        """Distances (K,), m, at a configuration."""
+        raise NotImplementedError
+
+    def gradients(self, c: Configuration, which: Index) -> Array:
+        """Gradients (K, n) of what `distances` was asked for last, m/rad or m/m."""
+        raise NotImplementedError
+
+    def mark(self, c: Configuration) -> Array:
+        """Where everything is at a configuration, for `moved`."""
+        raise NotImplementedError
+
+    def moved(self, first: Array, second: Array, which: Index) -> Array:
+        """How far points of the bodies of each distance (K,) are moved between two marks at most, m."""
+        raise NotImplementedError
+
+    def view(self, c: Configuration, before: View | None) -> View:
+        """What is near at a configuration; `before` is any earlier view, which spares most queries."""
+        if before is None:
+            bound, near = np.full(len(self.labels), -np.inf), np.zeros(0, dtype=np.intp)
+        else:
+            bound = before.bound - self.arms @ np.abs(c.q - before.q)
+            near = before.near
+        due = bound < self.influence
+        if len(near):
+            due[near] |= bound[near] < KEPT * self.influence
+        which = np.flatnonzero(due)
+        found = self.distances(c, which)
+        bound[which] = found
+        kept = found < KEPT * self.influence
+        if kept.all():
+            return View(c.q, bound, which, found, self.gradients(c, which))
+        return View(c.q, bound, which[kept], found[kept], self.gradients(c, which)[kept])
+
+    def rows(self, view: View, v: Array, abilities: "Abilities", dt: float) -> LimitRows:
+        """Rows of what is in view at the configuration of this step, in which joints have velocities v (n,)."""
+        g = view.gradient
+        towards = g * v < 0.0
+        slope = abilities.delay + towards * (np.abs(v) * abilities.per_acceleration)
+        G = g * (dt + slope)
+        unit = np.maximum(np.sqrt(np.einsum("ij,ij->i", G, G)), 1e-6)
+        held = (g * slope) @ v
+        b = (
+            view.distance
+            - (self.at_least + BUFFER)
+            + held
+            - 0.5 * ((towards * g) @ (v * np.abs(v) * abilities.per_acceleration))
+        )
+        share = min(1.0, self.rate * dt)
+        gain = np.where(view.distance < self.at_least, np.minimum(b, 0.0), share * b)
+        low = (held - gain) / unit
+        labels = tuple([self.labels[k] for k in view.near.tolist()])
+        return LimitRows(G / unit[:, None], low, np.full(len(low), np.inf), unit, labels)
+
+    def is_far(self, start: View, way: Array, least: Array) -> bool:
+        """Whether no way of the joints of at most `way` (n,) brings any distance below `least` (P,)."""
+        return bool((start.bound - self.arms @ way >= least).all())
+
+    def stop_is_clear(self, path: "StopPath", start: View, least: Array) -> bool:
+        """Whether distances stay at least `least` (P,) from where `start` was taken until the robot stands.
+
+        They do where the travel of all joints is less than is left. Else the stop is asked: between two of its points
+        that the bodies pass a chord D apart, a distance dips below both ends by CURVATURE D²/8 at most, for paths that
+        curve no more than that. Where it is not enough, the point between is asked. (The gradient at one point tells
+        nothing of this kind: other edges of the bodies come nearest farther on.)
+        """
+        if (start.distance < least[start.near]).any():
+            return False
+        which = np.flatnonzero(start.bound - self.arms @ np.abs(path.end - start.q) < least)
+        if not len(which):
+            return True
+        c = path.configuration(path.steps)
+        found = self.distances(c, which)
+        if (found < least[which]).any():
+            return False
+        last_mark = self.mark(c)
+        ends = _Ends(0, path.steps, start.bound[which], found, self.mark(path.configuration(0)), last_mark)
+        return self._is_clear(path, ends, which, least[which])
+
+    def _is_clear(self, path: "StopPath", ends: "_Ends", which: Index, least: Array) -> bool:
+        dip = 0.125 * CURVATURE * self.moved(ends.mark, ends.last_mark, which) ** 2
+        left = np.minimum(ends.distance, ends.last_distance) - dip < least
+        if not left.any() or ends.last - ends.first <= 1:
+            return True
+        which, least = which[left], least[left]
+        middle = (ends.first + ends.last) // 2
+        c = path.configuration(middle)
+        found = self.distances(c, which)
+        if (found < least).any():
+            return False
+        mark = self.mark(c)
+        before = _Ends(ends.first, middle, ends.distance[left], found, ends.mark, mark)
+        after = _Ends(middle, ends.last, found, ends.last_distance[left], mark, ends.last_mark)
+        return self._is_clear(path, before, which, least) and self._is_clear(path, after, which, least)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ends:
+    """A part of a stop: its first and last step, distances (K,) there and marks."""
+
+    first: int
+    last: int
+    distance: Array
+    last_distance: Array
+    mark: Array
+    last_mark: Array
+
+
+class StopPath:
+    """The configurations of a stop, step by step, from the end of the present step: `steps` more until it stands.
+
+    Attributes:
+        steps: number of steps.
+        end: (n,), where it stands.
+    """
+
+    steps: int
+    end: Array
+
+    def at(self, step: int) -> Array:
+        """Configuration (n,) after so many steps."""
+        raise NotImplementedError
+
+    def configuration(self, step: int) -> Configuration:
+        """The same with kinematics, valid until the next call."""
+        raise NotImplementedError

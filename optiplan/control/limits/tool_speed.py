@@ -1,0 +1,104 @@
+"""`ToolSpeedLimit` and `WheelSpeedLimit`: speeds of a frame, and of the wheels of a mobile base."""
+
+import math
+from typing import ClassVar
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.control.configuration import Configuration
+from optiplan.control.limits.base import LimitRows, RowLimit, positive_vector
+from optiplan.control.state import State
+from optiplan.control.tasks.base import frame_of
+from optiplan.errors import wrong_argument
+from optiplan.kinematics.mecanum import WHEELS, wheel_matrix
+from optiplan.robot.robot import Robot
+
+_AHEAD = 0.97
+"""Share of the speed that the box inside the ball of speeds has along the present motion; across it has the rest."""
+_ACROSS = float(np.sqrt(0.5 * (1.0 - _AHEAD**2)))
+
+
+class ToolSpeedLimit(RowLimit):
+    """Speed of a frame's origin, and its angular speed, at most as given.
+
+    A ball is no row: a box inside it is kept, whose long axis lies along the present motion, so that 97 % of the speed
+    can be used straight on. The Jacobian is taken for the end of the step.
+
+    Args:
+        frame: its name; None: the robot's tool frame.
+        linear: m/s; `angular`: rad/s; None: no such limit.
+
+    Raises:
+        InputError: neither speed, or one that is not > 0.
+    """
+
+    name: ClassVar[str] = "tool speed"
+
+    def __init__(self, frame: str | None = None, linear: float | None = None, angular: float | None = None) -> None:
+        self.frame = frame
+        if linear is None and angular is None:
+            raise wrong_argument("ToolSpeedLimit", "linear", "None", "a speed, linear or angular")
+        self._parts: list[tuple[slice, float, str]] = []
+        for argument, value, part in (("linear", linear, slice(0, 3)), ("angular", angular, slice(3, 6))):
+            if value is not None:
+                speed = float(positive_vector(self, argument, value, 1)[0])
+                self._parts.append((part, speed, argument))
+
+    def bind(self, robot: Robot) -> None:
+        """Find the frame."""
+        name = robot.tool_frame if self.frame is None else self.frame
+        self._frame, self._shown = frame_of(self, "frame", robot, name), name
+
+    def rows(self, c: Configuration, state: State, dt: float) -> LimitRows:
+        """Three rows for each speed."""
+        J = c.jacobian(self._frame).copy()
+        J = J + dt * c.rate(J, c.ahead.jacobian(self._frame))
+        G, bounds, labels = [], [], []
+        for part, speed, kind in self._parts:
+            axes = _frame_along(J[part] @ state.v)
+            G.append(axes @ J[part])
+            bounds.append(speed * np.array([_AHEAD, _ACROSS, _ACROSS]))
+            labels += [f"{kind} speed of {self._shown}"] * 3
+        return self.speed_rows(np.vstack(G), np.concatenate(bounds), state, dt, tuple(labels))
+
+
+def _frame_along(motion: Array) -> Array:
+    """An orthonormal basis (3, 3), in rows, whose first vector lies along a motion (3,)."""
+    x, y, z = motion.tolist()
+    size = math.sqrt(x * x + y * y + z * z)
+    if size < 1e-9:
+        return np.eye(3)
+    x, y, z = x / size, y / size, z / size
+    # Duff et al., Building an Orthonormal Basis, Revisited, JCGT 2017: no direction in which it loses digits.
+    sign = math.copysign(1.0, z)
+    p = -1.0 / (sign + z)
+    q = x * y * p
+    return np.array([[x, y, z], [1.0 + sign * x * x * p, sign * q, -sign * x], [q, sign + y * y * p, -y]])
+
+
+class WheelSpeedLimit(RowLimit):
+    """Rates of the wheels of a base on mecanum wheels, rad/s.
+
+    Args:
+        rate: of each of the four wheels, or one for all.
+    """
+
+    name: ClassVar[str] = "wheel speed"
+
+    def __init__(self, rate: object) -> None:
+        self._rate = positive_vector(self, "rate", rate, len(WHEELS))
+
+    def bind(self, robot: Robot) -> None:
+        """Ask whether the robot has wheels."""
+        if robot.mecanum is None:
+            expected = "a robot whose file has `mecanum`"
+            raise wrong_argument("WheelSpeedLimit", "robot", f"'{robot.name}', which has no wheels", expected)
+        self._robot = robot
+
+    def rows(self, c: Configuration, state: State, dt: float) -> LimitRows:
+        """A row a wheel."""
+        ahead = state.q + dt * state.v
+        worst = [wheel_matrix(self._robot, q) for q in (state.q, ahead)]
+        G = np.vstack([matrix for matrix in worst if matrix is not None])
+        return self.speed_rows(G, np.tile(self._rate, 2), state, dt, tuple(f"wheel {name}" for name in WHEELS) * 2)

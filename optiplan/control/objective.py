@@ -1,0 +1,162 @@
+"""`Objective`: the tasks of one priority as weighted least squares in the velocities at the end of a step."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.linalg.lapack import dgesdd
+
+from optiplan.arrays import Array, Index
+from optiplan.control.configuration import Configuration
+from optiplan.control.state import State
+from optiplan.control.tasks.base import ControlTask
+
+BASE_DAMPING = 1e-4
+"""Weight, per rad/s or m/s, that every velocity has; makes the program strictly convex."""
+NEAR_SINGULAR = 0.05
+"""Singular value of the weighted Jacobian, m/rad, below which velocities are damped more."""
+STEADINESS = 4e-5
+"""s; half of it, divided by dt, is what a change of velocity costs per (rad/s)². A direction that tasks weigh by w per
+rad/s follows them with the time constant STEADINESS / w²: 0.04 ms for a pose, 0.4 s for a posture of weight 0.01."""
+UNDONE_DAMPING = 0.1
+"""Weight, per rad/s or m/s, of velocities where nothing of what is wanted can be done."""
+FORGETTING = 0.2
+"""s, over which the share that stays undone is averaged."""
+MAIN = 0.1
+"""Rows that weigh at least this share of the heaviest say how far off the target is, and whether it is followed."""
+SINGULAR_DAMPING = 0.05
+"""Weight, per rad/s or m/s, of velocities at a singularity."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Demand:
+    """Rows A x = b that tasks ask for, weighted: A (k, n), b (k,); `error` is the weighted norm of their errors.
+
+    `wanted` (k,) are the weighted rates that `b` approaches; `main` are the rows that count for the error: those that
+    weigh at least a tenth of the heaviest.
+    """
+
+    A: Array
+    b: Array
+    error: float
+    main: Index
+    wanted: Array
+
+
+class Objective:
+    """Tasks of one priority.
+
+    Args:
+        tasks: bound to the robot.
+        n: number of joints.
+        by_acceleration: whether tasks ask for accelerations (second order) or for velocities (first order).
+        response: s; at the level of velocities, the time in which rates of tasks follow what is wanted.
+    """
+
+    def __init__(self, tasks: Sequence[ControlTask], n: int, by_acceleration: bool, response: float) -> None:
+        self.tasks = tuple(tasks)
+        self._response = response
+        self._undone = 0.0
+        self._by_acceleration = by_acceleration
+        ends = np.cumsum([0, *(task.size for task in self.tasks)])
+        self._slices = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        k = int(ends[-1])
+        self._A, self._b, self._e, self._wanted = np.zeros((k, n)), np.zeros(k), np.zeros(k), np.zeros(k)
+        cost = np.concatenate([np.zeros(0), *(task.cost for task in self.tasks)])
+        self._main = np.flatnonzero(cost >= MAIN * cost.max(initial=0.0))
+        self._ridge = np.arange(n) * (n + 1)
+
+    def demand(self, c: Configuration, state: State, dt: float) -> Demand:
+        """What the tasks ask for at a configuration; the arrays are overwritten by the next call."""
+        A, b, e = self._A, self._b, self._e
+        for task, rows in zip(self.tasks, self._slices, strict=True):
+            error, J = task.evaluate(c)
+            wanted = task.wanted_rate(error)
+            forward = task.feed_forward(c)
+            if forward is not None:
+                wanted = wanted + forward
+            law = self._second_order if self._by_acceleration else self._first_order
+            cost = task.cost
+            np.multiply(J, cost[:, None], out=A[rows])
+            np.multiply(law(task, J, wanted, c, state, dt), cost, out=b[rows])
+            np.multiply(error, cost, out=e[rows])
+            np.multiply(wanted, cost, out=self._wanted[rows])
+        main = e[self._main]
+        return Demand(A, b, float(np.sqrt(main @ main)), self._main, self._wanted)
+
+    def _first_order(
+        self, task: ControlTask, J: Array, wanted: Array, c: Configuration, state: State, dt: float
+    ) -> Array:
+        """Rates that approach the wanted ones as in a first order lag of time constant `response`.
+
+        With w = exp(-dt / response):  (1 - w) wanted + w (J v + dt · rate of the forward part). A program that jumps to
+        what is wanted within its limits jumps to and fro where limits and tasks meet.
+        """
+        late = self._late(dt)
+        rate = J @ state.v
+        forward_rate = task.feed_forward_rate(c)
+        if forward_rate is not None:
+            rate = rate + dt * forward_rate
+        return np.asarray(wanted + late * (rate - wanted))
+
+    def _second_order(
+        self, task: ControlTask, J: Array, wanted: Array, c: Configuration, state: State, dt: float
+    ) -> Array:
+        """J v + dt (J a) with J a + J̇ v = 4 gain (wanted - J v) - gain (J v - forward) + rate of forward.
+
+        The rate J v follows the wanted one four times as fast as the error falls; how the wanted rate itself falls with
+        the error is known and fed forward, and so is the drift J̇ v.
+        """
+        rate = J @ state.v
+        forward, forward_rate = task.feed_forward(c), task.feed_forward_rate(c)
+        drift = c.rate(rate, task.jacobian(c.ahead) @ state.v)
+        falling = -task.gain * (rate if forward is None else rate - forward)
+        acceleration = 4.0 * max(task.gain, 1.0) * (wanted - rate) + falling - drift
+        if forward_rate is not None:
+            acceleration = acceleration + forward_rate
+        return np.asarray(rate + dt * acceleration)
+
+    def learn(self, demand: Demand, x: Array, dt: float) -> None:
+        """Take in what velocities x (n,) leave undone."""
+        wanted = demand.wanted[demand.main]
+        undone = demand.A[demand.main] @ x - wanted
+        share = math.sqrt(float(undone @ undone) / max(float(wanted @ wanted), 1e-12))
+        self._undone += (1.0 - math.exp(-dt / FORGETTING)) * (min(1.0, share) - self._undone)
+
+    def _late(self, dt: float) -> float:
+        return math.exp(-dt / self._response) if self._response > 0.0 else 0.0
+
+    def program(
+        self, demand: Demand, start: tuple[Array, float], damping: float, singular: float | None
+    ) -> tuple[Array, Array]:
+        """H (n, n) and g (n,) of ½ |A x - b|² + ½ w² |x|² + ½ s² |x - v|², w growing where `singular` is small.
+
+        `start` are v and dt, and s² = STEADINESS / dt: where tasks and limits leave many answers nearly as good, the
+        steadiest is taken.
+
+        w² = damping² + (SINGULAR_DAMPING (1 - (s / s_0)²))² for the least singular value s below s_0, + (UNDONE_DAMPING
+        u)² where a share u of what is wanted has stayed undone for a while: out of reach, the errors' own curvature
+        makes steps too long that small singular values make long, and the arm would swing about the nearest pose.
+        """
+        H = demand.A.T @ demand.A
+        weight = damping**2
+        if singular is not None and singular < NEAR_SINGULAR:
+            weight += (SINGULAR_DAMPING * (1.0 - (singular / NEAR_SINGULAR) ** 2)) ** 2
+        weight += (UNDONE_DAMPING * self._undone) ** 2
+        v, dt = start
+        steadiness = STEADINESS / dt if self._response > 0.0 else 0.0
+        H.ravel()[self._ridge] += weight + steadiness
+        # Damping follows as slowly as the tasks do: it asks for velocities of exp(-dt / response) v.
+        return H, demand.A.T @ -demand.b - (steadiness + weight * self._late(dt)) * v
+
+    def rows_of(self, index: int) -> Array:
+        """Weighted Jacobian of one task, in what `demand` left."""
+        return self._A[self._slices[index]]
+
+
+def singular_values(J: Array) -> Array:
+    """Singular values of J, falling; NaN where LAPACK does not converge."""
+    _, s, _, info = dgesdd(J, compute_uv=0)
+    return np.asarray(s) if info == 0 else np.full(min(J.shape), np.nan)

@@ -1,0 +1,82 @@
+"""`RowStack`: the rows of all limits of a step, in arrays that are allocated once."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.control.configuration import Configuration
+from optiplan.control.limits.base import LimitRows, RowLimit
+from optiplan.control.qp.answers import RowGroup
+from optiplan.control.state import State
+
+AT_ROW = 1e-7
+"""rad/s or m/s, of rows of unit size: velocities nearer than this to a row's end are held back by it."""
+_HELD = 1e-9
+
+
+class RowStack:
+    """Rows low <= C x <= high.
+
+    Args:
+        limits: whose rows do not depend on what is near.
+        order: names of limits, the least important first.
+        n: number of joints.
+    """
+
+    def __init__(self, limits: Sequence[RowLimit], order: Sequence[str], n: int) -> None:
+        self._limits, self._n = tuple(limits), n
+        self._rank = {name: rank for rank, name in enumerate(order)}
+        self._parts: list[tuple[RowGroup, LimitRows]] = []
+        self._space = np.zeros((32, n)), np.zeros(32), np.zeros(32)
+        self.C, self.low, self.high = (part[:0] for part in self._space)
+
+    def collect(self, c: Configuration, state: State, dt: float, others: Sequence[tuple[str, LimitRows]]) -> None:
+        """Take the rows of a step; `others` are those of limits on stopping, by name."""
+        parts = [(limit.name, limit.rows(c, state, dt)) for limit in self._limits]
+        parts += [(name, rows) for name, rows in others if len(rows.low)]
+        size = sum(len(rows.low) for _, rows in parts)
+        if size > len(self._space[1]):
+            self._space = np.zeros((2 * size, self._n)), np.zeros(2 * size), np.zeros(2 * size)
+        self.C, self.low, self.high = (part[:size] for part in self._space)
+        self._parts = []
+        first = 0
+        for name, rows in parts:
+            last = first + len(rows.low)
+            self.C[first:last], self.low[first:last], self.high[first:last] = rows.G, rows.low, rows.high
+            self._parts.append((RowGroup(name, first, last), rows))
+            first = last
+
+    @property
+    def any(self) -> bool:
+        """Whether there are rows in this step."""
+        return bool(self._parts)
+
+    def holds(self, x: Array) -> bool:
+        """Whether velocities x (n,) keep all rows."""
+        y = self.C @ x
+        return bool((y >= self.low - _HELD).all() and (y <= self.high + _HELD).all())
+
+    def by_importance(self) -> list[RowGroup]:
+        """The groups, the most important first."""
+        groups = [group for group, _ in self._parts]
+        return sorted(groups, key=lambda group: -self._rank.get(group.name, -1))
+
+    def at(self, x: Array) -> list[tuple[str, str]]:
+        """Rows that hold velocities x (n,) back: limit, and what the row is about."""
+        found = []
+        for group, rows in self._parts:
+            y = rows.G @ x
+            near = (np.abs(y - rows.low) <= AT_ROW) | (np.abs(y - rows.high) <= AT_ROW)
+            found += [(group.name, rows.labels[k]) for k in np.flatnonzero(near).tolist()]
+        return found
+
+    def violations(self, x: Array) -> dict[str, float]:
+        """By how much x (n,) leaves rows, in the limits' own units, by name of the limit."""
+        found: dict[str, float] = {}
+        for group, rows in self._parts:
+            y = rows.G @ x
+            excess = float((np.maximum(rows.low - y, y - rows.high) * rows.unit).max())
+            if excess > AT_ROW:
+                found[group.name] = max(excess, found.get(group.name, 0.0))
+        return found

@@ -1,0 +1,82 @@
+"""`State` of a moving robot: what a controller reads at the beginning of a step, and commands for its end."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.errors import wrong_argument
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class State:
+    """Positions, velocities and accelerations of the planned joints at one instant.
+
+    Attributes:
+        q: (n,), rad or m.
+        v: (n,), rad/s or m/s; zeros where none are given.
+        a: (n,), rad/s² or m/s²: the acceleration of the last step, from which jerk is counted; zeros where none are
+            given.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.State([0.0, 0.5])
+        State: q [0, 0.5], at rest
+    """
+
+    q: Array
+    v: Array
+    a: Array
+
+    def __init__(self, q: object, v: object = None, a: object = None) -> None:
+        position = _vector("q", q, None)
+        object.__setattr__(self, "q", position)
+        object.__setattr__(self, "v", _vector("v", v, len(position)))
+        object.__setattr__(self, "a", _vector("a", a, len(position)))
+
+    @classmethod
+    def of(cls, q: Array, v: Array, a: Array) -> "State":
+        """A state of arrays (n,) that are known to be good, unchecked."""
+        state = object.__new__(cls)
+        object.__setattr__(state, "q", q)
+        object.__setattr__(state, "v", v)
+        object.__setattr__(state, "a", a)
+        return state
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.q)
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether there is no NaN and no infinity in it."""
+        return bool(np.isfinite(self.q).all() and np.isfinite(self.v).all() and np.isfinite(self.a).all())
+
+    def __repr__(self) -> str:
+        """Positions, and how fast it moves."""
+        fastest = float(np.abs(self.v).max(initial=0.0))
+        motion = f"moving at up to {fastest:.3g}" if fastest else "at rest"
+        return f"State: q [{', '.join(f'{x:.4g}' for x in self.q)}], {motion}"
+
+
+def _vector(name: str, values: object, size: int | None) -> Array:
+    """Values as an array of floats, read-only.
+
+    Raises:
+        InputError: no numbers, NaN, or another count than that of the positions.
+    """
+    if values is None and size is not None:
+        return np.zeros(size)
+    try:
+        vector = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise wrong_argument("State", name, repr(values), "one number a joint") from None
+    if vector.ndim != 1 or (size is not None and len(vector) != size):
+        expected = "a list of one number a joint" if size is None else f"{size} numbers, as many as positions"
+        raise wrong_argument("State", name, f"an array of shape {vector.shape}", expected)
+    bad = np.flatnonzero(~np.isfinite(vector))
+    if len(bad):
+        raise wrong_argument("State", f"{name}[{bad[0]}]", str(vector[bad[0]]), "a finite number")
+    vector.flags.writeable = False
+    return vector

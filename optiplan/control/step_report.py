@@ -1,0 +1,109 @@
+"""From what a step did to its record: which limits were active, what was given up, the status in words."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.control.limits.joint_box import JointBox
+from optiplan.control.objective import Demand
+from optiplan.control.row_stack import RowStack
+from optiplan.control.state import State
+from optiplan.control.step import ControlStep, NearestPair, Status
+from optiplan.robot.robot import Robot
+
+HELD_BACK = 0.02
+"""Share of what tasks ask for that may stay undone before a step counts as limited."""
+STANDING = 1e-3
+"""rad/s or m/s: slower joints count as standing."""
+OFF = 1e-4
+"""Weighted error, such as m or rad, below which a target counts as reached."""
+
+
+@dataclass(slots=True, eq=False)
+class Outcome:
+    """What became of a step, filled in on the way."""
+
+    state: State
+    dt: float
+    brake: Array
+    next: State | None = None
+    x: Array | None = None
+    how: str = ""
+    demand: Demand | None = None
+    manipulability: float | None = None
+    slack: Mapping[str, float] = field(default_factory=dict)
+    share: float = 1.0
+    refused: bool = False
+    asked: bool = False
+    solve_seconds: float = 0.0
+
+
+class StepReporter:
+    """Makes the records."""
+
+    def __init__(self, robot: Robot, box: JointBox, rows: RowStack) -> None:
+        self._names, self._box, self._rows = robot.joint_names, box, rows
+
+    def step(self, outcome: Outcome, nearest: NearestPair | None, begin: float) -> ControlStep:
+        """The record of a step that began at `begin` of the clock `time.perf_counter`."""
+        state, x, demand = outcome.next, outcome.x, outcome.demand
+        assert state is not None
+        assert x is not None
+        active: tuple[str, ...] = ()
+        slack: dict[str, float] = {}
+        if outcome.how == "braking":
+            status, reason = self._stopping(outcome)
+        else:
+            if outcome.how != "unconstrained":
+                active = self._active(x)
+                slack = {**self._box.violations(state.q, x), **(self._rows.violations(x) if outcome.slack else {})}
+            status, reason = self._status(x, demand, active, slack, outcome.share)
+        return ControlStep(
+            state=state,
+            status=status,
+            reason=reason,
+            active=active,
+            slack=slack,
+            error=0.0 if demand is None else demand.error,
+            manipulability=outcome.manipulability,
+            nearest=nearest,
+            solve_seconds=outcome.solve_seconds,
+            seconds=time.perf_counter() - begin,
+            solver=outcome.how,
+        )
+
+    def _stopping(self, outcome: Outcome) -> tuple[Status, str]:
+        why = "as asked" if outcome.asked else "no command was found that keeps all limits and can be stopped clear"
+        if not outcome.asked and not outcome.refused:
+            why = "the solver gave no answer that can be accepted"
+        still = outcome.x is not None and not outcome.x.any()
+        return ("stopped", f"stands: {why}") if still else ("stopping", f"brakes: {why}")
+
+    def _active(self, x: Array) -> tuple[str, ...]:
+        found = [f"{name} of {self._names[j]} ({end})" for name, j, end in self._box.at(x)]
+        if self._rows.any:
+            found += [f"{name}: {label}" for name, label in self._rows.at(x)]
+        return tuple(dict.fromkeys(found))
+
+    def _status(
+        self, x: Array, demand: Demand | None, active: tuple[str, ...], slack: Mapping[str, float], share: float
+    ) -> tuple[Status, str]:
+        if slack:
+            return "recovering", f"back within limits: {', '.join(slack)}"
+        if demand is None or not len(demand.b):
+            return "tracking", "no task"
+        asked = demand.wanted[demand.main]
+        undone = demand.A[demand.main] @ x - asked
+        wanted = float(np.sqrt(asked @ asked))
+        if demand.error > OFF and float(np.abs(x).max()) < STANDING:
+            if active:
+                return "nearest", f"nearest pose: the target is behind {', '.join(active)}"
+            return "nearest", "nearest pose: target out of reach, or tasks against each other"
+        if not active and share == 1.0:
+            return "tracking", "the tasks are followed"
+        if float(np.sqrt(undone @ undone)) <= HELD_BACK * wanted + 1e-6:
+            return "tracking", "the tasks are followed"
+        return "limited", f"held back by {', '.join(active) or 'what could be stopped clear'}"

@@ -1,0 +1,122 @@
+"""`StoppingGuard`: accepts a command only if the robot can stop from it, clear of everything."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.control.braking_path import BrakingPath
+from optiplan.control.configuration import Configuration
+from optiplan.control.limits.base import LimitRows
+from optiplan.control.limits.joint_box import JointBox
+from optiplan.control.limits.stop_limits import Abilities, StopLimit, View
+from optiplan.control.state import State
+from optiplan.control.step import NearestPair
+from optiplan.robot.robot import Robot
+
+SLIP = 1e-7
+"""m; by how much a distance that is too small already may shrink in a step: what distances are exact to."""
+
+
+class StoppingGuard:
+    """What is near the robot in one state; kept for the next step, which starts there.
+
+    Attributes:
+        state: the last accepted one.
+    """
+
+    def __init__(self, robot: Robot, limits: Sequence[StopLimit], box: JointBox, by_acceleration: bool) -> None:
+        self._limits, self._box = tuple(limits), box
+        self._path = BrakingPath(robot, by_acceleration)
+        self._configuration = Configuration(robot)
+        self._views: list[View] = []
+        self._least: list[Array] = []
+        self._dt, self._per_jerk = 0.0, 1.0 / box.jerk
+        self._abilities = _abilities(box, 0.0)
+        self.state: State | None = None
+
+    def rows(self, c: Configuration, state: State, dt: float) -> list[tuple[str, LimitRows]]:
+        """Rows of all limits for a step from a state, at which `c` is."""
+        if not self._limits:
+            return []
+        if not self._continues(state):
+            self._look(c)
+        if dt != self._dt:
+            self._dt, self._abilities, self._per_jerk = dt, _abilities(self._box, dt), 1.0 / self._box.jerk
+        self._least = [_least(limit, view) for limit, view in zip(self._limits, self._views, strict=True)]
+        return [
+            (limit.name, limit.rows(view, state.v, self._abilities, dt))
+            for limit, view in zip(self._limits, self._views, strict=True)
+            if len(view.near)
+        ]
+
+    def accepts(self, candidate: State, dt: float) -> bool:
+        """Whether the robot stays clear from a state on, if it brakes there; then the next step starts there."""
+        if self._limits:
+            c = self._configuration
+            c.update(candidate.q, candidate.v)
+            way, started = self._longest_way(candidate), False
+            views = []
+            for limit, before, least in zip(self._limits, self._views, self._least, strict=True):
+                view = limit.view(c, before)
+                if not limit.is_far(view, way, least):
+                    if not started:
+                        self._path.start(candidate.q, candidate.v, candidate.a, self._box, dt)
+                        started = True
+                    if not limit.stop_is_clear(self._path, view, least):
+                        return False
+                views.append(view)
+            self._views = views
+        self.state = candidate
+        return True
+
+    def keep(self, state: State) -> None:
+        """Brake to a state, whatever is near there."""
+        self.state = state
+        if self._limits:
+            self._configuration.update(state.q, state.v)
+            self._look(self._configuration)
+
+    @property
+    def nearest(self) -> NearestPair | None:
+        """The least distance in view."""
+        best: NearestPair | None = None
+        for limit, view in zip(self._limits, self._views, strict=False):
+            if len(view.near):
+                k = int(view.distance.argmin())
+                if best is None or view.distance[k] < best.distance:
+                    a, _, b = limit.labels[int(view.near[k])].partition(" and ")
+                    best = NearestPair(a, b, float(view.distance[k]))
+        return best
+
+    def _longest_way(self, state: State) -> Array:
+        """How far each joint still goes at most when it brakes, (n,), rad or m: simpler than the stop, and longer.
+
+        The velocity grows by u at most until the acceleration a is turned back; then it takes A / jerk to brake fully,
+        v² / 2A to stop, and two steps for what is not continuous.
+        """
+        box, size = self._box, np.abs(state.a)
+        speed = np.abs(state.v) + size * (size * self._per_jerk + self._dt)
+        late = size * self._per_jerk + box.delay + 3.0 * self._dt
+        return np.asarray(speed * (late + 0.5 * speed * self._abilities.per_acceleration))
+
+    def _continues(self, state: State) -> bool:
+        last = self.state
+        return bool(self._views) and last is not None and (state is last or bool((state.q == last.q).all()))
+
+    def _look(self, c: Configuration) -> None:
+        """What is near at a configuration."""
+        before: Sequence[View | None] = self._views or [None] * len(self._limits)
+        self._views = [limit.view(c, view) for limit, view in zip(self._limits, before, strict=True)]
+
+
+def _least(limit: StopLimit, view: View) -> Array:
+    """What each distance must be at least: `at_least`, or what it is now where that is less, (P,)."""
+    least = np.full(len(limit.labels), limit.at_least)
+    least[view.near] = np.minimum(limit.at_least, view.distance - SLIP)
+    return least
+
+
+def _abilities(box: JointBox, dt: float) -> Abilities:
+    """How joints brake within their limits."""
+    return Abilities(box.delay + dt, 1.0 / box.acceleration)

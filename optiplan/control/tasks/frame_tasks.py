@@ -1,0 +1,262 @@
+"""Tasks of one frame of the robot in the world: pose, position, orientation."""
+
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.control.configuration import Configuration
+from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector, frame_of
+from optiplan.control.tasks.targets import Target, as_pose, as_position, as_rotation
+from optiplan.control.tasks.tool_abilities import default_gain, tool_abilities
+from optiplan.robot.robot import Robot
+
+
+class FrameTask(ControlTask):
+    """What tasks of a frame F of the robot share: its index, its target T and how that moves.
+
+    Attributes:
+        frame: name of F.
+        target: X_WT; None until one is set: the task then holds the pose that F has in the first step.
+        twist: (6,) velocity, m/s, of the origin of T and its angular velocity, rad/s, axes of the world.
+        acceleration: (6,) rates of the twist, m/s² and rad/s².
+    """
+
+    def __init__(self, frame: str, size: int, cost: Weight, gain: float | None, priority: int) -> None:
+        super().__init__(size, cost, 0.0 if gain is None else gain, priority)
+        self._has_gain = gain is not None
+        self.frame = frame
+        self._frame = -1
+        self._target: pin.SE3 | None = None
+        self.twist: Array | None = None
+        self.acceleration: Array | None = None
+        self.speed, self.brake_rates = (np.inf, np.inf), (np.inf, np.inf)
+
+    def bind(self, robot: Robot) -> None:
+        """Find F, and how quickly the robot moves it."""
+        self._frame = frame_of(self, "frame", robot, self.frame)
+        if not self._has_gain:
+            self.gain = default_gain(robot)
+            self.speed, self.brake_rates = tool_abilities(robot, self.frame)
+
+    @property
+    def target(self) -> pin.SE3 | None:
+        """X_WT; setting it ends what feed-forward there was."""
+        return self._target
+
+    @target.setter
+    def target(self, pose: Target) -> None:
+        self.set_target(pose)
+
+    def set_target(self, pose: Target, twist: object = None, acceleration: object = None) -> None:
+        """Where F should be now, how that moves, and how its motion changes.
+
+        Args:
+            pose: X_WT as `pinocchio.SE3`, `op.Pose` or (4, 4).
+            twist: (6,), see the attributes; None: T stands.
+            acceleration: (6,), of accelerations-level control; None: zeros.
+
+        Raises:
+            InputError: no pose, or other than six finite numbers.
+        """
+        self._target = self._read(pose)
+        self.twist = None if twist is None else checked_vector(self, "twist", twist, 6)
+        self.acceleration = None if acceleration is None else checked_vector(self, "acceleration", acceleration, 6)
+
+    def _read(self, pose: Target) -> pin.SE3:
+        return as_pose(self, pose)
+
+    def _poses(self, c: Configuration) -> tuple[pin.SE3, pin.SE3]:
+        """X_WF and X_WT; without a target, F stays where it is first seen."""
+        X_WF = c.pose(self._frame)
+        if self._target is None:
+            self._target = pin.SE3(X_WF)
+        return X_WF, self._target
+
+
+class PoseTask(FrameTask):
+    """Frame F of the robot at a target T: e = (p_WF - p_WT, log(R_TF)).
+
+    The first three rows are metres along the axes of the world, so that F moves straight, the others radians about
+    the axes of F. J = (J_v, Jlog(R_TF) R_FW J_w).
+
+    Args:
+        frame: name of F.
+        target: X_WT; None: where F is in the first step, until `set_target`.
+        position_cost: per metre, one or three along the axes of the world.
+        orientation_cost: per radian, one or three about the axes of F.
+        gain: 1/s, however far the target is; None: as large as the robot's jerk limits allow, and less where the target
+            is so far that the robot could not slow down in time.
+        priority: see `ControlTask`.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.PoseTask("panda_hand_tcp")
+        PoseTask(frame=panda_hand_tcp, cost=[1.0])
+    """
+
+    name: ClassVar[str] = "pose"
+
+    def __init__(
+        self,
+        frame: str,
+        target: Target | None = None,
+        position_cost: Weight = 1.0,
+        orientation_cost: Weight = 1.0,
+        gain: float | None = None,
+        priority: int = 0,
+    ) -> None:
+        super().__init__(frame, 6, 1.0, gain, priority)
+        parts = [
+            checked_vector(self, "position_cost", position_cost, 3, least=0.0),
+            checked_vector(self, "orientation_cost", orientation_cost, 3, least=0.0),
+        ]
+        self.cost = np.concatenate(parts)
+        if target is not None:
+            self.set_target(target)
+
+    def error(self, c: Configuration) -> Array:
+        """(6,), m and rad."""
+        return self.evaluate(c)[0]
+
+    def jacobian(self, c: Configuration) -> Array:
+        """(6, n)."""
+        return self.evaluate(c)[1]
+
+    def evaluate(self, c: Configuration) -> tuple[Array, Array]:
+        """Error and Jacobian."""
+        X_WF, X_WT = self._poses(c)
+        R = X_WF.rotation
+        R_TF = X_WT.rotation.T @ R
+        e = np.empty(6)
+        np.subtract(X_WF.translation, X_WT.translation, out=e[:3])
+        e[3:] = pin.log3(R_TF)
+        J = c.jacobian(self._frame).copy()
+        self._turn = pin.Jlog3(R_TF) @ R.T
+        J[3:] = self._turn @ J[3:]
+        return e, J
+
+    def feed_forward(self, c: Configuration) -> Array | None:
+        """The target's twist in the rows' axes; to first order in the angle between F and T."""
+        return self._rows_of(self.twist)
+
+    def feed_forward_rate(self, c: Configuration) -> Array | None:
+        """The target's acceleration in the rows' axes."""
+        return self._rows_of(self.acceleration)
+
+    def _rows_of(self, motion: Array | None) -> Array | None:
+        if motion is None:
+            return None
+        rows = motion.copy()
+        rows[3:] = self._turn @ motion[3:]
+        return rows
+
+    def wanted_rate(self, e: Array) -> Array:
+        """Metres and radians each within what the robot's joints give."""
+        rate = np.empty(6)
+        rate[:3] = capped(e[:3], self.gain, self.speed[0], self.brake_rates[0])
+        rate[3:] = capped(e[3:], self.gain, self.speed[1], self.brake_rates[1])
+        return rate
+
+    def __repr__(self) -> str:
+        """Frame and weights."""
+        return f"{type(self).__name__}(frame={self.frame}, cost={np.unique(self.cost).tolist()})"
+
+
+class PositionTask(FrameTask):
+    """The origin of a frame F at a point: e = p_WF - p_WT, metres along the axes of the world; J = J_v.
+
+    Args:
+        frame: name of F.
+        target: point [x, y, z], m, or a pose; None: where F is in the first step.
+        cost: per metre, one or three.
+        gain: 1/s, however far the target is; None: as large as the robot's jerk limits allow, and less where the target
+            is so far that the robot could not slow down in time.
+        priority: see `ControlTask`.
+    """
+
+    name: ClassVar[str] = "position"
+
+    def __init__(
+        self, frame: str, target: object = None, cost: Weight = 1.0, gain: float | None = None, priority: int = 0
+    ) -> None:
+        super().__init__(frame, 3, cost, gain, priority)
+        if target is not None:
+            self.set_target(target)
+
+    def _read(self, pose: Target) -> pin.SE3:
+        return as_position(self, pose)
+
+    def error(self, c: Configuration) -> Array:
+        """(3,), m."""
+        X_WF, X_WT = self._poses(c)
+        return np.asarray(X_WF.translation - X_WT.translation)
+
+    def jacobian(self, c: Configuration) -> Array:
+        """(3, n)."""
+        return c.jacobian(self._frame)[:3]
+
+    def feed_forward(self, c: Configuration) -> Array | None:
+        """Velocity of the target."""
+        return None if self.twist is None else self.twist[:3]
+
+    def feed_forward_rate(self, c: Configuration) -> Array | None:
+        """Acceleration of the target."""
+        return None if self.acceleration is None else self.acceleration[:3]
+
+    def wanted_rate(self, e: Array) -> Array:
+        """Within what the robot's joints give."""
+        return capped(e, self.gain, self.speed[0], self.brake_rates[0])
+
+
+class OrientationTask(FrameTask):
+    """The axes of a frame F along those of a target T: e = log(R_TF), radians about the axes of F.
+
+    J = Jlog(R_TF) R_FW J_w.
+
+    Args:
+        frame: name of F.
+        target: R_WT (3, 3), [roll, pitch, yaw], or a pose; None: as F is in the first step.
+        cost: per radian, one or three.
+        gain: 1/s, however far the target is; None: as large as the robot's jerk limits allow, and less where the target
+            is so far that the robot could not slow down in time.
+        priority: see `ControlTask`.
+    """
+
+    name: ClassVar[str] = "orientation"
+
+    def __init__(
+        self, frame: str, target: object = None, cost: Weight = 1.0, gain: float | None = None, priority: int = 0
+    ) -> None:
+        super().__init__(frame, 3, cost, gain, priority)
+        if target is not None:
+            self.set_target(target)
+
+    def _read(self, pose: Target) -> pin.SE3:
+        return as_rotation(self, pose)
+
+    def error(self, c: Configuration) -> Array:
+        """(3,), rad."""
+        X_WF, X_WT = self._poses(c)
+        return np.asarray(pin.log3(X_WT.rotation.T @ X_WF.rotation))
+
+    def jacobian(self, c: Configuration) -> Array:
+        """(3, n)."""
+        return self._turning(c) @ c.jacobian(self._frame)[3:]
+
+    def _turning(self, c: Configuration) -> Array:
+        X_WF, X_WT = self._poses(c)
+        return np.asarray(pin.Jlog3(X_WT.rotation.T @ X_WF.rotation) @ X_WF.rotation.T)
+
+    def feed_forward(self, c: Configuration) -> Array | None:
+        """Angular velocity of the target; to first order in the angle between F and T."""
+        return None if self.twist is None else self._turning(c) @ self.twist[3:]
+
+    def feed_forward_rate(self, c: Configuration) -> Array | None:
+        """Angular acceleration of the target."""
+        return None if self.acceleration is None else self._turning(c) @ self.acceleration[3:]
+
+    def wanted_rate(self, e: Array) -> Array:
+        """Within what the robot's joints give."""
+        return capped(e, self.gain, self.speed[1], self.brake_rates[1])

@@ -1,0 +1,65 @@
+"""The descent of a curve in the native core: contacts, torques, programs and the loop around them in one call."""
+
+from collections.abc import Callable
+from math import inf
+
+import numpy as np
+
+from optiplan._core import core
+from optiplan.arrays import Array
+from optiplan.collision.native_model import NativeCollisionModel
+from optiplan.planners.trajopt import sqp
+from optiplan.planners.trajopt.native_step import GAP, native_spline
+from optiplan.planners.trajopt.sqp import Descended
+from optiplan.planners.trajopt.transcription import CUTOFF, Transcription
+from optiplan.robot.native_tree import native_tree
+
+
+class NativeSqp:
+    """Descends as `sqp.Sqp` does, in the native core.
+
+    Contacts come from the core's world where the collision model has one, else from the model itself.
+    """
+
+    def __init__(self, transcription: Transcription) -> None:
+        self.transcription = transcription
+        spline, model, torque = native_spline(transcription), transcription.model, transcription.limits.torque
+        world = model.world if isinstance(model, NativeCollisionModel) else None
+        if world is not None:
+            margins = transcription.margins
+            wishes = (margins.middle, margins.start, margins.end)
+            self._sqp = core.Sqp.among_bodies(spline, world, torque, CUTOFF, wishes, _settings())
+        else:
+            tree = native_tree(model.robot.model)
+            self._sqp = core.Sqp.among_others(spline, tree, torque, transcription.near, _settings())
+
+    def set_samples(self, u: Array) -> None:
+        """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
+        self.transcription.set_samples(u)
+        self._sqp.set_samples(self.transcription.u, *self.transcription.at)
+
+    def optimise(
+        self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
+    ) -> Descended:
+        """Descend from control points (K, n); see `sqp.optimise`."""
+        control, duration, _, missing, nearest, steps = self._sqp.optimise(
+            np.ascontiguousarray(control), iterations, stop, best, longest
+        )
+        return Descended(control, duration, missing, nearest, steps)
+
+
+def _settings() -> dict[str, float]:
+    return {
+        "contact_penalty": sqp.CONTACT_PENALTY,
+        "torque_penalty": sqp.TORQUE_PENALTY,
+        "centimetre": sqp.CENTIMETRE,
+        "first_radius": sqp.FIRST_RADIUS,
+        "least_radius": sqp.LEAST_RADIUS,
+        "shrink": sqp.SHRINK,
+        "stuck": sqp.STUCK,
+        "stalled": sqp.STALLED,
+        "halved": sqp.HALVED,
+        "slow": sqp.SLOW,
+        "worse": sqp.WORSE,
+        "gap": GAP,
+    }

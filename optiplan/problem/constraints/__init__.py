@@ -1,0 +1,1 @@
+"""Path constraints: their statements, and what they measure."""

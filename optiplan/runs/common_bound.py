@@ -1,0 +1,41 @@
+"""Lower bound by which the durations of several runs of one problem are divided."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.problem.problem import JointGoal, Problem
+from optiplan.runs.run import SMALLEST_BOUND
+from optiplan.trajectory.timing.lower_bound import lower_bounds
+
+
+class Bound(NamedTuple):
+    """Lower bound by which all durations of a comparison are divided, s, and what it is the least of."""
+
+    seconds: float | None
+    words: str
+
+    def ratio(self, duration: float | None) -> float | None:
+        """Duration, s, / bound; None without a motion, or where the robot need not move."""
+        return None if duration is None or self.seconds is None else duration / self.seconds
+
+
+def common_bound(problem: Problem, reached: Sequence[Array]) -> Bound:
+    """Return the lower bound of a problem whose verified runs ended in the configurations `reached`, each (n,).
+
+    No motion to an end configuration is shorter than its bound. Of the problem it is the least over the end
+    configurations that were reached and those that the problem lists.
+    """
+    listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
+    if not listed and not len(reached):
+        return Bound(None, "not known: no goal configuration is listed, and none was reached")
+    seconds = float(lower_bounds(problem.start, np.array([*listed, *reached]), problem.limits).min())
+    if seconds < SMALLEST_BOUND:
+        return Bound(None, "none: the robot need not move")
+    if len(listed) == len(problem.goal):
+        words = "of the goal" if len(listed) == 1 else f"the least over the {len(listed)} goals of the problem"
+    else:
+        words = "the least over the end configurations reached here; others may have a lower one"
+    return Bound(seconds, words)

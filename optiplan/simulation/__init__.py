@@ -1,0 +1,1 @@
+"""Closed loops: a reference, a controller and a plant, run together, and the log of what happened."""

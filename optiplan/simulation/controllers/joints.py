@@ -1,0 +1,98 @@
+"""Controllers of the joints: PID on positions, computed torque, and velocity tracking.
+
+Source: B. Siciliano et al., Robotics: Modelling, Planning and Control, sections 8.5.1 and 8.5.2.
+"""
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.simulation.controllers.base import Command, JointTarget
+from optiplan.simulation.plants.base import Input
+from optiplan.simulation.plants.dynamics import RigidBodyDynamics
+from optiplan.simulation.references.base import ToolTarget
+
+
+class PidController:
+    """tau = P e + I ∫ e dt + D (v_ref - v), e = q_ref - q, for each joint alone; with or without gravity's torque.
+
+    The integral's part of the torque stays within `integral_limit`, so that it does not wind up while a drive is at
+    its limit.
+    """
+
+    output: Input = "torque"
+
+    def __init__(
+        self,
+        gains: tuple[Array, Array, Array],
+        dt: float,
+        integral_limit: Array | None = None,
+        gravity: RigidBodyDynamics | None = None,
+    ) -> None:
+        """Begin with an empty integral.
+
+        Args:
+            gains: P (n,), N·m/rad; I (n,), N·m/(rad s); D (n,), N·m·s/rad (of sliding joints with m and N).
+            dt: the control period, s.
+            integral_limit: (n,), N·m (N); None: without.
+            gravity: the model whose gravity is compensated; None: not at all.
+        """
+        self._p, self._i, self._d = gains
+        self._dt, self._gravity = dt, gravity
+        self._most = np.inf if integral_limit is None else integral_limit
+        self._integral: Array = np.zeros(len(self._p))
+
+    def command(self, q: Array, v: Array, target: JointTarget | ToolTarget) -> Command:
+        """See the class."""
+        assert isinstance(target, JointTarget)
+        e = target.q - q
+        self._integral = np.clip(self._integral + self._i * e * self._dt, -self._most, self._most)
+        torque = self._p * e + self._integral + self._d * (target.v - v)
+        if self._gravity is not None:
+            torque = torque + self._gravity.gravity(q)
+        return Command(torque, target.q)
+
+
+class ComputedTorque:
+    """tau = M(q) (a_ref + Kd (v_ref - v) + Kp (q_ref - q)) + c(q, v) + g(q), Kp = w², Kd = 2 z w.
+
+    With the right model every joint's error obeys e'' + 2 z w e' + w² e = 0.
+    """
+
+    output: Input = "torque"
+
+    def __init__(self, dynamics: RigidBodyDynamics, frequency: float, damping: float = 1.0) -> None:
+        """Set the gains.
+
+        Args:
+            dynamics: the model that the controller believes in.
+            frequency: w / 2 pi, Hz.
+            damping: z, 1 for no overshoot.
+        """
+        self._dynamics = dynamics
+        w = 2.0 * np.pi * frequency
+        self._kp, self._kd = w * w, 2.0 * damping * w
+
+    def torque(self, q: Array, v: Array, target: JointTarget) -> Array:
+        """See the class; (n,), N·m (N)."""
+        a = target.ahead_a + self._kd * (target.v - v) + self._kp * (target.q - q)
+        return self._dynamics.torque(q, v, a)
+
+    def command(self, q: Array, v: Array, target: JointTarget | ToolTarget) -> Command:
+        """See the class."""
+        assert isinstance(target, JointTarget)
+        return Command(self.torque(q, v, target), target.q)
+
+
+class VelocityTracking:
+    """v = v_ref + k (q_ref - q), for plants that take velocities."""
+
+    output: Input = "velocity"
+
+    def __init__(self, gain: float) -> None:
+        """Set k, 1/s."""
+        self._gain = gain
+
+    def command(self, q: Array, v: Array, target: JointTarget | ToolTarget) -> Command:
+        """See the class."""
+        assert isinstance(target, JointTarget)
+        return Command(target.ahead_v + self._gain * (target.q - q), target.q)

@@ -1,0 +1,75 @@
+"""Execute a planned motion: computed torque on our rigid-body plant, or on MuJoCo's."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.problem.problem import Problem
+from optiplan.simulation.closed_loop import Loop, simulate
+from optiplan.simulation.controllers.joints import ComputedTorque
+from optiplan.simulation.log import Log
+from optiplan.simulation.plants.base import Payload, Plant, PlantOptions
+from optiplan.simulation.plants.dynamics import RigidBodyDynamics, check_inertias
+from optiplan.simulation.plants.imperfections import PERFECT, Imperfections
+from optiplan.simulation.plants.rigid_body import RigidBodyPlant
+from optiplan.simulation.references.joints import TrajectoryReference
+from optiplan.trajectory.trajectory import Trajectory
+
+Engine = Literal["own", "mujoco"]
+
+
+@dataclass(frozen=True)
+class ExecutionOptions:
+    """How a motion is executed.
+
+    Attributes:
+        engine: `own` or `mujoco`.
+        dt: control period, s; `step`: of the plant, s.
+        frequency: of the error dynamics of computed torque, Hz; critically damped.
+        settle: s after the end.
+        payload: at the tool, of which the controller may know another mass.
+        imperfections: of measurement and timing.
+    """
+
+    engine: Engine = "own"
+    dt: float = 1e-3
+    step: float = 2.5e-4
+    frequency: float = 10.0
+    settle: float = 0.1
+    payload: Payload | None = None
+    imperfections: Imperfections = PERFECT
+
+
+def execute(problem: Problem, trajectory: Trajectory, options: ExecutionOptions = ExecutionOptions()) -> Log:
+    """Let computed torque follow a trajectory of a problem, from its start to its end.
+
+    Raises:
+        InputError: a joint of the robot moves no inertia.
+    """
+    robot = problem.robot
+    check_inertias(robot)
+    payload = options.payload
+    assumed = (0.0, None) if payload is None else (payload.assumed, payload.centre)
+    controller = ComputedTorque(RigidBodyDynamics(robot, *assumed), options.frequency)
+    loop = Loop(
+        robot=robot,
+        limits=problem.limits,
+        reference=TrajectoryReference(trajectory),
+        controller=controller,
+        plant=_plant(problem, np.asarray(trajectory.start), options),
+        dt=options.dt,
+        settle=options.settle,
+        imperfections=options.imperfections,
+        scene=problem.scene,
+    )
+    return simulate(loop)
+
+
+def _plant(problem: Problem, q: Array, options: ExecutionOptions) -> Plant:
+    if options.engine == "mujoco":
+        from optiplan.simulation.plants.mujoco_plant import MujocoPlant
+
+        return MujocoPlant(problem.robot, problem.scene, q, options.step, PlantOptions(payload=options.payload))
+    return RigidBodyPlant(problem.robot, q, options.step, PlantOptions(payload=options.payload))

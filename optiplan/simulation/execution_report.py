@@ -1,0 +1,88 @@
+"""What a log says of limits and contact, in the form of the verifier's report; sampled, and never *verified*."""
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.robot.limits import Limits
+from optiplan.robot.robot import Robot
+from optiplan.simulation.log import Log
+from optiplan.verify.report import Check, jsonable
+
+_ROUNDING = 1e-6
+"""rad or m, and per second: what the controller's own arithmetic may pass a limit by."""
+
+
+def execution_report(log: Log, robot: Robot, limits: Limits) -> dict[str, Any]:
+    """JSON-ready, with the keys of a report; `executed` says whether it ran to its end and nothing touched."""
+    checks = [_tracking(log), *_limits(log, robot, limits)]
+    if log.contacts is not None:
+        checks.append(_contact(log))
+    scope = [f"executed in a closed loop at {1.0 / log.dt:g} Hz: what is said holds at the instants looked at"]
+    if log.contacts is not None:
+        scope.append(f"distances were measured every {1e3 * log.contacts.interval:g} ms")
+    done = not log.stopped and not log.touched
+    told = [asdict(check) for check in checks]
+    return dict(jsonable({"verified": False, "executed": done, "checks": told, "scope": scope, "notes": []}))
+
+
+def _tracking(log: Log) -> Check:
+    track = log.tracking
+    detail = f"tool error {1e3 * track.tool_rms:.3g} mm RMS, {1e3 * track.tool_peak:.3g} mm at most"
+    if log.stopped:
+        detail = log.stopped
+    return Check("tracking", "sampled", not log.stopped, worst=track.tool_peak, unit="m", detail=detail)
+
+
+def _limits(log: Log, robot: Robot, limits: Limits) -> list[Check]:
+    track = log.tracking
+    found = []
+    for name, values, beyond, limit in (
+        ("position", log.q, track.beyond_position, limits.upper),
+        ("velocity", np.abs(log.v), track.beyond_velocity, limits.velocity),
+    ):
+        j = int(np.argmax(beyond)) if beyond.any() else _nearest(values, limits if name == "position" else None, limit)
+        k = int(np.argmax(np.abs(values[:, j])))
+        passed = bool(beyond[j] <= _ROUNDING)
+        detail = "" if passed else f"{robot.joint_names[j]} goes {beyond[j]:.3g} beyond its limit"
+        unit = ("rad" if robot.revolute[j] else "m") + ("/s" if name == "velocity" else "")
+        worst = float(np.abs(values[k, j]))
+        if name == "position":
+            worst = float(values[k, j])
+        found.append(
+            Check(name, "sampled", passed, worst, _known(limit[j]), unit, float(log.t[k]), robot.joint_names[j], detail)
+        )
+    if log.unit == "N·m":
+        j = int(np.argmax(track.saturated))
+        share = float(track.saturated[j])
+        detail = f"{robot.joint_names[j]} is at its torque limit {100.0 * share:.3g} % of the time" if share else ""
+        found.append(Check("torque", "sampled", True, place=robot.joint_names[j] if share else "", detail=detail))
+    return found
+
+
+def _nearest(values: Array, limits: Limits | None, limit: Array) -> int:
+    """The joint that comes nearest to its limit, by its share."""
+    if limits is None:
+        return int(np.argmax((values / limit).max(axis=0)))
+    middle, half = 0.5 * (limits.lower + limits.upper), 0.5 * (limits.upper - limits.lower)
+    finite = np.isfinite(half)
+    share = np.zeros(values.shape[1])
+    share[finite] = (np.abs(values[:, finite] - middle[finite]) / half[finite]).max(axis=0)
+    return int(np.argmax(share))
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _contact(log: Log) -> Check:
+    assert log.contacts is not None
+    contacts = log.contacts
+    pair = contacts.pair if contacts.pair is not None else next(iter(contacts.touched), None)
+    place = "" if pair is None else f"{pair[0]}, {pair[1]}"
+    detail = "; ".join(f"'{a}' and '{b}' touch at {time:.3f} s" for (a, b), time in contacts.touched.items())
+    witness = {"pair": list(pair or ()), "met_clearance": contacts.least}
+    passed = not contacts.touched
+    return Check("collision", "sampled", passed, contacts.least, 0.0, "m", contacts.time, place, detail, witness)

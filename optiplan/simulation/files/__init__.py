@@ -1,0 +1,1 @@
+"""Control files: a closed loop as YAML, read as problem files are."""

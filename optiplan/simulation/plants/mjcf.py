@@ -1,0 +1,184 @@
+"""A robot in a scene as a MuJoCo model (MJCF): our inertias, our bodies, our pairs of bodies that matter.
+
+Everything comes from the robot as it was loaded: joints and inertias from its pinocchio model, bodies and pairs from
+its collision model. So MuJoCo's dynamics, its contacts and its integration are a second opinion on ours, of the same
+robot.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Sequence
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.convex import pieces_of, triangles_of, vertices_of
+from optiplan.geometry.scene import Scene
+from optiplan.robot.mimic_joints import coupling, screws
+from optiplan.robot.robot import Robot
+from optiplan.simulation.plants.base import NOMINAL, PlantOptions
+
+SEPARATOR = "#"
+"""Stands between the name of a body (link, held object, obstacle) and the number of its geom."""
+
+_LEAST = 1e-12
+"""kg·m² and kg of a body without mass, such as the sliding parts that stand for a mobile base."""
+
+_ROUNDING = 1e-9  # share of a moment of inertia
+
+_REACH = 100.0  # m; half the side of what stands for a half-space in pictures; MuJoCo's planes are endless
+
+
+def mjcf(robot: Robot, scene: Scene, step: float, options: PlantOptions = NOMINAL) -> str:
+    """The MJCF text of a robot in a scene.
+
+    A joint of pinocchio is a body with one joint, in the frame of which its inertia and its geoms lie. Geoms touch only
+    as the pairs of `CollisionModel` say, listed one by one. A mesh that is not convex is cut into convex pieces, since
+    MuJoCo takes the hull of each.
+
+    Args:
+        robot: with n joints; its model may have joints that follow others, which become equality constraints.
+        scene: obstacles and held objects.
+        step: of the integration, s.
+        options: friction (`damping` and `frictionloss` of MuJoCo), payload, rotor inertia (`armature`).
+    """
+    root = ET.Element("mujoco", model=robot.name)
+    ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false", balanceinertia="false", boundmass="0")
+    option = ET.SubElement(root, "option", timestep=repr(step), gravity=_text(robot.model.gravity.linear))
+    option.set("integrator", "implicitfast")
+    ET.SubElement(option, "flag", eulerdamp="disable")
+    assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
+    collision = CollisionModel(robot, scene)
+    nodes = _joints(robot, world, options)
+    parts = _geoms(collision, nodes, assets)
+    contact = ET.SubElement(root, "contact")
+    for pair in collision.pairs:
+        for a in parts[pair.a]:
+            for b in parts[pair.b]:
+                ET.SubElement(contact, "pair", geom1=a, geom2=b, condim="1")
+    _followers(robot, root)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _joints(robot: Robot, world: ET.Element, options: PlantOptions) -> list[ET.Element]:
+    """One body a joint; element 0 is the world."""
+    model, axes, friction, rotor = robot.model, screws(robot.model), options.friction, options.rotor_inertia
+    inertias = list(model.inertias)
+    if options.mass:
+        frame = model.frames[robot.frame_id(robot.tool_frame)]
+        point = frame.placement.act(options.centre)
+        own = inertias[frame.parentJoint]
+        inertias[frame.parentJoint] = own + pin.Inertia(
+            options.mass, point, np.zeros((3, 3))
+        )  # += would change the robot
+    planned = {name: j for j, name in enumerate(robot.joint_names)}
+    nodes = [world]
+    for j in range(1, model.njoints):
+        X, name = model.jointPlacements[j], model.names[j]
+        node = ET.SubElement(nodes[model.parents[j]], "body", {"name": f"body {name}", **_pose(X)})
+        turning = bool(np.linalg.norm(axes[j - 1, 3:]) > 0.5)
+        joint = ET.SubElement(node, "joint", name=name, type="hinge" if turning else "slide", limited="false")
+        joint.set("axis", _text(axes[j - 1, 3:] if turning else axes[j - 1, :3]))
+        k = planned.get(name)
+        if k is not None and friction is not None:
+            joint.set("damping", repr(float(friction.viscous[k])))
+            joint.set("frictionloss", repr(float(friction.coulomb[k])))
+            joint.set("solreffriction", "0.001 1")  # stiff: what is held creeps little
+        if k is not None and rotor is not None:
+            joint.set("armature", repr(float(rotor[k])))
+        _inertial(node, inertias[j])
+        nodes.append(node)
+    return nodes
+
+
+def _inertial(node: ET.Element, inertia: pin.Inertia) -> None:
+    """Mass, centre and inertia about it; MuJoCo wants some of each of every body that moves."""
+    if inertia.mass <= 0.0:
+        ET.SubElement(node, "inertial", pos="0 0 0", mass=repr(_LEAST), diaginertia=_text([_LEAST] * 3))
+        return
+    moments = physical(np.array(inertia.inertia))
+    full = moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    ET.SubElement(node, "inertial", pos=_text(inertia.lever), mass=repr(float(inertia.mass)), fullinertia=_text(full))
+
+
+def physical(inertia: Array) -> Array:
+    """The inertia (3, 3) itself where a body can have it, else the nearest larger one that a body can have.
+
+    The principal moments A <= B <= C of any body obey A > 0 and A + B >= C, on which MuJoCo insists. Published ones do
+    not always (those of the PUMA 560's third link do not): what is missing is then added to A and B in equal parts.
+    """
+    moments, axes = np.linalg.eigh(inertia)
+    raised = np.maximum(moments, _LEAST)
+    missing = raised[2] * (1.0 + _ROUNDING) - raised[0] - raised[1]
+    if (raised == moments).all() and missing <= 0.0:
+        return inertia
+    raised[:2] += 0.5 * max(missing, 0.0)
+    return np.asarray(axes @ np.diag(raised) @ axes.T)
+
+
+def _geoms(collision: CollisionModel, nodes: Sequence[ET.Element], assets: ET.Element) -> list[list[str]]:
+    """Geoms of every body of the collision model, by its index: their names."""
+    found: list[list[str]] = []
+    for index, body in enumerate(collision.geometry.geometryObjects):
+        names = []
+        for part, (kind, attributes, X) in enumerate(_shapes(body.geometry)):
+            name = f"{collision.names[index]}{SEPARATOR}{index}.{part}"
+            if kind == "mesh":
+                ET.SubElement(assets, "mesh", name=name, vertex=attributes["vertex"])
+                attributes = {"mesh": name}
+            apart = {"contype": "0", "conaffinity": "0"}  # only the listed pairs touch
+            told = {"name": name, "type": kind, **attributes, **_pose(body.placement * X), **apart}
+            ET.SubElement(nodes[body.parentJoint], "geom", told)
+            names.append(name)
+        found.append(names)
+    return found
+
+
+def _shapes(shape: coal.CollisionGeometry) -> Iterator[tuple[str, dict[str, str], pin.SE3]]:
+    """MuJoCo's kind, attributes and pose of the parts of a body."""
+    here = pin.SE3.Identity()
+    match shape:
+        case coal.Box():
+            yield "box", {"size": _text(shape.halfSide)}, here
+        case coal.Sphere():
+            yield "sphere", {"size": repr(float(shape.radius))}, here
+        case coal.Capsule():
+            yield "capsule", {"size": _text([shape.radius, shape.halfLength])}, here
+        case coal.Cylinder():
+            yield "cylinder", {"size": _text([shape.radius, shape.halfLength])}, here
+        case coal.Halfspace():
+            up = pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), shape.n).matrix(), shape.d * shape.n)
+            yield "plane", {"size": _text([_REACH, _REACH, 1.0])}, up
+        case coal.BVHModelBase():
+            identity = vertices_of(shape).tobytes() + np.asarray(triangles_of(shape)).tobytes()
+            for vertices in pieces_of(shape, identity).vertices:
+                yield "mesh", {"vertex": _text(vertices.ravel())}, here
+        case coal.ConvexBase():
+            points = np.array([shape.point(k) for k in range(shape.num_points)])
+            yield "mesh", {"vertex": _text(points.ravel())}, here
+        case _:
+            raise ValueError(f"no shape of MuJoCo for a {type(shape).__name__}")
+
+
+def _followers(robot: Robot, root: ET.Element) -> None:
+    """Joints that follow others: q_f = offset + multiplier q_leader, as stiff equality constraints."""
+    if not robot.followers:
+        return
+    A, b = coupling(robot.model)
+    equality = ET.SubElement(root, "equality")
+    for name, mimic in robot.followers.items():
+        row = robot.model.getJointId(name) - 1
+        k = robot.joint_names.index(mimic.source)
+        polynomial = _text([b[row], A[row, k], 0.0, 0.0, 0.0])
+        ET.SubElement(equality, "joint", joint1=name, joint2=mimic.source, polycoef=polynomial, solref="0.001 1")
+
+
+def _pose(X: pin.SE3) -> dict[str, str]:
+    x, y, z, w = pin.Quaternion(X.rotation).normalized().coeffs()
+    return {"pos": _text(X.translation), "quat": _text([w, x, y, z])}
+
+
+def _text(values: Sequence[float] | Array) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,107 @@
+"""MuJoCo as the plant (extra `[sim]`): dynamics, friction and contacts of an engine that nobody here wrote."""
+
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.errors import OptiPlanError
+from optiplan.geometry.scene import Scene
+from optiplan.robot.robot import Robot
+from optiplan.simulation.plants.base import NOMINAL, Input, PlantOptions
+from optiplan.simulation.plants.dynamics import RigidBodyDynamics
+from optiplan.simulation.plants.mjcf import SEPARATOR, mjcf
+
+TOUCHING = 1e-6
+"""m; bodies that MuJoCo sees overlap by more are in contact. Its distances of hulls are exact to about 1e-7 m."""
+
+
+class MujocoPlant:
+    """The robot of a problem in MuJoCo, with its obstacles; torques act on the planned joints."""
+
+    input: Input = "torque"
+
+    def __init__(self, robot: Robot, scene: Scene, q: Array, step: float, options: PlantOptions = NOMINAL) -> None:
+        """Stand at q.
+
+        Args:
+            robot: with n joints.
+            scene: obstacles and held objects.
+            q: (n,), rad or m.
+            step: s.
+            options: drives, friction, payload.
+
+        Raises:
+            OptiPlanError: MuJoCo is not installed.
+        """
+        self._mujoco = mujoco_module()
+        self.step = step
+        self.model: Any = self._mujoco.MjModel.from_xml_string(mjcf(robot, scene, step, options))
+        self.data: Any = self._mujoco.MjData(self.model)
+        self._limit = robot.limits.torque if options.limit is None else options.limit
+        joints = [self.model.joint(name) for name in robot.joint_names]
+        self._at = np.array([joint.qposadr[0] for joint in joints])
+        self._dof = np.array([joint.dofadr[0] for joint in joints])
+        # For holding and for pushes; the motion is MuJoCo's.
+        self._dynamics = RigidBodyDynamics(robot, options.mass, options.centre)
+        for name, mimic in robot.followers.items():
+            follower = self.model.joint(name)
+            source = float(np.asarray(q)[robot.joint_names.index(mimic.source)])
+            self.data.qpos[follower.qposadr[0]] = mimic.multiplier * source + mimic.offset
+        self.data.qpos[self._at] = q
+        self._touched: set[tuple[str, str]] = set()
+        self._mujoco.mj_forward(self.model, self.data)
+        self._note()
+
+    @property
+    def q(self) -> Array:
+        """Positions (n,), rad or m."""
+        return np.asarray(self.data.qpos[self._at])
+
+    @property
+    def v(self) -> Array:
+        """Velocities (n,)."""
+        return np.asarray(self.data.qvel[self._dof])
+
+    def holding(self) -> Array:
+        """Gravity's torque, within the limits."""
+        return np.clip(self._dynamics.gravity(self.q), -self._limit, self._limit)
+
+    def advance(self, command: Array, steps: int, wrench: pin.Force | None = None) -> Array:
+        """Hold the torque `command` (n,), N·m (N), as far as the drives can give it."""
+        applied = np.clip(command, -self._limit, self._limit)
+        drive = applied
+        if wrench is not None:
+            drive = applied + self._dynamics.tool_jacobian(self.q).T @ wrench.vector
+        self.data.qfrc_applied[self._dof] = drive
+        for _ in range(steps):
+            self._mujoco.mj_step(self.model, self.data)
+            if self.data.ncon:
+                self._note()
+        return np.asarray(applied)
+
+    def contacts(self) -> list[tuple[str, str]]:
+        """Names of the bodies that touched since the last call."""
+        found = sorted(self._touched)
+        self._touched.clear()
+        return found
+
+    def _note(self) -> None:
+        for contact in self.data.contact[: self.data.ncon]:
+            if contact.dist < -TOUCHING:
+                a, b = (self.model.geom(int(geom)).name.rpartition(SEPARATOR)[0] for geom in contact.geom)
+                self._touched.add((min(a, b), max(a, b)))
+
+
+def mujoco_module() -> Any:
+    """The module `mujoco`.
+
+    Raises:
+        OptiPlanError: it is not installed.
+    """
+    if find_spec("mujoco") is None:
+        raise OptiPlanError("the engine 'mujoco' needs the package mujoco: pip install 'optiplan[sim]'")
+    return import_module("mujoco")

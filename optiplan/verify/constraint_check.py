@@ -1,0 +1,262 @@
+"""Checks of path constraints, proved for all times of their part of the motion."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import factorial
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array, Flags, Index
+from optiplan.collision.model import CollisionModel, Pair
+from optiplan.problem.constraints.measures import ROUNDING, Measure, measures
+from optiplan.problem.constraints.statements import PairClearance, PathConstraint, RelativePose, ToolSpeed
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.continuous.certificate import certify
+from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion
+from optiplan.verify.continuous.intervals import derivative_bounds, step_sizes
+from optiplan.verify.continuous.motion_bounds import Boxes
+from optiplan.verify.report import Check, VerifyPolicy
+
+SPEED_SHARE = 1e-3
+"""Share of a tool speed limit within which it is proved: a motion at its limit has no margin to prove it by."""
+
+_FIRST = 0.02
+"""s; intervals to begin with."""
+
+_CHUNK = 20_000
+"""Intervals bounded at once, to limit memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class _TimeParts:
+    """K intervals of time, each within a piece: `begin` and `width` (K,), s, in the time of the piece."""
+
+    piece: Index
+    begin: Array
+    width: Array
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, during: tuple[float, float]) -> "_TimeParts":
+        """Return what lies in a part of the motion, in steps of `_FIRST`."""
+        low, high = (share * trajectory.duration for share in during)
+        starts, h = trajectory.breakpoints[:-1], np.diff(trajectory.breakpoints)
+        begin, end = np.clip(low - starts, 0.0, h), np.clip(high - starts, 0.0, h)
+        inside = (end > begin) | ((low >= starts) & (high <= starts + h))
+        piece, begin, length = np.flatnonzero(inside), begin[inside], (end - begin)[inside]
+        parts = np.maximum(1, np.ceil(length / _FIRST)).astype(np.intp)
+        which = np.repeat(np.arange(len(piece)), parts)
+        within = np.arange(len(which)) - np.repeat(np.cumsum(parts) - parts, parts)
+        width = (length / parts)[which]
+        return cls(piece[which], begin[which] + within * width, width)
+
+    def halved(self, open_: Flags) -> "_TimeParts":
+        """Return both halves of the intervals that are still open."""
+        piece, begin, width = self.piece[open_], self.begin[open_], 0.5 * self.width[open_]
+        return _TimeParts(np.tile(piece, 2), np.concatenate([begin, begin + width]), np.tile(width, 2))
+
+    def chunks(self) -> "list[_TimeParts]":
+        """Return them in parts that fit into memory."""
+        cuts = [slice(k, k + _CHUNK) for k in range(0, len(self.piece), _CHUNK)]
+        return [_TimeParts(self.piece[cut], self.begin[cut], self.width[cut]) for cut in cuts]
+
+
+@dataclass(frozen=True, eq=False)
+class _Values:
+    """Largest value met on K intervals (K,) with its time, s, and an upper bound of the value there."""
+
+    met: Array
+    time: Array
+    bound: Array
+
+
+def path_constraints(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
+    """Return a check for each constraint, or for each of the quantities that it bounds."""
+    return [check for one in problem.path_constraints for check in _checks(problem, trajectory, policy, one)]
+
+
+def _checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: PathConstraint) -> list[Check]:
+    if isinstance(one, PairClearance):
+        return [_clearance(problem, trajectory, policy, one)]
+    base = one.to if isinstance(one, RelativePose) else None
+    motion = FrameMotion(problem.robot, one.frame, base)
+    at = one.frame if base is None else f"{one.frame} in {base}"
+    proof = _ConstraintProof(motion, trajectory, policy)
+    if isinstance(one, ToolSpeed):
+        limits = [("speed", one.linear, "m/s", 0), ("turning speed", one.angular, "rad/s", 1)]
+        return [
+            proof.check(one, _Limit(f"{at}: {quantity}", unit, limit * (1.0 + SPEED_SHARE), _speeds(which)))
+            for quantity, limit, unit, which in limits
+            if np.isfinite(limit)
+        ]
+    return [
+        proof.check(one, _Limit(f"{at}: {each.quantity}", each.unit, each.limit + ROUNDING, _of_pose(each), each.told))
+        for each in measures(one)
+    ]
+
+
+Evaluate = Callable[["_ConstraintProof", _TimeParts], _Values]
+
+
+@dataclass(frozen=True, eq=False)
+class _Limit:
+    """A quantity and its limit; `told` as of `Measure`."""
+
+    place: str
+    unit: str
+    limit: float
+    values: Evaluate
+    told: Callable[[float], float] = float
+
+
+class _ConstraintProof:
+    """Halving of intervals until a quantity is proved to keep its limit on each of them."""
+
+    def __init__(self, motion: FrameMotion, trajectory: Trajectory, policy: VerifyPolicy) -> None:
+        self.motion, self.trajectory, self.policy = motion, trajectory, policy
+        self._jump = step_sizes(trajectory, policy.jump_tolerance)
+        self._pieces = [trajectory.derivatives(order) for order in range(2)]
+
+    def state(self, spans: _TimeParts, share: float, order: int = 0) -> Array:
+        """Return q, or its derivative, at a share of each interval: (K, n)."""
+        local = (spans.begin + share * spans.width)[:, None]
+        c = self._pieces[order][spans.piece]
+        value = c[:, -1]
+        for k in range(c.shape[1] - 2, -1, -1):
+            value = value * local + c[:, k]
+        return np.asarray(value)
+
+    def time(self, spans: _TimeParts, share: float) -> Array:
+        """Return times at a share of each interval (K,), s."""
+        return np.asarray(self.trajectory.breakpoints[spans.piece] + spans.begin + share * spans.width)
+
+    def bounds(self, spans: _TimeParts) -> FrameBounds:
+        """Return the bounds of the frame's motion on the intervals."""
+        half = 0.5 * spans.width[:, None]
+        c = self.trajectory.coefficients[spans.piece]
+        _, speed, acceleration = derivative_bounds(c, spans.begin[:, None] + half, half, 3)
+        jump, q, v = self._jump[spans.piece], self.state(spans, 0.5), self.state(spans, 0.5, 1)
+        return self.motion.bounds(Boxes(half[:, 0], q, v, speed * half + jump, speed, acceleration, jump))
+
+    def check(self, one: PathConstraint, limit: _Limit) -> Check:
+        """Prove a limit, or refuse it where it is exceeded, or cannot be proved."""
+        spans, policy = _TimeParts.of(self.trajectory, one.during), self.policy
+        worst, when, evaluated, reason = -np.inf, 0.0, 0, ""
+        while len(spans.piece) and not reason:
+            left = []
+            for part in spans.chunks():
+                found = limit.values(self, part)
+                evaluated += len(part.piece)
+                k = int(np.argmax(found.met))
+                if found.met[k] > worst:
+                    worst, when = float(found.met[k]), float(found.time[k])
+                left.append(~np.asarray(found.bound <= limit.limit))  # NaN stays
+            open_ = np.concatenate(left)
+            finest = bool(open_.any()) and bool(spans.width[open_].min() < 2.0 * policy.min_interval)
+            if worst > limit.limit:
+                reason = "beyond its limit"
+            elif not np.isfinite(worst):
+                reason = "not proved: numbers overflow"
+            elif finest:
+                reason = f"not proved on intervals of {policy.min_interval:g} s"
+            elif evaluated > policy.max_queries:
+                reason = f"not proved with {policy.max_queries} poses"
+            spans = spans.halved(open_)
+        name = f"{one.KEY.replace('_', ' ')} constraint"
+        detail = f"{reason or 'proved at all times'}: {evaluated} intervals"
+        detail += "" if one.during == (0.0, 1.0) else f" of {one.during[0]:g} to {one.during[1]:g} of the motion"
+        witness: dict[str, Any] = {"q": self.trajectory(when).tolist()}
+        told, allowed = limit.told(worst), limit.told(limit.limit)
+        return Check(name, "continuous", not reason, told, allowed, limit.unit, when, limit.place, detail, witness)
+
+
+def _of_pose(measure: Measure) -> Evaluate:
+    """Return the values of a measure, with what lies between the ends of intervals.
+
+    A vector function y deviates by at most width² / 8 max |y''| from the chord between its ends, on which a convex
+    function is nowhere larger than at the ends; or it is as far from its middle as it can have travelled.
+    """
+
+    def values(proof: _ConstraintProof, spans: _TimeParts) -> _Values:
+        ends = [measure.value(proof.motion.poses(proof.state(spans, share))) for share in (0.0, 0.5, 1.0)]
+        bounds = proof.bounds(spans)
+        travel, curvature, step = bounds.travel, bounds.curvature, bounds.step
+        if measure.feature != "point":
+            factor = 1.0 if measure.feature == "axis" else np.sqrt(3.0)  # three columns
+            turning = bounds.turn, bounds.turn_curvature, bounds.turn_step
+            travel, curvature, step = (factor * bound for bound in turning)
+        chord = np.maximum(ends[0], ends[2]) + 0.125 * spans.width**2 * curvature + step
+        met = np.stack(ends)
+        which = met.argmax(axis=0)
+        times = np.stack([proof.time(spans, share) for share in (0.0, 0.5, 1.0)])
+        columns = np.arange(len(which))
+        return _Values(met[which, columns], times[which, columns], np.minimum(chord, ends[1] + travel))
+
+    return values
+
+
+def _speeds(which: int) -> Evaluate:
+    """Return the values of the frame's speed (0) or turning speed (1): |v(t)| <= |v(middle)| + width / 2 max |v'|."""
+
+    def values(proof: _ConstraintProof, spans: _TimeParts) -> _Values:
+        speed = np.linalg.norm(proof.motion.twists(proof.state(spans, 0.5), proof.state(spans, 0.5, 1))[which], axis=1)
+        bounds = proof.bounds(spans)
+        rate = (bounds.curvature, bounds.turn_curvature)[which]
+        return _Values(speed, proof.time(spans, 0.5), speed + 0.5 * spans.width * rate)
+
+    return values
+
+
+class _NamedPairs(CollisionModel):
+    """The collision model of a few pairs."""
+
+    def __init__(self, problem: Problem, names: frozenset[frozenset[str]]) -> None:
+        self._names_wanted = names
+        super().__init__(problem.robot.with_proved_checked(), problem.scene)
+
+    def _list_pairs(self) -> tuple[Pair, ...]:
+        kept = [p for p in super()._list_pairs() if frozenset((p.name_a, p.name_b)) in self._names_wanted]
+        return tuple(replace(pair, index=k) for k, pair in enumerate(kept))
+
+
+def _clearance(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: PairClearance) -> Check:
+    """Check that named pairs stay apart, by the certificate."""
+    wanted = frozenset(frozenset(pair) for pair in one.pairs)
+    model = _NamedPairs(problem, wanted)
+    part, begin = _part(trajectory, one.during)
+    proof = certify(model, part, replace(policy, clearance=one.at_least))
+    near = proof.nearest
+    known = {frozenset((pair.name_a, pair.name_b)) for pair in model.pairs}
+    missing = [" – ".join(pair) for pair in one.pairs if frozenset(pair) not in known]
+    passed = proof.proved and not missing
+    detail = f"{'proved at all times' if proof.proved else proof.reason}: {proof.intervals} intervals"
+    if missing:
+        detail = f"no pair that is checked: {', '.join(missing)}"
+    place = ", ".join(" – ".join(pair) for pair in one.pairs) if near is None else " – ".join(near.pair)
+    worst = proof.clearance if proof.proved else None if near is None else near.distance
+    time = None if near is None else begin + near.time
+    witness = {} if near is None else {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q.tolist()}
+    finite = worst if worst is not None and np.isfinite(worst) else None
+    return Check("clearance constraint", "continuous", passed, finite, one.at_least, "m", time, place, detail, witness)
+
+
+def _part(trajectory: Trajectory, during: tuple[float, float]) -> tuple[Trajectory, float]:
+    """Return a part of a motion, and when it begins, s."""
+    low, high = (share * trajectory.duration for share in during)
+    if (low, high) == (0.0, trajectory.duration):
+        return trajectory, 0.0
+    inner = trajectory.breakpoints[(trajectory.breakpoints > low) & (trajectory.breakpoints < high)]
+    breakpoints = np.concatenate([[low], inner, [high]])
+    size = trajectory.coefficients.shape[1]
+    middle = 0.5 * (breakpoints[1:] + breakpoints[:-1])
+    piece = np.searchsorted(trajectory.breakpoints[1:-1], middle, side="right")
+    shift = breakpoints[:-1] - trajectory.breakpoints[piece]
+    taylor = np.zeros((len(piece), size, trajectory.n))
+    for order in range(size):
+        c = trajectory.derivatives(order)[piece]
+        value = c[:, -1]
+        for k in range(c.shape[1] - 2, -1, -1):
+            value = value * shift[:, None] + c[:, k]
+        taylor[:, order] = value / factorial(order)
+    return Trajectory(trajectory.joint_names, breakpoints - low, taylor), float(low)

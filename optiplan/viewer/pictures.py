@@ -1,0 +1,99 @@
+"""Pictures and films of a page, drawn by a headless Chromium."""
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from optiplan.errors import OptiPlanError
+from optiplan.files import replacing
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+RATE = 20.0
+"""Frames a second of a film."""
+REST = 800
+"""ms that a film stands still at its end."""
+_SOFTWARE = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+
+
+@contextmanager
+def opened(html: str, wish: str = "", size: tuple[int, int] = (1280, 800), scale: float = 1.0) -> Iterator[Any]:
+    """Open a page in a browser without a window; what is yielded is playwright's `Page`, with its first picture drawn.
+
+    Args:
+        html: text of the page.
+        wish: its address after the `#`, such as `t=0.4&paused&tab=velocity`.
+        size: width and height of the window, px.
+        scale: pixels of the picture for each of the window.
+
+    Raises:
+        OptiPlanError: playwright or a browser is missing.
+    """
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        raise OptiPlanError("pictures of a page need playwright: pip install 'optiplan[pictures]'") from None
+    executable = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if executable is None:
+        raise OptiPlanError(f"pictures of a page need a browser; looked for {', '.join(BROWSERS)}")
+    with tempfile.TemporaryDirectory(prefix="optiplan-") as folder, sync_playwright() as tool:
+        file = Path(folder) / "page.html"
+        file.write_text(html, "utf-8")
+        browser = tool.chromium.launch(executable_path=executable, args=_SOFTWARE)
+        page = browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=scale)
+        page.goto(f"{file.as_uri()}#{wish}")
+        page.wait_for_selector("html[data-ready='1']", timeout=120_000)
+        settle(page)
+        yield page
+        browser.close()
+
+
+def settle(page: Any) -> None:
+    """Wait until what was asked for is drawn."""
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def frame(page: Any, time: float) -> "Image":
+    """Return the picture of an open page at an instant, s."""
+    from PIL import Image
+
+    page.evaluate("(t) => optiplan.clock.jump(t)", time)
+    settle(page)
+    return Image.open(BytesIO(page.screenshot())).convert("RGB")
+
+
+def save_picture(html: str, path: Path, wish: str = "", size: tuple[int, int] = (1280, 800)) -> None:
+    """Write a PNG of a page at the instant and from the place that its address says; it appears whole or not at all.
+
+    Raises:
+        OptiPlanError: playwright or a browser is missing.
+    """
+    with opened(html, wish or "t=0&paused", size) as page:
+        data = page.screenshot()
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def save_film(html: str, path: Path, wish: str = "", size: tuple[int, int] = (960, 600)) -> None:
+    """Write the motion of a page's scene as GIF, or WebP where the file's name ends so, at the speed its address says.
+
+    Raises:
+        OptiPlanError: there is no motion, or playwright or a browser is missing.
+    """
+    with opened(html, f"{wish}&scene", size) as page:
+        page.evaluate("optiplan.clock.pause()")
+        end, speed = page.evaluate("[optiplan.clock.end, optiplan.clock.speed]")
+        if not end:
+            raise OptiPlanError("there is no motion to film")
+        count = max(1, round(end / speed * RATE))
+        frames = [frame(page, end * k / count) for k in range(count + 1)]
+    pauses = [round(1000.0 / RATE)] * count + [REST]
+    kind = "WEBP" if path.suffix.lower() == ".webp" else "GIF"
+    with replacing(path) as temporary:
+        frames[0].save(temporary, kind, save_all=True, append_images=frames[1:], duration=pauses, loop=0)

@@ -1,0 +1,140 @@
+"""The figures by name, drawn and written: PNG, SVG and PDF of each, CSV of what they show."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.files import replacing
+from optiplan.viewer.plots.curves_csv import write_curves, write_limits
+from optiplan.viewer.plots.joint_figure import draw_joints
+from optiplan.viewer.plots.path_figure import draw_path
+from optiplan.viewer.plots.runs import PlottedRun
+from optiplan.viewer.plots.style import styled
+from optiplan.viewer.plots.tool_figure import draw_tool
+
+PICTURES = ("png", "svg", "pdf")
+FORMATS = (*PICTURES, "csv")
+DPI = 200
+
+
+@dataclass(frozen=True)
+class PlotOptions:
+    """How the figures are drawn.
+
+    Attributes:
+        joints: names of the joints to show; None: all.
+        share: joints in percent of their limits instead of units.
+        frames: tool frames along the path; 0 for none.
+    """
+
+    joints: tuple[str, ...] | None = None
+    share: bool = False
+    frames: int = 9
+
+
+Draw = Callable[[Sequence[PlottedRun], PlotOptions], Any]
+
+FIGURES: dict[str, Draw] = {
+    "joints": lambda runs, options: draw_joints(runs, _joints(runs, options), options.share),
+    "tool": lambda runs, options: draw_tool(runs),
+    "path": lambda runs, options: draw_path(runs, options.frames),
+}
+"""Figures by name: joints against time, tool against time, path of the tool in space and in planes."""
+
+
+def draw(name: str, runs: Sequence[PlottedRun], options: PlotOptions) -> Any:
+    """Draw a figure of runs of one robot, as matplotlib's `Figure`.
+
+    Raises:
+        UnknownChoiceError: no such figure, or no such joint.
+    """
+    if name not in FIGURES:
+        raise UnknownChoiceError("figure", name, FIGURES)
+    with styled():
+        return FIGURES[name](runs, options)
+
+
+def write(names: Sequence[str], runs: Sequence[PlottedRun], options: PlotOptions, path: Path) -> None:
+    """Write figures into one file of the kind that its suffix names; it appears whole or not at all.
+
+    A PDF has a page for each, CSV is the same whatever the figure; the others hold one.
+
+    Raises:
+        InputError: another suffix, or several figures in a file that holds one.
+        UnknownChoiceError: as `draw`.
+    """
+    kind = kind_of(path)
+    if kind not in ("pdf", "csv") and len(names) != 1:
+        found = f"{len(names)} figures: {', '.join(names)}"
+        raise InputError([Issue(str(path), None, "figure", found, f"one of them for a {kind}, a .pdf or a folder")])
+    for name in options.joints or ():
+        _joint(runs, name)
+    if kind == "csv":
+        with replacing(path) as temporary:
+            write_curves(runs, temporary)
+        return
+    figures = [draw(name, runs, options) for name in names]
+    with replacing(path) as temporary:
+        _save(figures, temporary, kind)
+
+
+def write_all(
+    names: Sequence[str], kinds: Sequence[str], runs: Sequence[PlottedRun], options: PlotOptions, folder: Path
+) -> list[Path]:
+    """Write every figure as `<name>.<kind>` into a folder; as CSV `curves.csv` and `limits.csv`.
+
+    Raises:
+        UnknownChoiceError: as `draw`.
+    """
+    written = []
+    for kind in kinds:
+        if kind == "csv":
+            written += [folder / "curves.csv", folder / "limits.csv"]
+            write(names, runs, options, written[-2])
+            with replacing(written[-1]) as temporary:
+                write_limits(runs, temporary)
+            continue
+        for name in names:
+            written.append(folder / f"{name}.{kind}")
+            write([name], runs, options, written[-1])
+    return written
+
+
+def kind_of(path: Path) -> str:
+    """The format that a file's suffix names.
+
+    Raises:
+        InputError: none of ours.
+    """
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in FORMATS:
+        expected = f"a file that ends in {', '.join(f'.{one}' for one in FORMATS)}, or a folder"
+        raise InputError([Issue(str(path), None, "out", f"'{path.suffix}'", expected)])
+    return kind
+
+
+def _save(figures: Sequence[Any], path: Path, kind: str) -> None:
+    dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})  # the same runs, the same files
+    with styled():
+        if kind == "pdf":
+            from matplotlib.backends.backend_pdf import PdfPages
+
+            with PdfPages(path, metadata=dated) as pages:
+                for figure in figures:
+                    pages.savefig(figure)
+        else:
+            figures[0].savefig(path, format=kind, dpi=DPI, metadata=dated)
+
+
+def _joints(runs: Sequence[PlottedRun], options: PlotOptions) -> list[int]:
+    names = runs[0].problem.robot.joint_names
+    return [_joint(runs, name) for name in options.joints] if options.joints else list(range(len(names)))
+
+
+def _joint(runs: Sequence[PlottedRun], name: str) -> int:
+    names = runs[0].problem.robot.joint_names
+    if name not in names:
+        raise UnknownChoiceError("joint", name, names)
+    return names.index(name)

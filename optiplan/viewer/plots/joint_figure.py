@@ -1,0 +1,126 @@
+"""Joints against time: position, velocity, acceleration, jerk and torque, with their limits.
+
+One run has all joints in one panel a quantity; several runs have a panel for each quantity and joint.
+Dots are the exact extrema over all time; torques have none, they are sampled.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.viewer.plots.curves import ORDERS
+from optiplan.viewer.plots.runs import PlottedRun
+from optiplan.viewer.plots.style import LIMIT, line_style, sheet
+
+QUANTITIES = (*ORDERS, "torque")
+ROW, COLUMNS = 1.55, 7
+"""Height of a panel, in; joints beside each other at most, the others continue below."""
+
+
+def draw_joints(runs: Sequence[PlottedRun], joints: Sequence[int], share: bool) -> Any:
+    """The figure: `joints` by their index, values in units or as `share` of their limits, in percent."""
+    return _together(runs[0], joints, share) if len(runs) == 1 else _apart(runs, joints, share)
+
+
+def _together(run: PlottedRun, joints: Sequence[int], share: bool) -> Any:
+    figure = sheet(ROW * len(QUANTITIES) + 0.5)
+    panels = figure.subplots(len(QUANTITIES), 1, sharex=True, squeeze=False)[:, 0]
+    for quantity, panel in zip(QUANTITIES, panels, strict=True):
+        for place, joint in enumerate(joints):
+            style = line_style(place)
+            _draw(panel, run, (quantity, joint, share), style, run.problem.robot.joint_names[joint])
+            _draw_limits(panel, _limits(run, quantity, joint, share), style["color"])
+        panel.set_ylabel(_title(run, quantity, joints, share))
+    panels[-1].set_xlabel("time, s")
+    figure.align_ylabels(list(panels))
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", title="joint")
+    figure.suptitle(f"{run.problem.name}: {run.legend}; dashed: limits", fontsize=9)
+    return figure
+
+
+def _apart(runs: Sequence[PlottedRun], joints: Sequence[int], share: bool) -> Any:
+    blocks = [joints[k : k + COLUMNS] for k in range(0, len(joints), COLUMNS)]
+    rows = len(QUANTITIES) * len(blocks)
+    figure = sheet(1.25 * rows + 0.7)
+    figure.set_figwidth(max(7.2, 2.0 * len(blocks[0])))
+    panels = figure.subplots(rows, len(blocks[0]), sharex=True, squeeze=False)
+    for b, block in enumerate(blocks):
+        for row, quantity in enumerate(QUANTITIES, b * len(QUANTITIES)):
+            for panel, joint in zip(panels[row], block, strict=False):
+                for k, run in enumerate(runs):
+                    _draw(panel, run, (quantity, joint, share), line_style(k), run.legend)
+                    _draw_limits(panel, _limits(run, quantity, joint, share), LIMIT)
+                if row == b * len(QUANTITIES):
+                    panel.set_title(runs[0].problem.robot.joint_names[joint])
+            panels[row, 0].set_ylabel(_title(runs[0], quantity, block, share))
+            for panel in panels[row, len(block) :]:
+                panel.set_visible(False)
+    for panel in panels[-1]:
+        panel.set_xlabel("time, s")
+    figure.align_ylabels(list(panels[:, 0]))
+    names = dict.fromkeys(run.problem.name for run in runs)
+    figure.suptitle(f"{', '.join(names)}; dashed: limits", fontsize=9)
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=min(3, len(runs)))
+    return figure
+
+
+def _draw(panel: Any, run: PlottedRun, what: tuple[str, int, bool], style: dict[str, Any], label: str) -> None:
+    """A curve of one joint, and dots at its exact extrema."""
+    quantity, joint, share = what
+    curves = run.curves
+    values = curves.torque if quantity == "torque" else curves.joints[ORDERS.index(quantity)]
+    panel.plot(curves.t, _shared(run, quantity, joint, share, values[:, joint]), label=label, **style)
+    if quantity == "torque":
+        return
+    e = curves.extrema[ORDERS.index(quantity)]
+    ends = np.array([e.low[joint], e.high[joint]])
+    times = [e.t_low[joint], e.t_high[joint]]
+    panel.plot(times, _shared(run, quantity, joint, share, ends), ".", color=style["color"], markersize=4.5)
+
+
+def bounds(run: PlottedRun, quantity: str, joint: int) -> tuple[float, float]:
+    """Lower and upper limit of a joint, rad/s^order, m/s^order, N m or N; infinite where there is none."""
+    limits = run.problem.limits
+    if quantity == "position":
+        return float(limits.lower[joint]), float(limits.upper[joint])
+    largest = float(getattr(limits, quantity)[joint])
+    return -largest, largest
+
+
+def _limits(run: PlottedRun, quantity: str, joint: int, share: bool) -> list[float]:
+    """What is drawn of the limits."""
+    known = np.array([value for value in bounds(run, quantity, joint) if np.isfinite(value)])
+    return [float(value) for value in _shared(run, quantity, joint, share, known)]
+
+
+def _shared(run: PlottedRun, quantity: str, joint: int, share: bool, values: Array) -> Array:
+    """Values in units, or in percent of the limit: -100 at the lower and 100 at the upper one."""
+    if not share:
+        return values
+    low, high = bounds(run, quantity, joint)
+    if not np.isfinite(high - low):
+        return np.full(len(values), np.nan)
+    return 100.0 * (2.0 * values - low - high) / (high - low)
+
+
+def _draw_limits(panel: Any, limits: Sequence[float], colour: str) -> None:
+    for value in limits:
+        panel.axhline(value, color=colour, linestyle=(0, (4, 3)), linewidth=0.8, gid="limit")
+
+
+def _title(run: PlottedRun, quantity: str, joints: Sequence[int], share: bool) -> str:
+    """The quantity with its unit, of revolute and of sliding joints."""
+    if share:
+        return f"{quantity},\n% of limit"
+    kinds = [bool(run.problem.robot.revolute[joint]) for joint in joints]
+    units = [unit(quantity, kind) for kind in dict.fromkeys(kinds)]
+    return f"{quantity},\n{' or '.join(units)}"
+
+
+def unit(quantity: str, revolute: bool) -> str:
+    """Unit of a joint's quantity."""
+    if quantity == "torque":
+        return "N m" if revolute else "N"
+    return ("rad" if revolute else "m") + ("", "/s", "/s²", "/s³")[ORDERS.index(quantity)]

@@ -1,0 +1,140 @@
+"""Curves of one run for the page: joints up to the jerk with their limits, torques, tools, manipulability."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, measures, scaled
+from optiplan.problem.problem import Problem
+from optiplan.robot.limits import ORDERS, Limits
+from optiplan.robot.robot import Robot
+from optiplan.trajectory.trajectory import Extrema, Trajectory
+from optiplan.viewer.plots.curves import MotionCurves, motion_curves
+from optiplan.viewer.surfaces import packed
+
+_MORE = 2  # times the samples asked for are kept at the most, where pieces are many
+_APART = 1e-6  # share of the duration by which the two samples at a breakpoint are told apart
+
+
+def curves_of(problem: Problem, trajectory: Trajectory, least: int) -> dict[str, Any]:
+    """JSON-ready curves: `t` (k,), s, and `quantities`, each with `y` (k, m) of its m series; arrays packed.
+
+    A series has `low` and `high`, its limits or None, and `extrema`, [t, y] each: of the joints' derivatives the exact
+    ones over all time, of the others the largest of the samples.
+    """
+    found = motion_curves(problem, trajectory, least)
+    step = max(1, -(-len(found.t) // (_MORE * least)))
+    kept = np.unique(np.append(np.arange(0, len(found.t), step), len(found.t) - 1))
+    t = found.t[kept]
+    t = t + _APART * trajectory.duration * np.append(0.0, np.diff(t) <= 0.0)
+    quantities = [*_derivatives(problem, found), _torque(problem, found), *_tools(problem, found)]
+    for quantity in quantities:
+        quantity["y"] = packed(quantity["y"][kept])
+    return {"t": packed(t), "quantities": quantities}
+
+
+def _derivatives(problem: Problem, found: MotionCurves) -> list[dict[str, Any]]:
+    robot, limits = problem.robot, problem.limits
+    bounds = [(limits.lower, limits.upper), *((-rate, rate) for rate in limits.rates)]
+    shown = []
+    for order, (name, (low, high)) in enumerate(zip(ORDERS, bounds, strict=True)):
+        data = _quantity(name, _unit(robot, order), short_names(robot.joint_names), found.joints[order])
+        data |= {"low": _finite(low), "high": _finite(high), "extrema": _extrema(found.extrema[order])}
+        shown.append(data | {"of": "joints", "kind": "exact"})
+    return shown
+
+
+def _torque(problem: Problem, found: MotionCurves) -> dict[str, Any]:
+    limits: Limits = problem.limits
+    turns = problem.robot.revolute
+    unit = "N·m" if turns.all() else "N" if not turns.any() else "N·m, N"
+    data = _quantity("torque", unit, short_names(problem.robot.joint_names), found.torque)
+    data |= {"low": _finite(-limits.torque), "high": _finite(limits.torque)}
+    return data | {"extrema": _sampled_extrema(found.t, found.torque), "of": "joints", "kind": "sampled"}
+
+
+def _tools(problem: Problem, found: MotionCurves) -> list[dict[str, Any]]:
+    robot, Q, V = problem.robot, found.joints[0], found.joints[1]
+    frames = tool_frames(robot)
+    evaluated = [ToolKinematics(robot, frame).evaluate(Q)[1] for frame in frames]
+    twists = [np.einsum("kij,kj->ki", J, V) for J in evaluated]
+    rows: JacobianRows = "full" if robot.n >= 6 else "translation"
+    least = np.column_stack([measures(scaled(J, rows)).yoshikawa for J in evaluated])
+    shown = []
+    for name, unit, values in (
+        ("tool speed", "m/s", np.column_stack([np.linalg.norm(twist[:, :3], axis=1) for twist in twists])),
+        ("tool turning", "rad/s", np.column_stack([np.linalg.norm(twist[:, 3:], axis=1) for twist in twists])),
+        ("manipulability", "", least),
+    ):
+        free = [None] * len(frames)
+        data = _quantity(name, unit, list(frames), values) | {"low": free, "high": free, "of": "tools"}
+        shown.append(data | {"extrema": [one[:1] for one in _sampled_extrema(found.t, values)], "kind": "sampled"})
+    shown[-1]["extrema"] = [one[1:] for one in _sampled_extrema(found.t, least)]
+    return shown
+
+
+def _quantity(name: str, unit: str, names: Sequence[str], values: Array) -> dict[str, Any]:
+    return {"name": name, "unit": unit, "series": list(names), "y": values}
+
+
+def _finite(values: Array) -> list[float | None]:
+    return [float(value) if np.isfinite(value) else None for value in values]
+
+
+def _extrema(e: Extrema) -> list[list[list[float]]]:
+    columns = zip(e.t_high, e.high, e.t_low, e.low, strict=True)
+    return [[[float(t1), float(y1)], [float(t0), float(y0)]] for t1, y1, t0, y0 in columns]
+
+
+def _sampled_extrema(t: Array, values: Array) -> list[list[list[float]]]:
+    """The largest and the smallest sample, [t, y] each, of every column of values (k, m)."""
+    found = []
+    for column in values.T:
+        at = int(np.argmax(column)), int(np.argmin(column))
+        found.append([[float(t[k]), float(column[k])] for k in at])
+    return found
+
+
+def _unit(robot: Robot, order: int) -> str:
+    own = {"rad": bool(robot.revolute.any()), "m": not bool(robot.revolute.all())}
+    rate = ("", "/s", "/s²", "/s³")[order]
+    return ", ".join(f"{unit}{rate}" for unit, used in own.items() if used)
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """Names without what all of them begin with, up to the last underscore of that."""
+    common = names[0] if len(names) > 1 else ""
+    for name in names:
+        while not name.startswith(common):
+            common = common[:-1]
+    cut = common.rfind("_") + 1
+    return [name[cut:] for name in names]
+
+
+def tool_frames(robot: Robot) -> tuple[str, ...]:
+    """The robot's tool frame, and of an arm beside it the frame of the same name with left and right exchanged."""
+    own = robot.tool_frame
+    twins = (own.replace("left", "right"), own.replace("right", "left"))
+    joints = {int(robot.model.frames[robot.frame_id(own)].parentJoint)}
+    found = [own]
+    for twin in twins:
+        if twin != own and robot.model.existFrame(twin):
+            joint = int(robot.model.frames[robot.model.getFrameId(twin)].parentJoint)
+            if joint and joint not in joints:
+                found.append(twin)
+    return tuple(found)
+
+
+def tool_points(robot: Robot, Q: Array) -> Mapping[str, Array]:
+    """Positions, m, of each tool frame at Q (k, n): (k, 3)."""
+    data = robot.model.createData()
+    frames = {name: robot.model.getFrameId(name) for name in tool_frames(robot)}
+    points = {name: np.empty((len(Q), 3)) for name in frames}
+    for k, q in enumerate(Q):
+        pin.framesForwardKinematics(robot.model, data, q)
+        for name, frame in frames.items():
+            points[name][k] = data.oMf[frame].translation
+    return points

@@ -1,0 +1,143 @@
+"""A small picture of a scene with its robot, drawn without a browser, onto which tool paths can be laid."""
+
+import base64
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.geometry.shapes import build_geometry
+from optiplan.problem.problem import Problem
+from optiplan.viewer.body_triangles import triangles_of
+from optiplan.viewer.scene import obstacle_colour
+from optiplan.viewer.surfaces import Surface, convex_hull
+
+WIDTH, HEIGHT = 144, 104
+"""px."""
+FINER = 2
+"""Pixels drawn for one that is kept, in a row."""
+TURN, RISE = np.radians(-128.0), np.radians(24.0)
+"""Where it is seen from, rad: about the vertical from the x axis, and above the horizon."""
+MARGIN = 0.05
+MOST_FACES = 1500
+"""Of a body; one of more is drawn by its hull."""
+ROBOT = (0.86, 0.88, 0.90)
+HELD = (0.90, 0.62, 0.25)
+LIGHT = np.array([0.45, -0.55, 0.70])
+
+
+@dataclass(frozen=True, eq=False)
+class Thumbnail:
+    """A picture, and how points of the world lie in it.
+
+    Attributes:
+        png: PNG, transparent where nothing is, WIDTH by HEIGHT.
+        axes: (2, 3), from points of the world, m, to px right and down.
+        origin: (2,), px, of the world's origin.
+    """
+
+    png: bytes
+    axes: Array
+    origin: Array
+
+    @property
+    def address(self) -> str:
+        """The picture as a data: address."""
+        return f"data:image/png;base64,{base64.b64encode(self.png).decode('ascii')}"
+
+    def project(self, points: Array) -> Array:
+        """Points (k, 3), m, in the picture: (k, 2), px."""
+        return np.asarray(points @ self.axes.T + self.origin)
+
+
+def thumbnail(problem: Problem, q: Array | None = None) -> Thumbnail:
+    """Picture of a problem's scene with its robot at q (n,), at the start unless given.
+
+    Seen from behind the robot, from the right and above, without perspective, framed by the robot and the obstacles;
+    half-spaces are left out.
+    """
+    triangles, colours = _triangles(problem, problem.start if q is None else q)
+    away = np.array([np.cos(RISE) * np.cos(TURN), np.cos(RISE) * np.sin(TURN), np.sin(RISE)])
+    right = np.cross([0.0, 0.0, 1.0], away) / np.cos(RISE)
+    down = -np.cross(away, right)
+    flat = triangles.reshape(-1, 3) @ np.stack([right, down]).T
+    low, high = flat.min(axis=0, initial=-1e-3), flat.max(axis=0, initial=1e-3)
+    size = np.array([WIDTH, HEIGHT])
+    scale = float(((1.0 - 2.0 * MARGIN) * size / np.maximum(high - low, 1e-6)).min())
+    axes, origin = scale * np.stack([right, down]), 0.5 * size - 0.5 * scale * (low + high)
+    seen = np.concatenate([triangles @ axes.T + origin, (triangles @ away)[..., None]], axis=2)
+    return Thumbnail(_png(_drawn(seen, _shaded(triangles, colours))), axes, origin)
+
+
+def _triangles(problem: Problem, q: Array) -> tuple[Array, Array]:
+    """Triangles (m, 3, 3), m, in the world, and their colours (m, 3)."""
+    found = [(surface.vertices[surface.faces], colour) for surface, colour in _surfaces(problem, q)]
+    if not found:
+        return np.zeros((0, 3, 3)), np.zeros((0, 3))
+    return np.concatenate([t for t, _ in found]), np.concatenate([np.tile(c, (len(t), 1)) for t, c in found])
+
+
+def _surfaces(problem: Problem, q: Array) -> Iterator[tuple[Surface, Sequence[float]]]:
+    robot = problem.robot
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    for body in robot.geometry.geometryObjects:
+        yield _placed(triangles_of(body.geometry), data.oMi[body.parentJoint] * body.placement), ROBOT
+    for held in problem.scene.attached:
+        X_WL = data.oMf[robot.model.getFrameId(held.link)]
+        yield _placed(triangles_of(build_geometry(held.shape)), X_WL * held.X_LO), HELD
+    for obstacle in problem.scene.obstacles:
+        if not obstacle.shape.endless:
+            surface = triangles_of(build_geometry(obstacle.shape))
+            yield _placed(surface, obstacle.X_WO), obstacle_colour(obstacle.shape)[:3]
+
+
+def _placed(surface: Surface, X_WB: pin.SE3) -> Surface:
+    if len(surface.faces) > MOST_FACES:
+        surface = convex_hull(surface.vertices)
+    return Surface(surface.vertices @ X_WB.rotation.T + X_WB.translation, surface.faces)
+
+
+def _shaded(triangles: Array, colours: Array) -> Array:
+    """Colours (m, 3) as lit from one side; faces seen from behind are lit as from before."""
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    length = np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
+    light = np.abs(normals @ (LIGHT / np.linalg.norm(LIGHT))) / length
+    return np.asarray(np.clip(colours * (0.5 + 0.55 * light)[:, None], 0.0, 1.0), dtype=np.float64)
+
+
+def _drawn(triangles: Array, colours: Array) -> Array:
+    """Draw triangles (m, 3, 3) of px and depth (larger is nearer) into an image (HEIGHT, WIDTH, 4), nearest last."""
+    rows, columns = FINER * HEIGHT, FINER * WIDTH
+    depth, image = np.full((rows, columns), -np.inf), np.zeros((rows, columns, 4))
+    scaled = triangles * np.array([FINER, FINER, 1.0])
+    low = np.maximum(np.floor(scaled[:, :, :2].min(axis=1) - 0.5).astype(int), 0)
+    high = np.minimum(np.ceil(scaled[:, :, :2].max(axis=1) + 0.5).astype(int), [columns, rows])
+    for corners, colour, (x0, y0), (x1, y1) in zip(scaled, colours, low, high, strict=True):
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if x1 <= x0 or y1 <= y0 or abs(area) < 1e-9:
+            continue
+        x, y = np.arange(x0, x1) + 0.5, (np.arange(y0, y1) + 0.5)[:, None]
+        u = ((x - ax) * (cy - ay) - (cx - ax) * (y - ay)) / area  # weights of b and c
+        v = ((bx - ax) * (y - ay) - (x - ax) * (by - ay)) / area
+        z = az + u * (bz - az) + v * (cz - az)
+        part = depth[y0:y1, x0:x1]
+        nearer = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (z > part)
+        part[nearer] = z[nearer]
+        image[y0:y1, x0:x1][nearer] = [*colour, 1.0]
+    blocks = image.reshape(HEIGHT, FINER, WIDTH, FINER, 4)
+    cover = blocks[..., 3:].sum(axis=(1, 3))
+    mean = (blocks[..., :3] * blocks[..., 3:]).sum(axis=(1, 3)) / np.maximum(cover, 1e-9)
+    return np.asarray(np.concatenate([mean, cover / FINER**2], axis=2), dtype=np.float64)
+
+
+def _png(image: Array) -> bytes:
+    from matplotlib.image import imsave
+
+    buffer = io.BytesIO()
+    imsave(buffer, np.round(24.0 * image) / 24.0, format="png")  # few shades, few bytes
+    return buffer.getvalue()

@@ -1,0 +1,48 @@
+"use strict";
+// The address of the page holds what is seen: #t=0.6&paused&speed=2&cam=…&layers=…&runs=a,b&run=a&tab=velocity&theme=dark
+const OptiPlanAddress = (() => {
+  const numbers = (text) => text.split(",").map(Number);
+  const parsed = () => new URLSearchParams((location.hash || location.search).slice(1));
+
+  // Does what the address says; what it does not mention stays as it is.
+  function obey(app, wish = parsed()) {
+    const { clock, scene, layers, dock, data } = app;
+    if (wish.has("theme")) document.documentElement.dataset.theme = wish.get("theme") === "dark" ? "dark" : "light";
+    if (wish.has("run")) app.select(Math.max(0, data.runs.findIndex((run) => run.label === wish.get("run"))));
+    if (wish.has("runs")) {
+      const names = wish.get("runs").split(",");
+      data.runs.forEach((run, k) => { app.shown[k] = names.includes(run.label); if (app.shown[k]) app.robots[k] = true; });
+      if (!wish.has("run")) app.select(Math.max(0, app.shown.indexOf(true)));
+      app.update();
+    }
+    if (wish.has("tab") && [...dock.tabs.children].some((tab) => tab.dataset.name === wish.get("tab"))) dock.choose(wish.get("tab"));
+    if (wish.has("layers")) layers.wanted(wish.get("layers").split(","));
+    if (wish.has("speed")) clock.setSpeed(Number(wish.get("speed")));
+    if (scene && wish.has("cam")) {
+      const six = numbers(wish.get("cam"));
+      if (six.length === 6 && six.every(Number.isFinite)) scene.camera = six;
+    }
+    if (wish.has("t") || wish.has("paused")) clock.playing = false;
+    if (wish.has("t")) clock.seek(Number(wish.get("t")) || 0); else clock.tell();
+    app.written = location.hash;
+  }
+
+  // Writes what is seen into the address, without an entry in the history.
+  function write(app) {
+    const { clock, scene, layers, dock, data } = app, parts = [];
+    if (!clock.playing) parts.push(`t=${+clock.time.toFixed(4)}`, "paused");
+    if (clock.speed !== 1) parts.push(`speed=${clock.speed}`);
+    if (scene && scene.turned) parts.push(`cam=${scene.camera.map((x) => +x.toFixed(3)).join()}`);
+    if (layers.wish) parts.push(`layers=${layers.wish.join()}`);
+    if (data.runs.length > 1) parts.push(`run=${encodeURIComponent(data.runs[app.selected].label)}`);
+    if (app.chosen) parts.push(`runs=${data.runs.filter((_, k) => app.shown[k]).map((run) => encodeURIComponent(run.label)).join()}`);
+    if (dock.quantity !== (data.runs.length > 3 ? "table" : "velocity")) parts.push(`tab=${encodeURIComponent(dock.quantity)}`);
+    if (document.documentElement.dataset.theme) parts.push(`theme=${document.documentElement.dataset.theme}`);
+    const hash = parts.length ? "#" + parts.join("&") : "";
+    if (hash === location.hash) return;
+    try { history.replaceState(null, "", hash || location.pathname + location.search); } catch { return; } // some frames forbid it
+    app.written = location.hash;
+  }
+
+  return { parsed, obey, write };
+})();

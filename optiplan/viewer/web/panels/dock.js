@@ -1,0 +1,186 @@
+"use strict";
+// Curves below the scene: the clearance, and one quantity of the motion; with several runs, one of each.
+const OptiPlanDock = (() => {
+  const { floats, doubles } = OptiPlanPacked, { Plot, make, shared, digits } = OptiPlanCurves, { millimetres } = OptiPlanFacts;
+  const MOST = 300; // mm: larger clearances are not shown
+  const WORST = "nearest to its limit"; // instead of a joint, with several runs
+
+  // The curves of a run as arrays: { t, quantities: [{ name, unit, of, kind, series: [{ name, t, y, low, high, extrema }] }] }
+  function decoded(run) {
+    if (run.decoded || !run.curves) return run.decoded || null;
+    const t = floats(run.curves.t);
+    const quantities = run.curves.quantities.map((one) => {
+      const all = floats(one.y), m = one.series.length;
+      const series = one.series.map((name, j) => ({ name, t, y: Float32Array.from(t, (_, k) => all[k * m + j]), low: one.low[j], high: one.high[j], extrema: one.extrema[j] }));
+      return { ...one, series };
+    });
+    run.decoded = { t, quantities };
+    return run.decoded;
+  }
+
+  function clearance(run) {
+    if (run.near || !run.clearance) return run.near || null;
+    const own = run.clearance;
+    run.near = { ...own, t: floats(own.t), distance: floats(own.distance), points: floats(own.points) };
+    if (own.edges) Object.assign(run.near, { edges: doubles(own.edges), proved: doubles(own.proved) });
+    return run.near;
+  }
+
+  // The nearest two bodies at time t: { distance, points, pair }, between two samples of one pair by a straight line.
+  function nearest(run, t) {
+    const near = clearance(run);
+    if (!near) return null;
+    let low = 0, high = near.t.length - 1;
+    while (high - low > 1) { const middle = (low + high) >> 1; if (near.t[middle] <= t) low = middle; else high = middle; }
+    const x = Math.min(1, Math.max(0, (t - near.t[low]) / (near.t[high] - near.t[low] || 1))), same = near.pair[low] === near.pair[high];
+    const k = x < 0.5 ? low : high, share = same ? x : k - low;
+    const at = (array, i) => array[6 * low + i] + share * (array[6 * high + i] - array[6 * low + i]);
+    const points = [[0, 1, 2].map((i) => at(near.points, i)), [3, 4, 5].map((i) => at(near.points, i))];
+    return { distance: near.distance[low] + share * (near.distance[high] - near.distance[low]), points, pair: near.pairs[near.pair[k]] };
+  }
+
+  class Dock {
+    // app: { data, selected, shown, colour(k), clock, joint(name or null) }; its elements are in the page.
+    constructor(app, element) {
+      Object.assign(this, { app, element, quantity: app.data.runs.length > 3 ? "table" : "velocity", share: false, joint: WORST, plots: [] });
+      this.tabs = make("div", "tabs");
+      this.tabs.setAttribute("role", "tablist");
+      this.tabs.setAttribute("aria-label", "Curves");
+      this.options = make("div", "options");
+      this.body = make("div", "plots");
+      const bar = make("div", "dockbar");
+      bar.append(this.tabs, this.options);
+      element.replaceChildren(bar, this.body);
+      this.near = make("div", "plot near");
+      this.own = make("div", "plot own");
+      this.body.append(this.near, this.own);
+      app.clock.listen(() => this.time());
+    }
+
+    get run() { return this.app.data.runs[this.app.selected]; }
+    get several() { return this.app.data.runs.filter((run) => run.curves).length > 1; }
+
+    // The selected run, or which runs are shown, has changed.
+    fill() {
+      const found = decoded(this.run) || decoded(this.app.data.runs.find((run) => run.curves) || {});
+      const names = [...(this.several ? ["table"] : []), ...(this.app.data.runs.some((run) => run.clearance) ? ["clearance"] : []), ...(found ? found.quantities.map((one) => one.name) : [])];
+      this.element.hidden = !names.length;
+      if (!names.includes(this.quantity)) this.quantity = names[names.length - 1] || "velocity";
+      this.tabs.replaceChildren(...names.map((name) => this.tab(name)));
+      this.draw();
+    }
+
+    tab(name) {
+      const button = make("button", "", name);
+      button.type = "button";
+      button.dataset.name = name;
+      button.setAttribute("role", "tab");
+      button.addEventListener("click", () => this.choose(name));
+      return button;
+    }
+
+    choose(name) { this.quantity = name; this.draw(); if (this.app.changed) this.app.changed(); }
+
+    draw() {
+      for (const plot of this.plots) plot.destroy();
+      this.plots = [];
+      for (const tab of this.tabs.children) tab.setAttribute("aria-selected", String(tab.dataset.name === this.quantity));
+      this.element.dataset.quantity = this.quantity;
+      this.fillOptions();
+      this.own.replaceChildren();
+      this.near.replaceChildren();
+      this.nearPlot = this.clearanceSpec() ? this.add(this.near, this.clearanceSpec()) : null;
+      this.near.hidden = !this.nearPlot;
+      if (this.quantity === "table") { const box = make("div", "scrolled"); box.tabIndex = 0; box.setAttribute("aria-label", "Comparison"); this.app.comparison.fillTable(box); this.own.append(box); this.app.comparison.mark(); }
+      else if (this.quantity !== "clearance" && this.quantitySpec()) this.plot = this.add(this.own, this.quantitySpec());
+      this.time();
+    }
+
+    add(element, spec) {
+      const plot = new Plot(element, { ...spec, onSeek: (t) => this.app.clock.jump(t) });
+      plot.canvas.setAttribute("role", "group");
+      plot.canvas.setAttribute("aria-label", `${spec.title} over time; drag to move the time`);
+      this.plots.push(plot);
+      return plot;
+    }
+
+    fillOptions() {
+      const found = [], unit = this.chosen();
+      if (unit && unit.series.some((one) => shared(one)) && !this.several) {
+        const button = make("button", "", this.share ? "in units" : "% of limit");
+        button.type = "button";
+        button.addEventListener("click", () => { this.share = !this.share; this.draw(); });
+        found.push(button);
+      }
+      if (unit && unit.of === "joints" && this.several) {
+        const label = make("label", "", "joint "), choice = make("select");
+        choice.append(...[WORST, ...unit.series.map((one) => one.name)].map((name) => new Option(name, name, false, name === this.joint)));
+        choice.addEventListener("change", () => { this.joint = choice.value; this.draw(); });
+        label.append(choice);
+        found.push(label);
+      }
+      this.options.replaceChildren(...found);
+    }
+
+    chosen(run = this.run) {
+      const found = decoded(run) || decoded(this.app.data.runs.find((one) => one.curves) || {});
+      return found && found.quantities.find((one) => one.name === this.quantity);
+    }
+
+    quantitySpec() {
+      if (!this.chosen()) return null;
+      const unit = this.chosen(), bands = this.run.near ? this.run.near.contacts : [];
+      if (this.several) return this.overlaySpec(unit);
+      const most = unit.series.map((one) => Math.max(0, ...one.extrema.map(([, v]) => Math.abs(shared({ ...one, y: [v], extrema: [] })?.y[0] ?? 0)))).reduce((a, b) => Math.max(a, b), 0);
+      const said = `${unit.kind}${most ? `; at most ${(100 * most).toPrecision(3)} % of a limit` : ""}`;
+      return { title: unit.name, unit: unit.unit, series: unit.series, share: this.share, said, bands, onHover: unit.of === "joints" ? (name) => this.app.joint(name) : null };
+    }
+
+    // One curve a run: of a joint, or of whichever is nearest to its limit at that time.
+    overlaySpec(unit) {
+      const worst = unit.of === "joints" && this.joint === WORST, series = [];
+      this.app.data.runs.forEach((run, k) => {
+        const own = run.curves && this.chosen(run);
+        if (!own || !this.app.shown[k]) return;
+        const look = { name: run.label, colour: this.app.colour(k), width: k === this.app.selected ? 2.2 : 1.3 };
+        if (worst) series.push({ ...largestShare(own.series), ...look });
+        else series.push({ ...(own.series.find((one) => one.name === this.joint) || own.series[0]), ...look });
+      });
+      const title = unit.of === "joints" ? `${unit.name}, ${this.joint}` : unit.name;
+      return { title, unit: worst ? "share of the limit" : unit.unit, series, said: unit.kind, onHover: (name) => this.app.solo(this.app.data.runs.findIndex((run) => run.label === name)) };
+    }
+
+    clearanceSpec() {
+      const run = this.run, own = clearance(run), series = [];
+      this.app.data.runs.forEach((other, k) => {
+        const near = other !== run && this.app.shown[k] && clearance(other);
+        if (near) series.push({ name: other.label, t: near.t, y: near.distance.map((d) => 1e3 * d), colour: this.app.colour(k), width: 1 });
+      });
+      if (!own) return series.length ? { title: "clearance", unit: "mm", series, asinh: 1, most: MOST } : null;
+      const millis = (array) => Float64Array.from(array, (d) => 1e3 * d), marks = [{ t: own.least.t, y: Math.min(MOST, 1e3 * own.least.distance), words: `the least: ${millimetres(own.least.distance)}, ${own.least.pair.join(" – ")}, at ${own.least.t.toFixed(3)} s` }];
+      const colour = this.several ? this.app.colour(this.app.selected) : "--measured";
+      series.unshift({ name: "measured", t: own.t, y: millis(own.distance), colour, width: 2 });
+      if (own.proved) series.unshift({ name: "proved", t: own.edges, y: millis([...own.proved, own.proved[own.proved.length - 1]]), colour: "--proved", step: true, fill: "--proved-fill", width: 1 });
+      return { title: "clearance", unit: "mm", series, asinh: 1, most: MOST, marks, bands: own.contacts };
+    }
+
+    time() {
+      const { clock } = this.app;
+      for (const plot of this.plots) plot.time(clock.time);
+      if (!this.nearPlot || !this.run.near) return;
+      const moment = nearest(this.run, clock.time);
+      this.nearPlot.say(`${moment.pair.join(" – ")}, ${millimetres(moment.distance)}`);
+    }
+
+    single(name) { if (this.plot && this.plots.includes(this.plot) && !this.several) this.plot.single(name); }
+    redraw() { for (const plot of this.plots) plot.redraw(); }
+  }
+
+  function largestShare(series) {
+    const shares = series.map(shared).filter(Boolean), { t } = series[0];
+    const y = Float32Array.from(t, (_, k) => Math.max(0, ...shares.map((one) => Math.abs(one.y[k]))));
+    return { t, y, low: null, high: 1, extrema: [] };
+  }
+
+  return { Dock, nearest, clearance, decoded, digits };
+})();

@@ -1,0 +1,16 @@
+"use strict";
+// Figures in words, and the order of runs.
+const OptiPlanFacts = (() => {
+  function millimetres(metres) {
+    const value = 1e3 * metres, size = Math.abs(value);
+    return (size >= 100 ? value.toFixed(0) : size >= 10 ? value.toFixed(1) : value.toFixed(2)) + " mm";
+  }
+
+  // Verified runs first, then refused ones, both by duration; then those without a motion: [run, its index] each.
+  function sorted(runs) {
+    const rank = (run) => (run.badge === "verified" ? 0 : run.row.duration === null ? 2 : 1);
+    return runs.map((run, k) => [run, k]).sort(([a, i], [b, j]) => rank(a) - rank(b) || (a.row.duration || 0) - (b.row.duration || 0) || i - j);
+  }
+
+  return { millimetres, sorted };
+})();

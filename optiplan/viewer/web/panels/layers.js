@@ -1,0 +1,69 @@
+"use strict";
+// What is drawn: a checkbox each.
+const OptiPlanLayers = (() => {
+  const { make } = OptiPlanCurves;
+
+  class Layers {
+    constructor(element, changed) { Object.assign(this, { element, changed, boxes: new Map() }); }
+
+    add(name, text, checked, change, title = "") {
+      const label = make("label"), box = make("input");
+      box.type = "checkbox";
+      box.id = "layer-" + name;
+      box.checked = checked;
+      label.title = title;
+      box.addEventListener("change", () => { change(box.checked); this.changed(); });
+      label.append(box, text);
+      this.element.append(label);
+      this.boxes.set(name, { box, change, first: checked });
+      change(checked);
+    }
+
+    // Switches by name; names of layers that are not there are ignored.
+    set(name, on) {
+      const found = this.boxes.get(name);
+      if (!found || found.box.checked === on) return;
+      found.box.checked = on;
+      found.change(on);
+    }
+
+    // Names of the layers that are on, or null while all are as at first.
+    get wish() {
+      const all = [...this.boxes.entries()];
+      return all.every(([, one]) => one.box.checked === one.first) ? null : all.filter(([, one]) => one.box.checked).map(([name]) => name);
+    }
+
+    wanted(names) { for (const name of this.boxes.keys()) this.set(name, names.includes(name)); }
+    reset() { for (const [name, one] of this.boxes) this.set(name, one.first); }
+  }
+
+  // The layers of a scene.
+  function addAll(layers, scene, data, wish) {
+    const layer = (name) => (on) => { scene.layers[name].visible = on; scene.dirty(); };
+    const ghosts = wish.get("ghosts") !== "0";
+    if (scene.layers.obstacle.children.length) {
+      layers.add("obstacles", "Obstacles", true, layer("obstacle"));
+      layers.add("through", "See-through", wish.has("through"), (on) => {
+        for (const mesh of scene.solid) scene.painter.paint(mesh, { through: on });
+        scene.dirty();
+      });
+    }
+    if (scene.layers.path.children.length) layers.add("path", "Tool path", true, layer("path"));
+    layers.add("start", "Start", ghosts, layer("start"), "outline of the robot at the start");
+    if (data.goal || data.targets.length) layers.add("goal", "Goal", ghosts, layer("goal"), "outline of the robot at its end, and axes of the poses to reach");
+    if (data.parts.some((part) => part.set === "collision")) layers.add("collision", "Collision shape", wish.get("view") === "collision", (on) => switchSets(scene, on ? "collision" : "visual"));
+    layers.add("floor", "Floor", true, (on) => { scene.stage.floor.visible = on; scene.dirty(false); });
+    if (data.runs.some((run) => run.clearance)) layers.add("rod", "Nearest points", true, (on) => { scene.layers.rod.visible = on; scene.rod.show(scene.rod.moment); scene.dirty(false); }, "rod between the nearest two bodies");
+    if (data.runs.some((run) => run.path)) layers.add("trail", "Pose trail", wish.has("trail"), (on) => { scene.showTrail(on); scene.dirty(); }, "the robot at six instants");
+    layers.add("frames", "Frames", wish.has("frames"), layer("frames"), "axes of the world and of the tool: x red, y green, z blue");
+    if (scene.layers.ellipsoids.children.length) layers.add("ellipsoids", "Ellipsoids", wish.has("ellipsoids"), layer("ellipsoids"), "Of the tool: how fast it moves (green) and how hard it pushes (red) for the same effort of all joints, in each direction");
+    if (data.runs.some((run) => run.witnesses.length)) layers.add("witness", "Where it failed", true, (on) => { scene.layers.witness.visible = on; for (const failure of scene.failures) failure.show(on && failure.wanted); scene.dirty(false); });
+  }
+
+  function switchSets(scene, view) {
+    for (const run of scene.runs) run.figure.traverse((o) => { if (["visual", "collision"].includes(o.userData.set)) o.visible = o.userData.set === view; });
+    scene.dirty();
+  }
+
+  return { Layers, addAll };
+})();

@@ -1,0 +1,90 @@
+"use strict";
+// A failure that can be seen: both bodies red and named, the place of the contact, the camera on its open side, and
+// what still stands before it see-through.
+const OptiPlanFailure = (() => {
+  const THREE = MeshCat.THREE, { floats } = OptiPlanPacked, { named } = OptiPlanShapes, { RED } = OptiPlanBodies, { millimetres } = OptiPlanFacts;
+
+  class Failure {
+    // `run`: of the scene; `witness`: { points, pair, distance, time, poses } of what was refused.
+    constructor(scene, run, witness) {
+      Object.assign(this, { scene, run, witness, labels: [], hiding: [], seen: "" });
+      this.point = witness.points.length ? scene.world(mean(witness.points)) : null;
+      this.bodies = witness.pair.flatMap((name) => scene.owned(name, run));
+      if (witness.poses && !run.data.poses) {
+        run.poses = floats(witness.poses); // no motion to show: the robot stands where it failed
+        run.samples = 1;
+        scene.pose(run.figure, run.poses);
+      }
+      this.addMarks();
+      this.show(true);
+    }
+
+    addMarks() {
+      const { scene, witness } = this, look = new THREE.MeshBasicMaterial({ color: named(RED), depthTest: false, transparent: true, opacity: 0.9 });
+      for (const point of witness.points) {
+        const ball = new THREE.Mesh(new THREE.SphereGeometry(0.006 * scene.size, 20, 12), look);
+        ball.position.fromArray(point);
+        ball.renderOrder = 5;
+        this.run.witness.add(ball);
+      }
+      if (!this.point) return;
+      const deep = witness.distance !== null && witness.distance < 0 ? `overlap ${millimetres(-witness.distance)}` : witness.distance > 0 ? `${millimetres(witness.distance)} apart` : "contact";
+      const label = scene.labels.add(`${witness.pair.join(" – ") || "here"}: ${deep}`, "bad");
+      label.point.copy(this.point);
+      label.lift = 46;
+      this.labels.push(label);
+      for (const name of witness.pair) {
+        const mesh = scene.owned(name, this.run).find((one) => one.userData.set !== "collision");
+        if (!mesh) continue;
+        mesh.geometry.computeBoundingBox();
+        this.labels.push(Object.assign(scene.labels.add(name, "bad"), { lift: -30, body: mesh, middle: mesh.geometry.boundingBox.getCenter(new THREE.Vector3()) }));
+      }
+    }
+
+    show(on) {
+      this.on = on;
+      for (const mesh of this.bodies) this.scene.painter.paint(mesh, { red: on, through: on && mesh.parent === this.scene.layers.obstacle }); // what is in it can be seen
+      for (const label of this.labels) label.visible = on;
+      this.run.witness.visible = on;
+      if (!on) this.clear();
+      this.seen = "";
+      this.scene.dirty(false);
+    }
+
+    clear() {
+      for (const mesh of this.hiding) this.scene.painter.paint(mesh, { through: false });
+      this.hiding = [];
+    }
+
+    // Puts the camera where the contact can be seen.
+    look() {
+      if (!this.point) return;
+      if (this.witness.poses) this.scene.pose(this.run.figure, floats(this.witness.poses));
+      const { scene } = this, solid = [...scene.solid];
+      this.run.figure.traverse((o) => { if (o.isMesh && o.visible) solid.push(o); });
+      const far = 0.48 * OptiPlanCamera.distance(scene.viewer.camera, scene.box, scene.direction);
+      const target = this.point.clone().lerp(scene.box.getCenter(new THREE.Vector3()), 0.15);
+      scene.root.updateMatrixWorld(true);
+      OptiPlanCamera.look(scene.viewer, target, OptiPlanCamera.openSide(this.point, far, solid, scene.direction), far);
+    }
+
+    // Makes what stands between the camera and the contact see-through, as the camera moves.
+    update() {
+      if (!this.on || !this.point) return;
+      for (const label of this.labels) if (label.body) label.body.localToWorld(label.point.copy(label.middle));
+      const eye = this.scene.viewer.camera.position, seen = eye.toArray().map((x) => x.toFixed(2)).join();
+      if (seen === this.seen) return;
+      this.seen = seen;
+      this.clear();
+      const solid = this.scene.solid.filter((mesh) => !this.bodies.includes(mesh));
+      this.run.figure.traverse((o) => { if (o.isMesh && o.visible && !this.bodies.includes(o)) solid.push(o); });
+      const between = OptiPlanCamera.boxesBetween(eye, this.point, solid, 0.01);
+      this.hiding = [...new Set(OptiPlanCamera.hidden(eye, this.point, between, 0.01).map((hit) => hit.object))];
+      for (const mesh of this.hiding) this.scene.painter.paint(mesh, { through: true });
+    }
+  }
+
+  const mean = (points) => [0, 1, 2].map((i) => points.reduce((sum, p) => sum + p[i], 0) / points.length);
+
+  return { Failure };
+})();

@@ -1,0 +1,94 @@
+"use strict";
+// Turns the shapes, colours and poses of a page's data into those of three.js; lengths in metres, in the frame of the shape.
+const OptiPlanShapes = (() => {
+  const THREE = MeshCat.THREE, { floats, indices } = OptiPlanPacked;
+  const CREASE = 0.87; // rad: sharper edges than that stay edges
+
+  // Smooth shading within `crease` radians, sharp edges beyond: normals are averaged over near-parallel neighbours only,
+  // whichever way these are wound: meshes of robots are often sheets back to back, or wound at random.
+  function creased(vertices, faces, crease) {
+    const count = faces.length / 3, normals = new Float32Array(faces.length), around = new Map();
+    const a = new THREE.Vector3(), b = new THREE.Vector3(), c = new THREE.Vector3();
+    for (let f = 0; f < count; f++) {
+      a.fromArray(vertices, 3 * faces[3 * f]);
+      b.fromArray(vertices, 3 * faces[3 * f + 1]).sub(a);
+      c.fromArray(vertices, 3 * faces[3 * f + 2]).sub(a);
+      b.cross(c).toArray(normals, 3 * f); // length: twice the area, the weight of the average
+      for (let k = 0; k < 3; k++) {
+        const v = faces[3 * f + k];
+        if (around.has(v)) around.get(v).push(f); else around.set(v, [f]);
+      }
+    }
+    const position = new Float32Array(3 * faces.length), normal = new Float32Array(3 * faces.length);
+    const limit = Math.cos(crease);
+    for (let i = 0; i < faces.length; i++) {
+      a.fromArray(normals, 3 * Math.floor(i / 3));
+      const size = a.length() || 1;
+      c.set(0, 0, 0);
+      for (const f of around.get(faces[i])) {
+        b.fromArray(normals, 3 * f);
+        const along = a.dot(b);
+        if (Math.abs(along) >= limit * size * b.length()) c.addScaledVector(b, Math.sign(along) || 1);
+      }
+      c.normalize().toArray(normal, 3 * i);
+      for (let k = 0; k < 3; k++) position[3 * i + k] = vertices[3 * faces[i] + k];
+    }
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
+    geometry.setAttribute("normal", new THREE.BufferAttribute(normal, 3));
+    return geometry;
+  }
+
+  function capsule(radius, length) {
+    const profile = [];
+    for (let k = 0; k <= 24; k++) {
+      const turn = -Math.PI / 2 + (Math.PI * k) / 24;
+      profile.push(new THREE.Vector2(radius * Math.cos(turn), radius * Math.sin(turn) + (turn < 0 ? -0.5 : 0.5) * length));
+      if (k === 12) profile.push(new THREE.Vector2(radius, -0.5 * length), new THREE.Vector2(radius, 0.5 * length));
+    }
+    profile.sort((p, q) => p.y - q.y);
+    return new THREE.LatheGeometry(profile, 40).rotateX(Math.PI / 2);
+  }
+
+  function makeGeometry(shape) {
+    switch (shape.kind) {
+      case "box": return new THREE.BoxGeometry(...shape.size).translate(...(shape.centre || [0, 0, 0]));
+      case "sphere": return new THREE.SphereGeometry(shape.radius, 40, 24);
+      case "cylinder": return new THREE.CylinderGeometry(shape.radius, shape.radius, shape.length, 48).rotateX(Math.PI / 2);
+      case "capsule": return capsule(shape.radius, shape.length);
+      case "plane": return new THREE.PlaneGeometry(2, 2); // turned and sized by Scene.spreadPlane
+      default: return creased(floats(shape.vertices), indices(shape), CREASE);
+    }
+  }
+  const rgb = ([r, g, b]) => new THREE.Color(r, g, b).convertSRGBToLinear();
+  const named = (text) => new THREE.Color(text).convertSRGBToLinear();
+
+  function place(object, pose, offset = 0) {
+    object.position.fromArray(pose, offset);
+    object.quaternion.fromArray(pose, offset + 3);
+  }
+
+  // Materials are shared by colour, so that a thousand obstacles cost one.
+  function palette() {
+    const known = new Map();
+    return (key, make) => {
+      if (!known.has(key)) known.set(key, make());
+      return known.get(key);
+    };
+  }
+
+  // Axes of a frame, `size` m long: x red, y green, z blue, each a rod with a tip.
+  function triad(size) {
+    const group = new THREE.Group(), thick = 0.035 * size;
+    const rod = new THREE.CylinderGeometry(thick, thick, 0.8 * size, 12).translate(0, 0.4 * size, 0), tip = new THREE.ConeGeometry(2.4 * thick, 0.2 * size, 16).translate(0, 0.9 * size, 0);
+    for (const [colour, turn] of [["#d3261f", [0, 0, -Math.PI / 2]], ["#2f9e5b", [0, 0, 0]], ["#2374c6", [Math.PI / 2, 0, 0]]]) {
+      const look = new THREE.MeshStandardMaterial({ color: named(colour), roughness: 0.7 }), axis = new THREE.Group();
+      axis.add(new THREE.Mesh(rod, look), new THREE.Mesh(tip, look));
+      axis.rotation.set(...turn);
+      group.add(axis);
+    }
+    return group;
+  }
+
+  return { makeGeometry, rgb, named, place, palette, triad };
+})();

@@ -1,0 +1,138 @@
+"""The page of workspaces: reached voxels of one or more robots in three dimensions, with the robots among them."""
+
+import html
+import json
+from collections.abc import Sequence
+from itertools import pairwise
+from string import Template
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.robot.robot import Robot
+from optiplan.viewer.assets import asset, scripts, styles
+from optiplan.viewer.page import meshcat_licences, meshcat_script
+from optiplan.viewer.scene import robot_parts
+from optiplan.viewer.surfaces import packed
+from optiplan.viewer.workspaces.values import LABELS, caption, mapped_values
+from optiplan.workspace.reach import sampling_range
+from optiplan.workspace.sampling import Workspace
+
+SCRIPTS = ("packed.js", "scene/shapes.js", "scene/stage.js", "scene/camera.js", "scene/bodies.js", "workspace.js")
+APART = 2.3
+"""Distance of two robots that stand side by side, in units of the mean of their reaches."""
+MOST_STANDS = 160_000
+"""Poses of bodies at most, of stands of all robots together: seven numbers of two bytes each."""
+STEPS = 32767
+"""Of a number that is stored in two bytes: positions by the farthest of them, quaternions by 1."""
+
+
+def render_workspaces(found: Sequence[Workspace]) -> str:
+    """One page that shows all robots side by side, true to scale; nothing is loaded from elsewhere.
+
+    A voxel that is pointed at tells its numbers, and the robot stands as it does in the most dexterous sample there.
+    """
+    names = ", ".join(one.robot.name for one in found)
+    poses = sum((one.robot.model.njoints - 1) * int((one.voxels.counts > 0).sum()) for one in found)
+    data = {
+        "labels": LABELS,
+        "robots": [
+            _robot(one, offset, poses <= MOST_STANDS) for one, offset in zip(found, _offsets(found), strict=True)
+        ],
+    }
+    return Template(asset("workspace.html")).substitute(
+        title=html.escape(f"Workspace of {names}"),
+        styles=styles(("theme.css", "workspace.css")),
+        data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+        licences=meshcat_licences(),
+        meshcat=meshcat_script(),
+        scripts=scripts(SCRIPTS),
+    )
+
+
+def best_samples(one: Workspace) -> Array:
+    """Configurations (V, n) of the most dexterous free sample in each voxel; NaN where nothing was reached."""
+    voxels, samples, size = one.voxels, one.samples, one.options.voxels
+    free = np.flatnonzero(samples.free)
+    cells = _cells(samples.position[free], one.reach.shoulder, voxels.edge, size)
+    wanted = _cells(voxels.centres, one.reach.shoulder, voxels.edge, size)
+    order = np.argsort(samples.values["yoshikawa"][free], kind="stable")  # the best is written last
+    best = np.full((2 * size) ** 3, -1)
+    best[cells[order]] = free[order]
+    chosen = best[wanted]
+    return np.where((chosen >= 0)[:, None], samples.q[chosen], np.nan)
+
+
+def _cells(points: Array, shoulder: Array, edge: float, size: int) -> np.ndarray[Any, np.dtype[np.intp]]:
+    """Number of the cell of the cube around the reach sphere that each of points (k, 3) lies in."""
+    cell = np.clip(np.floor((points - shoulder) / edge).astype(np.intp) + size, 0, 2 * size - 1)
+    return np.asarray(np.ravel_multi_index(tuple(cell.T), (2 * size,) * 3))
+
+
+def _offsets(found: Sequence[Workspace]) -> list[float]:
+    """Where the robots' worlds stand along x, m."""
+    offsets = [0.0]
+    for before, after in pairwise(found):
+        offsets.append(offsets[-1] + APART * 0.5 * (before.reach.largest + after.reach.largest))
+    return offsets
+
+
+def _robot(one: Workspace, offset: float, with_stands: bool) -> dict[str, Any]:
+    robot, voxels = one.robot, one.voxels
+    geometries, parts = robot_parts(robot)
+    shown: dict[str, Any] = {
+        "name": robot.name,
+        "tool": robot.tool_frame,
+        "caption": caption(one),
+        "offset": offset,
+        "shoulder": one.reach.shoulder.tolist(),
+        "radius": one.reach.largest,
+        "edge": voxels.edge,
+        "points": packed(voxels.centres),
+        "counts": packed(voxels.counts),
+        "values": {name: packed(value) for name, value in mapped_values(one).items()},
+        "geometries": geometries,
+        "parts": parts,
+        "bodies": robot.model.njoints - 1,
+        "stand": packed(_poses(robot, _usual(robot)[None])),
+    }
+    if with_stands:
+        shown |= _stands(robot, best_samples(one))
+    return shown
+
+
+def _usual(robot: Robot) -> Array:
+    """The configuration that the robot is shown in at first: `ready`, its first named one, or the middle."""
+    if robot.configurations:
+        name = "ready" if "ready" in robot.configurations else next(iter(robot.configurations))
+        return robot.configurations[name]
+    lower, upper = sampling_range(robot)
+    return np.asarray(np.clip(np.zeros(robot.n), lower, upper))
+
+
+def _stands(robot: Robot, Q: Array) -> dict[str, Any]:
+    """Poses at the configurations that are known, two bytes a number: of each voxel its row, -1 where none is."""
+    known = np.isfinite(Q).all(axis=1)
+    poses = _poses(robot, Q[known])
+    scale = np.ones(7)
+    scale[:3] = max(float(np.abs(poses[..., :3]).max(initial=0.0)), 1e-6)
+    rows = np.where(known, np.cumsum(known) - 1, -1)
+    return {
+        "rows": packed(rows),
+        "stands": packed(np.round(STEPS * poses / scale), "<i2"),
+        "far": float(scale[0]),
+        "q": packed(Q[known]),
+        "joints": list(robot.joint_names),
+    }
+
+
+def _poses(robot: Robot, Q: Array) -> Array:
+    """Poses of the joints (k, bodies, 7), m and quaternion xyzw, at configurations Q (k, n)."""
+    data = robot.model.createData()
+    poses = np.empty((len(Q), robot.model.njoints - 1, 7))
+    for k, q in enumerate(Q):
+        pin.forwardKinematics(robot.model, data, q)
+        poses[k] = [pin.SE3ToXYZQUAT(X) for X in list(data.oMi)[1:]]
+    return poses

@@ -1,0 +1,62 @@
+"""The column `executed`: verified motions are followed by computed torque in our plant."""
+
+import json
+
+import pytest
+
+from optiplan.bench.execution.run_task import Executor
+from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask
+from optiplan.problem.load import load_problem, problem_from_dict
+from optiplan.simulation import execution
+
+
+def outcome(problem, planner="trajopt", metrics=None):
+    asked = BenchProblem("set/one", "set", None, problem.hash, problem.source, {})
+    task = BenchTask(asked, BenchPlanner(planner, planner, {}), 0, 0, 5.0, 60.0, 4000.0, metrics)
+    return Executor()(task, lambda phase: None).row
+
+
+@pytest.fixture(scope="module")
+def planar(problems_folder):
+    return load_problem(problems_folder / "12_planar.yaml")
+
+
+@pytest.fixture(scope="module")
+def problems_folder():
+    from optiplan.resources import problems_dir
+
+    return problems_dir()
+
+
+def test_a_verified_motion_is_executed(planar):
+    row = outcome(planar)
+    assert row.verified
+    assert row.executed is True
+    assert 0.0 < row.metrics["tool_error_rms"] < 1e-3
+    assert row.metrics["executed_clearance"] > 0.0
+    assert row.timings["execute"] > 0.0
+    json.dumps(row.metrics)
+
+
+def test_a_suite_keeps_what_it_asks_for(planar):
+    assert set(outcome(planar, metrics=("tool_path", "tool_error_peak")).metrics) == {"tool_path", "tool_error_peak"}
+
+
+def test_what_is_not_verified_is_not_tried():
+    hard = {"version": 1, "robot": "planar2r", "start": {"joints": [0, 0.5]}, "goal": {"joints": [2.0, 0.5]}}
+    row = outcome(problem_from_dict(hard), "bangbang")  # its jerk is without bound
+    assert (row.verified, row.executed) == (False, None)
+
+
+def test_robots_without_inertias_are_not_tried(problems_folder):
+    row = outcome(load_problem(problems_folder / "34_screw_report_d.yaml"), "sclerp")
+    assert row.verified
+    assert row.executed is None
+
+
+def test_one_that_strays_did_not_do_it(planar, monkeypatch):
+    weak = execution.ExecutionOptions(frequency=0.05, payload=execution.Payload(2.0, 0.0))
+    monkeypatch.setattr(execution.execute, "__defaults__", (weak,))
+    row = outcome(planar)
+    assert row.verified
+    assert row.executed is False

@@ -1,0 +1,201 @@
+"""Every limit by simulation: what its rows say holds of the motion that comes out."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.collision.model import CollisionModel
+from optiplan.kinematics.mecanum import wheel_matrix
+
+DT = 0.002
+
+
+def chase(robot, limits, seconds=2.0, seed=0, form="velocity", hold=0.4, dt=DT):
+    """States of a robot after far targets that change before they are reached."""
+    rng = np.random.default_rng(seed)
+    tool = op.PoseTask(robot.tool_frame, gain=20.0)
+    controller = op.Controller(robot, [tool, op.PostureTask(cost=1e-3)], limits=limits, form=form)
+    state = op.State(next(iter(robot.configurations.values())))
+    states, steps = [state], []
+    for k in range(round(seconds / dt)):
+        if k % round(hold / dt) == 0:
+            tool.set_target(op.Pose(position=rng.uniform(-1.0, 1.0, 3), rpy=rng.uniform(-3.0, 3.0, 3)))
+        steps.append(controller.step(state, dt))
+        state = steps[-1].state
+        states.append(state)
+    return states, steps
+
+
+def joints(*more):
+    return [op.PositionLimit(), op.VelocityLimit(), op.AccelerationLimit(), op.JerkLimit(), *more]
+
+
+@pytest.mark.parametrize("form", ["velocity", "acceleration"])
+@pytest.mark.parametrize("which", ["panda", "baxter", "delbot"])
+def test_joint_limits_hold_exactly(which, form, request):
+    robot = request.getfixturevalue(which)
+    states, steps = chase(robot, joints(), form=form)
+    q, v, a = (np.array([getattr(state, name) for state in states]) for name in "qva")
+    limits = robot.limits
+    assert (q >= limits.lower - 1e-8).all()
+    assert (q <= limits.upper + 1e-8).all()
+    assert (np.abs(v) <= limits.velocity + 1e-9).all()
+    assert (np.abs(np.diff(v, axis=0)) / DT <= limits.acceleration + 1e-8).all()
+    assert (np.abs(np.diff(a, axis=0)) / DT <= limits.jerk + 1e-6).all()
+    assert (np.abs(v).max(axis=0) > 0.1 * limits.velocity).any(), "the limits were worth testing"
+    assert not any(step.slack for step in steps)
+
+
+def test_a_joint_stops_before_its_end_and_uses_its_room(panda):
+    """Straight at the end of joint 1: it comes to rest there, having braked at its limit."""
+    controller = op.Controller(panda, [op.PostureTask(panda.configurations["ready"] + [9, 0, 0, 0, 0, 0, 0], cost=1.0)])
+    state, lowest = op.State(panda.configurations["ready"]), 0.0
+    for _ in range(2500):
+        state = controller.step(state, DT).state
+        lowest = min(lowest, state.a[0])
+        assert state.q[0] <= panda.limits.upper[0] + 1e-9
+    assert state.q[0] == pytest.approx(panda.limits.upper[0], abs=1e-6)
+    assert lowest < -0.95 * panda.limits.acceleration[0]
+
+
+def test_tool_speed(panda):
+    tool = panda.frame_id(panda.tool_frame)
+    limit = op.ToolSpeedLimit(linear=0.25, angular=0.8)
+    states, _ = chase(panda, joints(limit))
+    c = op.Controller(panda, [])
+    twists = np.array([c.configuration(state).jacobian(tool) @ state.v for state in states])
+    linear, angular = np.linalg.norm(twists[:, :3], axis=1), np.linalg.norm(twists[:, 3:], axis=1)
+    assert linear.max() < 0.25 * (1.0 + 1e-3)
+    assert angular.max() < 0.8 * (1.0 + 1e-3)
+    assert linear.max() > 0.22
+    free, _ = chase(panda, joints())
+    assert max(np.linalg.norm(c.configuration(s).jacobian(tool)[:3] @ s.v) for s in free) > 0.5
+
+
+def test_wheel_speeds(delbot):
+    rate = 12.0
+    states, _ = chase(delbot, joints(op.WheelSpeedLimit(rate)), seconds=4.0, hold=2.0)
+    rates = np.array([np.abs(wheel_matrix(delbot, state.q) @ state.v).max() for state in states[1:]])
+    assert rates.max() < 1.03 * rate, "what a turning base and jerk limits leave undone, and slack tells"
+    assert rates.max() > 0.9 * rate
+
+
+def test_torque(panda):
+    """The torques of the motion itself, by inverse dynamics at the beginning of each step."""
+    free, _ = chase(panda, joints(), form="acceleration")
+    torque = np.maximum(0.8 * torques(panda, free).max(axis=0), 1.0)
+    states, steps = chase(panda, joints(op.TorqueLimit(torque)), form="acceleration")
+    held = np.array([not step.slack and step.solver != "braking" for step in steps])
+    assert held.mean() > 0.9
+    assert (torques(panda, states)[held] <= torque + 1e-5).all()
+
+
+def torques(robot, states):
+    c, found = op.Controller(robot, []), []
+    for before, after in pairwise(states):
+        M, h = c.configuration(before).dynamics()
+        found.append(np.abs(M @ ((after.v - before.v) / DT) + h))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("form", ["velocity", "acceleration"])
+def test_half_space(panda, form):
+    """A wall at x = 0.45 m that the tool is sent through: it comes to it and never passes."""
+    wall = op.HalfSpaceLimit(panda.tool_frame, normal=(-1, 0, 0), offset=-0.45)
+    tool = op.PoseTask(panda.tool_frame, op.Pose(position=(0.7, 0.2, 0.5), rpy=(3.1, 0, 0)))
+    controller = op.Controller(panda, [tool, op.PostureTask()], limits=joints(wall), form=form)
+    state = op.State([0.0, -1.2, 0.0, -2.6, 0.0, 1.571, 0.785])
+    c, x = op.Controller(panda, []), []
+    for _ in range(1500):
+        state = controller.step(state, DT).state
+        x.append(c.configuration(state).pose(panda.frame_id(panda.tool_frame)).translation[0])
+    assert max(x) <= 0.45 + 1e-9
+    assert x[-1] > 0.45 - 2e-3
+
+
+POST = op.Box("post", size=(0.1, 0.1, 0.8), position=(0.45, 0.3, 0.4))
+
+
+@pytest.mark.parametrize("form", ["velocity", "acceleration"])
+def test_clearance_of_scene_and_self(panda, form):
+    scene = op.Scene([POST])
+    tool = op.PoseTask(panda.tool_frame)
+    controller = op.Controller(panda, [tool, op.PostureTask("ready")], scene=scene, form=form)
+    check, state = CollisionModel(panda, scene), op.State(panda.configurations["ready"])
+    near = []
+    for k in range(1200):
+        if k % 300 == 0:
+            y = 0.5 if (k // 300) % 2 == 0 else -0.1
+            tool.set_target(op.Pose(position=(0.45, y, 0.4), rpy=(3.14, 0, 0)))
+        step = controller.step(state, DT)
+        state = step.state
+        near.append(check.clearance(state.q).distance)
+    assert min(near) >= 0.005 - 1e-6
+    assert min(near) < 0.012, "it came near"
+    assert step.nearest is not None
+
+
+def test_clearance_of_what_is_held(panda):
+    """A bar in the hand reaches the post long before the hand would."""
+    bar = op.Box("bar", size=(0.04, 0.4, 0.04), position=(0, 0.15, 0.1)).attached_to("panda_hand", touch=HAND)
+    scene = op.Scene([POST], attached=[bar])
+    tool = op.PoseTask(panda.tool_frame, op.Pose(position=(0.45, 0.25, 0.4), rpy=(3.14, 0, 0)))
+    controller = op.Controller(panda, [tool, op.PostureTask("ready")], scene=scene)
+    check, state = CollisionModel(panda, scene), op.State(panda.configurations["ready"])
+    near = []
+    for _ in range(800):
+        state = controller.step(state, DT).state
+        near.append(check.clearance(state.q).distance)
+    assert min(near) >= 0.005 - 1e-6
+    assert min(near) < 0.01
+
+
+HAND = ("panda_leftfinger", "panda_rightfinger", "panda_link7", "panda_link6")
+
+
+def test_nothing_vibrates_at_an_obstacle(panda):
+    """Pressed against the post for good, the arm comes to rest: no limit cycle of the rows."""
+    scene = op.Scene([op.Box("block", size=(0.2, 0.2, 0.6), position=(0.45, 0.25, 0.3))])
+    tool = op.PoseTask(panda.tool_frame, op.Pose(position=(0.45, 0.25, 0.3), rpy=(3.14, 0, 0)))
+    controller = op.Controller(panda, [tool, op.PostureTask("ready")], scene=scene)
+    state = op.State(panda.configurations["ready"])
+    late = []
+    for k in range(2500):
+        step = controller.step(state, DT)
+        state = step.state
+        if k > 2000:
+            late.append(np.abs(state.a).max())
+    assert np.median(late) < 0.5
+    assert step.solver != "braking"
+
+
+def test_gradients_of_distances(panda, baxter):
+    for robot in (panda, baxter):
+        limit = op.ClearanceLimit(op.Scene([POST]), influence=0.3)
+        limit.bind(robot)
+        c = op.Controller(robot, [])
+        q = next(iter(robot.configurations.values()))
+        here = c.configuration(op.State(q))
+        view = limit.view(here, None)
+        assert len(view.near) > 3
+        h = 1e-6
+        for j in range(robot.n):
+            e = h * np.eye(robot.n)[j]
+            up = limit.distances(c.configuration(op.State(q + e)), view.near)
+            down = limit.distances(c.configuration(op.State(q - e)), view.near)
+            right = np.abs((up - down) / (2 * h) - view.gradient[:, j]) < 1e-4
+            assert right.mean() > 0.85, "but for parallel faces, where the distance has a kink"
+
+
+def test_bounds_of_distances_are_bounds(panda):
+    """What is not asked again is at least what the view says."""
+    limit, rng = op.ClearanceLimit(op.Scene([POST])), np.random.default_rng(0)
+    limit.bind(panda)
+    c, q, view = op.Controller(panda, []), panda.configurations["ready"], None
+    everything = np.arange(len(limit.labels))
+    for _ in range(40):
+        q = np.clip(q + rng.normal(0.0, 0.03, 7), panda.limits.lower, panda.limits.upper)
+        view = limit.view(c.configuration(op.State(q)), view)
+        assert (limit.distances(c.configuration(op.State(q)), everything) >= view.bound - 1e-6).all()

@@ -1,0 +1,136 @@
+"""Every task: its Jacobian against differences, its error at the target, where it leads, what it refuses."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import optiplan as op
+
+TARGET = op.Pose(position=(0.4, 0.2, 0.5), rpy=(2.8, 0.3, 0.4))
+
+
+POSTURE = np.array([0.3, -0.5, 0.3, -2.0, 0.2, 1.8, 0.4, 0.1, 0.2])
+
+
+def tasks(robot):
+    tool, n = robot.tool_frame, robot.n
+    root = robot.model.frames[robot.model.nframes // 2].name
+    rng = np.random.default_rng(0)
+    return {
+        "pose": op.PoseTask(tool, TARGET),
+        "position": op.PositionTask(tool, [0.3, 0.1, 0.6]),
+        "orientation": op.OrientationTask(tool, [0.3, 0.5, -0.4]),
+        "relative": op.RelativePoseTask(tool, root, TARGET),
+        "look-at": op.LookAtTask(tool, [1.0, 0.5, 0.2], axis=(1.0, 0.2, 0.0)),
+        "posture": op.PostureTask(POSTURE[:n], cost=1.0, gain=5.0),
+        "damping": op.DampingTask(),
+        "coupling": op.JointCouplingTask(rng.normal(size=(2, n)), [0.1, 0.2]),
+        "centre-of-mass": op.CentreOfMassTask([0.1, 0.0, 0.4]),
+        "manipulability": op.ManipulabilityTask(5.0),
+    }
+
+
+NAMES = sorted(tasks(op.load_robot("panda")))
+
+
+def configurations(robot, count, seed=0):
+    rng = np.random.default_rng(seed)
+    low, high = np.maximum(robot.limits.lower, -2.0), np.minimum(robot.limits.upper, 2.0)
+    return rng.uniform(low, high, (count, robot.n))
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("which", ["panda", "delbot"])
+def test_jacobian_against_differences(name, which, request):
+    robot = request.getfixturevalue(which)
+    task, h = tasks(robot)[name], 1e-6
+    task.bind(robot)
+    controller = op.Controller(robot, [])
+    for q in configurations(robot, 4):
+        J = task.jacobian(controller.configuration(op.State(q)))
+        ends = [
+            [task.error(controller.configuration(op.State(q + s * h * e))) for s in (1, -1)] for e in np.eye(robot.n)
+        ]
+        differences = np.array([(up - down) / (2.0 * h) for up, down in ends]).T
+        expected = np.zeros_like(J) if name == "damping" else differences
+        got = np.zeros_like(J) if name == "damping" else J
+        assert np.abs(got - expected).max() < 2e-7 * max(1.0, np.abs(J).max())
+
+
+def test_base_motion_jacobian_and_wrap(delbot):
+    task = op.BaseMotionTask(target=(1.0, 0.5, 3.0))
+    task.bind(delbot)
+    controller = op.Controller(delbot, [])
+    state = op.State([0.2, 0.1, -3.0, *np.zeros(6)])
+    e = task.error(controller.configuration(state))
+    assert e == pytest.approx([-0.8, -0.4, -6.0 + 2.0 * np.pi])
+    assert (task.jacobian(controller.configuration(state))[:, :3] == np.eye(3)).all()
+
+
+def test_a_base_twist_is_seen_from_the_base(delbot):
+    task = op.BaseMotionTask(twist=(0.2, 0.0, 0.0))
+    controller = op.Controller(delbot, [task])
+    state = op.State([0.0, 0.0, np.pi / 2.0, *delbot.configurations["home"][3:]])
+    for _ in range(1500):
+        state = controller.step(state, 0.002).state
+    assert state.v[:3] == pytest.approx([0.0, 0.2, 0.0], abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["pose", "position", "orientation", "look-at", "posture", "coupling"])
+@pytest.mark.parametrize("form", ["velocity", "acceleration"])
+def test_error_vanishes(panda, name, form):
+    task = tasks(panda)[name]
+    controller = op.Controller(panda, [task], form=form)
+    state = op.State(panda.configurations["ready"])
+    first = np.linalg.norm(task.error(controller.configuration(state)))
+    for _ in range(1200):
+        state = controller.step(state, 0.004).state
+    assert first > 0.05
+    assert np.linalg.norm(task.error(controller.configuration(state))) < 1e-3 * first
+
+
+def test_strict_priorities(panda):
+    """Two targets against each other: the first is reached, the second as far as the first allows."""
+    tool = panda.tool_frame
+    first = op.PositionTask(tool, [0.4, 0.2, 0.5])
+    second = op.PositionTask(tool, [0.6, -0.2, 0.5], priority=1)
+    weighed = op.Controller(panda, [first, op.PositionTask(tool, [0.6, -0.2, 0.5])])
+    strict = op.Controller(panda, [first, second, op.PostureTask("ready", priority=2)])
+    ends = []
+    for controller in (weighed, strict):
+        state = op.State(panda.configurations["ready"])
+        for _ in range(800):
+            state = controller.step(state, 0.004).state
+        ends.append(np.linalg.norm(first.error(controller.configuration(state))))
+    assert ends[0] > 0.1
+    assert ends[1] < 1e-4
+
+
+@pytest.mark.parametrize("form", ["velocity", "acceleration"])
+def test_feed_forward_follows_a_moving_target(panda, form):
+    """A circle of 10 cm in 2 s: with its twist and acceleration given, the tool stays on it."""
+    task = op.PoseTask(panda.tool_frame)
+    controller = op.Controller(panda, [task, op.PostureTask("ready", cost=1e-3)], form=form)
+    state = op.State(panda.configurations["ready"])
+    X = pin.SE3(controller.configuration(state).pose(panda.frame_id(panda.tool_frame)))
+    dt, w, r, errors = 0.002, np.pi, 0.05, []
+    for k in range(2500):
+        t = k * dt
+        s = 0.5 * t * t if t < 1.0 else t - 0.5  # sets out smoothly
+        rate, grow = (t, 1.0) if t < 1.0 else (1.0, 0.0)
+        c, d = np.cos(w * s), np.sin(w * s)
+        place = X.translation + r * np.array([c - 1.0, d, 0.0])
+        speed = r * w * rate * np.array([-d, c, 0.0])
+        change = r * w * grow * np.array([-d, c, 0.0]) - r * (w * rate) ** 2 * np.array([c, d, 0.0])
+        task.set_target(pin.SE3(X.rotation, place), [*speed, 0, 0, 0], [*change, 0, 0, 0])
+        if t > 2.0:
+            errors.append(np.linalg.norm(task.error(controller.configuration(state))))
+        state = controller.step(state, dt).state
+    assert max(errors) < 5e-4
+
+
+def test_repr_and_targets(panda):
+    assert repr(op.PoseTask("panda_hand_tcp")) == "PoseTask(frame=panda_hand_tcp, cost=[1.0])"
+    X = pin.SE3.Random()
+    for target in (X, X.homogeneous):
+        assert op.PoseTask("panda_hand_tcp", target).target.isApprox(X, 1e-9)

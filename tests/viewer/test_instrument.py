@@ -1,0 +1,229 @@
+"""The run page as an instrument: one time for scene, curves, clearance, verdict and slider; failures; comparisons."""
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.viewer.page import export_page
+from optiplan.viewer.runs import ViewedRun
+from tests.axe import serious
+from tests.viewer.browsing import overlaps, pixels, poses, until
+
+pytestmark = [pytest.mark.timeout(240)]
+SIZES = [(1280, 800), (390, 844)]
+
+
+def viewed(run: op.Run, label: str = "") -> ViewedRun:
+    record = run.to_dict()
+    return ViewedRun(label or run.planner, run.trajectory, record["report"], record["failure"], record)
+
+
+@pytest.fixture(scope="module")
+def shelf_problem() -> op.Problem:
+    return op.load_problem("02_shelf")
+
+
+@pytest.fixture(scope="module")
+def proof(shelf_problem) -> op.Run:
+    return op.plan(shelf_problem, "prm")
+
+
+@pytest.fixture(scope="module")
+def refused(shelf_problem) -> op.Run:
+    return op.plan(shelf_problem, "quintic")
+
+
+@pytest.fixture(scope="module")
+def proof_page(proof, tmp_path_factory) -> str:
+    path = tmp_path_factory.mktemp("pages") / "proof.html"
+    export_page(proof.problem, [viewed(proof)], path, back=("report.html#a", "the report"))
+    return path.as_uri()
+
+
+@pytest.fixture(scope="module")
+def failure_page(refused, tmp_path_factory) -> str:
+    path = tmp_path_factory.mktemp("pages") / "failure.html"
+    export_page(refused.problem, [viewed(refused)], path)
+    return path.as_uri()
+
+
+@pytest.fixture(scope="module")
+def comparison_page(proof, refused, tmp_path_factory) -> str:
+    """Six runs: the same path at other speeds, two of them refused; one planner without a motion."""
+    path = tmp_path_factory.mktemp("pages") / "comparison.html"
+    runs = [viewed(proof, "as planned"), viewed(refused)]
+    for k, factor in enumerate((2.0, 1.5, 0.9)):
+        motion = proof.trajectory.scaled(proof.trajectory.duration * factor)
+        runs.append(ViewedRun(f"scaled {k}", motion, op.verify(proof.problem, motion).to_dict(), None, proof.to_dict()))
+    runs.append(ViewedRun("circle", None, None, {"kind": "input", "detail": "centre: nothing; expected centre"}))
+    export_page(proof.problem, runs, path)
+    return path.as_uri()
+
+
+def time_of(page) -> float:
+    return page.evaluate("optiplan.clock.time")
+
+
+def lines(page) -> list[float]:
+    """The instants at which the cursors of all curves stand, s."""
+    return page.evaluate("""() => optiplan.app.dock.plots.map((plot) => plot.plot.posToVal(
+      plot.line.getBoundingClientRect().left - plot.plot.over.getBoundingClientRect().left, "x"))""")
+
+
+def drag(page, selector: str, share: float) -> None:
+    box = page.locator(selector).bounding_box()
+    page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.5 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + share * box["width"], box["y"] + 0.5 * box["height"], steps=3)
+    page.mouse.up()
+
+
+def test_one_cursor_for_scene_curves_clearance_verdict_and_slider(visit, proof_page, proof):
+    page = visit(proof_page + "#t=0.1&paused")
+    page.set_viewport_size({"width": 1280, "height": 800})
+    before, duration = poses(page), proof.trajectory.duration
+    drag(page, ".own .u-over", 0.5)  # dragging in the curves seeks: scene, slider and both cursors move together
+    assert time_of(page) == pytest.approx(0.5 * duration, rel=0.02)
+    assert lines(page) == pytest.approx([time_of(page)] * 2, abs=0.01)
+    assert float(page.locator("#scrub").input_value()) == pytest.approx(time_of(page) / duration, abs=1e-3)
+    assert np.abs(poses(page) - before).max() > 0.05
+    page.locator(".near .mark").click()  # the least clearance
+    least = page.evaluate("optiplan.app.data.runs[0].clearance.least")
+    assert time_of(page) == pytest.approx(least["t"])
+    assert page.evaluate("optiplan.scene.rod.moment.distance") == pytest.approx(least["distance"], abs=1e-6)
+    ends = page.evaluate("optiplan.scene.rod.ends.map((ball) => ball.position.toArray())")
+    assert np.allclose(ends, least["points"], atol=1e-4)
+    assert " – ".join(least["pair"]) in page.locator(".near .said").text_content()
+    checks = {check.name: check for check in proof.report.checks}
+    for name in ("velocity", "jerk", "collision"):  # rows jump, to the curve that shows them
+        page.locator(f".check:has(.what:text-is('{name}'))").click()
+        assert time_of(page) == pytest.approx(checks[name].time)
+        chosen = page.locator(".tabs [aria-selected='true']").text_content()
+        assert chosen == ("clearance" if name == "collision" else name)
+    shown = f"{1e3 * checks['collision'].witness['proved_clearance']:.3g} mm proved"
+    assert shown in page.locator(".check", has_text="collision").locator(".figures").text_content()
+    assert page.locator("#ticks .at").count() == sum(check.time is not None for check in proof.report.checks)
+    page.locator(".tabs [data-name='torque']").click()
+    page.locator(".own .key button").nth(2).hover()  # a joint, singled out, lights what it moves
+    assert page.locator(".own .key [aria-pressed='true']").count() == 1
+    lit = "optiplan.scene.runs[0].figure.bodies.map((b) => b.children.some((m) => (m.userData.look || {}).lit))"
+    assert [k for k, on in enumerate(page.evaluate(lit)) if on] == [3]
+    assert page.locator("#head a").get_attribute("href") == "report.html#a"
+
+
+def test_habits_of_keys_address_theme_picture_and_film(visit, proof_page):
+    page = visit(proof_page + "#t=0.2&paused&cam=-1,-2,1.5,0.3,0,0.4&tab=jerk&layers=obstacles,path,trail")
+    assert page.evaluate("optiplan.scene.camera") == pytest.approx([-1, -2, 1.5, 0.3, 0, 0.4], abs=1e-6)
+    assert page.locator(".tabs [aria-selected='true']").text_content() == "jerk"
+    assert page.locator("#layers input:checked").count() == 3
+    page.evaluate("location.hash = 't=0.7&paused&speed=0.5'")  # an address typed into an open page is obeyed
+    until(page, "optiplan.clock.time === 0.7 && optiplan.clock.speed === 0.5")
+    page.locator("#scrub").click()
+    page.keyboard.press("Space")  # after scrubbing
+    assert page.evaluate("optiplan.clock.playing")
+    page.keyboard.press("Space")
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.locator("#layer-floor").click()
+    hash_ = page.evaluate("location.hash")
+    assert f"t={round(time_of(page), 4):g}" in hash_
+    assert "layers=" in hash_
+    light = pixels(page)
+    page.locator("#theme").click()
+    assert page.evaluate("getComputedStyle(document.body).color") == "rgb(230, 234, 237)"
+    assert light.mean() - pixels(page).mean() > 60.0
+    size = page.evaluate("optiplan.picture().then((blob) => createImageBitmap(blob)).then((p) => [p.width, p.height])")
+    pane = page.locator("#pane").bounding_box()
+    assert size == pytest.approx([2 * pane["width"], 2 * pane["height"]], abs=2.0)
+    page.evaluate("optiplan.clock.setSpeed(4)")
+    assert page.evaluate("optiplan.film().then((blob) => [blob.type, blob.size > 5000])") == ["video/webm", True]
+
+
+def test_a_refused_motion_is_played_up_to_the_contact_and_seen(visit, failure_page, refused):
+    page = visit(failure_page)
+    witness = refused.failure.witness
+    until(page, f"optiplan.clock.time > 0.9 * {witness['t']}")
+    page.evaluate("optiplan.clock.loop = false")
+    until(page, "!optiplan.clock.playing")
+    assert time_of(page) == pytest.approx(witness["t"], abs=1e-3)  # not beyond
+    assert page.locator("#ticks .band").count() >= 1
+    until(page, "document.querySelectorAll('.label.bad:not([hidden])').length >= 3")
+    labels = page.locator(".label.bad:visible").all_text_contents()
+    assert f"panda_hand – board: overlap {-1e3 * witness['distance']:.2f} mm" in labels
+    assert {"panda_hand", "board"} <= set(labels)
+    red = "optiplan.scene.owned({!r}).every((m) => m.material.color.getHexString() === 'd3261f' || m.userData.look.red)"
+    assert page.evaluate(red.format("board"))
+    assert page.evaluate(red.format("panda_hand"))
+    hidden = """() => { const { scene } = optiplan, failure = scene.failures[0];
+      return OptiPlanCamera.hidden(scene.viewer.camera.position, failure.point, scene.solid.filter(
+        (mesh) => !failure.bodies.includes(mesh) && !(mesh.userData.look || {}).through), 0.01).length; }"""
+    assert page.evaluate(hidden) == 0  # no obstacle stands before the contact that is not see-through
+    drawn = pixels(page)
+    assert ((drawn[..., 0] > 150) & (drawn[..., 1] < 90) & (drawn[..., 2] < 90)).mean() > 0.01
+    page.locator(".check.failed").click()
+    assert time_of(page) == pytest.approx(witness["t"])
+    for width, height in SIZES:
+        assert overlaps(page, width, height) == []
+
+
+def test_a_comparison_is_a_table_and_single_runs_can_be_pointed_at(visit, comparison_page):
+    page = visit(comparison_page + "#t=0.3&paused")
+    page.set_viewport_size({"width": 1280, "height": 800})
+    names = page.locator("#runs > .run:not(.head) .name").all_text_contents()
+    assert names == ["as planned", "scaled 1", "scaled 0", "scaled 2"]  # verified by duration, then what was refused
+    assert page.locator("#runs .more summary").text_content() == "2 without a motion"
+    assert page.locator(".compare thead th").count() == 11
+    assert page.locator(".compare tbody tr").count() == 4
+    shown = "optiplan.scene.runs.map((run) => Boolean(run.path && run.path.visible))"
+    assert page.evaluate(shown) == [True, False, True, True, True, False]
+    page.locator("#runs > .run").nth(2).hover()
+    assert page.evaluate(shown) == [False, False, False, True, False, False]
+    page.mouse.move(700, 200)
+    page.locator(".tabs [data-name='velocity']").click()
+    assert page.locator(".own .key button").count() == 4
+    colours = page.evaluate("optiplan.scene.runs.map((run) => run.colour)")
+    assert len(set(colours)) == 6
+    page.locator("#runs .more summary").click()
+    page.locator(".still-run", has_text="quintic").click()  # a refused motion is looked at alone
+    assert page.evaluate(shown) == [False, True, False, False, False, False]
+    assert page.locator("#key").text_content().startswith("quintic: collision")
+    page.evaluate("location.hash = 'runs=scaled%201,scaled%202&run=scaled%201&tab=table'")
+    until(page, "optiplan.app.selected === 3")
+    assert page.evaluate(shown) == [False, False, False, True, True, False]
+    for width, height in SIZES:
+        assert overlaps(page, width, height) == []
+
+
+def test_nothing_overlaps_targets_are_large_enough_and_axe_finds_nothing_serious(visit, proof_page):
+    page = visit(proof_page + "#t=0.3&paused&tab=velocity")
+    for width, height in SIZES:
+        assert overlaps(page, width, height) == []
+    small = """() => [...document.querySelectorAll("button, select, summary, #layers label")].filter((e) =>
+      e.offsetParent && e.getBoundingClientRect().height < 39.5).map((e) => e.outerHTML.slice(0, 80))"""
+    assert page.evaluate(small) == []
+    badge = page.locator("#verdict .badge").bounding_box()
+    for name in ("Curves", "Layers", "Verdict"):
+        page.locator("#panels button", has_text=name).click()
+        assert overlaps(page, 390, 844) == []
+        assert page.locator("#verdict .badge").bounding_box() == badge  # always there
+    page.set_viewport_size({"width": 1280, "height": 800})
+    assert serious(page) == []
+    page.locator("#theme").click()
+    assert serious(page) == []
+
+
+def test_facts_can_be_read_and_curves_used_without_webgl(browser, proof_page, proof):
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    context.add_init_script("""const own = HTMLCanvasElement.prototype.getContext;
+      HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+        return kind.includes("webgl") ? null : own.call(this, kind, ...more); };""")
+    page, thrown = context.new_page(), []
+    page.on("pageerror", lambda error: thrown.append(str(error)))
+    page.goto(proof_page + "#t=0.1&paused")
+    page.wait_for_selector("html[data-ready='1']")
+    assert "needs WebGL" in page.locator("#trouble").text_content()
+    assert page.locator("#verdict .badge").text_content() == "verified"
+    assert page.locator(".check").count() == len(proof.report.checks)
+    drag(page, ".own .u-over", 0.5)
+    assert time_of(page) == pytest.approx(0.5 * proof.trajectory.duration, rel=0.02)
+    context.close()
+    assert thrown == []

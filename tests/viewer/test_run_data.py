@@ -1,0 +1,140 @@
+"""Figures of the page: the curves are the polynomials', the clearance band is the certificate's."""
+
+import base64
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.collision.model import CollisionModel
+from optiplan.verify.continuous.certificate import certify
+from optiplan.verify.continuous.clearance_record import ClearanceRecord
+from optiplan.verify.report import VerifyPolicy
+from optiplan.viewer.page import render_page
+from optiplan.viewer.run_checks import checks_of
+from optiplan.viewer.run_clearance import clearance_of
+from optiplan.viewer.run_curves import curves_of, short_names, tool_frames
+from optiplan.viewer.runs import ViewedRun
+from optiplan.viewer.scene import build_scene
+
+
+def floats(text: str, dtype: str = "<f4") -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), dtype)
+
+
+@pytest.fixture(scope="module")
+def proof() -> op.Run:
+    return op.plan(op.load_problem("02_shelf"), "prm")
+
+
+@pytest.fixture(scope="module")
+def refused() -> op.Run:
+    return op.plan(op.load_problem("02_shelf"), "quintic")
+
+
+def collision(run: op.Run):
+    return next(check for check in run.report.checks if check.name == "collision")
+
+
+def test_the_proved_curve_is_the_certificate_and_its_least_the_reports_figure(proof):
+    shown = clearance_of(proof.problem, proof.trajectory)
+    edges, proved = floats(shown["edges"], "<f8"), floats(shown["proved"], "<f8")
+    witness = collision(proof).witness
+    assert proved.min() == shown["proved_least"] == witness["proved_clearance"]
+    assert (edges[0], edges[-1]) == (0.0, proof.trajectory.duration)
+    assert (np.diff(edges) > 0.0).all()
+    model = CollisionModel(proof.problem.robot, proof.problem.scene)
+    t, distance = floats(shown["t"]), floats(shown["distance"])
+    for k in range(0, len(t), 7):  # the band stays below what is measured, everywhere
+        assert distance[k] == pytest.approx(
+            model.clearance(proof.trajectory(np.array([t[k]], dtype=float))[0]).distance, abs=2e-5
+        )
+        assert proved[np.searchsorted(edges, t[k], side="right").clip(1, len(proved)) - 1] <= distance[k] + 2e-5
+    assert shown["least"]["distance"] <= witness["met_clearance"] + 1e-9
+    assert shown["contacts"] == []
+
+
+def test_recording_changes_no_proof_and_covers_every_pair_at_all_times(proof):
+    model, record = CollisionModel(proof.problem.robot, proof.problem.scene), ClearanceRecord()
+    plain = certify(model, proof.trajectory, VerifyPolicy())
+    assert certify(model, proof.trajectory, VerifyPolicy(), record).clearance == plain.clearance
+    begin, end, pair, clearance = record.proved()
+    assert clearance.min() == plain.clearance
+    for k in range(len(model.pairs)):
+        own = pair == k
+        order = np.argsort(begin[own], kind="stable")
+        b, e = begin[own][order], np.maximum.accumulate(end[own][order])
+        assert b[0] == 0.0
+        assert e[-1] == pytest.approx(proof.trajectory.duration)
+        assert (b[1:] <= e[:-1] + 1e-12).all()
+    half = ClearanceRecord()
+    half.add(begin[:1], end[:1], pair[:1], clearance[:1])
+    assert np.isneginf(
+        half.bound(proof.trajectory.duration, len(model.pairs)).clearance
+    ).all()  # of the others: nothing
+
+
+def test_curves_and_their_extrema_are_the_polynomials(proof):
+    shown = curves_of(proof.problem, proof.trajectory, 300)
+    t, limits = floats(shown["t"]), proof.problem.limits
+    assert (np.diff(t) > 0.0).all()
+    bounds = [(limits.lower, limits.upper), *((-rate, rate) for rate in limits.rates)]
+    for order, name in enumerate(("position", "velocity", "acceleration", "jerk")):
+        quantity = next(one for one in shown["quantities"] if one["name"] == name)
+        exact = proof.trajectory.extrema_at(order)
+        marked = np.array(quantity["extrema"])
+        assert np.array_equal(marked[:, 0, 1], exact.high)
+        assert np.array_equal(marked[:, 1, 1], exact.low)
+        assert np.array_equal(marked[:, 0, 0], exact.t_high)
+        assert quantity["low"] == bounds[order][0].tolist()
+        assert quantity["high"] == bounds[order][1].tolist()
+        y = floats(quantity["y"]).reshape(len(t), -1)
+        assert (y <= exact.high + 1e-4 * np.abs(exact.high)).all()
+        if order < 3:  # the jerk jumps at breakpoints
+            assert np.allclose(
+                y, proof.trajectory(t.astype(float).clip(0, proof.trajectory.duration), order), atol=2e-3, rtol=2e-3
+            )
+
+
+def test_checks_have_shares_of_their_limits(proof):
+    shown = {check["name"]: check for check in checks_of(proof.problem, proof.report.to_dict())}
+    assert 0.5 < shown["velocity"]["share"] <= 1.000002
+    assert 0.0 < shown["position"]["share"] <= 1.0
+    assert shown["velocity"]["joint"].startswith("joint")
+    assert shown["collision"]["share"] is None
+    assert shown["collision"]["proved"] == collision(proof).worst
+
+
+def test_a_planners_refusal_holds_the_motion_that_touches(refused):
+    scene = build_scene(refused.problem, [ViewedRun("quintic", None, None, refused.to_dict()["failure"])])
+    (run,) = scene.runs
+    (begin, end), *_ = run["clearance"]["contacts"]
+    assert run["offending"]
+    assert run["duration"] > 0.0
+    assert begin < refused.failure.witness["t"] < end
+    assert "proved" not in run["clearance"]
+    assert run["witnesses"][0]["distance"] < 0.0
+
+
+def test_pages_stay_small(proof):
+    baxter = op.load_problem("18_baxter_dual")
+    goal = baxter.goal[0].q
+    coefficients = np.zeros((1, 6, baxter.robot.n))
+    coefficients[0, 0] = baxter.start
+    for power, factor in ((3, 10.0), (4, -15.0), (5, 6.0)):
+        coefficients[0, power] = factor * (goal - baxter.start) / 1.5**power
+    motion = op.Trajectory(baxter.robot.joint_names, np.array([0.0, 1.5]), coefficients)
+    assert tool_frames(baxter.robot) == ("left_gripper", "right_gripper")
+    scene = build_scene(baxter, [ViewedRun("quintic", motion)])
+    assert len(scene.runs[0]["other_paths"]) == 1
+    assert len(render_page(scene)) < 2.5e6
+    run = ViewedRun("prm", proof.trajectory, proof.report.to_dict(), None, proof.to_dict())
+    assert len(render_page(build_scene(proof.problem, [run] * 20))) < 2.5e6
+
+
+@pytest.mark.parametrize(
+    ("names", "short"),
+    [(["panda_joint1", "panda_joint2"], ["joint1", "joint2"]), (["a", "b"], ["a", "b"]), (["left_s0"], ["left_s0"])],
+)
+def test_short_names_leave_out_what_is_common(names, short):
+    assert short_names(names) == short
