@@ -18,7 +18,7 @@ PORT ?= 7000
 BUILD_TOOLS := 'cmake>=3.18,<5' 'ninja>=1.11,<2' 'nanobind>=2.4,<4'
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help demo core test docs lint format clean
+.PHONY: help demo core test sanitize docs lint format clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
@@ -43,6 +43,12 @@ test: $(TEST) $(CORE) ## every test, with the coverage gate of 90 % of lines
 docs: $(DOCS) ## the documentation as a site, site/index.html; a warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "site/index.html is the front page; $(BIN)/mkdocs serve shows changes at once"
+
+sanitize: ## distances of the native core under the sanitizers for memory and undefined behaviour (needs g++ or clang++)
+	@mkdir -p build
+	$${CXX:-c++} -std=c++17 -O1 -g -Wall -Wextra -ffp-contract=off -fsanitize=address,undefined -fno-sanitize-recover=all \
+	  -Ioptiplan/_core/src tests/core/convex_check.cpp optiplan/_core/src/convex/*.cpp -o build/convex_check
+	build/convex_check $${ROUNDS:-20}
 
 lint: $(DEV) ## ruff and mypy --strict
 	$(BIN)/ruff check .
