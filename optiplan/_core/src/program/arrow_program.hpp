@@ -14,9 +14,9 @@ struct DerivativeRows {
     Vec weight, share;              // (R, n)
 };
 
-// Rows of one sample and kind, which share a slack s >= 0 of price `price`:  row . z + by_t t - s <= right.
+// Rows of one sample and kind, which share a slack s >= 0 of price `price`:  row . z - s <= right.
 // `compact`: z (n,) is the configuration at the sample, of which `over` is the basis.
-// Otherwise z (REACH n,) are control points from `over.first` on, one after another.
+// Otherwise z (REACH n + 1,) are control points from `over.first` on, one after another, and t.
 struct Group {
     Stencil over;
     bool compact = true;
@@ -27,14 +27,14 @@ struct Group {
 
 struct SoftRows {
     std::vector<Group> groups;
-    Vec entries;  // one row after another: z's entries, then by_t; `stride(group)` doubles each
+    Vec entries;  // one row after another, `stride(group)` doubles each
     Vec right;    // (K,)
 };
 
 // Minimise  1/2 x' H x + gradient . x + gradient_t t + price . s + regularisation  within box, derivative and soft rows.
 // x (M n,): M control points of n joints, one control point after another.
 struct ArrowProgram {
-    std::size_t points = 0, joints = 0;  // M, n
+    std::size_t points = 0, joints = 0;  // M, n, which must be a multiple of LANES
     Vec hessian;   // (M, REACH, n): entry (i, d, j) couples joint j of control points i and i + d
     Vec gradient;  // (M n,)
     double gradient_t = 1.0;
@@ -45,8 +45,8 @@ struct ArrowProgram {
     SoftRows soft;
 
     std::size_t size() const { return points * joints; }
-    std::size_t width(const Group &group) const { return group.compact ? joints : REACH * joints; }
-    std::size_t stride(const Group &group) const { return padded(width(group) + 1); }
+    std::size_t width(const Group &group) const { return group.compact ? joints : REACH * joints + 1; }
+    std::size_t stride(const Group &group) const { return padded(width(group)); }
 };
 
 }  // namespace optiplan

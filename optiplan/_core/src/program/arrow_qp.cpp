@@ -47,7 +47,7 @@ void ArrowQp::prepare() {
     for (int kind = 0; kind < KINDS; ++kind) begin_[kind + 1] = begin_[kind] + counts[kind];
     total_ = begin_[KINDS];
     matrix_.resize(size_, band_);
-    for (Vec* rows : {&z_, &y_, &weight_, &shift_, &row_residual_, &moved_, &dz_, &dy_, &affine_})
+    for (Vec* rows : {&z_, &y_, &inverse_, &weight_, &shift_, &row_residual_, &moved_, &dz_, &dy_, &affine_})
         rows->assign(total_ + LANES, 0.0);
     x_.assign(size_ + band_ + LANES, 0.0);
     dx_.assign(size_ + band_ + LANES, 0.0);
@@ -68,9 +68,9 @@ void ArrowQp::rows(const Vec &x, double t, const Vec &s, Vec &out) {
     for (std::size_t r = 0; r < rows.order.size(); ++r) {
         double *__restrict above = out.data() + begin_[ABOVE] + r * n;
         double *__restrict below = out.data() + begin_[BELOW] + r * n;
-        for (std::size_t j = 0; j < n; ++j) above[j] = 0.0;
+        std::fill_n(above, n, 0.0);
         for (std::size_t k = 0; k < rows.stencils[r].count; ++k)
-            add_scaled(above, rows.stencils[r].weights[k], x.data() + (rows.stencils[r].first + k) * n, n);
+            add_vectors(above, rows.stencils[r].weights[k], x.data() + (rows.stencils[r].first + k) * n, n);
         const double relief = rows.order[r] * t;
         for (std::size_t j = 0; j < n; ++j) {
             const double value = above[j] * rows.weight[r * n + j];
@@ -91,19 +91,18 @@ void ArrowQp::gather(const Group &group, const Vec &x, double t) {
     const std::size_t n = p_->joints, width = p_->width(group);
     std::fill(local_.begin(), local_.end(), 0.0);
     if (group.compact)
-        for (std::size_t k = 0; k < REACH; ++k) add_scaled(local_.data(), group.over.weights[k], x.data() + (group.over.first + k) * n, n);
+        for (std::size_t k = 0; k < REACH; ++k) add_vectors(local_.data(), group.over.weights[k], x.data() + (group.over.first + k) * n, n);
     else
-        std::copy_n(x.data() + group.over.first * n, width, local_.data());
-    local_[width] = t;
+        std::copy_n(x.data() + group.over.first * n, width - 1, local_.data()), local_[width - 1] = t;
 }
 
 void ArrowQp::scatter(const Group &group, const double *local, double factor, Vec &x, double &t) const {
     const std::size_t n = p_->joints, width = p_->width(group);
     if (group.compact)
-        for (std::size_t k = 0; k < REACH; ++k) add_scaled(x.data() + (group.over.first + k) * n, factor * group.over.weights[k], local, n);
+        for (std::size_t k = 0; k < REACH; ++k)
+            add_vectors(x.data() + (group.over.first + k) * n, factor * group.over.weights[k], local, n);
     else
-        add_scaled(x.data() + group.over.first * n, factor, local, width);
-    t += factor * local[width];
+        add_scaled(x.data() + group.over.first * n, factor, local, width - 1), t += factor * local[width - 1];
 }
 
 void ArrowQp::transposed(const Vec &m, Vec &x, double &t, Vec &s) {
@@ -122,7 +121,7 @@ void ArrowQp::transposed(const Vec &m, Vec &x, double &t, Vec &s) {
         }
         t -= rows.order[r] * sum;
         for (std::size_t k = 0; k < rows.stencils[r].count; ++k)
-            add_scaled(x.data() + (rows.stencils[r].first + k) * n, rows.stencils[r].weights[k], local_.data(), n);
+            add_vectors(x.data() + (rows.stencils[r].first + k) * n, rows.stencils[r].weights[k], local_.data(), n);
     }
     for (std::size_t g = 0; g < p.soft.groups.size(); ++g) {
         const Group &group = p.soft.groups[g];
@@ -132,7 +131,7 @@ void ArrowQp::transposed(const Vec &m, Vec &x, double &t, Vec &s) {
         for (std::size_t i = group.begin; i < group.end; ++i) {
             const double factor = m[begin_[SOFT] + i];
             sum += factor;
-            add_scaled(local_.data(), factor, p.soft.entries.data() + group.offset + (i - group.begin) * stride, stride);
+            add_vectors(local_.data(), factor, p.soft.entries.data() + group.offset + (i - group.begin) * stride, stride);
         }
         scatter(group, local_.data(), 1.0, x, t);
         s[g] -= sum + m[begin_[SLACK] + g];
@@ -212,15 +211,19 @@ void ArrowQp::residuals() {
 bool ArrowQp::factor() {
     const ArrowProgram &p = *p_;
     const std::size_t n = p.joints;
-    for (std::size_t i = 0; i < total_; ++i) weight_[i] = y_[i] / z_[i];
+    for (std::size_t i = 0; i < total_; ++i) {
+        inverse_[i] = 1.0 / z_[i];
+        weight_[i] = y_[i] * inverse_[i];
+    }
     matrix_.clear();
-    for (std::size_t i = 0; i < size_; ++i)
-        matrix_.column(i)[0] = p.regularisation + weight_[begin_[LOW] + i] + weight_[begin_[HIGH] + i];
     matrix_.corner = p.regularisation_t + weight_[begin_[LOW_T]] + weight_[begin_[HIGH_T]];
+    diagonals_ = p.hessian;
+    add_derivatives();
     for (std::size_t i = 0; i < p.points; ++i)
         for (std::size_t d = 0; d < REACH && i + d < p.points; ++d)
-            for (std::size_t j = 0; j < n; ++j) matrix_.column(i * n + j)[d * n] += p.hessian[(i * REACH + d) * n + j];
-    add_derivatives();
+            for (std::size_t j = 0; j < n; ++j) matrix_.column(i * n + j)[d * n] = diagonals_[(i * REACH + d) * n + j];
+    for (std::size_t i = 0; i < size_; ++i)
+        matrix_.column(i)[0] += p.regularisation + weight_[begin_[LOW] + i] + weight_[begin_[HIGH] + i];
     for (std::size_t g = 0; g < s_.size(); ++g) add_group(g);
     return matrix_.factor();
 }
@@ -228,22 +231,23 @@ bool ArrowQp::factor() {
 void ArrowQp::add_derivatives() {
     const DerivativeRows &rows = p_->derivatives;
     const std::size_t n = p_->joints;
+    double *both = local_.data(), *cross = block_.data();
     for (std::size_t r = 0; r < rows.order.size(); ++r) {
         const double *above = weight_.data() + begin_[ABOVE] + r * n;
         const double *below = weight_.data() + begin_[BELOW] + r * n;
+        const double *weight = rows.weight.data() + r * n;
         const Stencil &stencil = rows.stencils[r];
-    const double *coefficient = stencil.weights.data();
         double sum = 0.0;
         for (std::size_t j = 0; j < n; ++j) {
-            const double w = rows.weight[r * n + j], both = (above[j] + below[j]) * w * w;
-            const double cross = -(above[j] - below[j]) * w * rows.order[r];
+            both[j] = (above[j] + below[j]) * weight[j] * weight[j];
+            cross[j] = -(above[j] - below[j]) * weight[j] * rows.order[r];
             sum += above[j] + below[j];
-            for (std::size_t k = 0; k < rows.stencils[r].count; ++k) {
-                const std::size_t c = (rows.stencils[r].first + k) * n + j;
-                matrix_.border[c] += cross * coefficient[k];
-                double *column = matrix_.column(c);
-                for (std::size_t d = 0; k + d < stencil.count; ++d) column[d * n] += both * coefficient[k] * coefficient[k + d];
-            }
+        }
+        for (std::size_t k = 0; k < stencil.count; ++k) {
+            const std::size_t point = stencil.first + k;
+            add_vectors(matrix_.border.data() + point * n, stencil.weights[k], cross, n);
+            for (std::size_t d = 0; k + d < stencil.count; ++d)
+                add_vectors(diagonals_.data() + (point * REACH + d) * n, stencil.weights[k] * stencil.weights[k + d], both, n);
         }
         matrix_.corner += rows.order[r] * rows.order[r] * sum;
     }
@@ -260,20 +264,23 @@ void ArrowQp::add_group(std::size_t g) {
     double sum = 0.0;
     for (std::size_t i = group.begin; i < group.end; ++i) {
         sum += weight[i];
-        add_scaled(mean, weight[i], entries + (i - group.begin) * stride, stride);
+        add_vectors(mean, weight[i], entries + (i - group.begin) * stride, stride);
     }
     for (std::size_t k = 0; k < stride; ++k) mean[k] /= sum;
     const double own = weight_[begin_[SLACK] + g] + p.regularisation_slack;
     mean_weight_[g] = sum, damping_[g] = sum + own;
     double *__restrict block = block_.data();
     const double keep = sum * own / (sum + own);
-    for (std::size_t a = 0; a <= width; ++a)
-        for (std::size_t b = 0; b < stride; ++b) block[a * stride + b] = keep * mean[a] * mean[b];
+    // Row a is needed from the diagonal on; compact rows are needed whole.
+    const auto from = [&](std::size_t a) { return group.compact ? 0 : a / LANES * LANES; };
+    for (std::size_t a = 0; a < width; ++a)
+        for (std::size_t b = from(a); b < stride; ++b) block[a * stride + b] = keep * mean[a] * mean[b];
     if (group.end - group.begin > 1)
         for (std::size_t i = group.begin; i < group.end; ++i) {
             const double *row = entries + (i - group.begin) * stride;
             for (std::size_t b = 0; b < stride; ++b) local_[b] = row[b] - mean[b];
-            for (std::size_t a = 0; a <= width; ++a) add_scaled(block + a * stride, weight[i] * local_[a], local_.data(), stride);
+            for (std::size_t a = 0; a < width; ++a)
+                add_vectors(block + a * stride + from(a), weight[i] * local_[a], local_.data() + from(a), stride - from(a));
         }
     add_block(group);
 }
@@ -281,12 +288,12 @@ void ArrowQp::add_group(std::size_t g) {
 void ArrowQp::add_block(const Group &group) {
     const std::size_t n = p_->joints, stride = p_->stride(group), width = p_->width(group);
     const double *block = block_.data();
-    const double *last = block + width * stride;
-    matrix_.corner += last[width];
     if (!group.compact) {
-        for (std::size_t a = 0; a < width; ++a) {
-            add_scaled(matrix_.column(group.over.first * n + a), 1.0, block + a * stride + a, width - a);
-            matrix_.border[group.over.first * n + a] += last[a];
+        const std::size_t t = width - 1;
+        matrix_.corner += block[t * stride + t];
+        for (std::size_t a = 0; a + 1 < width; ++a) {
+            add_scaled(matrix_.column(group.over.first * n + a), 1.0, block + a * stride + a, width - 1 - a);
+            matrix_.border[group.over.first * n + a] += block[a * stride + t];
         }
         return;
     }
@@ -295,10 +302,9 @@ void ArrowQp::add_block(const Group &group) {
         const std::size_t c = (group.over.first + k) * n;
         for (std::size_t a = 0; a < n; ++a) {
             double *column = matrix_.column(c + a);
-            matrix_.border[c + a] += group.over.weights[k] * last[a];
             add_scaled(column, group.over.weights[k] * group.over.weights[k], block + a * stride + a, n - a);
             for (std::size_t d = 1; k + d < REACH; ++d)
-                add_scaled(column + d * n - a, group.over.weights[k] * group.over.weights[k + d], block + a * stride, n);
+                add_vectors(column + d * n - a, group.over.weights[k] * group.over.weights[k + d], block + a * stride, n);
         }
     }
 }
@@ -307,7 +313,7 @@ void ArrowQp::newton(double target, bool second) {
     const ArrowProgram &p = *p_;
     for (std::size_t i = 0; i < total_; ++i) {
         const double wanted = target - (second ? affine_[i] : 0.0);
-        shift_[i] = (wanted - y_[i] * z_[i] + y_[i] * row_residual_[i]) / z_[i];
+        shift_[i] = (wanted - y_[i] * z_[i] + y_[i] * row_residual_[i]) * inverse_[i];
     }
     for (std::size_t i = 0; i < dx_.size(); ++i) dx_[i] = grad_[i];
     dt_ = grad_t_;
@@ -335,9 +341,16 @@ void ArrowQp::newton(double target, bool second) {
 }
 
 double ArrowQp::longest(const Vec &value, const Vec &change, double share) const {
-    double inverse = share;
-    for (std::size_t i = 0; i < total_; ++i) inverse = std::max(inverse, -change[i] / value[i]);
-    return share / inverse;
+    double part[LANES];
+    std::fill_n(part, LANES, share);
+    std::size_t k = 0;
+    for (; k + LANES <= total_; k += LANES)
+        for (std::size_t i = 0; i < LANES; ++i) {
+            const double ratio = -change[k + i] / value[k + i];
+            part[i] = ratio > part[i] ? ratio : part[i];
+        }
+    for (; k < total_; ++k) part[0] = std::max(part[0], -change[k] / value[k]);
+    return share / *std::max_element(part, part + LANES);
 }
 
 bool ArrowQp::step(double least_gap) {
@@ -345,12 +358,10 @@ bool ArrowQp::step(double least_gap) {
     const double count = static_cast<double>(total_), now = gap_ / count;
     newton(0.0, false);
     const double primal = longest(z_, dz_, 1.0), dual = longest(y_, dy_, 1.0);
-    double after = 0.0;
-    for (std::size_t i = 0; i < total_; ++i) {
-        affine_[i] = dz_[i] * dy_[i];
-        after += (z_[i] + primal * dz_[i]) * (y_[i] + dual * dy_[i]);
-    }
-    const double ratio = after / gap_, target = std::max(now * ratio * ratio * ratio, least_gap / count);
+    for (std::size_t i = 0; i < total_; ++i) affine_[i] = dz_[i] * dy_[i];
+    const double after = gap_ + primal * dot(dz_.data(), y_.data(), total_) + dual * dot(z_.data(), dy_.data(), total_) +
+                         primal * dual * dot(dz_.data(), dy_.data(), total_);
+    const double ratio = std::max(after, 0.0) / gap_, target = std::max(now * ratio * ratio * ratio, least_gap / count);
     newton(target, true);
     const double step_z = longest(z_, dz_, TO_BOUNDARY), step_y = longest(y_, dy_, TO_BOUNDARY);
     for (std::size_t i = 0; i < size_; ++i) x_[i] += step_z * dx_[i];

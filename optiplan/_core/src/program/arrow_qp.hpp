@@ -35,14 +35,14 @@ private:
     Vec x_, s_;               // variables; x_ padded
     double t_ = 0.0;
     Vec z_, y_;               // slack and multiplier of every row
-    Vec weight_, shift_;      // y / z; what the step adds to the right side, row by row
+    Vec inverse_, weight_, shift_;  // 1 / z; y / z; what the step adds to the right side, row by row
     Vec row_residual_, moved_;
     Vec dx_, ds_, dz_, dy_, affine_;
     double dt_ = 0.0;
     Vec grad_, grad_s_;       // stationarity residual
     double grad_t_ = 0.0;
     Vec mean_, mean_weight_, damping_;  // group by group: mean row, total weight of the rows, and with the slack's
-    Vec local_, block_;
+    Vec local_, block_, diagonals_;
     double gap_ = 0.0, primal_ = 0.0, dual_ = 0.0;
 
     std::size_t rows_of(Kind kind) const { return begin_[kind + 1] - begin_[kind]; }
@@ -79,7 +79,7 @@ private:
     // sum w_i a_i a_i' - (w m)(w m)' / (w + w_s) = sum w_i (a_i - m)(a_i - m)' + w w_s / (w + w_s) m m', without cancellation.
     void add_group(std::size_t g);
 
-    // Add a group's block (width + 1, stride) to the matrix; its last row belongs to t.
+    // Add a group's block (width + 1, stride) to the matrix; the last row of one that is not compact belongs to t.
     void add_block(const Group &group);
 
     // Newton step for complementarity z y = `target` (per row), into dx_, dt_, ds_, dz_, dy_.

@@ -30,8 +30,8 @@ Step StepSolver::solve(const double *control, double duration, const std::vector
                        double radius, double span, double gap) {
     const Spline &spline = *spline_;
     const std::size_t n = spline.joints;
-    program_.points = spline.free(), program_.joints = n;
-    scale_.resize(n);
+    program_.points = spline.free(), program_.joints = padded(n);
+    scale_.assign(program_.joints, 0.0);
     for (std::size_t j = 0; j < n; ++j) scale_[j] = spline.rates[j] * span;
     bound(control, duration, radius);
     shape(control, duration);
@@ -43,7 +43,8 @@ Step StepSolver::solve(const double *control, double duration, const std::vector
     if (!found.solved) return step;
     step.control.assign(control, control + spline.points * n);
     double *moving = step.control.data() + spline.fixed * n;
-    for (std::size_t i = 0; i < program_.size(); ++i) moving[i] += found.x[i] * scale_[i % n];
+    for (std::size_t i = 0; i < program_.points; ++i)
+        for (std::size_t j = 0; j < n; ++j) moving[i * n + j] += found.x[i * program_.joints + j] * scale_[j];
     step.duration = duration * (1.0 + found.t);
     double now = 0.0;
     for (const Inequalities *part : soft) now += part->cost();
@@ -54,28 +55,30 @@ Step StepSolver::solve(const double *control, double duration, const std::vector
 // Trust region, joint limits, and the bounds on derivative control points, each divided by its limit.
 void StepSolver::bound(const double *control, double duration, double radius) {
     const Spline &spline = *spline_;
-    const std::size_t n = spline.joints, size = program_.size();
+    const std::size_t n = spline.joints, wide = program_.joints;
     const double *moving = control + spline.fixed * n;
-    program_.low.resize(size), program_.high.resize(size);
-    for (std::size_t i = 0; i < size; ++i) {
-        const std::size_t j = i % n;
-        program_.low[i] = std::clamp((spline.lower[j] - moving[i]) / scale_[j], -radius, 0.0);
-        program_.high[i] = std::clamp((spline.upper[j] - moving[i]) / scale_[j], 0.0, radius);
-    }
+    program_.low.assign(program_.size(), -radius), program_.high.assign(program_.size(), radius);
+    for (std::size_t i = 0; i < program_.points; ++i)
+        for (std::size_t j = 0; j < n; ++j) {
+            const double here = moving[i * n + j];
+            program_.low[i * wide + j] = std::clamp((spline.lower[j] - here) / scale_[j], -radius, 0.0);
+            program_.high[i * wide + j] = std::clamp((spline.upper[j] - here) / scale_[j], 0.0, radius);
+        }
     program_.low_t = SHORTEST, program_.high_t = LONGEST;
     DerivativeRows &rows = program_.derivatives;
     const std::size_t count = spline.derivatives.size();
-    rows.stencils.resize(count), rows.order.resize(count), rows.weight.resize(count * n), rows.share.resize(count * n);
+    rows.stencils.resize(count), rows.order.resize(count);
+    rows.weight.assign(count * wide, 0.0), rows.share.assign(count * wide, 0.0);
     const double power[4] = {1.0, duration, duration * duration, duration * duration * duration};
     for (std::size_t r = 0; r < count; ++r) {
         rows.stencils[r] = free_part(spline.derivatives[r], spline.fixed, spline.free());
         rows.order[r] = spline.order[r];
-        spline.derivative(r, control, rows.share.data() + r * n);
+        spline.derivative(r, control, rows.share.data() + r * wide);
         const double *limit = spline.limit(r);
         for (std::size_t j = 0; j < n; ++j) {
             const double most = limit[j] * power[spline.order[r]];
-            rows.share[r * n + j] /= most;
-            rows.weight[r * n + j] = scale_[j] / most;
+            rows.share[r * wide + j] /= most;
+            rows.weight[r * wide + j] = scale_[j] / most;
         }
     }
 }
@@ -83,9 +86,9 @@ void StepSolver::bound(const double *control, double duration, double radius) {
 // The objective: time and jerk over T, with a small regularisation.
 void StepSolver::shape(const double *control, double duration) {
     const Spline &spline = *spline_;
-    const std::size_t n = spline.joints, free = spline.free(), points = spline.points;
-    program_.hessian.assign(free * REACH * n, 0.0);
-    program_.gradient.assign(free * n, 0.0);
+    const std::size_t n = spline.joints, wide = program_.joints, free = spline.free(), points = spline.points;
+    program_.hessian.assign(free * REACH * wide, 0.0);
+    program_.gradient.assign(free * wide, 0.0);
     program_.gradient_t = spline.time;
     program_.regularisation = REGULARISATION;
     program_.regularisation_t = program_.regularisation_slack = OTHERS;
@@ -94,23 +97,23 @@ void StepSolver::shape(const double *control, double duration) {
     program_.gradient_t -= 5.0 * spline.jerk_cost(control, duration) / duration;
     for (std::size_t i = 0; i < free; ++i) {
         const double *gram = spline.gram.data() + (i + spline.fixed) * points;
-        double *gradient = program_.gradient.data() + i * n;
+        double *gradient = program_.gradient.data() + i * wide;
         for (std::size_t k = 0; k < points; ++k)
             if (gram[k] != 0.0) add_scaled(gradient, factor * gram[k], control + k * n, n);
         for (std::size_t j = 0; j < n; ++j) gradient[j] *= scale_[j];
         for (std::size_t d = 0; d < REACH && i + d < free; ++d)
             for (std::size_t j = 0; j < n; ++j)
-                program_.hessian[(i * REACH + d) * n + j] = factor * gram[i + spline.fixed + d] * scale_[j] * scale_[j];
+                program_.hessian[(i * REACH + d) * wide + j] = factor * gram[i + spline.fixed + d] * scale_[j] * scale_[j];
     }
 }
 
 // The soft rows that a step of this radius can violate, with a slack for each sample and kind.
 void StepSolver::soften(const std::vector<const Inequalities *> &soft, double duration, double radius) {
-    const std::size_t n = program_.joints;
+    const std::size_t n = spline_->joints, wide = program_.joints;
     SoftRows &rows = program_.soft;
     rows.groups.clear(), rows.entries.clear(), rows.right.clear();
     for (const Inequalities *part : soft) {
-        const std::size_t width = part->width(n), stride = padded(width + 1);
+        const std::size_t width = part->width(n);
         for (std::size_t i = 0; i < part->sample.size();) {
             const int here = part->sample[i];
             Group group;
@@ -129,9 +132,11 @@ void StepSolver::soften(const std::vector<const Inequalities *> &soft, double du
                 for (std::size_t k = 0; k < width; ++k) reach += total * radius * std::fabs(entries[k]) * scale_[k % n];
                 if (part->value[i] >= reach) continue;
                 const std::size_t at = rows.entries.size();
-                rows.entries.resize(at + stride, 0.0);
-                for (std::size_t k = 0; k < width; ++k) rows.entries[at + k] = entries[k] * scale_[k % n] / -part->unit;
-                rows.entries[at + width] = part->by_duration[i] * duration / -part->unit;
+                rows.entries.resize(at + program_.stride(group), 0.0);
+                for (std::size_t k = 0; k < width; ++k)
+                    rows.entries[at + k / n * wide + k % n] = entries[k] * scale_[k % n] / -part->unit;
+                if (!part->compact)
+                    rows.entries[at + REACH * wide] = part->by_duration[i] * duration / -part->unit;
                 rows.right.push_back(part->value[i] / part->unit);
             }
             group.end = rows.right.size();

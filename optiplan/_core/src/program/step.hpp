@@ -56,7 +56,8 @@ private:
     std::shared_ptr<const Spline> spline_;
     ArrowProgram program_;
     ArrowQp qp_;
-    Vec scale_;  // (n,) v_j span: unit of the program's variables
+    Vec scale_;  // v_j span: unit of the program's variables
+    // The program has as many joints as fill whole vectors; those that no robot has cost nothing and stay.
 };
 
 }  // namespace optiplan

@@ -32,4 +32,10 @@ inline void add_scaled(double *__restrict y, double factor, const double *__rest
     for (std::size_t k = 0; k < count; ++k) y[k] += factor * x[k];
 }
 
+// y += factor x, where `count` is a multiple of LANES: whole vectors, without a remainder.
+inline void add_vectors(double *__restrict y, double factor, const double *__restrict x, std::size_t count) {
+    for (std::size_t k = 0; k < count; k += LANES)
+        for (std::size_t i = 0; i < LANES; ++i) y[k + i] += factor * x[k + i];
+}
+
 }  // namespace optiplan
