@@ -12,9 +12,13 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.run_folder import StoredRun, load_run
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
+from optiplan.viewer.log_curves import read_log
 from optiplan.viewer.plots.runs import PlottedRun
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.server import serve
+
+EXECUTED = "execution"
+"""Key of a `run.json` that `optiplan control` wrote."""
 
 
 def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
@@ -36,7 +40,12 @@ def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
     if issues:
         raise InputError(issues)
     problem = problem_from_dict(stored[0].record["problem"])
-    return problem, [shown(_judged(problem, run), run.trajectory, _label(run, len(stored) > 1)) for run in stored]
+    labels = [_label(run, len(stored) > 1) for run in stored]
+    viewed = [shown(_judged(problem, run), run.trajectory, label) for run, label in zip(stored, labels, strict=True)]
+    return problem, [
+        one._replace(log=read_log(run.place)) if EXECUTED in run.record else one
+        for one, run in zip(viewed, stored, strict=True)
+    ]
 
 
 def plotted_runs(places: Sequence[Path]) -> tuple[list[PlottedRun], list[str]]:
@@ -75,7 +84,7 @@ def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str =
 
 
 def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:
-    if run.trajectory is None or "execution" in run.record:  # what was executed is looked at, not proved
+    if run.trajectory is None or EXECUTED in run.record:  # what was executed is looked at, not proved
         return run.record
     return {**run.record, "report": verify(problem, run.trajectory, given=run.samples).to_dict()}
 

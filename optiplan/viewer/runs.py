@@ -13,6 +13,7 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.viewer.log_curves import Arrays, log_quantities
 from optiplan.viewer.run_checks import about, checks_of
 from optiplan.viewer.run_clearance import clearance_of
 from optiplan.viewer.run_curves import curves_of, tool_frames, tool_points
@@ -31,6 +32,7 @@ class ViewedRun(NamedTuple):
         report: `Report.to_dict()`, or None when nothing was verified.
         failure: `kind`, `detail` and `witness` of a `Failure`, or None.
         record: `Run.to_dict()`, of which `metrics` and `timings` are shown; None when there is none.
+        log: arrays of a closed loop (`log_curves.read_log`); None for a motion that was planned.
     """
 
     label: str
@@ -38,6 +40,7 @@ class ViewedRun(NamedTuple):
     report: Mapping[str, Any] | None = None
     failure: Mapping[str, Any] | None = None
     record: Mapping[str, Any] | None = None
+    log: Arrays | None = None
 
 
 RunLike = ViewedRun | tuple[str, Trajectory | None, Mapping[str, Any] | None]
@@ -110,6 +113,8 @@ def show_run(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail = _W
     if motion is not None:
         shown |= _motion(problem, poses, motion, detail)
         shown["curves"] = curves_of(problem, motion, detail.samples)
+        if run.log is not None:
+            shown["curves"]["quantities"] += log_quantities(problem, run.log, 2 * detail.samples)
         shown["clearance"] = clearance_of(problem, motion, detail.distances)
     if run.trajectory is not None:
         shown["facts"] = _facts(problem, run.trajectory, run.report)

@@ -10,8 +10,8 @@ const OptiPlanDock = (() => {
     if (run.decoded || !run.curves) return run.decoded || null;
     const t = floats(run.curves.t);
     const quantities = run.curves.quantities.map((one) => {
-      const all = floats(one.y), m = one.series.length;
-      const series = one.series.map((name, j) => ({ name, t, y: Float32Array.from(t, (_, k) => all[k * m + j]), low: one.low[j], high: one.high[j], extrema: one.extrema[j] }));
+      const all = floats(one.y), m = one.series.length, own = one.t ? floats(one.t) : t; // a log has times of its own
+      const series = one.series.map((name, j) => ({ name, t: own, y: Float32Array.from(own, (_, k) => all[k * m + j]), low: one.low[j], high: one.high[j], extrema: one.extrema[j] }));
       return { ...one, series };
     });
     run.decoded = { t, quantities };
