@@ -114,6 +114,7 @@ def test_links_lead_somewhere(page):
         "changelog.md",
         "examples.md",
         "command-line.md",
+        "control-files.md",
         "planners.md",
         "problems.md",
     }
