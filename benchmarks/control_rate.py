@@ -9,6 +9,7 @@ Peers that are not installed are left out. The last line is one JSON object.
 """
 
 import argparse
+import gc
 import json
 import re
 import time
@@ -238,6 +239,7 @@ def main() -> None:
     parser.add_argument("--families", action="store_true")
     options = parser.parse_args()
     robot, seconds = op.load_robot("panda"), options.steps * DT
+    gc.freeze()  # as a control loop would
     joints = [op.PositionLimit(), op.VelocityLimit(), op.AccelerationLimit(), op.JerkLimit()]
     scene = ten_rows(robot)
     everything = [*joints, op.TorqueLimit(), op.ToolSpeedLimit(linear=1.7, angular=2.5), op.ClearanceLimit(scene)]
