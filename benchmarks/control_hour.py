@@ -20,7 +20,7 @@ import optiplan as op
 from optiplan.collision.model import CollisionModel
 from optiplan.control.controller import Controller
 from optiplan.control.defaults import default_limits
-from optiplan.control.limits.clearance import AT_LEAST
+from optiplan.control.limits.clearance import AT_LEAST, ClearanceLimit
 from optiplan.control.qp.solvers import ProxQp, QpSolver
 from optiplan.control.state import State
 from optiplan.control.tasks.frame_tasks import PoseTask
@@ -33,6 +33,8 @@ SCENES = {
     "delbot": [op.Box("shelf", size=(0.4, 1.0, 0.6), position=(1.4, 0.0, 0.4))],
 }
 START = {"panda": "ready", "srra": "home", "baxter": "ready", "delbot": "home"}
+CLEARANCE = {"baxter": 0.001}
+"""m, where not 5 mm: Baxter's `ready` has two of its links 1.9 mm apart."""
 HOLD = 1.5
 """s of a target, on average."""
 EVERY = 10
@@ -91,7 +93,8 @@ def simulate(name: str, seconds: float, dt: float, fail: float, seed: int, form:
     robot, scene = op.load_robot(name), op.Scene(SCENES[name])
     tool = PoseTask(robot.tool_frame)
     solver = Flaky(fail, seed) if fail > 0.0 else "proxqp"
-    limits = default_limits(scene)
+    at_least = CLEARANCE.get(name, AT_LEAST)
+    limits = [*default_limits(), ClearanceLimit(scene, at_least)]
     controller = Controller(
         robot, [tool, PostureTask(START[name])], limits=limits, solver=solver, guess=fail == 0.0, form=form
     )
@@ -107,7 +110,7 @@ def simulate(name: str, seconds: float, dt: float, fail: float, seed: int, form:
         if k % EVERY == 0 or step.solver == "braking":
             nearest = check.clearance(step.q)
             if nearest is not None:
-                worst.clearance = max(worst.clearance, AT_LEAST - nearest.distance)
+                worst.clearance = max(worst.clearance, at_least - nearest.distance)
         state = step.state
     return worst
 

@@ -12,14 +12,14 @@ from optiplan.control.defaults import ORDER, default_limits
 from optiplan.control.limits.base import ControlLimit, RowLimit
 from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.limits.stop_limits import StopLimit
-from optiplan.control.objective import BASE_DAMPING, Objective, singular_values
+from optiplan.control.objective import BASE_DAMPING, TaskObjective, singular_values
 from optiplan.control.qp.answers import Answers
 from optiplan.control.qp.program import Program
 from optiplan.control.qp.solvers import DEFAULT, QpSolver, make_solver
 from optiplan.control.row_stack import RowStack
 from optiplan.control.state import State
 from optiplan.control.step import ControlStep
-from optiplan.control.step_report import Outcome, StepReporter
+from optiplan.control.step_report import StepOutcome, StepReporter
 from optiplan.control.stopping_guard import StoppingGuard
 from optiplan.control.tasks.base import ControlTask
 from optiplan.control.tasks.frame_tasks import FrameTask
@@ -103,9 +103,9 @@ class Controller:
         n = robot.n
         levels = sorted({task.priority for task in self.tasks})
         self._objectives = [
-            Objective([task for task in self.tasks if task.priority == level], n, self._by_acceleration, response)
+            TaskObjective([task for task in self.tasks if task.priority == level], n, self._by_acceleration, response)
             for level in levels
-        ] or [Objective([], n, self._by_acceleration, response)]
+        ] or [TaskObjective([], n, self._by_acceleration, response)]
         self._measured = next((k for k, t in enumerate(self._objectives[0].tasks) if isinstance(t, FrameTask)), None)
         self._box = JointBox(self.limits, self._order, n)
         stop_limits = [limit for limit in self.limits if isinstance(limit, StopLimit)]
@@ -134,7 +134,7 @@ class Controller:
         c.update(state.q, state.v)
         self._box.update(state, dt, 0.5 * dt if self._by_acceleration else 0.0)
         brake = self._box.brake(state, dt)
-        outcome = Outcome(state, dt, brake)
+        outcome = StepOutcome(state, dt, brake)
         self._answers.solve_seconds = 0.0
         groups = self._guard.rows(c, state, dt)
         self._rows.collect(c, state, dt, groups)
@@ -161,7 +161,7 @@ class Controller:
         self._check(state, dt)
         self._box.update(state, dt, 0.5 * dt if self._by_acceleration else 0.0)
         brake = self._box.brake(state, dt)
-        outcome = Outcome(state, dt, brake)
+        outcome = StepOutcome(state, dt, brake)
         self._guard.keep(self._next(state, brake, dt))
         outcome.x, outcome.how, outcome.next = brake, "braking", self._guard.state
         outcome.asked = True
@@ -173,7 +173,7 @@ class Controller:
         c.update(state.q, state.v)
         return c
 
-    def _solve(self, c: Configuration, state: State, dt: float, outcome: Outcome) -> Array | None:
+    def _solve(self, c: Configuration, state: State, dt: float, outcome: StepOutcome) -> Array | None:
         """The best velocities of all priorities; None where no answer can be accepted."""
         rows, witness = self._rows, self._box_clip(outcome.brake)
         x: Array | None = None
@@ -202,7 +202,7 @@ class Controller:
     def _box_clip(self, x: Array) -> Array:
         return np.asarray(np.minimum(np.maximum(x, self._box.low), self._box.high))
 
-    def _singular(self, level: int, objective: Objective, outcome: Outcome) -> float | None:
+    def _singular(self, level: int, objective: TaskObjective, outcome: StepOutcome) -> float | None:
         """Least singular value of the first frame task's weighted Jacobian."""
         if level or self._measured is None:
             return None
@@ -210,7 +210,7 @@ class Controller:
         outcome.manipulability = float(np.prod(values))
         return float(values[-1])
 
-    def _accept(self, x: Array, outcome: Outcome) -> bool:
+    def _accept(self, x: Array, outcome: StepOutcome) -> bool:
         """Whether the robot can stop from there; if not, from half the way back to braking, or a quarter of it."""
         state, dt, brake = outcome.state, outcome.dt, outcome.brake
         for share in (1.0, 0.5, 0.25):

@@ -1,4 +1,4 @@
-"""`Objective`: the tasks of one priority as weighted least squares in the velocities at the end of a step."""
+"""`TaskObjective`: the tasks of one priority as weighted least squares in the velocities at the end of a step."""
 
 import math
 from collections.abc import Sequence
@@ -45,7 +45,7 @@ class Demand:
     wanted: Array
 
 
-class Objective:
+class TaskObjective:
     """Tasks of one priority.
 
     Args:

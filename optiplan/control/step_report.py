@@ -23,7 +23,7 @@ OFF = 1e-4
 
 
 @dataclass(slots=True, eq=False)
-class Outcome:
+class StepOutcome:
     """What became of a step, filled in on the way."""
 
     state: State
@@ -47,7 +47,7 @@ class StepReporter:
     def __init__(self, robot: Robot, box: JointBox, rows: RowStack) -> None:
         self._names, self._box, self._rows = robot.joint_names, box, rows
 
-    def step(self, outcome: Outcome, nearest: NearestPair | None, begin: float) -> ControlStep:
+    def step(self, outcome: StepOutcome, nearest: NearestPair | None, begin: float) -> ControlStep:
         """The record of a step that began at `begin` of the clock `time.perf_counter`."""
         state, x, demand = outcome.next, outcome.x, outcome.demand
         assert state is not None
@@ -75,7 +75,7 @@ class StepReporter:
             solver=outcome.how,
         )
 
-    def _stopping(self, outcome: Outcome) -> tuple[Status, str]:
+    def _stopping(self, outcome: StepOutcome) -> tuple[Status, str]:
         why = "as asked" if outcome.asked else "no command was found that keeps all limits and can be stopped clear"
         if not outcome.asked and not outcome.refused:
             why = "the solver gave no answer that can be accepted"

@@ -9,7 +9,7 @@ from optiplan.control.braking_path import BrakingPath
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import LimitRows
 from optiplan.control.limits.joint_box import JointBox
-from optiplan.control.limits.stop_limits import Abilities, StopLimit, View
+from optiplan.control.limits.stop_limits import Abilities, DistanceView, StopLimit
 from optiplan.control.state import State
 from optiplan.control.step import NearestPair
 from optiplan.robot.robot import Robot
@@ -29,7 +29,7 @@ class StoppingGuard:
         self._limits, self._box = tuple(limits), box
         self._path = BrakingPath(robot, by_acceleration)
         self._configuration = Configuration(robot)
-        self._views: list[View] = []
+        self._views: list[DistanceView] = []
         self._least: list[Array] = []
         self._dt, self._per_jerk = 0.0, 1.0 / box.jerk
         self._abilities = _abilities(box, 0.0)
@@ -106,11 +106,11 @@ class StoppingGuard:
 
     def _look(self, c: Configuration) -> None:
         """What is near at a configuration."""
-        before: Sequence[View | None] = self._views or [None] * len(self._limits)
+        before: Sequence[DistanceView | None] = self._views or [None] * len(self._limits)
         self._views = [limit.view(c, view) for limit, view in zip(self._limits, before, strict=True)]
 
 
-def _least(limit: StopLimit, view: View) -> Array:
+def _least(limit: StopLimit, view: DistanceView) -> Array:
     """What each distance must be at least: `at_least`, or what it is now where that is less, (P,)."""
     least = np.full(len(limit.labels), limit.at_least)
     least[view.near] = np.minimum(limit.at_least, view.distance - SLIP)

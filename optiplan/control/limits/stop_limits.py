@@ -25,7 +25,7 @@ class Abilities:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class DistanceView:
     """Distances at one configuration.
 
     Attributes:
@@ -84,7 +84,7 @@ class StopLimit(ControlLimit):
         """How far points of the bodies of each distance (K,) are moved between two marks at most, m."""
         raise NotImplementedError
 
-    def view(self, c: Configuration, before: View | None) -> View:
+    def view(self, c: Configuration, before: DistanceView | None) -> DistanceView:
         """What is near at a configuration; `before` is any earlier view, which spares most queries."""
         if before is None:
             bound, near = np.full(len(self.labels), -np.inf), np.zeros(0, dtype=np.intp)
@@ -99,10 +99,10 @@ class StopLimit(ControlLimit):
         bound[which] = found
         kept = found < KEPT * self.influence
         if kept.all():
-            return View(c.q, bound, which, found, self.gradients(c, which))
-        return View(c.q, bound, which[kept], found[kept], self.gradients(c, which)[kept])
+            return DistanceView(c.q, bound, which, found, self.gradients(c, which))
+        return DistanceView(c.q, bound, which[kept], found[kept], self.gradients(c, which)[kept])
 
-    def rows(self, view: View, v: Array, abilities: "Abilities", dt: float) -> LimitRows:
+    def rows(self, view: DistanceView, v: Array, abilities: "Abilities", dt: float) -> LimitRows:
         """Rows of what is in view at the configuration of this step, in which joints have velocities v (n,)."""
         g = view.gradient
         towards = g * v < 0.0
@@ -122,11 +122,11 @@ class StopLimit(ControlLimit):
         labels = tuple([self.labels[k] for k in view.near.tolist()])
         return LimitRows(G / unit[:, None], low, np.full(len(low), np.inf), unit, labels)
 
-    def is_far(self, start: View, way: Array, least: Array) -> bool:
+    def is_far(self, start: DistanceView, way: Array, least: Array) -> bool:
         """Whether no way of the joints of at most `way` (n,) brings any distance below `least` (P,)."""
         return bool((start.bound - self.arms @ way >= least).all())
 
-    def stop_is_clear(self, path: "StopPath", start: View, least: Array) -> bool:
+    def stop_is_clear(self, path: "StopPath", start: DistanceView, least: Array) -> bool:
         """Whether distances stay at least `least` (P,) from where `start` was taken until the robot stands.
 
         They do where the travel of all joints is less than is left. Else the stop is asked: between two of its points
