@@ -1,7 +1,6 @@
 """What a server does, apart from HTTP: checks and submits problems, plans while a caller waits, hands out runs."""
 
 import asyncio
-import hashlib
 import json
 import logging
 import re
@@ -22,6 +21,7 @@ from optiplan.service.execution.run_solver import GRACE, LEAD, RunSolver
 from optiplan.service.execution.solver_pool import Lane, SolverAnswer, SolverJob, SolverPool
 from optiplan.service.models import ProblemInput, Submission
 from optiplan.service.refusals import Refusal, busy, not_found
+from optiplan.service.requests import digest_of, names_files, refusal_of
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.problem_table import ProblemTable
@@ -109,14 +109,14 @@ class PlannerService:
             Refusal: it cannot be planned; every issue is told.
         """
         request = await self.request(given)
-        key = _digest(request)
+        key = digest_of(request)
         if key in self._checked:
             self._checked.move_to_end(key)
             return self._checked[key]
         if self.pool.waiting("look") > LOOKING:
             raise busy("too many problems wait to be read", 2.0)
         answer = await self.ask(request, "check")
-        if not _names_files(request):  # files may change
+        if not names_files(request):  # files may change
             self._checked[key] = answer.data
             if len(self._checked) > REMEMBERED:
                 self._checked.popitem(last=False)
@@ -160,7 +160,7 @@ class PlannerService:
         """
         self._check_budget(submission)
         request, began = await self.request(submission), time.time()
-        known = self._checked.get(_digest(request))
+        known = self._checked.get(digest_of(request))
         if known is not None:
             record = await self.read(lambda: self.runs.get(self._new_run(submission, known, "").id))
             if record is not None and record["status"] == "done":
@@ -173,7 +173,7 @@ class PlannerService:
         job = SolverJob(asked, wall, until=time.monotonic() + left)
         answer, whole = await self._answer(job, gone)
         if "error" in answer.data:
-            raise _refusal(answer)
+            raise refusal_of(answer)
         if answer.death is not None:
             late = answer.death == "timeout" and left < wall
             raise Refusal(504 if answer.death == "timeout" else 503, "deadline" if late else answer.detail)
@@ -236,7 +236,7 @@ class PlannerService:
         if answer.death is not None:
             raise Refusal(503, f"the problem was not read: {answer.detail}", headers={"Retry-After": "1"})
         if "error" in answer.data:
-            raise _refusal(answer)
+            raise refusal_of(answer)
         return answer
 
     def forget(self, run: str) -> None:
@@ -286,7 +286,7 @@ class PlannerService:
         asked = [about[key] for key in ("hash", "planner", "options", "seed")]
         asked += [submission.budget, submission.deadline, optiplan.__version__]
         return NewRun(
-            id=_digest(asked)[:32],
+            id=digest_of(asked)[:32],
             name=about["name"],
             problem=about["hash"],
             robot=about["robot"],
@@ -340,17 +340,3 @@ class PlannerService:
                 saved.set_result(None)
 
         return keep
-
-
-def _refusal(answer: SolverAnswer) -> Refusal:
-    return Refusal(500 if "bug" in answer.data else 422, answer.data["error"], answer.data["issues"])
-
-
-def _digest(value: Any) -> str:
-    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
-
-
-def _names_files(request: Mapping[str, Any]) -> bool:
-    """Whether a problem may read files besides those that come along."""
-    text = json.dumps(request["problem"])
-    return any(word in text for word in ("file", "urdf", ".yaml", "/"))

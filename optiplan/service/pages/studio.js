@@ -2,7 +2,7 @@
 // The studio: the text is the truth; the scene shows what it says, and writes into it.
 (() => {
   const byId = (id) => document.getElementById(id), text = byId("text");
-  const state = { problem: null, q: [], start: [], run: null, events: null, asked: 0, points: [] };
+  const state = { valid: "", problem: null, q: [], start: [], run: null, events: null, asked: 0, points: [] };
 
   function make(tag, properties = {}, ...children) {
     const element = Object.assign(document.createElement(tag), properties);
@@ -53,7 +53,7 @@
   }
 
   const solve = latest(async (pose) => {
-    const { status, data } = await post("api/ik", { problem: text.value, pose, near: state.q });
+    const { status, data } = await post("api/ik", { problem: state.valid, pose, near: state.q });
     if (status !== 200) return;
     scene.branches(data.branches);
     byId("hint").textContent = data.branches.length ? `${data.branches.length} ways to reach it` + (data.reason ? "; " + data.reason : "") : data.reason;
@@ -67,6 +67,7 @@
     byId("issues").replaceChildren(...(issues.length ? issues.map(shownIssue) : [make("div", { className: "fine", textContent: "valid" })]));
     byId("plan").disabled = issues.length > 0;
     if (issues.length) return;
+    state.valid = problem;
     const drawn = await post("api/scene", { problem });
     if (drawn.status === 200 && asked === state.asked) draw(drawn.data);
   });
@@ -101,7 +102,7 @@
   }
 
   const move = latest(async () => {
-    const { status, data } = await post("api/pose", { problem: text.value, q: state.q });
+    const { status, data } = await post("api/pose", { problem: state.valid, q: state.q });
     if (status !== 200) return;
     scene.pose(data.poses);
     byId("touching").textContent = data.touching.map((pair) => pair.join(" and ")).map((pair) => pair + " touch").join("; ");
