@@ -16,6 +16,8 @@ const OptiPlanAddress = (() => {
       app.update();
     }
     if (wish.has("tab") && [...dock.tabs.children].some((tab) => tab.dataset.name === wish.get("tab"))) dock.choose(wish.get("tab"));
+    const panel = [...document.getElementById("panels").children].find((button) => button.dataset.panel === wish.get("panel"));
+    if (panel) panel.click();
     if (wish.has("layers")) layers.wanted(wish.get("layers").split(","));
     if (wish.has("speed")) clock.setSpeed(Number(wish.get("speed")));
     if (scene && wish.has("cam")) {
