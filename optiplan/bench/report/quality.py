@@ -10,7 +10,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.bench.results.arrays import Indices, Runs
-from optiplan.bench.results.measures import Answers
+from optiplan.bench.results.measures import RunAnswers
 from optiplan.bench.statistics.intervals_and_tests import Interval, median_interval
 
 TIMES = (0.1, 1.0, 10.0)
@@ -47,7 +47,7 @@ class Quality(NamedTuple):
     curves: tuple[tuple[Array, Array], ...]
 
 
-def quality(runs: Runs, answers: Answers, seed: int) -> Quality:
+def quality(runs: Runs, answers: RunAnswers, seed: int) -> Quality:
     """Quality of all planners; `seed` is that of the bootstrap."""
     best = best_known(runs, answers)
     ratio = answers.duration / best[runs.problem[answers.run]] if len(answers.run) else answers.duration
@@ -65,7 +65,7 @@ def quality(runs: Runs, answers: Answers, seed: int) -> Quality:
     return Quality(tuple(found), tuple(curves))
 
 
-def best_known(runs: Runs, answers: Answers) -> Array:
+def best_known(runs: Runs, answers: RunAnswers) -> Array:
     """Shortest verified duration of each problem by any run, s: (problems,); inf where there is none."""
     best = np.full(len(runs.problems), np.inf)
     np.minimum.at(best, runs.problem[answers.run], answers.duration)

@@ -57,7 +57,7 @@ class RunMeasure:
 
 
 @dataclass(frozen=True)
-class Answers:
+class RunAnswers:
     """Verified answers on the way, m of them, in order of runs and of time.
 
     Attributes:
@@ -77,7 +77,7 @@ class Results:
 
     runs: Runs
     measures: tuple[RunMeasure, ...]
-    answers: Answers
+    answers: RunAnswers
 
     def of_set(self, name: str) -> "Results":
         """Those of one set of problems."""
@@ -114,8 +114,8 @@ def _metric_names(store: Store) -> list[str]:
     return [name for name in METRICS if name in found] + sorted(set(found) - set(METRICS))
 
 
-def _answers(rows: Sequence[tuple[Any, ...]]) -> Answers:
-    """Answers on the way; of a verified run of a release that recorded none its end."""
+def _answers(rows: Sequence[tuple[Any, ...]]) -> RunAnswers:
+    """RunAnswers on the way; of a verified run of a release that recorded none its end."""
     run, seconds, duration = [], [], []
     plan, length = list(COLUMNS).index("plan_time"), list(COLUMNS).index("duration")
     for k, row in enumerate(rows):
@@ -127,7 +127,7 @@ def _answers(rows: Sequence[tuple[Any, ...]]) -> Answers:
             run.append(k)
             seconds.append(when)
             duration.append(best)
-    return Answers(np.array(run, dtype=np.int64), np.array(seconds, dtype=float), np.array(duration, dtype=float))
+    return RunAnswers(np.array(run, dtype=np.int64), np.array(seconds, dtype=float), np.array(duration, dtype=float))
 
 
 def _some_runs(runs: Runs, kept: Flags, mask: Flags) -> Runs:
@@ -139,9 +139,9 @@ def _some_runs(runs: Runs, kept: Flags, mask: Flags) -> Runs:
     return replace(runs, **changes | {"problem": number[runs.problem[mask]]})
 
 
-def _some_answers(answers: Answers, mask: Flags) -> Answers:
+def _some_answers(answers: RunAnswers, mask: Flags) -> RunAnswers:
     number, there = np.cumsum(mask) - 1, mask[answers.run]
-    return Answers(number[answers.run[there]], answers.seconds[there], answers.duration[there])
+    return RunAnswers(number[answers.run[there]], answers.seconds[there], answers.duration[there])
 
 
 def _number(value: Any) -> float:
