@@ -2,6 +2,8 @@
 
 Put your robot's driver in the place of `Driver`. Nothing here waits for the controller longer than one period: a step
 that is late is answered by the command before, once or twice, and then by braking.
+
+Run it: python examples/11_control_loop.py
 """
 
 import gc

@@ -24,7 +24,12 @@ HELD = "attached: [{name: h, shape: {half_space: {normal: [0, 0, 1]}}, link: for
             7,
             "planner.spans: -3; expected a number from 4 to 1000",
         ),
-        ("planner: quintic", "planner: {name: trajopt, solver: foo}", 7, "planner.solver: 'foo'; expected one of "),
+        (
+            "planner: quintic",
+            "planner: {name: trajopt, solver: foo}",
+            7,
+            "solver: 'foo'; expected auto or one of ",
+        ),
         ("planner: quintic", "planner: {name: rrtconnect, reach: -1.0}", 7, "expected a number > 0"),
         ("planner: quintic", "planner: {name: quintic, 3: 4}", 7, "the key '3'"),
         ("planner: quintic", "planner: {nam: quintic}", 7, "unknown option 'nam' of planner 'trajopt'"),

@@ -91,7 +91,7 @@ def test_the_wheel_works_from_an_empty_folder(tmp_path):
     pytest.importorskip("scikit_build_core", reason="builds the wheel; the extra `test` brings it")
     source, empty, home = tmp_path / "source", tmp_path / "empty", tmp_path / "venv"
     empty.mkdir()
-    for name in ("optiplan", "robots", "problems"):
+    for name in ("optiplan", "robots", "problems", "control"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "in_place"))
     for name in ("pyproject.toml", "CMakeLists.txt", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)

@@ -9,9 +9,9 @@ from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpac
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.trajectory.trajectory import Trajectory
-from tests.viewer.browsing import browser, visit
+from tests.viewer.browsing import visit
 
-__all__ = ["browser", "visit"]
+__all__ = ["visit"]
 
 
 def at(x: float, y: float, z: float) -> pin.SE3:

@@ -1,7 +1,6 @@
 """The page of workspaces: its data, and in a real browser the scene, the readout and the robot that follows it."""
 
 import json
-import os
 import re
 import shutil
 
@@ -50,19 +49,6 @@ def test_the_page_asks_for_nothing_and_says_so(found):
     assert planar["offset"] > ur5["radius"] + planar["radius"]
     assert len(ur5["joints"]) == 6
     assert len(text) < 2.5e6
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if CHROMIUM is None:
-        if os.environ.get("CI"):
-            pytest.fail("no chromium on this machine; CI must install it")
-        pytest.skip("no chromium on this machine")
-    with playwright.sync_playwright() as tool:
-        browser = tool.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield browser
-        browser.close()
 
 
 def test_in_a_browser(found, browser, tmp_path):

@@ -1,6 +1,5 @@
 """The report in a real browser, from a file and served: it must look right, sort, open scenes, and never complain."""
 
-import os
 import shutil
 import threading
 
@@ -17,19 +16,6 @@ FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-
 TABLE = "#planners .view:first-child .scroll:first-of-type"
 WITNESS = {"q": [0.1, 0.2], "points": [[0.1, 0.2, 0.3], [0.2, 0.2, 0.3]], "pair": ["arm", "ball"]}
 pytestmark = [pytest.mark.timeout(240)]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if CHROMIUM is None:
-        if os.environ.get("CI"):
-            pytest.fail("no chromium on this machine; CI must install it")
-        pytest.skip("no chromium on this machine")
-    with playwright.sync_playwright() as tool:
-        browser = tool.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture

@@ -36,7 +36,7 @@ def test_csv(results, tmp_path):
         ("plain/p1", "7", "0"),
     ]
     assert json.loads(rows[1]["witness"]) == {"q": [0.5, 1.0]}
-    assert (rows[0]["failure_kind"], rows[0]["executed"]) == ("", "")
+    assert (rows[0]["failure_kind"], rows[0]["executed"], rows[1]["executed"]) == ("", "1", "")
     assert float(rows[0]["ratio"]) >= 1.0
 
 
