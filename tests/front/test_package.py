@@ -109,7 +109,11 @@ def test_the_wheel_works_from_an_empty_folder(tmp_path):
         [*pip, "install", "--no-deps", "--no-index", "--target", str(packages), str(wheel)], check=True, env=clean
     )
     beside = [path for path in sys.path if path.endswith("site-packages")]
-    (packages / "dependencies.pth").write_text("".join(f"import site; site.addsitedir({path!r})\n" for path in beside))
+    # What stands beside, but not the checkout, which an editable install finds by a finder of its own.
+    lines = [f"import site; site.addsitedir({path!r})\n" for path in beside]
+    kept = "[f for f in sys.meta_path if not getattr(type(f), '__module__', '').startswith('_editable')]"
+    lines.append(f"import sys; sys.meta_path[:] = {kept}\n")
+    (packages / "dependencies.pth").write_text("".join(lines))
     where = "import optiplan; print(optiplan.__file__, optiplan.__version__)"
     found = subprocess.run([python, "-c", where], cwd=empty, env=clean, capture_output=True, text=True, check=True)
     assert found.stdout.split() == [str(packages / "optiplan" / "__init__.py"), op.__version__]
