@@ -12,6 +12,7 @@ from optiplan.collision.model import CollisionModel, Pair
 from optiplan.problem.constraints.measures import ROUNDING, Measure, measures
 from optiplan.problem.constraints.statements import PairClearance, PathConstraint, RelativePose, ToolSpeed
 from optiplan.problem.problem import Problem
+from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion
@@ -121,11 +122,7 @@ class _ConstraintProof:
     def state(self, spans: _TimeParts, share: float, order: int = 0) -> Array:
         """Return q, or its derivative, at a share of each interval: (K, n)."""
         local = (spans.begin + share * spans.width)[:, None]
-        c = self._pieces[order][spans.piece]
-        value = c[:, -1]
-        for k in range(c.shape[1] - 2, -1, -1):
-            value = value * local + c[:, k]
-        return np.asarray(value)
+        return polynomial.evaluate(np.swapaxes(self._pieces[order][spans.piece], 1, 2), local)
 
     def time(self, spans: _TimeParts, share: float) -> Array:
         """Return times at a share of each interval (K,), s."""
@@ -254,9 +251,6 @@ def _part(trajectory: Trajectory, during: tuple[float, float]) -> tuple[Trajecto
     shift = breakpoints[:-1] - trajectory.breakpoints[piece]
     taylor = np.zeros((len(piece), size, trajectory.n))
     for order in range(size):
-        c = trajectory.derivatives(order)[piece]
-        value = c[:, -1]
-        for k in range(c.shape[1] - 2, -1, -1):
-            value = value * shift[:, None] + c[:, k]
-        taylor[:, order] = value / factorial(order)
+        c = np.swapaxes(trajectory.derivatives(order)[piece], 1, 2)
+        taylor[:, order] = polynomial.evaluate(c, shift[:, None]) / factorial(order)
     return Trajectory(trajectory.joint_names, breakpoints - low, taylor), float(low)
