@@ -15,7 +15,8 @@ from optiplan.planners.trajopt.native_sqp import NativeSqp
 from optiplan.planners.trajopt.native_step import step_solver
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
-from optiplan.planners.trajopt.transcription import Margins, Transcription
+from optiplan.planners.trajopt.terms.contacts import Margins
+from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
@@ -107,8 +108,8 @@ class Optimiser:
             enough = iterations >= self.options.iterations or (iterations >= SLOW and found.duration > longest)
             if not touches or enough or budget.over or found.missing > STUCK:
                 break
-            near = [_around(transcription.u, touch.t / trajectory.duration) for touch in touches]
-            u = np.concatenate([transcription.u, *near])
+            near = [_around(transcription.samples.u, touch.t / trajectory.duration) for touch in touches]
+            u = np.concatenate([transcription.samples.u, *near])
         return attempt
 
     def _descender(self, transcription: Transcription) -> Descender:
