@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
-from optiplan.collision.model import CollisionModel, Pair
+from optiplan.collision.named_pairs import NamedPairs
 from optiplan.problem.constraints.measures import ROUNDING, Measure, measures
 from optiplan.problem.constraints.statements import PairClearance, PathConstraint, RelativePose, ToolSpeed
 from optiplan.problem.problem import Problem
@@ -205,22 +205,9 @@ def _speeds(which: int) -> Evaluate:
     return values
 
 
-class _NamedPairs(CollisionModel):
-    """The collision model of a few pairs."""
-
-    def __init__(self, problem: Problem, names: frozenset[frozenset[str]]) -> None:
-        self._names_wanted = names
-        super().__init__(problem.robot.with_proved_checked(), problem.scene)
-
-    def _list_pairs(self) -> tuple[Pair, ...]:
-        kept = [p for p in super()._list_pairs() if frozenset((p.name_a, p.name_b)) in self._names_wanted]
-        return tuple(replace(pair, index=k) for k, pair in enumerate(kept))
-
-
 def _clearance(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: PairClearance) -> Check:
     """Check that named pairs stay apart, by the certificate."""
-    wanted = frozenset(frozenset(pair) for pair in one.pairs)
-    model = _NamedPairs(problem, wanted)
+    model = NamedPairs(problem.robot, problem.scene, one.pairs)
     part, begin = _part(trajectory, one.during)
     proof = certify(model, part, replace(policy, clearance=one.at_least))
     near = proof.nearest

@@ -9,7 +9,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.trajopt.bspline_basis import SplineBasis
 from optiplan.planners.trajopt.terms.contacts import ContactTerm, Margins
 from optiplan.planners.trajopt.terms.jerk import JerkCost
-from optiplan.planners.trajopt.terms.term import Cost, CostModel, Curve, Samples, Term
+from optiplan.planners.trajopt.terms.term import Cost, CostModel, Curve, Instants, Term
 from optiplan.planners.trajopt.terms.torques import TorqueTerm
 from optiplan.problem.problem import Problem
 
@@ -47,7 +47,7 @@ class Transcription:
 
     def set_samples(self, u: Array) -> None:
         """Set the instants, as fractions of the duration, at which terms are evaluated."""
-        self.samples = Samples.of(self.basis, u)
+        self.samples = Instants.of(self.basis, u)
         for term in self.terms:
             term.begin(self.samples)
 

@@ -79,17 +79,38 @@ def broken(one: PathConstraint, robot: Robot, q: Array) -> list[str]:
     own = measures(one)
     if not own or isinstance(one, ToolSpeed | PairClearance):
         return []
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    X = data.oMf[robot.frame_id(one.frame)]
-    if isinstance(one, RelativePose):
-        X = data.oMf[robot.frame_id(one.to)].inverse() * X
-    values = [(each, float(each.value(X.homogeneous[None])[0])) for each in own]
+    X = FramePoses.of(robot, one)(q[None])
+    values = [(each, float(each.value(X)[0])) for each in own]
     return [
         f"{each.quantity} by {each.told(value):.4g} {each.unit} of {each.told(each.limit):.4g} {each.unit} allowed"
         for each, value in values
         if value > each.limit + ROUNDING
     ]
+
+
+class FramePoses:
+    """Poses of a frame in the world, or in another frame."""
+
+    def __init__(self, robot: Robot, frame: str, base: str | None = None) -> None:
+        self._model, self._data = robot.model, robot.model.createData()
+        self._frame = robot.frame_id(frame)
+        self._base = None if base is None else robot.frame_id(base)
+
+    @classmethod
+    def of(cls, robot: Robot, one: PathConstraint) -> "FramePoses":
+        """Return the poses that a constraint of one is about."""
+        if isinstance(one, PairClearance):
+            raise TypeError("clearance is of bodies, not of a frame")
+        return cls(robot, one.frame, one.to if isinstance(one, RelativePose) else None)
+
+    def __call__(self, Q: Array) -> Array:
+        """Return X (N, 4, 4) at configurations Q (N, n)."""
+        found = np.empty((len(Q), 4, 4))
+        for k, q in enumerate(Q):
+            pin.framesForwardKinematics(self._model, self._data, q)
+            X = self._data.oMf[self._frame]
+            found[k] = (X if self._base is None else self._data.oMf[self._base].inverse() * X).homogeneous
+        return found
 
 
 def _cone(one: OrientationCone) -> Measure:

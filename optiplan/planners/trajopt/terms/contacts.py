@@ -1,12 +1,16 @@
 """Clearance of all pairs of bodies."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from optiplan.arrays import Array, Index
 from optiplan.collision.model import CollisionModel, Contacts
-from optiplan.planners.trajopt.terms.term import Curve, Samples, SoftRows
+from optiplan.collision.named_pairs import NamedPairs
+from optiplan.planners.trajopt.terms.term import Curve, Instants, SoftRows, within
+from optiplan.problem.constraints.statements import PairClearance
+from optiplan.problem.problem import Problem
 
 CUTOFF = 0.04
 """Pairs nearer than this, m, get a row in the quadratic program."""
@@ -64,7 +68,7 @@ class ContactTerm:
         self.model, self.margins = model, margins
         self._u = np.zeros(0)
 
-    def begin(self, samples: Samples) -> None:
+    def begin(self, samples: Instants) -> None:
         """Take the instants of the samples, on which margins depend."""
         self._u = samples.u
 
@@ -82,6 +86,52 @@ class ContactTerm:
     def watch(self, rows: SoftRows) -> bool:
         """Return False: all near pairs have rows."""
         return False
+
+
+CLEARANCE_RESERVE = 1e-3
+"""m kept of a clearance that is asked for, for what happens between samples."""
+
+
+class NamedClearanceTerm:
+    """Rows d - at_least of a few pairs that are asked to stay apart. Holds at: samples."""
+
+    name = "clearance"
+    price, unit, negligible, decides = CONTACT_PENALTY, CENTIMETRE, CLEARANCE_RESERVE, False
+
+    def __init__(self, problem: Problem, wanted: PairClearance) -> None:
+        self.model = NamedPairs(problem.robot, problem.scene, wanted.pairs)
+        self.wanted = wanted
+        self._inside: Index = np.zeros(0, dtype=np.intp)
+
+    def begin(self, samples: Instants) -> None:
+        """Take the samples in the constraint's part of the motion."""
+        self._inside = np.flatnonzero(within(samples.u, self.wanted.during))
+
+    def rows(self, curve: Curve) -> SoftRows:
+        """Return the rows of the pairs nearer than the cutoff beyond the clearance asked for."""
+        least = self.wanted.at_least
+        Q = curve.samples.at[0][self._inside] @ curve.control
+        found = _pushed_one_way(self.model.near(Q, least + CUTOFF))
+        sample = self._inside[found.rows]
+        order = np.argsort(sample, kind="stable")
+        value, gradient = found.distance - least - CLEARANCE_RESERVE, self.model.gradients(Q, found)
+        by_control = curve.samples.spread(gradient, sample)
+        return SoftRows(sample[order], value[order], by_control[order], np.zeros(len(order)))
+
+    def watch(self, rows: SoftRows) -> bool:
+        """Return False: all near pairs have rows."""
+        return False
+
+    def least(self, motion: Sequence[Array]) -> Array:
+        """Return the least clearance beyond that asked for, m, of each state (N, n): (N,), at most a centimetre."""
+        found = self.model.near(motion[0], self.wanted.at_least + CENTIMETRE)
+        least = np.full(len(motion[0]), CENTIMETRE)
+        np.minimum.at(least, found.rows, found.distance - self.wanted.at_least)
+        return least
+
+    def slower(self, least: float) -> float:
+        """Return 1: no clearance grows with time."""
+        return 1.0
 
 
 def _pushed_one_way(contacts: Contacts) -> Contacts:

@@ -15,7 +15,7 @@ Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Instants:
     """Instants at which terms are evaluated.
 
     Attributes:
@@ -31,7 +31,7 @@ class Samples:
     moving: tuple[Array, Array, Array]
 
     @classmethod
-    def of(cls, basis: SplineBasis, u: Array) -> "Samples":
+    def of(cls, basis: SplineBasis, u: Array) -> "Instants":
         """Return the samples at fractions u, sorted, each once."""
         u = np.unique(u)
         at = basis.at(u, 0), basis.at(u, 1), basis.at(u, 2)
@@ -46,6 +46,15 @@ class Samples:
         return np.asarray(product.reshape(len(gradient), product.shape[1] * product.shape[2]))
 
 
+_SLACK = 1e-9
+"""Of fractions of the duration: a sample at the end of an interval is in it."""
+
+
+def within(u: Array, during: tuple[float, float]) -> Mask:
+    """Return which fractions u (N,) of the duration are in a part of the motion."""
+    return np.asarray((u >= during[0] - _SLACK) & (u <= during[1] + _SLACK))
+
+
 @dataclass(frozen=True, eq=False)
 class Curve:
     """A curve at a duration, seen at samples.
@@ -58,7 +67,7 @@ class Curve:
 
     control: Array
     duration: float
-    samples: Samples
+    samples: Instants
 
     @cached_property
     def motion(self) -> tuple[Array, Array, Array]:
@@ -148,7 +157,7 @@ class Term(Protocol):
     negligible: float
     decides: bool
 
-    def begin(self, samples: Samples) -> None:
+    def begin(self, samples: Instants) -> None:
         """Forget what was learnt at other samples."""
 
     def rows(self, curve: Curve) -> SoftRows:

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.planners.trajopt.terms.term import Curve, Mask, Samples, SoftRows
+from optiplan.planners.trajopt.terms.term import Curve, Instants, Mask, SoftRows
 from optiplan.robot.mimic_joints import unfold
 from optiplan.robot.robot import Robot
 
@@ -30,7 +30,7 @@ class TorqueTerm:
         self._limited = np.flatnonzero(np.isfinite(limit))
         self._watched: Mask = np.zeros((0, len(self._limited)), dtype=bool)
 
-    def begin(self, samples: Samples) -> None:
+    def begin(self, samples: Instants) -> None:
         """Forget what was learnt at other samples."""
         self._watched = np.zeros((len(samples.u), len(self._limited)), dtype=bool)
 

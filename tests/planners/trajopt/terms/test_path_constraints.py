@@ -1,0 +1,119 @@
+"""Path constraints as terms: exact derivatives, and motions of `trajopt` that hold them, proved."""
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.kinematics.symbolic.state import BatchedExpression
+from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.initial_guess import along_path
+from optiplan.planners.trajopt.terms.path_constraints import PathConstraints
+from optiplan.planners.trajopt.terms.rooms import rooms
+from optiplan.planners.trajopt.terms.term import Curve, Instants
+from optiplan.problem.constraints.statements import KINDS
+
+GOAL = op.Pose((0.4, 0.4, 0.5), rpy=(np.pi, 0.0, 0.0))
+FROM, TO = [0.30702, 0.0, 0.48687], [0.4, 0.4, 0.5]
+TURNED = {"position": [0.0, 0.0, 0.107], "rpy": [0.0, 0.0, -0.7853981633974483]}
+
+CONSTRAINTS = {
+    "orientation": {"axis": [0, 0, 1], "toward": [0, 0, -1], "within": 0.1745},
+    "orientation, narrow": {"axis": [0, 0, 1], "toward": [0, 0, -1], "within": 0.01},
+    "position": {"box": {"size": [0.3, 0.6, 0.1], "pose": {"position": [0.35, 0.2, 0.5]}}},
+    "plane": {"normal": [0.974041, -0.226416, 0.0], "offset": 0.299048, "within": 0.002},
+    "line": {"from": FROM, "to": TO, "within": 0.001},
+    "tool_speed": {"linear": 0.5, "angular": 0.5},
+    "clearance": {"pairs": [["panda_hand", "panda_link0"]], "at_least": 0.44},
+    "relative_pose": {"frame": "panda_hand", "to": "panda_link7", **TURNED},
+}
+
+
+def key_of(name):
+    return name.split(",")[0]
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return op.Problem("panda", start="ready", goal=GOAL)
+
+
+def test_every_kind_of_constraint_is_here():
+    assert {key_of(name) for name in CONSTRAINTS} == set(KINDS)
+
+
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_trajopt_holds_it_and_the_verifier_proves_it(problem, name):
+    run = op.plan(problem.with_constraints({key_of(name): CONSTRAINTS[name]}), "trajopt", budget=10.0)
+    assert run.verified, run.failure
+    (check, *_) = [check for check in run.report.checks if check.name.endswith("constraint")]
+    assert check.kind == "continuous"
+
+
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_rows_equal_differences(problem, name):
+    """By the control points and by the duration, at once, of a curve away from the constraint."""
+    made = PathConstraints(problem.with_constraints({key_of(name): CONSTRAINTS[name]}))
+    basis, rng = SplineBasis(bunched_breakpoints(10, 0.6)), np.random.default_rng(0)
+    goal = np.array([0.9, 0.2, 0.1, -1.9, 0.4, 1.8, 0.3])
+    control = along_path(basis, np.array([problem.start, goal]), problem.limits.velocity)
+    control = basis.moved(control, 0.1 * rng.normal(size=basis.moving(control).shape))
+    instants, T = Instants.of(basis, np.linspace(0.05, 0.95, 12)), 1.3
+    change, dT = 1e-6 * rng.normal(size=basis.moving(control).shape), 1e-6
+    for term in made.begin():
+        term.begin(instants)
+        here = term.rows(Curve(control, T, instants))
+        after = term.rows(Curve(basis.moved(control, change), T + dT, instants))
+        before = term.rows(Curve(basis.moved(control, -change), T - dT, instants))
+        assert len(here.value) == len(after.value) == len(before.value) > 0
+        expected = 0.5 * (after.value - before.value)
+        predicted = here.by_control @ change.ravel() + here.by_duration * dT
+        np.testing.assert_allclose(predicted, expected, atol=3e-9 if key_of(name) != "clearance" else 1e-6)
+        assert np.abs(expected).max() > 1e-8 or key_of(name) == "relative_pose"
+
+
+def test_a_constraint_holds_for_its_part_of_the_motion_only(problem):
+    """A plane below both ends: the tool goes down to it in the middle."""
+    part = {"plane": {"normal": [0, 0, 1], "offset": 0.4, "within": 0.002, "during": [0.45, 0.55]}}
+    run = op.plan(problem.with_constraints(part), budget=10.0)
+    assert run.verified, run.failure
+
+
+def test_contradictory_constraints_are_a_failure_that_names_one(problem):
+    high = {"plane": {"normal": [0, 0, 1], "offset": 0.8, "within": 0.01, "during": [0.4, 0.6]}}
+    low = {"position": {"box": {"size": [2.0, 2.0, 1.2], "pose": {"position": [0, 0, 0.1]}}}}
+    run = op.plan(problem.with_constraints(high, low), budget=3.0)
+    assert not run.verified
+    assert run.failure.kind == "constraint"
+    assert run.failure.witness["constraint"] in ("plane", "position")
+    assert len(run.failure.witness["q"]) == 7
+
+
+def test_goals_that_all_violate_a_constraint_are_a_failure(problem):
+    tilted = {"orientation": {"frame": "panda_link4", "axis": [0, 0, 1], "toward": [0, 0, 1], "within": 0.05}}
+    run = op.plan(
+        problem.with_constraints({"orientation": {**tilted["orientation"], "during": [0.5, 1.0]}}), budget=3.0
+    )
+    assert run.failure.kind == "constraint"
+
+
+def test_machine_code_and_virtual_machine_give_the_same_bits(problem, monkeypatch, tmp_path):
+    """Otherwise the first motion of a new constraint would differ from the next."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (one,) = problem.with_constraints({"orientation": CONSTRAINTS["orientation"]}).path_constraints
+    (room,) = rooms(one)
+    states = [np.random.default_rng(k).normal(size=(20, 7)) for k in range(3)]
+    found = []
+    for compiler in ("cc", "no-compiler"):
+        monkeypatch.setenv("CC", compiler)
+        values, slopes = BatchedExpression(problem.robot, "room", room.build)(states)
+        found.append((values.tobytes(), *(slope.tobytes() for slope in slopes)))
+    assert found[0] == found[1]
+
+
+def test_legs_between_vias_hold_a_constraint_of_the_whole_motion_and_of_no_part(problem):
+    upright = {"axis": [0, 0, 1], "toward": [0, 0, -1], "within": 0.1}
+    past = problem.with_vias(op.Pose((0.45, 0.2, 0.4), rpy=(np.pi, 0.0, 0.0)))
+    run = op.plan(past.with_constraints({"orientation": upright}), budget=10.0)
+    assert run.verified, run.failure
+    run = op.plan(past.with_constraints({"orientation": {**upright, "during": [0.2, 0.8]}}), budget=10.0)
+    assert run.failure.kind == "unsupported"
