@@ -257,6 +257,92 @@ class RelativePoseSpec(ConstraintSpec, PoseSpec):
     tolerance: ToleranceSpec = ToleranceSpec()
 
 
+class FixedOrientationSpec(ConstraintSpec):
+    """The frame keeps its orientation in the world, `rpy` or `quaternion`, within an angle, rad."""
+
+    rpy: Vector | None = None
+    quaternion: Quaternion | None = None
+    within: Annotated[Length, Field(le=math.pi)]
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if (self.rpy is None) == (self.quaternion is None):
+            found = "neither" if self.rpy is None else "both"
+            raise ValueError(f"found {found}; expected rpy or quaternion")
+        return self
+
+
+class LookAtSpec(ConstraintSpec):
+    """`axis` of the frame points at `target`, m, within an angle, rad."""
+
+    axis: Direction
+    target: Vector
+    within: Annotated[Length, Field(lt=math.pi / 2)]
+
+
+class OnArcSpec(ConstraintSpec):
+    """The frame's origin stays within a distance, m, of the arc between two points through a third."""
+
+    from_: Annotated[Vector, Field(alias="from")]
+    through: Vector
+    to: Vector
+    within: Length
+
+    @model_validator(mode="after")
+    def _round(self) -> Self:
+        a, b, c = (tuple(point) for point in (self.from_, self.through, self.to))
+        u, v = ([y - x for x, y in zip(a, end, strict=True)] for end in (b, c))
+        cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+        if math.hypot(*cross) <= 1e-6 * math.hypot(*u) * math.hypot(*v) or math.hypot(*u) * math.hypot(*v) == 0.0:
+            raise ValueError("found three points in line; expected points of an arc")
+        return self
+
+
+class OnCircleSpec(ConstraintSpec):
+    """The frame's origin stays within a distance, m, of a circle."""
+
+    centre: Vector
+    normal: Direction
+    radius: Length
+    within: Length
+
+
+class OnScrewSpec(ConstraintSpec):
+    """The frame turns about an axis through `point`, sliding by `pitch`, m/rad; `pose` is one of its poses."""
+
+    axis: Direction
+    point: Vector
+    pitch: Coordinate = 0.0
+    pose: PoseSpec
+    tolerance: ToleranceSpec = ToleranceSpec()
+
+
+class ToolAccelerationSpec(ToolSpeedSpec):
+    """The frame's acceleration is at most `linear`, m/s², its angular acceleration at most `angular`, rad/s²."""
+
+
+class ManipulabilitySpec(ConstraintSpec):
+    """Yoshikawa's measure of the frame's Jacobian is at least this."""
+
+    at_least: Length
+
+
+class JointCouplingSpec(Strict):
+    """A sum of joint positions: |sum of coefficient · q - equals| <= within."""
+
+    joints: Annotated[dict[Name, Number], Field(min_length=1)]
+    equals: Number = 0.0
+    within: Length
+    during: Annotated[tuple[Number, ...], AfterValidator(_ordered)] | None = None
+
+
+class WheelSpeedSpec(Strict):
+    """No mecanum wheel of the robot turns faster than `at_most`, rad/s."""
+
+    at_most: Length
+    during: Annotated[tuple[Number, ...], AfterValidator(_ordered)] | None = None
+
+
 class PathConstraintSpec(ExactlyOne):
     """One constraint on the path."""
 
@@ -267,6 +353,15 @@ class PathConstraintSpec(ExactlyOne):
     tool_speed: ToolSpeedSpec | None = None
     clearance: PairClearanceSpec | None = None
     relative_pose: RelativePoseSpec | None = None
+    fixed_orientation: FixedOrientationSpec | None = None
+    look_at: LookAtSpec | None = None
+    arc: OnArcSpec | None = None
+    circle: OnCircleSpec | None = None
+    screw: OnScrewSpec | None = None
+    tool_acceleration: ToolAccelerationSpec | None = None
+    manipulability: ManipulabilitySpec | None = None
+    coupling: JointCouplingSpec | None = None
+    wheel_speed: WheelSpeedSpec | None = None
 
 
 class LimitScalesSpec(Strict):

@@ -91,6 +91,22 @@ class SymbolicState:
         self._constants.append((symbol, array))
         return symbol
 
+    def sin(self, x: Any) -> Any:
+        """Return the sine of an expression, rad."""
+        return _casadi().sin(x)
+
+    def cos(self, x: Any) -> Any:
+        """Return the cosine of an expression, rad."""
+        return _casadi().cos(x)
+
+    def atan2(self, y: Any, x: Any) -> Any:
+        """Return the angle of the point (x, y), rad."""
+        return _casadi().atan2(y, x)
+
+    def norm(self, x: Any) -> Any:
+        """Return the length of a vector (k,); it has no derivative at 0."""
+        return _casadi().norm_2(x)
+
     def _named(self, frame: str) -> str:
         return self.robot.tool_frame if frame == "tool" else frame
 

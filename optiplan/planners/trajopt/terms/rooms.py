@@ -6,16 +6,28 @@ from typing import Any
 
 import numpy as np
 
+from optiplan.arrays import Array
+from optiplan.kinematics.mecanum import Mecanum
 from optiplan.kinematics.symbolic.state import SymbolicState
 from optiplan.planners.trajopt.terms.expression import Room
+from optiplan.problem.constraints.base import circle_of
 from optiplan.problem.constraints.statements import (
+    FixedOrientation,
+    JointCoupling,
+    LookAt,
+    ManipulabilityAbove,
+    OnArc,
+    OnCircle,
     OnLine,
     OnPlane,
+    OnScrew,
     OrientationCone,
     PathConstraint,
     PositionBox,
     RelativePose,
+    ToolAcceleration,
     ToolSpeed,
+    WheelSpeed,
 )
 
 LENGTH, ANGLE = 0.01, 0.05
@@ -130,6 +142,137 @@ def _relative(one: RelativePose) -> list[Room]:
     ]
 
 
+def _acceleration(one: ToolAcceleration) -> list[Room]:
+    def share(which: str, limit: float) -> Callable[[SymbolicState], Any]:
+        def build(k: SymbolicState) -> Any:
+            rate = getattr(k.acceleration(one.frame), which) / k.constant(limit)
+            return 0.5 * (1.0 - rate.T @ rate)
+
+        return build
+
+    limits = [("linear", one.linear), ("angular", one.angular)]
+    return [
+        Room("tool acceleration", share(which, limit), 0.25, 2.0 * _SPEED_RESERVE, rate=2)
+        for which, limit in limits
+        if np.isfinite(limit)
+    ]
+
+
+def _wheels(one: WheelSpeed) -> list[Room]:
+    def build(k: SymbolicState) -> Any:
+        spec = k.robot.mecanum
+        if spec is None:
+            raise TypeError(f"{k.robot.name} has no wheels")
+        x, y, turn = (list(k.robot.joint_names).index(name) for name in spec.joints)
+        matrix = k.constant(Mecanum(spec.radius, spec.half_wheelbase, spec.half_track).matrix)
+        cosine, sine = k.cos(k.q[turn]), k.sin(k.q[turn])
+        ahead, aside = cosine * k.v[x] + sine * k.v[y], cosine * k.v[y] - sine * k.v[x]
+        share = matrix @ _stacked(ahead, aside, k.v[turn]) / k.constant(one.at_most)
+        return 0.5 * (1.0 - share * share)
+
+    return [Room("wheel speed", build, 0.25, _SPEED_RESERVE, rate=1)]
+
+
+def _manipulability(one: ManipulabilityAbove) -> list[Room]:
+    least = one.at_least
+
+    def build(k: SymbolicState) -> Any:
+        return k.manipulability(one.frame) - k.constant(least)
+
+    return [Room("manipulability", build, 0.2 * least, 0.01 * least)]
+
+
+def _coupling(one: JointCoupling) -> list[Room]:
+    def build(k: SymbolicState) -> Any:
+        off = sum(k.constant(weight) * k.joint(name) for name, weight in one.joints.items()) - k.constant(one.equals)
+        return _stacked(k.constant(one.within) - off, k.constant(one.within) + off)
+
+    return [_room("coupling", build, one.within, ANGLE)]
+
+
+def _fixed(one: FixedOrientation) -> list[Room]:
+    def build(k: SymbolicState) -> Any:
+        return _turned(k, k.constant(np.asarray(one.R_WF).T) @ k.pose(one.frame).R, one.within)
+
+    return [_room("fixed orientation", build, min(one.within, np.pi), ANGLE)]
+
+
+def _look(one: LookAt) -> list[Room]:
+    """Axis a and ray r to the target: (a · r / |r| - cos w) / sin w."""
+
+    def build(k: SymbolicState) -> Any:
+        X = k.pose(one.frame)
+        ray, axis = k.constant(one.target) - X.p, X.R @ k.constant(one.axis)
+        if one.within < _NARROW:
+            return _box(k, ray / k.norm(ray) - axis, one.within)
+        return (axis.T @ ray / k.norm(ray) - k.constant(np.cos(one.within))) / k.constant(np.sin(one.within))
+
+    return [_room("look at", build, one.within, ANGLE)]
+
+
+def _circle(one: OnCircle) -> list[Room]:
+    def build(k: SymbolicState) -> Any:
+        return _box(k, _off_circle(k, k.pose(one.frame).p, one.centre, one.normal, one.radius), one.within)
+
+    return [_room("circle", build, one.within / np.sqrt(2.0), LENGTH)]
+
+
+def _arc(one: OnArc) -> list[Room]:
+    """Near the circle, and on the arc's side of it: the angle from its middle is no more than half of it."""
+    centre, normal, radius, angle = circle_of(one.start, one.through, one.end)
+    x = (one.start - centre) / radius
+    middle = np.cos(0.5 * angle) * x + np.sin(0.5 * angle) * np.cross(normal, x)
+    across = np.cross(normal, middle)
+
+    def build(k: SymbolicState) -> Any:
+        p = k.pose(one.frame).p
+        near = _box(k, _off_circle(k, p, centre, normal, radius), _ACROSS * one.within)
+        local = p - k.constant(centre)
+        turned = k.atan2(k.constant(across).T @ local, k.constant(middle).T @ local)
+        allowed = k.constant(0.5 * angle * radius + _BEYOND * one.within)
+        return _stacked(near, allowed - k.constant(radius) * turned, allowed + k.constant(radius) * turned)
+
+    return [_room("arc", build, _BEYOND * one.within, LENGTH)]
+
+
+def _off_circle(k: SymbolicState, p: Any, centre: Array, normal: Array, radius: float) -> Any:
+    """How far a point is from a circle: (radially, along its axis)."""
+    local, axis = p - k.constant(centre), k.constant(normal)
+    height = axis.T @ local
+    return _stacked(k.norm(local - height * axis) - k.constant(radius), height)
+
+
+def _screw(one: OnScrew) -> list[Room]:
+    """The axis stays where it is, and the frame slides along it as far as it turns, of several turns the nearest."""
+    R, p = np.asarray(one.X_WF.rotation), np.asarray(one.X_WF.translation) - one.point
+    sides = np.linalg.svd(one.axis[None])[2][1:]
+
+    def parts(k: SymbolicState) -> tuple[Any, Any, Any]:
+        X, axis = k.pose(one.frame), k.constant(one.axis)
+        D = X.R @ k.constant(R.T)
+        off = X.p - k.constant(one.point) - D @ k.constant(p)
+        return D, off, axis
+
+    def turned(k: SymbolicState) -> Any:
+        D, _, axis = parts(k)
+        return _box(k, k.constant(sides) @ (D @ axis), one.orientation)
+
+    def slid(k: SymbolicState) -> Any:
+        D, off, axis = parts(k)
+        along = axis.T @ off
+        if one.pitch != 0.0:
+            skew = _stacked(D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1])
+            angle = k.atan2(axis.T @ skew, D[0, 0] + D[1, 1] + D[2, 2] - axis.T @ D @ axis)
+            left = along / k.constant(one.pitch) - angle
+            along = k.constant(one.pitch) * k.atan2(k.sin(left), k.cos(left))
+        return _box(k, _stacked(k.constant(sides) @ off, along), one.position)
+
+    return [
+        _room("screw", slid, one.position / np.sqrt(3.0), LENGTH),
+        _room("screw", turned, one.orientation / np.sqrt(2.0), ANGLE),
+    ]
+
+
 def _turned(k: SymbolicState, R: Any, within: float) -> Any:
     """Rotation R by less than an angle: (cos - cos w) / sin w, with the coordinates of sin times axis if w is small."""
     within = min(within, np.pi)
@@ -166,4 +309,13 @@ _KINDS: dict[type[Any], Callable[[Any], list[Room]]] = {
     OnLine: _line,
     ToolSpeed: _tool_speed,
     RelativePose: _relative,
+    ToolAcceleration: _acceleration,
+    WheelSpeed: _wheels,
+    ManipulabilityAbove: _manipulability,
+    JointCoupling: _coupling,
+    FixedOrientation: _fixed,
+    LookAt: _look,
+    OnCircle: _circle,
+    OnArc: _arc,
+    OnScrew: _screw,
 }
