@@ -11,6 +11,7 @@ from optiplan.arrays import Array
 from optiplan.problem.constraints.base import circle_of
 from optiplan.problem.constraints.statements import (
     FixedOrientation,
+    JointCoupling,
     LookAt,
     OnArc,
     OnCircle,
@@ -71,6 +72,8 @@ def measures(one: PathConstraint) -> list[Measure]:
 
 def broken(one: PathConstraint, robot: Robot, q: Array) -> list[str]:
     """Return in words what a configuration q (n,) violates, with both values."""
+    if isinstance(one, JointCoupling):
+        return _uncoupled(one, robot, q)
     own = measures(one)
     if not own:
         return []
@@ -81,6 +84,12 @@ def broken(one: PathConstraint, robot: Robot, q: Array) -> list[str]:
         for each, value in values
         if value > each.limit + ROUNDING
     ]
+
+
+def _uncoupled(one: JointCoupling, robot: Robot, q: Array) -> list[str]:
+    names = list(robot.joint_names)
+    off = abs(sum(weight * float(q[names.index(name)]) for name, weight in one.joints.items()) - one.equals)
+    return [] if off <= one.within + ROUNDING else [f"uncoupled by {off:.4g} of {one.within:.4g} allowed"]
 
 
 class FramePoses:

@@ -191,3 +191,17 @@ def test_legs_between_vias_hold_a_constraint_of_the_whole_motion_and_of_no_part(
     assert run.verified, run.failure
     run = op.plan(past.with_constraints({"orientation": {**upright, "during": [0.2, 0.8]}}), budget=10.0)
     assert run.failure.kind == "unsupported"
+
+
+@pytest.mark.parametrize(
+    ("constraint", "values"),
+    [
+        ({"orientation": {"axis": [1, 0, 0], "toward": [0, 0, -1], "within": 0.1}}, ("tilted by 1.571", "0.1 rad")),
+        ({"clearance": {"pairs": [["panda_hand", "panda_link0"]], "at_least": 0.5}}, ("near by 0.45", "0.5 m")),
+        ({"coupling": {"joints": {"panda_joint6": 1.0}, "within": 0.1}}, ("uncoupled by 1.571", "0.1 allowed")),
+    ],
+)
+def test_a_start_that_violates_one_is_bad_input_with_both_values(problem, constraint, values):
+    with pytest.raises(op.InputError) as found:
+        problem.with_constraints(constraint)
+    assert all(value in str(found.value) for value in values)
