@@ -57,7 +57,8 @@ if TYPE_CHECKING:
         ToolSpeed,
         WheelSpeed,
     )
-    from optiplan.problem.goals_and_vias import JointGoal, Objective, PoseGoal
+    from optiplan.problem.goals_and_vias import JointGoal, PoseGoal
+    from optiplan.problem.objectives.objective import Objective
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
@@ -111,7 +112,8 @@ _ROOMS = {
         "WheelSpeed",
     ),
     "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
-    "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
+    "problem.goals_and_vias": ("JointGoal", "PoseGoal"),
+    "problem.objectives.objective": ("Objective",),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
     "robot.robot": ("Robot",),

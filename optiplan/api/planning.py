@@ -230,7 +230,7 @@ def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
     if known is None:
         return replace(run, info={**run.info, "warm_start": "refused"})
     answer = run.trajectory if run.verified else None
-    cost = run.problem.objective.cost
+    cost = run.problem.cost
     if answer is not None and cost(answer) <= cost(known):
         return replace(run, info={**run.info, "warm_start": "beaten"})
     info = {**run.info, "warm_start": "kept"}

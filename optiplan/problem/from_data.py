@@ -15,8 +15,9 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.measures import broken
 from optiplan.problem.constraints.statements import PairClearance, PathConstraint
-from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
+from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.hashing import meshes_of, problem_hash
+from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import ProblemSpec
 from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
@@ -111,7 +112,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         goal=tuple(part.value for part in places.goal),
         limits=robot.limits.scaled(**spec.limits.model_dump()),
         vias=tuple(part.value for part in places.vias),
-        objective=Objective(spec.objective.time, spec.objective.jerk),
+        objective=Objective(**spec.objective.model_dump(exclude_none=True)),
         path_constraints=tuple(part.value for part in places.constraints),
         planner=spec.planner.name,
         options=dict(spec.planner.model_extra or {}),

@@ -16,11 +16,14 @@ from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.problem import to_data
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.from_data import Parts, read_problem
-from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
+from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
+from optiplan.problem.objectives.objective import Objective
+from optiplan.problem.objectives.parts import ObjectiveParts
 from optiplan.problem.statement import End, Pose, Values, ViaPoint
 from optiplan.problem.write import problem_text
 from optiplan.robot.reference import UNKNOWN
 from optiplan.robot.robot import Limits, Robot, load_robot
+from optiplan.trajectory.trajectory import Trajectory
 
 __all__ = ["Goal", "JointGoal", "Objective", "Pose", "PoseGoal", "Problem", "Via", "ViaPoint"]
 
@@ -54,7 +57,7 @@ class Problem:
         scene: obstacles and attached objects: a `Scene`, or a list of obstacles; None: empty.
         vias: via points in order: `ViaPoint`, `Pose`, joint values, names of configurations.
         limits: fractions in (0, 1] of the robot's own: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
-        objective: weights of duration and of squared jerk; None: the duration alone.
+        objective: weights of duration, jerk, energy and more, see `Objective`; None: the duration alone.
         path_constraints: what holds on the way: `OrientationCone`, `PositionBox`, `OnPlane`, `OnLine`, `ToolSpeed`,
             `PairClearance`, `RelativePose`.
         base: pose of the robot's root in the world, a `Pose`; None: the identity.
@@ -214,6 +217,22 @@ class Problem:
             InputError: as for a file: unknown frames or bodies, a start or goal that violates one.
         """
         return self._with(path_constraints=constraints)
+
+    def with_objective(self, objective: Objective | Mapping[str, float]) -> "Problem":
+        """Return the problem with another objective.
+
+        Raises:
+            InputError: as for a file: there is no such part, a weight < 0, or all are 0.
+        """
+        return self._with(objective=objective)
+
+    def objective_parts(self) -> ObjectiveParts:
+        """Return the parts of the objective, to be evaluated for motions."""
+        return ObjectiveParts(self.robot, self.scene, self.objective)
+
+    def cost(self, trajectory: Trajectory) -> float:
+        """Return the weighted sum of all parts of the objective of a motion, s."""
+        return self.objective_parts().cost(trajectory)
 
     def with_base(self, base: Pose | Mapping[str, Any]) -> "Problem":
         """Return the problem with the robot's root at another pose in the world; obstacles and poses stay.

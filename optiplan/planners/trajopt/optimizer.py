@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from optiplan._core import core
 from optiplan.arrays import Array
@@ -16,6 +17,7 @@ from optiplan.planners.trajopt.native_step import step_solver
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
 from optiplan.planners.trajopt.terms.contacts import Margins
+from optiplan.planners.trajopt.terms.integrals import integral_costs
 from optiplan.planners.trajopt.terms.path_constraints import Broken, PathConstraints
 from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.problem import Problem
@@ -24,6 +26,9 @@ from optiplan.trajectory.trajectory import Trajectory
 
 SPACING = 0.025
 """How far bodies may move from sample to sample to begin with, m, roughly: edges must not slip through between two."""
+
+_LONGER = 1.5
+"""Times the duration of a descent's last curve within which the cheapest one is looked for."""
 
 ACTIVE = 1e-3
 """Clearance beyond its margin, m, below which a pair counts as held by it."""
@@ -55,6 +60,7 @@ class Optimiser:
 
     Attributes:
         constraints: on the path.
+        objective: what motions cost.
         steps: taken so far, in all attempts.
     """
 
@@ -62,6 +68,8 @@ class Optimiser:
         self.problem, self.model, self.options = problem, model, options
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
         self.constraints = PathConstraints(problem)
+        self.objective = problem.objective_parts()
+        self._costs = integral_costs(problem, model)
         self.steps = 0
 
     def run(
@@ -88,14 +96,13 @@ class Optimiser:
         """
         margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
         terms = self.constraints.begin()
-        transcription = Transcription(self.problem, self.model, self.basis, margins, terms)
+        transcription = Transcription(self.problem, self.model, self.basis, margins, terms, self._costs)
         descender = self._descender(transcription)
         u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
         u = np.concatenate([u, self.constraints.instants])
         iterations, attempt = 0, None
-        longest = (
-            np.inf if patient or terms else GROWN * self.basis.shortest_duration(control, self.problem.limits.rates)
-        )
+        first = self.basis.shortest_duration(control, self.problem.limits.rates)
+        longest = GROWN * first if transcription.plain and not patient else np.inf
         for _ in range(self.options.refinements + 1):
             descender.set_samples(u)
             left = self.options.iterations - iterations
@@ -141,7 +148,21 @@ class Optimiser:
         trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
         limits = self.problem.limits
         timed = within_torque(self.problem.robot, limits, scale_to_limits(trajectory, limits))
-        return None if timed is None else self.constraints.slowed(timed)
+        return None if timed is None else self._at_its_best(self.constraints.slowed(timed), duration)
+
+    def _at_its_best(self, fastest: Trajectory, duration: float) -> Trajectory:
+        """Return the motion at its cheapest duration, which is at most half longer than that of the descent."""
+        if self.problem.objective.plain:
+            return fastest
+        most = max(1.0, _LONGER * duration / fastest.duration)
+        found = minimize_scalar(
+            lambda factor: self.objective.cost(fastest.scaled(fastest.duration * factor)),
+            bounds=(1.0, most),
+            method="bounded",
+            options={"xatol": 1e-3},
+        )
+        slower = fastest.scaled(fastest.duration * float(found.x))
+        return slower if self.objective.cost(slower) < self.objective.cost(fastest) else fastest
 
 
 def _instants(basis: SplineBasis, count: int) -> Array:
