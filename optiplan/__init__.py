@@ -49,7 +49,7 @@ if TYPE_CHECKING:
         ToolSpeed,
     )
     from optiplan.problem.goals_and_vias import JointGoal, Objective, PoseGoal
-    from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
+    from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
     from optiplan.robot.robot import Robot
@@ -92,7 +92,7 @@ _ROOMS = {
         "RelativePose",
         "ToolSpeed",
     ),
-    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
+    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Octree", "PointCloud", "Sphere"),
     "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
@@ -135,6 +135,7 @@ __all__ = [
     "Mesh",
     "Objective",
     "Obstacle",
+    "Octree",
     "OnLine",
     "OnPlane",
     "OptiPlanError",
@@ -143,6 +144,7 @@ __all__ = [
     "PairClearance",
     "PlanResult",
     "Planner",
+    "PointCloud",
     "Pose",
     "PoseGoal",
     "PoseTask",

@@ -16,7 +16,8 @@ from pydantic import Field
 from optiplan.arrays import Array, unit
 from optiplan.config.document import Strict
 from optiplan.config.values import Coordinate, Direction, ExactlyOne, FileName, Length, Scale, Size
-from optiplan.geometry.mesh_bodies import mesh_body
+from optiplan.geometry.mesh_bodies import Source, cloud_body, mesh_body
+from optiplan.geometry.meshes.reading import FORMATS, OCTREE_FORMATS, POINT_FORMATS, Kind
 
 
 class Shape(ABC):
@@ -254,6 +255,26 @@ class HalfSpace(Shape):
         return {"kind": "plane", "normal": list(self.normal), "offset": self.offset}
 
 
+@dataclass(frozen=True)
+class FileShape(Shape):
+    """A shape that a file holds.
+
+    `key` is the digest of what the file held when the shape was made, by `meshes.reading.open_mesh`; without one the
+    shape is what the file holds when it is built.
+    """
+
+    kind: ClassVar[Kind]
+    formats: ClassVar[str]
+
+    file: Path
+    key: str = field(default="", compare=False, kw_only=True)
+
+    @property
+    def source(self) -> Source:
+        """The file, what it has to hold, and what it is read as."""
+        return Source(self.file, self.key, self.kind)
+
+
 class MeshSpec(Strict):
     """`file` (STL, OBJ, DAE, PLY or GLB) beside this file, times `scale` (a number or [x, y, z]); `convex`: hull."""
 
@@ -263,17 +284,17 @@ class MeshSpec(Strict):
 
 
 @dataclass(frozen=True)
-class Mesh(Shape):
+class Mesh(FileShape):
     """Triangles of a file (STL, OBJ, DAE, PLY, GLB) times `scale`; `convex` takes their convex hull.
 
-    Where the file says which axis is up, it is turned so that z is. `key` is the digest of what the file held when the
-    shape was made, by `meshes.reading.open_mesh`; without one the shape is what the file holds when it is built.
+    Where the file says which axis is up, it is turned so that z is.
     """
 
-    file: Path
+    kind = "mesh"
+    formats = FORMATS
+
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     convex: bool = False
-    key: str = field(default="", compare=False)
 
     @classmethod
     def from_data(cls, data: MeshSpec) -> Self:
@@ -286,7 +307,64 @@ class Mesh(Shape):
 
     def body(self) -> coal.CollisionGeometry:
         """A bounding-volume hierarchy of the triangles or, with `convex`, their convex hull."""
-        return mesh_body(self.file, self.key, self.scale, self.convex)
+        return mesh_body(self.source, self.scale, self.convex)
+
+
+class PointCloudSpec(Strict):
+    """`file` (PLY, PCD or NPZ) beside this file, of points in m; all within `radius`, m, of a point is solid."""
+
+    file: FileName
+    radius: Length
+
+
+@dataclass(frozen=True)
+class PointCloud(FileShape):
+    """All points within `radius`, m, of those of a file (PLY, PCD, NPZ), as `mesh_bodies.cloud_body` holds them."""
+
+    kind = "point cloud"
+    formats = POINT_FORMATS
+
+    radius: float = 0.0
+
+    @classmethod
+    def from_data(cls, data: PointCloudSpec) -> Self:
+        """`{file: …, radius: …}`, the file as it stands there."""
+        return cls(Path(data.file), data.radius)
+
+    def to_data(self) -> dict[str, Any]:
+        """The file with its path."""
+        return {"file": str(self.file), "radius": self.radius}
+
+    def body(self) -> coal.CollisionGeometry:
+        """See `mesh_bodies.cloud_body`."""
+        return cloud_body(self.source, self.radius)
+
+
+class OctreeSpec(Strict):
+    """`file` (BT or OT, of OctoMap) beside this file; its occupied cells are solid."""
+
+    file: FileName
+
+
+@dataclass(frozen=True)
+class Octree(FileShape):
+    """The occupied cells of an OctoMap file (BT, OT); cells that it does not know are free."""
+
+    kind = "octree"
+    formats = OCTREE_FORMATS
+
+    @classmethod
+    def from_data(cls, data: OctreeSpec) -> Self:
+        """`{file: …}`, the file as it stands there."""
+        return cls(Path(data.file))
+
+    def to_data(self) -> dict[str, Any]:
+        """The file with its path."""
+        return {"file": str(self.file)}
+
+    def body(self) -> coal.CollisionGeometry:
+        """A bounding-volume hierarchy of the surface around the cells."""
+        return mesh_body(self.source, (1.0, 1.0, 1.0), convex=False)
 
 
 class ShapeSpec(ExactlyOne):
@@ -298,6 +376,8 @@ class ShapeSpec(ExactlyOne):
     capsule: RoundSpec | None = None
     half_space: HalfSpaceSpec | None = None
     mesh: MeshSpec | None = None
+    points: PointCloudSpec | None = None
+    octree: OctreeSpec | None = None
 
 
 SHAPES: dict[str, type[Shape]] = {
@@ -307,12 +387,14 @@ SHAPES: dict[str, type[Shape]] = {
     "capsule": Capsule,
     "half_space": HalfSpace,
     "mesh": Mesh,
+    "points": PointCloud,
+    "octree": Octree,
 }
 """Keys of `ShapeSpec` to their classes."""
 
 
 def shape_from_spec(spec: ShapeSpec) -> Shape:
-    """The shape that a problem file states; a mesh's file as it stands there."""
+    """The shape that a problem file states; the name of a file as it stands there."""
     return SHAPES[spec.kind].from_data(spec.value)
 
 
@@ -336,6 +418,6 @@ def build_geometry(shape: Shape) -> coal.CollisionGeometry:
         ValueError: a mesh file that cannot be read, holds NaN or infinity, or has no volume to hull.
     """
     body = shape.body()
-    if not isinstance(shape, Mesh):  # whose body is shared, with its box
+    if not isinstance(shape, FileShape):  # whose body is shared, with its box
         body.computeLocalAABB()
     return body

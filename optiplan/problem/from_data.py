@@ -15,7 +15,7 @@ from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.measures import broken
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
-from optiplan.problem.hashing import meshes_of, problem_hash
+from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import ProblemSpec
 from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
@@ -141,7 +141,7 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
     source["name"] = spec.name or name
     digest = problem_hash(source, base, robot)
     source["robot"] = _named(spec, robot)
-    for mesh in meshes_of(source):
+    for mesh in shape_files_of(source):
         mesh["file"] = str((base / mesh["file"]).resolve())
     return source, digest
 

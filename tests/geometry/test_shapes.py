@@ -31,7 +31,7 @@ def made(kind: str) -> Shape:
 
 
 def test_every_shape_has_an_example():
-    assert {*EXAMPLES, "mesh"} == set(SHAPES) == set(ShapeSpec.model_fields)
+    assert {*EXAMPLES, "mesh", "points", "octree"} == set(SHAPES) == set(ShapeSpec.model_fields)
 
 
 @OWN
