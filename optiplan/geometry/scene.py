@@ -9,18 +9,9 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, is_finite
 from optiplan.errors import described, wrong_argument
-from optiplan.geometry.shapes import (
-    Box,
-    Capsule,
-    Cylinder,
-    HalfSpace,
-    Mesh,
-    Octree,
-    PointCloud,
-    Shape,
-    Sphere,
-    build_geometry,
-)
+from optiplan.geometry.file_shapes import Mesh, Octree, PointCloud
+from optiplan.geometry.shape import Shape
+from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere, build_geometry
 
 __all__ = [
     "Attachment",

@@ -4,66 +4,17 @@ A shape is one class here and one line in `ShapeSpec`: what stands in a problem 
 support function by which the verifier proves it apart from others, and what the page draws. All else is general.
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Any, Self
 
 import coal
 import numpy as np
-from pydantic import Field
 
 from optiplan.arrays import Array, unit
 from optiplan.config.document import Strict
-from optiplan.config.values import Coordinate, Direction, ExactlyOne, FileName, Length, Scale, Size
-from optiplan.geometry.mesh_bodies import Source, cloud_body, mesh_body
-from optiplan.geometry.meshes.reading import FORMATS, OCTREE_FORMATS, POINT_FORMATS, Kind
-
-
-class Shape(ABC):
-    """A solid in its own frame, lengths in m.
-
-    Attributes:
-        body_type: class of coal that is this shape and no other; None where there is none.
-        endless: whether it has no bounds, so that nothing can carry it.
-    """
-
-    body_type: ClassVar[type[coal.CollisionGeometry] | None] = None
-    endless: ClassVar[bool] = False
-
-    @classmethod
-    @abstractmethod
-    def from_data(cls, data: Any) -> Self:
-        """The shape that a value of `ShapeSpec` means."""
-
-    @abstractmethod
-    def to_data(self) -> Any:
-        """What a problem file says of it, JSON-ready: the inverse of `from_data`."""
-
-    @abstractmethod
-    def body(self) -> coal.CollisionGeometry:
-        """What coal tests.
-
-        Raises:
-            ValueError: it cannot be made.
-        """
-
-    @classmethod
-    def of_body(cls, body: Any) -> Self:
-        """The shape of a body of `body_type`."""
-        raise NotImplementedError(cls.__name__)
-
-    def support(self, n: Array) -> Array:
-        """h(n) = max of n . x over its points x; n (K, 3) of any length, result (K,), m; infinite where unknown."""
-        return np.full(len(n), np.inf)
-
-    def picture(self) -> dict[str, Any] | Array | None:
-        """What the page draws.
-
-        A `kind` of shapes.js with its dimensions; points (k, 3), m, whose convex hull is drawn; or None, for what the
-        triangles of the body tell.
-        """
-        return None
+from optiplan.config.values import Coordinate, Direction, ExactlyOne, Length, Size
+from optiplan.geometry.file_shapes import FileShape, Mesh, MeshSpec, Octree, OctreeSpec, PointCloud, PointCloudSpec
+from optiplan.geometry.shape import Shape
 
 
 class RoundSpec(Strict):
@@ -253,118 +204,6 @@ class HalfSpace(Shape):
     def picture(self) -> dict[str, Any]:
         """See `Shape`."""
         return {"kind": "plane", "normal": list(self.normal), "offset": self.offset}
-
-
-@dataclass(frozen=True)
-class FileShape(Shape):
-    """A shape that a file holds.
-
-    `key` is the digest of what the file held when the shape was made, by `meshes.reading.open_mesh`; without one the
-    shape is what the file holds when it is built.
-    """
-
-    kind: ClassVar[Kind]
-    formats: ClassVar[str]
-
-    file: Path
-    key: str = field(default="", compare=False, kw_only=True)
-
-    @property
-    def source(self) -> Source:
-        """The file, what it has to hold, and what it is read as."""
-        return Source(self.file, self.key, self.kind)
-
-
-class MeshSpec(Strict):
-    """`file` (STL, OBJ, DAE, PLY or GLB) beside this file, times `scale` (a number or [x, y, z]); `convex`: hull."""
-
-    file: FileName
-    scale: Scale = (1.0, 1.0, 1.0)
-    convex: Annotated[bool, Field(strict=True)] = False
-
-
-@dataclass(frozen=True)
-class Mesh(FileShape):
-    """Triangles of a file (STL, OBJ, DAE, PLY, GLB) times `scale`; `convex` takes their convex hull.
-
-    Where the file says which axis is up, it is turned so that z is.
-    """
-
-    kind = "mesh"
-    formats = FORMATS
-
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    convex: bool = False
-
-    @classmethod
-    def from_data(cls, data: MeshSpec) -> Self:
-        """`{file: …, scale: …, convex: …}`, the file as it stands there."""
-        return cls(Path(data.file), (data.scale[0], data.scale[1], data.scale[2]), data.convex)
-
-    def to_data(self) -> dict[str, Any]:
-        """The file with its path."""
-        return {"file": str(self.file), "scale": list(self.scale), "convex": self.convex}
-
-    def body(self) -> coal.CollisionGeometry:
-        """A bounding-volume hierarchy of the triangles or, with `convex`, their convex hull."""
-        return mesh_body(self.source, self.scale, self.convex)
-
-
-class PointCloudSpec(Strict):
-    """`file` (PLY, PCD or NPZ) beside this file, of points in m; all within `radius`, m, of a point is solid."""
-
-    file: FileName
-    radius: Length
-
-
-@dataclass(frozen=True)
-class PointCloud(FileShape):
-    """All points within `radius`, m, of those of a file (PLY, PCD, NPZ), as `mesh_bodies.cloud_body` holds them."""
-
-    kind = "point cloud"
-    formats = POINT_FORMATS
-
-    radius: float = 0.0
-
-    @classmethod
-    def from_data(cls, data: PointCloudSpec) -> Self:
-        """`{file: …, radius: …}`, the file as it stands there."""
-        return cls(Path(data.file), data.radius)
-
-    def to_data(self) -> dict[str, Any]:
-        """The file with its path."""
-        return {"file": str(self.file), "radius": self.radius}
-
-    def body(self) -> coal.CollisionGeometry:
-        """See `mesh_bodies.cloud_body`."""
-        return cloud_body(self.source, self.radius)
-
-
-class OctreeSpec(Strict):
-    """`file` (BT or OT, of OctoMap) beside this file; its occupied cells are solid."""
-
-    file: FileName
-
-
-@dataclass(frozen=True)
-class Octree(FileShape):
-    """The occupied cells of an OctoMap file (BT, OT); cells that it does not know are free."""
-
-    kind = "octree"
-    formats = OCTREE_FORMATS
-
-    @classmethod
-    def from_data(cls, data: OctreeSpec) -> Self:
-        """`{file: …}`, the file as it stands there."""
-        return cls(Path(data.file))
-
-    def to_data(self) -> dict[str, Any]:
-        """The file with its path."""
-        return {"file": str(self.file)}
-
-    def body(self) -> coal.CollisionGeometry:
-        """A bounding-volume hierarchy of the surface around the cells."""
-        return mesh_body(self.source, (1.0, 1.0, 1.0), convex=False)
 
 
 class ShapeSpec(ExactlyOne):

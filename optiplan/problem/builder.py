@@ -13,10 +13,12 @@ from optiplan.config.document import Document, Place
 from optiplan.config.messages import choices, describe
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import is_file
+from optiplan.geometry.file_shapes import FileShape
 from optiplan.geometry.meshes.reading import open_mesh
 from optiplan.geometry.poses import pose_from_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
-from optiplan.geometry.shapes import FileShape, Shape, ShapeSpec, build_geometry, shape_from_spec
+from optiplan.geometry.shape import Shape
+from optiplan.geometry.shapes import ShapeSpec, build_geometry, shape_from_spec
 from optiplan.problem.constraints.statements import PathConstraint, constraint_of
 from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue

@@ -9,11 +9,12 @@ import pytest
 
 import optiplan as op
 from optiplan.geometry.enclosure import Enclosure
+from optiplan.geometry.file_shapes import Octree, PointCloud
 from optiplan.geometry.meshes import reading
 from optiplan.geometry.meshes.octomap import read_bt, read_ot
 from optiplan.geometry.meshes.point_clouds import read_pcd, read_points_npz, read_points_ply
 from optiplan.geometry.meshes.triangles import MeshError
-from optiplan.geometry.shapes import Octree, PointCloud, build_geometry
+from optiplan.geometry.shapes import build_geometry
 
 POINTS = np.random.default_rng(0).uniform(-0.5, 0.5, (300, 3)).astype(np.float32).astype(np.float64)
 

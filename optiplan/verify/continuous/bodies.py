@@ -7,7 +7,8 @@ import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.shapes import Shape, shape_of_body
+from optiplan.geometry.shape import Shape
+from optiplan.geometry.shapes import shape_of_body
 from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
 
 _MANY = 200
