@@ -172,6 +172,8 @@ class Planner(ABC, Generic[OptionsT]):
             one and without vias.
         holds_constraints: whether `plan` handles a problem's path constraints; otherwise it is not called for those
             that have any.
+        end_derivatives: what `plan` handles of a motion stated at the start or at goals: 0 none, 1 velocities, 2 also
+            accelerations; it is not called for problems that state more.
 
     Example:
         >>> import optiplan as op
@@ -185,6 +187,7 @@ class Planner(ABC, Generic[OptionsT]):
     Options: ClassVar[type[Any]] = NoOptions
     passes_vias: bool = False
     holds_constraints: bool = False
+    end_derivatives: int = 0
 
     def __init__(self, options: OptionsT | None = None) -> None:
         self.options: OptionsT = self.Options() if options is None else options

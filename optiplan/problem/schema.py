@@ -7,7 +7,7 @@ against the robot and the scene.
 import math
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
@@ -117,11 +117,34 @@ class PoseGoalSpec(PoseSpec):
     tolerance: ToleranceSpec = ToleranceSpec()
 
 
+def _moving(values: tuple[float, ...] | None) -> tuple[float, ...] | None:
+    return values if values and any(values) else None
+
+
+Rates = Annotated[tuple[Number, ...] | None, AfterValidator(_moving)]
+"""One value per planned joint; zeros are as good as nothing, so that rest is said in one way."""
+
+
 class StartSpec(ExactlyOne):
-    """`joints`: one value per planned joint; or `configuration`: a name in the robot file."""
+    """`joints`: one value per planned joint; or `configuration`: a name in the robot file.
+
+    `velocity` (rad/s or m/s) and `acceleration` (rad/s² or m/s²), one value per planned joint, are those of a robot
+    that moves there; at rest without them.
+    """
+
+    BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
 
     joints: tuple[Number, ...] | None = None
     configuration: Name | None = None
+    velocity: Rates = None
+    acceleration: Rates = None
+
+    @model_validator(mode="after")
+    def _state(self) -> Self:
+        moving = [key for key in ("velocity", "acceleration") if getattr(self, key) is not None]
+        if moving and self.kind not in ("joints", "configuration"):
+            raise ValueError(f"found {moving[0]} with {self.kind}; expected it with joints or configuration only")
+        return self
 
 
 class AlternativeSpec(StartSpec):

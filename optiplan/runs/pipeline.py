@@ -15,7 +15,6 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
-from optiplan.trajectory.timing.lower_bound import lower_bound
 
 _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
@@ -78,7 +77,7 @@ def proved(
         began = time.perf_counter()
         selection = best_verified(problem, [*result.earlier, Candidate(result.trajectory, seconds)], budget)
         timings["verify"] = time.perf_counter() - began
-        bound = lower_bound(problem.start, selection.trajectory.end, problem.limits)
+        bound = float(problem.lower_bounds([selection.trajectory.end])[0])
         began = time.perf_counter()
         metrics = measure(problem, selection.trajectory, selection.report)
         timings["measure"] = time.perf_counter() - began

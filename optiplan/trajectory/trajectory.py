@@ -11,6 +11,7 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue, described
 from optiplan.trajectory import bspline, polynomial
 from optiplan.trajectory.curves_svg import joint_curves
+from optiplan.trajectory.state import State
 
 SAME_TIME = 1e-12
 """Share of the duration: breakpoints that are nearer in time are one."""
@@ -171,6 +172,14 @@ class Trajectory:
         for k in range(c.shape[1] - 2, -1, -1):
             value = value * local + c[piece, k]
         return np.asarray(value) if order == 0 else np.where(inside[:, None], value, 0.0)
+
+    def state(self, t: float) -> State:
+        """Position, velocity and acceleration at a time t, s: where a new motion may begin.
+
+        Raises:
+            InputError: a time outside [0, duration], or not a number.
+        """
+        return State(*(self(float(t), order) for order in range(3)))
 
     def extrema(self, order: int) -> tuple[Array, Array]:
         """Exact minimum and maximum of a derivative over all time: two arrays of shape (n,), rad/s^order."""

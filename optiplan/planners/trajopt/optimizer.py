@@ -80,10 +80,7 @@ class Optimiser:
             patient: whether a curve may take any time; else it is given up after 30 steps where it takes twice the time
                 that it began with.
         """
-        margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
-        transcription = Transcription(self.problem, self.model, self.basis, margins)
-        descender = self._descender(transcription)
-        u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
+        descender, u = self.descender(control, margin), self.instants(control)
         iterations, attempt = 0, None
         longest = np.inf if patient else GROWN * self.basis.shortest_duration(control, self.problem.limits.rates)
         for _ in range(self.options.refinements + 1):
@@ -107,11 +104,17 @@ class Optimiser:
             enough = iterations >= self.options.iterations or (iterations >= SLOW and found.duration > longest)
             if not touches or enough or budget.over or found.missing > STUCK:
                 break
-            near = [_around(transcription.u, touch.t / trajectory.duration) for touch in touches]
-            u = np.concatenate([transcription.u, *near])
+            u = np.concatenate([u, *(around(np.unique(u), touch.t / trajectory.duration) for touch in touches)])
         return attempt
 
-    def _descender(self, transcription: Transcription) -> Descender:
+    def instants(self, control: Array) -> Array:
+        """Return the samples of a curve to begin with."""
+        return _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
+
+    def descender(self, control: Array, margin: float | None = None) -> Descender:
+        """Return what descends from curves with the ends of this one (K, n); `margin`, m: instead of the option's."""
+        margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
+        transcription = Transcription(self.problem, self.model, self.basis, margins)
         if self.options.solver == AUTO and core is not None:
             return NativeSqp(transcription)
         return Sqp(step_solver(transcription, self.options.solver))
@@ -138,7 +141,7 @@ def _instants(basis: SplineBasis, count: int) -> Array:
     return np.concatenate([inside, extra[(extra > 0.0) & (extra < 1.0)]])
 
 
-def _around(u: Array, where: float) -> Array:
+def around(u: Array, where: float) -> Array:
     """Return new samples at `where` and half-way to both of its neighbours among u (N,)."""
     place = int(np.searchsorted(u, where))
     low, high = (u[place - 1] if place else 0.0), (u[place] if place < len(u) else 1.0)

@@ -19,6 +19,7 @@ from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions,
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import through_thinner
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
+from optiplan.planners.trajopt.moving import plan_moving
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
@@ -61,11 +62,14 @@ class TrajOpt(Planner[TrajOptOptions]):
     Options = TrajOptOptions
 
     passes_vias = True
+    end_derivatives = 2
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         if problem.vias:
             return through_vias(self, problem, budget, progress)
+        if problem.moving:
+            return plan_moving(self, problem, budget, progress)
         return _Run(problem, budget, progress, self.options).result()
 
 
