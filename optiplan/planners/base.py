@@ -200,6 +200,10 @@ class Planner(ABC, Generic[OptionsT]):
             InputError: the options do not fit the problem.
         """
 
+    def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan with an earlier motion at hand, of a problem not far from this one; by default it is no help."""
+        return self.plan(problem, budget, progress)
+
     def check(self, problem: Problem, budget: Budget) -> None:
         """Check that the options fit the problem, without planning.
 

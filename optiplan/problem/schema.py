@@ -117,19 +117,14 @@ class PoseGoalSpec(PoseSpec):
     tolerance: ToleranceSpec = ToleranceSpec()
 
 
-def _moving(values: tuple[float, ...] | None) -> tuple[float, ...] | None:
-    return values if values and any(values) else None
-
-
-Rates = Annotated[tuple[Number, ...] | None, AfterValidator(_moving)]
+Rates = Annotated[tuple[Number, ...] | None, AfterValidator(lambda rates: rates if rates and any(rates) else None)]
 """One value per planned joint; zeros are as good as nothing, so that rest is said in one way."""
 
 
 class StartSpec(ExactlyOne):
     """`joints`: one value per planned joint; or `configuration`: a name in the robot file.
 
-    `velocity` (rad/s or m/s) and `acceleration` (rad/s² or m/s²), one value per planned joint, are those of a robot
-    that moves there; at rest without them.
+    `velocity` (rad/s or m/s) and `acceleration` (rad/s² or m/s²), one value per planned joint: at rest without them.
     """
 
     BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
@@ -141,9 +136,9 @@ class StartSpec(ExactlyOne):
 
     @model_validator(mode="after")
     def _state(self) -> Self:
-        moving = [key for key in ("velocity", "acceleration") if getattr(self, key) is not None]
-        if moving and self.kind not in ("joints", "configuration"):
-            raise ValueError(f"found {moving[0]} with {self.kind}; expected it with joints or configuration only")
+        for key in ("velocity", "acceleration"):
+            if getattr(self, key) is not None and self.kind not in ("joints", "configuration"):
+                raise ValueError(f"found {key} with {self.kind}; expected it with joints or configuration only")
         return self
 
 

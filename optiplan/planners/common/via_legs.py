@@ -13,8 +13,10 @@ from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.trajectory import Trajectory
 
 
-def plan_through(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
-    """Plan the problem, or leg by leg between vias.
+def plan_through(
+    planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress, earlier: Trajectory | None = None
+) -> PlanResult:
+    """Plan the problem, or leg by leg between vias; where there is an `earlier` motion, from that.
 
     A planner that `passes_vias` plans the whole problem; for any other, see `leg_by_leg`. Path constraints are
     `unsupported` by planners that do not say `holds_constraints`, motion at the ends by those that do not say
@@ -30,7 +32,7 @@ def plan_through(planner: Planner[Any], problem: Problem, budget: Budget, progre
     if problem.moving and (refused := _too_lively(planner, problem)):
         return PlanResult(None, refused)
     if not problem.vias or planner.passes_vias:
-        return _answer(planner, problem, budget, progress)
+        return _answer(planner, problem, budget, progress, earlier)
     return leg_by_leg(planner, problem, budget, progress)
 
 
@@ -75,9 +77,15 @@ def leg_by_leg(planner: Planner[Any], problem: Problem, budget: Budget, progress
     return PlanResult(joined(legs), None, seconds, {"legs": infos, "cut_short": cut_short})
 
 
-def _answer(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+def _answer(
+    planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress, earlier: Trajectory | None = None
+) -> PlanResult:
     """What the planner answers, if it is an answer."""
-    result: Any = planner.plan(problem, budget, progress)
+    result: Any
+    if earlier is None:
+        result = planner.plan(problem, budget, progress)
+    else:
+        result = planner.replan(problem, earlier, budget, progress)
     found = described(result)
     if isinstance(result, PlanResult):
         motion, failure = result.trajectory, result.failure

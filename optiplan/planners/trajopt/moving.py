@@ -17,7 +17,7 @@ from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.common.via_legs import joined
 from optiplan.planners.trajopt.initial_guess import with_bump
-from optiplan.planners.trajopt.moving_ends import Ends, MovingOptimiser
+from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
@@ -41,10 +41,10 @@ def plan_moving(planner: Planner[TrajOptOptions], problem: Problem, budget: Budg
     begins, as `planner` finds it, and runs up; that motion is an answer, and the first guess of another curve. Then
     curves with a bump are tried while `Patience` allows.
     """
-    return _Run(planner, problem, budget, progress).result()
+    return _MovingRun(planner, problem, budget, progress).result()
 
 
-class _Run:
+class _MovingRun:
     """State of one call."""
 
     def __init__(self, planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress) -> None:
@@ -98,7 +98,7 @@ class _Run:
         if self._good(profile) is None:
             self._offer(profile)
         if self._worth():
-            self._optimised("direct", profile, Ends(start, end), budget)
+            self._optimised("direct", profile, EndStates(start, end), budget)
 
     def _good(self, motion: Trajectory) -> Failure | None:
         """Why a motion cannot be an answer."""
@@ -149,7 +149,7 @@ class _Run:
         whole = joined(parts)
         self._offer(whole)
         end = whole.state(whole.duration)
-        self._optimised("detour", whole, Ends(problem.start_state, end), self.budget)
+        self._optimised("detour", whole, EndStates(problem.start_state, end), self.budget)
         return None
 
     def _bumps(self) -> None:
@@ -163,7 +163,7 @@ class _Run:
             control = with_bump(optimiser.basis, attempt.control, T, self.problem.limits, rng)
             self._run("bump", optimiser, control, T, self.budget)
 
-    def _optimised(self, kind: str, motion: Trajectory, ends: Ends, budget: Budget) -> None:
+    def _optimised(self, kind: str, motion: Trajectory, ends: EndStates, budget: Budget) -> None:
         optimiser = MovingOptimiser(self.optimiser, ends)
         self._run(kind, optimiser, optimiser.along(motion), motion.duration, budget)
 

@@ -30,7 +30,7 @@ STRETCHES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Ends:
+class EndStates:
     """The states at both ends of a curve q(u), t = u T."""
 
     start: State
@@ -57,7 +57,7 @@ class MovingOptimiser:
     exact extrema of the curve, its ends being those of the very duration.
     """
 
-    def __init__(self, optimiser: Optimiser, ends: Ends) -> None:
+    def __init__(self, optimiser: Optimiser, ends: EndStates) -> None:
         self.optimiser, self.ends = optimiser, ends
         self.basis = optimiser.basis
 

@@ -41,7 +41,7 @@ def through_vias(planner: Planner[Any], problem: Problem, budget: Budget, progre
             if cost < best:
                 best = cost
                 candidates.append(candidate)
-        if k == len(_CORNERS) or budget.over:
+        if k == len(_CORNERS) or budget.over or problem.moving:  # rounded lines begin and end at rest
             break
         progress("rounded corners", k / len(_CORNERS))
         rounded = Rounded(_CORNERS[k]).plan(problem, budget, lambda stage, share: None)
