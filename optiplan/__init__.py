@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from optiplan.control.limits.joint_limits import AccelerationLimit, JerkLimit, PositionLimit, VelocityLimit
     from optiplan.control.limits.tool_speed import ToolSpeedLimit, WheelSpeedLimit
     from optiplan.control.limits.torque import TorqueLimit
-    from optiplan.control.state import State
     from optiplan.control.step import ControlStep
     from optiplan.control.tasks.frame_tasks import OrientationTask, PoseTask, PositionTask
     from optiplan.control.tasks.joint_tasks import BaseMotionTask, DampingTask, JointCouplingTask, PostureTask
@@ -67,6 +66,7 @@ if TYPE_CHECKING:
     from optiplan.simulation.log import Log
     from optiplan.simulation.simulation import Simulation
     from optiplan.trajectory.sample_file import Samples
+    from optiplan.trajectory.state import State
     from optiplan.trajectory.trajectory import Trajectory
     from optiplan.verify.report import Check, Report
 
@@ -83,7 +83,7 @@ _ROOMS = {
     "control.limits.joint_limits": ("AccelerationLimit", "JerkLimit", "PositionLimit", "VelocityLimit"),
     "control.limits.tool_speed": ("ToolSpeedLimit", "WheelSpeedLimit"),
     "control.limits.torque": ("TorqueLimit",),
-    "control.state": ("State",),
+    "trajectory.state": ("State",),
     "control.step": ("ControlStep",),
     "control.tasks.frame_tasks": ("OrientationTask", "PoseTask", "PositionTask"),
     "control.tasks.joint_tasks": ("BaseMotionTask", "DampingTask", "JointCouplingTask", "PostureTask"),

@@ -80,10 +80,10 @@ class Compiler:
             return issue
         return self.document.issue(issue.path, issue.found, issue.expected)
 
-    def start(self, robot: Robot) -> Array | None:
-        """The start configuration, (n,)."""
+    def start(self, robot: Robot) -> JointGoal | None:
+        """The state at the start."""
         part = self.draft.start
-        return None if part is None else self.configuration(robot, part.place, part.value)
+        return None if part is None else self._state(robot, part)
 
     def goal(self, robot: Robot) -> list[LocatedValue[JointGoal | PoseGoal]]:
         """Return the valid alternatives."""
@@ -156,9 +156,21 @@ class Compiler:
 
     def _alternative(self, robot: Robot, part: LocatedValue[AlternativeSpec]) -> JointGoal | PoseGoal | None:
         if part.value.pose is None:
-            q = self.configuration(robot, part.place, part.value)
-            return None if q is None else JointGoal(q)
+            return self._state(robot, part)
         return self._pose_goal(robot, (*part.place, "pose"), part.value.pose)
+
+    def _state(self, robot: Robot, part: LocatedValue[StartSpec] | LocatedValue[AlternativeSpec]) -> JointGoal | None:
+        """A configuration with its velocity and acceleration, of as many values."""
+        q = self.configuration(robot, part.place, part.value)
+        rates: list[Array | None] = []
+        for key in ("velocity", "acceleration"):
+            said = getattr(part.value, key)
+            rates.append(None if said is None else np.array(said, float))
+            if said is not None and len(said) != robot.n:
+                expected = f"{robot.n} values, one for each of {', '.join(robot.joint_names)}"
+                self.report((*part.place, key), f"{len(said)} values", expected)
+                q = None
+        return None if q is None else JointGoal(q, velocity=rates[0], acceleration=rates[1])
 
     def _pose_goal(self, robot: Robot, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
         frame = robot.tool_frame if spec.frame is None else spec.frame
