@@ -49,7 +49,8 @@ class Failure:
         kind: see `FailureKind`.
         detail: one sentence for a person.
         witness: JSON-ready location of the failure: configuration `q`, time `t`, bodies `pair`, points `points`,
-            and the `motion` that was refused, as `Trajectory.to_dict`, where there is one to look at.
+            and the `motion` that was refused, as `Trajectory.to_dict`, where there is one to look at; `untimed` where
+            it is a path that nobody timed, at a constant rate.
     """
 
     kind: FailureKind

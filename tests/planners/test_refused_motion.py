@@ -52,6 +52,7 @@ def test_the_page_plays_it_through_the_contact(name):
     shown = {"kind": failure.kind, "detail": failure.detail, "witness": failure.witness}
     (run,) = build_scene(problem, [ViewedRun(name, None, None, shown)]).runs
     assert run["offending"]
+    assert run["untimed"]
     (begin, end), *_ = run["clearance"]["contacts"]
     assert begin - 1e-3 <= failure.witness["t"] <= end
     assert run["witnesses"][0]["distance"] < 0.0

@@ -13,7 +13,7 @@ _MOST_PIECES = 400  # of a path: what is kept with a failure stays below a megab
 
 
 def refused_path(sections: Sequence[Trajectory], section: int, s: float, limits: Limits) -> dict[str, Any]:
-    """Return `motion` and `t` for a `Failure.witness`: the path as a motion, and when it is at the place refused.
+    """Return what a `Failure.witness` tells of a path: it as a `motion`, and when that is at the place refused, `t`.
 
     Each section q(s) runs at the constant rate ds/dt at which its tightest limit of velocity, acceleration or jerk is
     just met between its ends. At its ends it does not rest: nobody timed it. Its shape is that of the path, exactly.
@@ -25,8 +25,8 @@ def refused_path(sections: Sequence[Trajectory], section: int, s: float, limits:
         limits: of the n joints.
 
     Returns:
-        `motion`, as `Trajectory.to_dict`, and `t`, s. Nothing where the path stands still, has more than 400 pieces or
-        would take more than a minute.
+        `motion`, as `Trajectory.to_dict`, `t`, s, and `untimed`, True. Nothing where the path stands still, has more
+        than 400 pieces or would take more than a minute.
     """
     ratios = [speed_ratio(path, limits) for path in sections]
     lengths = [path.duration * ratio for path, ratio in zip(sections, ratios, strict=True)]
@@ -35,4 +35,4 @@ def refused_path(sections: Sequence[Trajectory], section: int, s: float, limits:
         return {}
     motions = [path.scaled(length) for path, length in zip(sections, lengths, strict=True)]
     t = sum(lengths[:section]) + s * ratios[section]
-    return {"motion": joined(motions).to_dict(), "t": float(t)}
+    return {"motion": joined(motions).to_dict(), "t": float(t), "untimed": True}
