@@ -50,7 +50,9 @@ class Failure:
     Attributes:
         kind: see `FailureKind`.
         detail: one sentence for a person.
-        witness: JSON-ready location of the failure: configuration `q`, time `t`, bodies `pair`, points `points`.
+        witness: JSON-ready location of the failure: configuration `q`, time `t`, bodies `pair`, points `points`,
+            and the `motion` that was refused, as `Trajectory.to_dict`, where there is one to look at; `untimed` where
+            it is a path that nobody timed, at a constant rate.
     """
 
     kind: FailureKind
