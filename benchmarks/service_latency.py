@@ -19,7 +19,7 @@ from benchmarks.service_process import HTTP, serving, wait_until_ready
 from optiplan.resources import problems_dir
 from optiplan.service.cell import CellPlanner
 
-PROBLEMS = ("19_lspb", "01_reach", "07_any_of")
+PROBLEMS = ("01_reach", "07_any_of", "12_planar", "14_half_space", "19_lspb")
 WARM = 5
 """Requests before any is measured."""
 

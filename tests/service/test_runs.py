@@ -5,13 +5,16 @@ import io
 import json
 import time
 import zipfile
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from optiplan.api.planning import plan
 from optiplan.problem.load import load_problem
 from optiplan.runs.run_folder import load_run
 from optiplan.runs.stored_verdict import judged
+from optiplan.service.execution.incumbents import ProvedIncumbents
 from tests.service.conftest import NO_WAY, QUICK
 
 
@@ -92,14 +95,27 @@ def test_events_of_a_run_end_with_its_end(server):
     assert events[-1] == {"type": "end", "status": "failed", "verified": False}
 
 
-def test_best_so_far_is_told_on_the_way(server, problems):
-    run = server.submit(problem=(problems / "01_reach.yaml").read_text())["id"]
+@pytest.mark.parametrize("planner", ["trajopt", "rrtconnect"])
+def test_best_so_far_is_verified_and_ends_with_the_answer(server, problems, planner):
+    run = server.submit(problem=(problems / "01_reach.yaml").read_text(), planner=planner)["id"]
     with server.http.stream("GET", f"/api/runs/{run}/events") as lines:
         events = [json.loads(line[5:]) for line in lines.iter_lines() if line.startswith("data:")]
     best = [event["duration"] for event in events if event["type"] == "best"]
     assert best
     assert best == sorted(best, reverse=True)
-    assert server.ended(run)["duration"] == pytest.approx(best[-1], rel=0.2)
+    assert server.ended(run)["duration"] == best[-1]
+
+
+def test_motions_that_the_verifier_refuses_are_not_told(problems):
+    problem = load_problem(problems / "01_reach.yaml")
+    trajectory, heard = plan(problem, planner="rrtconnect").trajectory, []
+    told = ProvedIncumbents(problem, SimpleNamespace(best=lambda seconds, duration: heard.append(duration)))
+    told.found(trajectory.scaled(0.1))
+    assert heard == []
+    told = ProvedIncumbents(problem, SimpleNamespace(best=lambda seconds, duration: heard.append(duration)))
+    told.found(trajectory)
+    told.rest([(1e3, trajectory.duration), (2e3, 0.5)])
+    assert heard == [trajectory.duration, 0.5]
 
 
 def test_a_running_run_is_cancelled_within_a_second(server):

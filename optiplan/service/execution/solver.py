@@ -91,7 +91,7 @@ def _answer(tasks: Any, request: Mapping[str, Any], progress: "Progress") -> tup
 
 
 class Progress:
-    """Tells of stages, of motions that a planner found on the way and that are not proved yet, and of the answer."""
+    """Tells of stages, of motions that were found and proved on the way, and of the answer."""
 
     def __init__(self, send: Callable[[Message, Mapping[str, bytes]], None]) -> None:
         self._send = send
@@ -105,9 +105,9 @@ class Progress:
         self._stage, self._told = stage, now
         self._send({"phase": "stage", "stage": stage, "fraction": float(fraction)}, {})
 
-    def found(self, duration: float) -> None:
-        """Tell of a motion of this duration, s."""
-        self._send({"phase": "best", "seconds": time.perf_counter() - self._began, "duration": duration}, {})
+    def best(self, seconds: float, duration: float) -> None:
+        """Tell of a verified motion of this duration, s, proved so many seconds after the beginning."""
+        self._send({"phase": "best", "seconds": seconds, "duration": duration}, {})
 
     def answered(self, answer: Message, files: Mapping[str, bytes]) -> None:
         """Tell what somebody waits for, before the rest is made."""
