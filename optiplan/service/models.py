@@ -145,3 +145,37 @@ class PlannerAnswer(BaseModel):
 
     name: str
     about: str
+
+
+class LiveRequest(ProblemInput):
+    """A problem, whose start, scene and limits a controller has to keep to."""
+
+    engine: Literal["own", "ideal"] | None = Field(
+        None, description="What moves: a rigid-body plant that takes torques, or one that does as it is told"
+    )
+
+
+class LiveTarget(BaseModel):
+    """Where the tool is wanted."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    pose: list[Annotated[float, Field(allow_inf_nan=False, ge=-1e3, le=1e3)]] = Field(
+        min_length=7, max_length=7, description="x, y, z (m) and quaternion x, y, z, w, in the world"
+    )
+
+    @model_validator(mode="after")
+    def _a_pose(self) -> Self:
+        if sum(x * x for x in self.pose[3:]) < 1e-12:
+            raise ValueError("found a quaternion of zeros; expected one of length 1")
+        return self
+
+
+class LiveAnswer(BaseModel):
+    """A controller that runs."""
+
+    id: str
+    engine: Literal["own", "ideal"]
+    period: float = Field(description="Of the controller, s")
+    joint_names: list[str]
+    frame: str = Field(description="The frame that follows the target")

@@ -77,6 +77,22 @@ class Tasks:
             shown.append(ViewedRun(label, motion, record.get("report"), record.get("failure")))
         return {}, {"page.html": render_page(build_scene(problem, shown)).encode()}
 
+    def picture(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """A small picture of a problem, with the motion of a `trajectory.json` where there is one."""
+        from optiplan.service.execution.pictures import scene_picture
+
+        motion = Trajectory.from_dict(json.loads(request["motion"])) if request.get("motion") else None
+        return {}, {"picture.svg": scene_picture(self._reader.read(request), motion).encode()}
+
+    def live(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """Run a controller until it is told to stop."""
+        from optiplan.service.execution.live import LiveLoop, live_about
+
+        loop = LiveLoop(self._reader.read(request), request.get("engine"))
+        progress.answered(dict(live_about(loop)), {})
+        loop.run(progress)
+        return {"seconds": loop.t}, {}
+
     def scene(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """What the studio draws: the scene as data, and what can be moved."""
         from optiplan.service.execution.studio import studio_scene

@@ -19,8 +19,8 @@
 
   function card(run) {
     const ended = !["queued", "running"].includes(run.status), name = run.name + " · " + run.planner;
-    const picture = run.status === "done"
-      ? make("img", { src: `api/runs/${run.id}/thumbnail.svg`, alt: "Joint positions over time", loading: "lazy" })
+    const picture = ended
+      ? make("img", { src: `api/runs/${run.id}/thumbnail.svg?${run.finished}`, alt: "The scene and the path of the tool", loading: "lazy" })
       : make("div", { className: "blank" });
     const title = ended && run.status !== "cancelled" ? make("a", { href: "runs/" + run.id, textContent: name }) : make("span", { textContent: name });
     const facts = [run.robot, run.duration === null ? null : run.duration.toFixed(3) + " s", run.ratio === null ? null : run.ratio.toFixed(3) + " × bound",
@@ -37,15 +37,20 @@
     return make("div", { className: "run" }, ...parts, tools);
   }
 
+  function problemCard(problem) {
+    const picture = make("img", { src: `api/problems/${problem.hash}/thumbnail.svg`, alt: "The scene", loading: "lazy" });
+    const button = make("button", { type: "button", textContent: "Delete", onclick: () => send("DELETE", "api/problems/" + problem.hash) });
+    const links = make("span", { className: "links" }, make("a", { href: "studio#" + problem.hash, textContent: "Studio" }), make("a", { href: "live#" + problem.hash, textContent: "Live" }));
+    return make("div", { className: "run" }, make("div", { className: "head" }, make("a", { href: "studio#" + problem.hash, textContent: problem.name })), picture,
+      make("div", { className: "facts", textContent: [problem.robot, when(problem.created)].join(" · ") }), make("div", { className: "tools" }, links, button));
+  }
+
   async function show() {
     const { runs, counts } = await (await fetch("api/runs?limit=60")).json();
     byId("runs").replaceChildren(...(runs.length ? runs.map(card) : [make("p", { className: "none", textContent: "No runs yet: plan one in the studio." })]));
     byId("counts").textContent = Object.entries(counts).map(([state, count]) => `${count} ${state}`).join(" · ");
     const problems = await (await fetch("api/problems")).json();
-    byId("problems").replaceChildren(...problems.map((problem) => make("tr", {},
-      make("td", {}, make("a", { href: "studio#" + problem.hash, textContent: problem.name })), make("td", { textContent: problem.robot }),
-      make("td", { textContent: when(problem.created) }),
-      make("td", {}, make("button", { type: "button", textContent: "Delete", onclick: () => send("DELETE", "api/problems/" + problem.hash) })))));
+    byId("problems").replaceChildren(...(problems.length ? problems.map(problemCard) : [make("p", { className: "none", textContent: "None stored: the studio has a button for that." })]));
     if (counts.queued || counts.running) setTimeout(show, 1000);
   }
 
