@@ -28,10 +28,12 @@ class LiveSession:
     Attributes:
         id: of the session.
         about: `engine`, `period`, `joint_names`, `frame`.
+        problem: as it was given.
     """
 
     def __init__(self, about: State, job: SolverJob) -> None:
         self.id, self.about = uuid.uuid4().hex, about
+        self.problem: str | State = job.request["problem"]
         self._job = job
         self._watchers: set[asyncio.Queue[State]] = set()
         self._unseen: float | None = None

@@ -179,3 +179,9 @@ class LiveAnswer(BaseModel):
     period: float = Field(description="Of the controller, s")
     joint_names: list[str]
     frame: str = Field(description="The frame that follows the target")
+
+
+class LiveView(LiveAnswer):
+    """A controller that runs, and the problem that it was started with."""
+
+    problem: str | dict[str, Any]

@@ -1,6 +1,5 @@
 """Small pictures of runs and problems, drawn when somebody looks, and remembered."""
 
-import json
 from collections import OrderedDict
 from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Any

@@ -108,8 +108,8 @@ def test_a_target_is_a_pose(server, pose):
 
 def test_a_target_behind_an_obstacle_is_not_reached_and_nothing_is_touched(problems):
     loop = LiveLoop(load_problem(problems / "02_shelf.yaml"))
-    behind = np.array(loop.state()["tool"]) + [0.1, 0.2, -0.1, 0.0, 0.0, 0.0, 0.0]
-    loop.aim(behind)
+    x, y, z, *rotation = loop.state()["tool"]
+    loop.aim(np.array([x + 0.1, y + 0.2, z - 0.1, *rotation]))
     nearest = []
     for _ in range(300):
         loop.advance()

@@ -22,7 +22,7 @@ SPOILT_BY = 0.75
 """Share of the allowed memory above which a process is exchanged once its job is done."""
 
 Lane = Literal["queue", "plan", "look", "live"]
-"""Who waits for the answer: the queue; a caller who wants a plan; one who wants a problem read or drawn; a live view."""
+"""Who waits for the answer: the queue; who wants a plan; who wants a problem read or drawn; a live view."""
 
 NICE: dict[Lane, int] = {"queue": 5, "plan": 0, "look": 1, "live": 0}
 """How far processes step back: the server itself, then callers who wait, come before the queue."""

@@ -1,13 +1,7 @@
 "use strict";
 // The list of runs and problems; looks again while anything is queued or running.
 (() => {
-  const byId = (id) => document.getElementById(id), chosen = new Set();
-
-  function make(tag, properties = {}, ...children) {
-    const element = Object.assign(document.createElement(tag), properties);
-    element.append(...children);
-    return element;
-  }
+  const { byId, make, get } = Page, chosen = new Set();
   const when = (seconds) => new Date(1000 * seconds).toLocaleString();
   const word = (run) => (run.status === "done" ? (run.verified ? "verified" : "not verified") : run.status);
   const look = (run) => (run.status === "done" ? (run.verified ? "verified" : "refused") : run.status);
@@ -46,10 +40,10 @@
   }
 
   async function show() {
-    const { runs, counts } = await (await fetch("api/runs?limit=60")).json();
+    const { runs, counts } = await get("api/runs?limit=60");
     byId("runs").replaceChildren(...(runs.length ? runs.map(card) : [make("p", { className: "none", textContent: "No runs yet: plan one in the studio." })]));
     byId("counts").textContent = Object.entries(counts).map(([state, count]) => `${count} ${state}`).join(" · ");
-    const problems = await (await fetch("api/problems")).json();
+    const problems = await get("api/problems");
     byId("problems").replaceChildren(...(problems.length ? problems.map(problemCard) : [make("p", { className: "none", textContent: "None stored: the studio has a button for that." })]));
     if (counts.queued || counts.running) setTimeout(show, 1000);
   }

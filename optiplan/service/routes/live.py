@@ -9,7 +9,7 @@ from fastapi.responses import Response
 from sse_starlette.sse import EventSourceResponse
 
 from optiplan.service.live_sessions import LiveSession
-from optiplan.service.models import LiveAnswer, LiveRequest, LiveTarget
+from optiplan.service.models import LiveAnswer, LiveRequest, LiveTarget, LiveView
 from optiplan.service.routes.answers import Json, Service, errors
 from optiplan.service.routes.events import BEAT
 
@@ -35,6 +35,13 @@ async def start(given: LiveRequest, service: Service) -> Json:
 async def running(service: Service) -> Json:
     """The controllers that run."""
     return Json([_answer(session) for session in service.live.all()])
+
+
+@router.get("/{session}", response_model=LiveView, responses=errors(404, 422))
+async def one(session: SessionPath, service: Service) -> Json:
+    """A controller that runs, with its problem, so that others can watch it too."""
+    found = service.live.get(session)
+    return Json({**_answer(found), "problem": found.problem})
 
 
 @router.get("/{session}/events", response_class=EventSourceResponse, responses=STREAM | errors(404, 422))
