@@ -122,10 +122,13 @@ class LiveSessions:
 
         def told(message: Any) -> None:
             state = {key: value for key, value in message.items() if key not in ("phase", "blob")}
-            loop.call_soon_threadsafe(lambda: session and session.publish({"type": "state", **state}))
+            if session is not None:
+                loop.call_soon_threadsafe(session.publish, {"type": "state", **state})
 
-        job = SolverJob(request, LONGEST, told=told)
-        job.answered = lambda answer: loop.call_soon_threadsafe(begun.set_result, answer)
+        def answered(answer: SolverAnswer) -> None:
+            loop.call_soon_threadsafe(begun.set_result, answer)
+
+        job = SolverJob(request, LONGEST, told=told, answered=answered)
         whole = asyncio.wrap_future(self._service.pool.submit("live", job))
         try:
             await asyncio.wait([begun, whole], return_when=asyncio.FIRST_COMPLETED)

@@ -45,7 +45,7 @@ class Pictures:
         """
 
         async def request() -> dict[str, Any]:
-            return await self._service.request(ProblemInput(problem=hash))
+            return await self._service.request(ProblemInput(problem=hash, name=None, start=None, goal=None))
 
         return await self._kept(hash, request)
 

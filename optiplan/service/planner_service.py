@@ -16,6 +16,7 @@ from sqlalchemy.exc import SQLAlchemyError
 import optiplan
 from optiplan.errors import OptiPlanError
 from optiplan.runs.run_folder import RUN, TRAJECTORY
+from optiplan.service.benches import Benches
 from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.execution.run_solver import GRACE, LEAD, RunSolver
 from optiplan.service.execution.solver_pool import Lane, SolverAnswer, SolverJob, SolverPool
@@ -25,6 +26,7 @@ from optiplan.service.pictures import Pictures
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.requests import digest_of, names_files, refusal_of
 from optiplan.service.settings import ServiceSettings
+from optiplan.service.store.bench_table import BenchTable
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.problem_table import ProblemTable
 from optiplan.service.store.retention import outdated, sweep
@@ -66,6 +68,7 @@ class PlannerService:
         queue: the durable queue.
         pictures: of runs and problems, for lists.
         live: controllers that run.
+        benches: problems by planners.
     """
 
     def __init__(self, settings: ServiceSettings, serving: bool = True) -> None:
@@ -89,6 +92,7 @@ class PlannerService:
         self._solver = RunSolver(settings, self.runs, self.contents, self.pool)
         self.queue = RunQueue(settings, self._engine, self.runs, self._solver)
         self.pictures, self.live = Pictures(self), LiveSessions(self)
+        self.benches = Benches(self, BenchTable(self._engine))
         self._checked: OrderedDict[str, Mapping[str, Any]] = OrderedDict()
         self._saving: dict[str, asyncio.Future[None]] = {}
         self._writers = ThreadPoolExecutor(WRITERS, "write")
@@ -239,13 +243,13 @@ class PlannerService:
         answer = await self.ask({**await self.stored_request(records[0]), "runs": shown}, "page")
         return answer.files["page.html"]
 
-    async def ask(self, request: Mapping[str, Any], do: str) -> SolverAnswer:
-        """Have a process read, draw or compute something.
+    async def ask(self, request: Mapping[str, Any], do: str, seconds: float | None = None) -> SolverAnswer:
+        """Have a process read, draw or compute something, in so many seconds; None: those of the settings.
 
         Raises:
             Refusal: what is asked is wrong, or takes too long or too much memory.
         """
-        job = SolverJob({**request, "do": do}, self.settings.reading)
+        job = SolverJob({**request, "do": do}, seconds or self.settings.reading)
         answer = await asyncio.wrap_future(self.pool.submit("look", job))
         if answer.death in ("timeout", "out-of-memory"):
             raise Refusal(422, f"the problem cannot be read: {answer.detail}")

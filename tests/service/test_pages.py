@@ -196,3 +196,20 @@ def test_runs_are_listed_and_compared(page, server):
     page.click("#compare")
     page.wait_for_selector("canvas")
     assert "cubic" in page.content()  # on a narrow page the card is folded
+
+
+def test_a_bench_is_run_from_its_page(page, server):
+    page.goto(f"{server.url}/benches")
+    page.wait_for_selector("#planners option")
+    page.select_option("#problems", ["19_lspb"])
+    page.select_option("#planners", ["lspb", "quintic"])
+    page.fill("#name", f"page-{page.viewport_size['width']}")
+    page.fill("#seeds", "1")
+    page.fill("#budget", str(3.0 + page.viewport_size["width"] / 1000))
+    page.click("#submit")
+    bench = page.locator(".bench", has_text=f"page-{page.viewport_size['width']}")
+    bench.locator("button:text('Delete')").wait_for()
+    assert bench.locator(".badge.verified").count() == 2
+    bench.locator("a:text('Full report')").click()
+    page.wait_for_selector("svg polyline")
+    assert "lspb" in page.content()

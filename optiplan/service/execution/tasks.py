@@ -93,6 +93,14 @@ class Tasks:
         loop.run(progress)
         return {"seconds": loop.t}, {}
 
+    def bench_report(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """The report of a bench, of the texts of its runs."""
+        from optiplan.service.execution.bench_report import bench_report
+
+        with reading(self._reader.folders):
+            page = bench_report(request["suite"], request["runs"], progress)
+        return {}, {"report.html": page.encode()}
+
     def scene(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """What the studio draws: the scene as data, and what can be moved."""
         from optiplan.service.execution.studio import studio_scene

@@ -15,7 +15,7 @@ from optiplan.viewer.safety import PAGE_POLICY
 router = APIRouter(include_in_schema=False)
 
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".py": "text/x-python"}
-PAGES = {"": "home.html", "studio": "studio.html", "live": "live.html"}
+PAGES = {"": "home.html", "studio": "studio.html", "live": "live.html", "benches": "benches.html"}
 
 
 @router.get("/runs/{run}")
