@@ -53,17 +53,25 @@ class Thumbnail:
         return np.asarray(points @ self.axes.T + self.origin)
 
 
-def thumbnail(problem: Problem, q: Array | None = None, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Thumbnail:
-    """Picture of a problem's scene with its robot at q (n,), at the start unless given; `size` is of the picture, px.
+def thumbnail(
+    problem: Problem, q: Array | None = None, size: tuple[int, int] = (WIDTH, HEIGHT), also: Array | None = None
+) -> Thumbnail:
+    """Picture of a problem's scene with its robot, seen from behind it, from the right and above, without perspective.
 
-    Seen from behind the robot, from the right and above, without perspective, framed by the robot and the obstacles;
-    half-spaces are left out.
+    Framed by the robot and the obstacles; half-spaces are left out.
+
+    Args:
+        problem: robot and scene.
+        q: (n,), of the robot; None: at the start.
+        size: of the picture, px.
+        also: points (k, 3), m, of the world that have to be within the frame.
     """
     triangles, colours = _triangles(problem, problem.start if q is None else q)
     away = np.array([np.cos(RISE) * np.cos(TURN), np.cos(RISE) * np.sin(TURN), np.sin(RISE)])
     right = np.cross([0.0, 0.0, 1.0], away) / np.cos(RISE)
     down = -np.cross(away, right)
-    flat = triangles.reshape(-1, 3) @ np.stack([right, down]).T
+    framed = triangles.reshape(-1, 3) if also is None else np.concatenate([triangles.reshape(-1, 3), also])
+    flat = framed @ np.stack([right, down]).T
     low, high = flat.min(axis=0, initial=-1e-3), flat.max(axis=0, initial=1e-3)
     area = np.array(size)
     scale = float(((1.0 - 2.0 * MARGIN) * area / np.maximum(high - low, 1e-6)).min())

@@ -6,6 +6,7 @@ import json
 import time
 import zipfile
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -196,3 +197,25 @@ def test_the_run_page_draws_what_was_planned(server):
     assert page.status_code == 200
     assert "free" in page.text
     assert "frame-ancestors" in page.headers["content-security-policy"]
+
+
+def test_pictures_show_the_scene_and_the_path_within_it(server, problems):
+    text = (problems / "01_reach.yaml").read_text()
+    run = server.submit(problem=text, planner="rrtconnect")["id"]
+    server.ended(run)
+    answer = server.http.get(f"/api/runs/{run}/thumbnail.svg")
+    assert answer.headers["content-type"] == "image/svg+xml"
+    root = ElementTree.fromstring(answer.text)
+    width, height = (float(x) for x in root.get("viewBox").split()[2:])
+    line = np.array([pair.split(",") for pair in root.find("{*}polyline").get("points").split()], float)
+    assert len(line) > 30
+    assert np.ptp(line, axis=0).max() > 20.0
+    assert (line >= 0.0).all()
+    assert (line <= [width, height]).all()
+    assert root.find("{*}image").get("href").startswith("data:image/png;base64,")
+    assert server.http.get(f"/api/runs/{run}/thumbnail.svg").content == answer.content
+    stored = server.http.post("/api/problems", json={"problem": text}).json()["hash"]
+    scene = server.http.get(f"/api/problems/{stored}/thumbnail.svg")
+    assert scene.status_code == 200
+    assert "polyline" not in scene.text
+    assert server.http.get(f"/api/problems/{'0' * 64}/thumbnail.svg").status_code == 404

@@ -52,9 +52,9 @@
   byId("submit").addEventListener("click", async () => {
     const seeds = Array.from({ length: Number(byId("seeds").value) }, (_, k) => k), budget = Number(byId("budget").value);
     const asked = { name: byId("name").value, problems: chosen("problems").map((name) => hashes[name] || texts[name]), planners: chosen("planners"), seeds, budget };
-    byId("said").textContent = "…";
+    byId("told").textContent = "…";
     const { status, data } = await post("api/benches", asked);
-    byId("said").textContent = status === 202 ? "" : data.error;
+    byId("told").textContent = status === 202 ? "" : data.error;
     await show();
   });
 

@@ -18,7 +18,7 @@
       : make("div", { className: "blank" });
     const title = ended && run.status !== "cancelled" ? make("a", { href: "runs/" + run.id, textContent: name }) : make("span", { textContent: name });
     const facts = [run.robot, run.duration === null ? null : run.duration.toFixed(3) + " s", run.ratio === null ? null : run.ratio.toFixed(3) + " × bound",
-      run.timings && run.timings.plan ? "planned in " + run.timings.plan.toFixed(2) + " s" : null, when(run.submitted)];
+      run.timings && run.timings.plan ? "planned in " + run.timings.plan.toFixed(2) + " s" : null, run.seed ? "seed " + run.seed : null, when(run.submitted)];
     const box = make("input", { type: "checkbox", checked: chosen.has(run.id), disabled: run.status !== "done" });
     box.addEventListener("change", () => { chosen[box.checked ? "add" : "delete"](run.id); byId("compare").disabled = chosen.size < 2; });
     const button = ended
