@@ -153,10 +153,10 @@ Progress = Callable[[str, float], None]
 
 
 def announce(progress: Progress, trajectory: Trajectory) -> None:
-    """Tell of a new incumbent, which nobody has verified, where `progress` has a method `found(duration)`, s."""
+    """Tell of a new incumbent, which nobody has verified, where `progress` has a method `found(trajectory)`."""
     found = getattr(progress, "found", None)
     if found is not None:
-        found(trajectory.duration)
+        found(trajectory)
 
 
 OptionsT = TypeVar("OptionsT")
