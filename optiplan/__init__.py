@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from optiplan.control.limits.joint_limits import AccelerationLimit, JerkLimit, PositionLimit, VelocityLimit
     from optiplan.control.limits.tool_speed import ToolSpeedLimit, WheelSpeedLimit
     from optiplan.control.limits.torque import TorqueLimit
-    from optiplan.control.state import State
     from optiplan.control.step import ControlStep
     from optiplan.control.tasks.frame_tasks import OrientationTask, PoseTask, PositionTask
     from optiplan.control.tasks.joint_tasks import BaseMotionTask, DampingTask, JointCouplingTask, PostureTask
@@ -59,7 +58,7 @@ if TYPE_CHECKING:
     )
     from optiplan.problem.goals_and_vias import JointGoal, PoseGoal
     from optiplan.problem.objectives.objective import Objective
-    from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
+    from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
     from optiplan.robot.robot import Robot
@@ -68,6 +67,7 @@ if TYPE_CHECKING:
     from optiplan.simulation.log import Log
     from optiplan.simulation.simulation import Simulation
     from optiplan.trajectory.sample_file import Samples
+    from optiplan.trajectory.state import State
     from optiplan.trajectory.trajectory import Trajectory
     from optiplan.verify.report import Check, Report
 
@@ -84,7 +84,7 @@ _ROOMS = {
     "control.limits.joint_limits": ("AccelerationLimit", "JerkLimit", "PositionLimit", "VelocityLimit"),
     "control.limits.tool_speed": ("ToolSpeedLimit", "WheelSpeedLimit"),
     "control.limits.torque": ("TorqueLimit",),
-    "control.state": ("State",),
+    "trajectory.state": ("State",),
     "control.step": ("ControlStep",),
     "control.tasks.frame_tasks": ("OrientationTask", "PoseTask", "PositionTask"),
     "control.tasks.joint_tasks": ("BaseMotionTask", "DampingTask", "JointCouplingTask", "PostureTask"),
@@ -111,7 +111,7 @@ _ROOMS = {
         "ToolSpeed",
         "WheelSpeed",
     ),
-    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
+    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Octree", "PointCloud", "Sphere"),
     "problem.goals_and_vias": ("JointGoal", "PoseGoal"),
     "problem.objectives.objective": ("Objective",),
     "problem.problem": ("Problem",),
@@ -159,6 +159,7 @@ __all__ = [
     "Mesh",
     "Objective",
     "Obstacle",
+    "Octree",
     "OnArc",
     "OnCircle",
     "OnLine",
@@ -170,6 +171,7 @@ __all__ = [
     "PairClearance",
     "PlanResult",
     "Planner",
+    "PointCloud",
     "Pose",
     "PoseGoal",
     "PoseTask",

@@ -6,7 +6,7 @@ against the robot and the scene.
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
@@ -94,11 +94,29 @@ class PoseGoalSpec(PoseSpec):
     tolerance: ToleranceSpec = ToleranceSpec()
 
 
+Rates = Annotated[tuple[Number, ...] | None, AfterValidator(lambda rates: rates if rates and any(rates) else None)]
+"""One value per planned joint; zeros are as good as nothing, so that rest is said in one way."""
+
+
 class StartSpec(ExactlyOne):
-    """`joints`: one value per planned joint; or `configuration`: a name in the robot file."""
+    """`joints`: one value per planned joint; or `configuration`: a name in the robot file.
+
+    `velocity` (rad/s or m/s) and `acceleration` (rad/s² or m/s²), one value per planned joint: at rest without them.
+    """
+
+    BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
 
     joints: tuple[Number, ...] | None = None
     configuration: Name | None = None
+    velocity: Rates = None
+    acceleration: Rates = None
+
+    @model_validator(mode="after")
+    def _state(self) -> Self:
+        for key in ("velocity", "acceleration"):
+            if getattr(self, key) is not None and self.kind not in ("joints", "configuration"):
+                raise ValueError(f"found {key} with {self.kind}; expected it with joints or configuration only")
+        return self
 
 
 class AlternativeSpec(StartSpec):

@@ -1,5 +1,6 @@
 """Optimise one initial guess to a trajectory that is checked between samples too."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Des
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.integrals import integral_costs
 from optiplan.planners.trajopt.terms.path_constraints import Broken, PathConstraints
+from optiplan.planners.trajopt.terms.term import Term
 from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -94,15 +96,11 @@ class Optimiser:
             patient: whether a curve may take any time; else it is given up after 30 steps where it takes twice the time
                 that it began with.
         """
-        margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
         terms = self.constraints.begin()
-        transcription = Transcription(self.problem, self.model, self.basis, margins, terms, self._costs)
-        descender = self._descender(transcription)
-        u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
-        u = np.concatenate([u, self.constraints.instants])
+        descender, u = self.descender(control, margin, terms), self.instants(control)
         iterations, attempt = 0, None
         first = self.basis.shortest_duration(control, self.problem.limits.rates)
-        longest = GROWN * first if transcription.plain and not patient else np.inf
+        longest = np.inf if patient or terms or self._costs else GROWN * first
         for _ in range(self.options.refinements + 1):
             descender.set_samples(u)
             left = self.options.iterations - iterations
@@ -127,11 +125,24 @@ class Optimiser:
                 break
             self.constraints.raise_prices(broken)
             times = [touch.t / trajectory.duration for touch in touches] + [one.share for one in broken]
-            near = [_around(transcription.samples.u, share) for share in times]
-            u = np.concatenate([transcription.samples.u, *near])
+            u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
         return attempt
 
-    def _descender(self, transcription: Transcription) -> Descender:
+    def instants(self, control: Array) -> Array:
+        """Return the samples of a curve to begin with."""
+        u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
+        return np.concatenate([u, self.constraints.instants])
+
+    def descender(self, control: Array, margin: float | None = None, terms: Sequence[Term] = ()) -> Descender:
+        """Return what descends from curves with the ends of this one (K, n).
+
+        Args:
+            control: (K, n).
+            margin: m; instead of the option's.
+            terms: of path constraints.
+        """
+        margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
+        transcription = Transcription(self.problem, self.model, self.basis, margins, terms, self._costs)
         if self.options.solver == AUTO and core is not None and transcription.plain:
             return NativeSqp(transcription)
         return Sqp(step_solver(transcription, self.options.solver))
@@ -174,7 +185,7 @@ def _instants(basis: SplineBasis, count: int) -> Array:
     return np.concatenate([inside, extra[(extra > 0.0) & (extra < 1.0)]])
 
 
-def _around(u: Array, where: float) -> Array:
+def around(u: Array, where: float) -> Array:
     """Return new samples at `where` and half-way to both of its neighbours among u (N,)."""
     place = int(np.searchsorted(u, where))
     low, high = (u[place - 1] if place else 0.0), (u[place] if place < len(u) else 1.0)

@@ -19,11 +19,13 @@ from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions,
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import through_thinner
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
+from optiplan.planners.trajopt.moving import plan_moving
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.planners.trajopt.terms.path_constraints import Broken, broken_constraint
 from optiplan.planners.trajopt.through_vias import through_vias
+from optiplan.planners.trajopt.warm import WarmStart
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.timing.stops import stop_at_corners
@@ -63,12 +65,24 @@ class TrajOpt(Planner[TrajOptOptions]):
 
     passes_vias = True
     holds_constraints = True
+    end_derivatives = 2
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         if problem.vias:
             return through_vias(self, problem, budget, progress)
+        if problem.moving:
+            return plan_moving(self, problem, budget, progress)
         return _Run(problem, budget, progress, self.options).result()
+
+    def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan from an earlier motion; look for another way where that leads to nothing as good. See `warm`."""
+        if problem.vias:
+            return self.plan(problem, budget, progress)
+        warm = WarmStart(problem, earlier, self.options, budget, progress)
+        if warm.good or (warm.attempt is not None and budget.over):
+            return warm.result()
+        return warm.with_search(self.plan(problem, budget, progress))
 
 
 class _Run:

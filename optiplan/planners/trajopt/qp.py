@@ -80,9 +80,9 @@ class Subproblem:
     def __init__(self, transcription: Transcription, solver: str) -> None:
         self.transcription, self.solver = transcription, solver
         basis, bounds = transcription.basis, transcription.rates
-        self._rows = np.vstack(basis.derivative[1:])  # (R, K)
+        self._rows = np.vstack(basis.bounded)  # (R, K)
         self._free_rows = basis.by_variables(self._rows)  # (R, M)
-        self._order = np.concatenate([np.full(len(basis.derivative[r]), r) for r in (1, 2, 3)])  # (R,)
+        self._order = np.repeat([1, 2, 3], [len(rows) for rows in basis.bounded])  # (R,)
         self._limit = np.array(bounds)[self._order - 1]  # (R, n)
         self._met = np.zeros((2, *self._limit.shape), dtype=bool)  # rows exceeded by an earlier solution
 

@@ -48,7 +48,8 @@ def through_vias(planner: Planner[Any], problem: Problem, budget: Budget, progre
             if cost < best:
                 best = cost
                 candidates.append(candidate)
-        if k == len(_CORNERS) or budget.over or problem.path_constraints:
+        # Rounded lines begin and end at rest, and hold no constraint.
+        if k == len(_CORNERS) or budget.over or problem.moving or problem.path_constraints:
             break
         progress("rounded corners", k / len(_CORNERS))
         rounded = Rounded(_CORNERS[k]).plan(problem, budget, lambda stage, share: None)
