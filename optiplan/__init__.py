@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
+    from optiplan.problem.constraints.expression import Expression
     from optiplan.problem.constraints.statements import (
         FixedOrientation,
         JointCoupling,
@@ -93,6 +94,7 @@ _ROOMS = {
     "errors": ("InputError", "OptiPlanError"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
+    "problem.constraints.expression": ("Expression",),
     "problem.constraints.statements": (
         "FixedOrientation",
         "JointCoupling",
@@ -142,6 +144,7 @@ __all__ = [
     "Controller",
     "Cylinder",
     "DampingTask",
+    "Expression",
     "Failure",
     "FixedOrientation",
     "HalfSpace",

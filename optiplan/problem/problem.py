@@ -1,5 +1,6 @@
 """`Problem`: a planning problem as planners and the verifier read it, complete and frozen."""
 
+import hashlib
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -13,6 +14,7 @@ from optiplan.errors import path_argument, seed_argument, wrong_argument
 from optiplan.files import write_text
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.problem import to_data
+from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.from_data import Parts
 from optiplan.problem.from_python import SAID, read_arguments, read_data
@@ -133,6 +135,10 @@ class Problem:
             rest |= {"start_velocity": v, "start_acceleration": a}
             self._set({"robot": robot, **given, **labels, **rest, "source": {}, "hash": ""})
         else:
+            several = isinstance(path_constraints, Sequence)
+            own = [one for one in path_constraints if isinstance(one, Expression)] if several else []
+            if own:
+                given["path_constraints"] = [one for one in path_constraints if one not in own]
             given["start"] = start if all(rate is None for rate in rates) else to_data.moving_start(start, *rates)
             self._take(
                 read_arguments(
@@ -141,6 +147,9 @@ class Problem:
                     labels,
                 )
             )
+            if own:
+                made = self._with_expressions(own)
+                self._set({"path_constraints": made.path_constraints, "hash": made.hash})
 
     def _set(self, parts: Mapping[str, Any]) -> None:
         for name, value in parts.items():
@@ -249,8 +258,16 @@ class Problem:
         """
         return self._with(scene=scene)
 
+    def with_constraint(self, constraint: PathConstraint | Mapping[str, Any]) -> "Problem":
+        """Return the problem with one more path constraint.
+
+        Raises:
+            InputError: as of `with_constraints`.
+        """
+        return self.with_constraints(*self.path_constraints, constraint)
+
     def with_constraints(self, *constraints: PathConstraint | Mapping[str, Any]) -> "Problem":
-        """Return the problem with these path constraints, or none.
+        """Return the problem with these path constraints, or none: `op.OrientationCone(…)`, `op.Expression(…)`, ….
 
         Raises:
             InputError: as for a file: unknown frames or bodies, a start or goal that violates one.
@@ -310,6 +327,10 @@ class Problem:
         if not self.source:
             found = "a problem that was put together by hand"
             raise wrong_argument("Problem.save", "problem", found, "one that was read, or made by op.Problem(…)")
+        names = [one.name for one in self.path_constraints if isinstance(one, Expression)]
+        if names:
+            found = f"a problem with the expression '{names[0]}'"
+            raise wrong_argument("Problem.save", "problem", found, "constraints that a file can hold")
         file = path_argument("Problem.save", "path", path, "the path of a file")
         try:
             write_text(file, problem_text(self.source))
@@ -318,9 +339,12 @@ class Problem:
             raise wrong_argument("Problem.save", "path", found, "a file that can be written") from None
 
     def _with(self, **changes: Any) -> "Problem":
+        own = [one for one in changes.get("path_constraints", self.path_constraints) if isinstance(one, Expression)]
+        if "path_constraints" in changes and self.source:
+            changes["path_constraints"] = [one for one in changes["path_constraints"] if one not in own]
         if self.source:
             data = dict(self.source) | {SAID[part][0]: SAID[part][1](value) for part, value in changes.items()}
-            return Problem.of(read_data(data, self.robot)).with_seed(self.seed)
+            return Problem.of(read_data(data, self.robot)).with_seed(self.seed)._with_expressions(own)
         if {"base", "gravity"} & changes.keys():
             raise wrong_argument("Problem", "problem", "a problem that was put together by hand", "one with a source")
         if "start" in changes:
@@ -331,6 +355,15 @@ class Problem:
         if "goal" in changes and isinstance(changes["goal"], JointGoal | PoseGoal):
             changes["goal"] = (changes["goal"],)
         return replace(self, **changes)
+
+    def _with_expressions(self, own: Sequence[Expression]) -> "Problem":
+        """Return the problem with users' constraints, which no file holds and `source` does not show."""
+        if not own:
+            return self
+        digests = "".join(one.checked(self.robot, self.start) for one in own)
+        other = replace(self, path_constraints=(*self.path_constraints, *own))
+        other._set({"source": self.source, "hash": hashlib.sha256((self.hash + digests).encode()).hexdigest()})
+        return other
 
     def __repr__(self) -> str:
         """Name, robot, goal and scene in one line."""
