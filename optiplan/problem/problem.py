@@ -14,10 +14,13 @@ from optiplan.errors import InputError, described, path_argument, seed_argument,
 from optiplan.files import reading, write_text
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.problem import to_data
+from optiplan.problem.builder import RobotLoader
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.from_data import Parts, read_problem
 from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
 from optiplan.problem.statement import End, Pose, Values, ViaPoint
+from optiplan.problem.task.builder import Task, task_data
+from optiplan.problem.task.steps import Step
 from optiplan.problem.write import problem_text
 from optiplan.robot.reference import UNKNOWN
 from optiplan.robot.robot import Limits, Robot, load_robot
@@ -30,6 +33,7 @@ _HERE = "<problem>"
 _SAID = {
     "start": ("start", to_data.start_data),
     "goal": ("goal", to_data.goal_data),
+    "task": ("task", task_data),
     "vias": ("via", to_data.via_data),
     "scene": ("scene", to_data.scene_data),
     "limits": ("limits", to_data.limits_data),
@@ -51,6 +55,7 @@ class Problem:
         robot: a `Robot`, the name of a shipped one, or the path of a robot.yaml.
         start: values of the planned joints (n,), rad or m, or the name of a configuration of the robot.
         goal: a `Pose`, values of the joints (n,), the name of a configuration, or a list of alternatives.
+        task: several steps, in place of a goal.
         scene: obstacles and attached objects: a `Scene`, or a list of obstacles; None: empty.
         vias: via points in order: `ViaPoint`, `Pose`, joint values, names of configurations.
         limits: fractions in (0, 1] of the robot's own: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
@@ -70,7 +75,8 @@ class Problem:
     Attributes:
         robot: where it stands, with the masses of what it carries (`robot.mounting`).
         start: (n,), rad or m.
-        goal: alternatives of the end.
+        goal: alternatives of the end; none of a task.
+        task: steps in order; none where there is a goal.
         vias: to be passed in this order.
         limits: the robot's limits times the given fractions.
         source: the problem as plain data, all defaults filled in; what `save` writes and `run.json` stores.
@@ -94,6 +100,7 @@ class Problem:
     goal: Goal
     limits: Limits
     vias: tuple[Via, ...]
+    task: tuple[Step, ...]
     objective: Objective
     path_constraints: tuple[PathConstraint, ...]
     planner: str
@@ -106,9 +113,10 @@ class Problem:
         self,
         robot: Robot | str | Path | Mapping[str, Any],
         start: Values | str | Mapping[str, Any],
-        goal: End | Sequence[End],
+        goal: End | Sequence[End] | None = None,
         scene: Scene | Sequence[Obstacle] | Mapping[str, Any] | None = None,
         *,
+        task: Task | Sequence[Step | Mapping[str, Any]] | None = None,
         vias: Sequence[ViaPoint | Via | End] = (),
         limits: Mapping[str, float | str] | Limits | None = None,
         objective: Objective | Mapping[str, float] | None = None,
@@ -121,19 +129,20 @@ class Problem:
         seed: int = 0,
     ) -> None:
         given = {"start": start, "goal": goal, "scene": scene, "vias": vias, "limits": limits, "objective": objective}
-        given |= {"path_constraints": path_constraints}
+        given |= {"task": task, "path_constraints": path_constraints}
         stands = {"base": base, "gravity": gravity}
         labels = {"name": name, "seed": seed}
         labels |= {"planner": "trajopt" if planner is None else planner, "options": {} if options is None else options}
+        needed = "start" if goal is None and task is not None else "goal"
         if isinstance(limits, Limits):
             rest = {"scene": scene or Scene(), "vias": tuple(vias), "objective": objective or Objective()}
-            rest |= {"path_constraints": tuple(path_constraints)}
+            rest |= {"path_constraints": tuple(path_constraints), "task": tuple(task or ())}
             self._set({"robot": robot, **given, **labels, **rest, "source": {}, "hash": ""})
         else:
             self._take(
                 _read(
                     robot,
-                    {k: value for k, value in (given | stands).items() if value is not None or k in ("start", "goal")},
+                    {k: value for k, value in (given | stands).items() if value is not None or k == needed},
                     labels,
                 )
             )
@@ -198,6 +207,14 @@ class Problem:
             InputError: as for a file.
         """
         return self._with(vias=vias)
+
+    def with_task(self, task: Task | Sequence[Mapping[str, Any]]) -> "Problem":
+        """Return the problem with another task.
+
+        Raises:
+            InputError: as for a file.
+        """
+        return self._with(task=task)
 
     def with_scene(self, scene: Scene | Sequence[Obstacle]) -> "Problem":
         """Return the problem in another scene.
@@ -275,10 +292,13 @@ class Problem:
         """Name, robot, goal and scene in one line."""
         around = str(self.scene).removeprefix("Scene: ")
         past = f" past {len(self.vias)} points" if self.vias else ""
-        return f"Problem: {self.name}, {self.robot.name}, to {self._end()}{past}; {around}"
+        to = f"to {self._end()}"
+        return f"Problem: {self.name}, {self.robot.name}, {to}{past}; {around}"
 
     def _end(self) -> str:
         """The goal in words."""
+        if self.task:
+            return f"do {self.task[-1].number} steps"
         if len(self.goal) != 1:
             return f"any of {len(self.goal)} ends"
         goal = self.goal[0]
@@ -326,9 +346,22 @@ def _checked(data: Mapping[str, Any], robot: Robot | None = None) -> Parts:
     Raises:
         InputError: as for a file.
     """
-    loader = load_robot if robot is None else lambda *_: robot
+    loader = load_robot if robot is None else _loader(robot)
     try:
         with reading(None):
             return read_problem(Document(Path(_HERE), plain(data), {}), Path.cwd(), loader).whole()
     except InputError as error:
         raise error.about(_HERE, "op.Problem") from None
+
+
+def _loader(robot: Robot) -> RobotLoader:
+    """Return what loads this robot, or other groups of its joints."""
+
+    def load(
+        ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
+    ) -> Robot:
+        if group in (robot.reference.group, None):
+            return robot
+        return replace(load_robot(ref, base, locked, group), tool_frame=robot.tool_frame)
+
+    return load
