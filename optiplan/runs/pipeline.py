@@ -11,6 +11,7 @@ from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner, options_set
+from optiplan.planners.task.planner import plan_task
 from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
@@ -49,7 +50,8 @@ def run(
         name, chosen, options = type(planner).__name__, planner, options_set(planner)
     budget.start()
     began, spent = time.perf_counter(), processor_time()
-    result = plan_through(chosen, problem, budget.leaving(reserve(budget.seconds)), progress)
+    plan = plan_task if problem.task else plan_through
+    result = plan(chosen, problem, budget.leaving(reserve(budget.seconds)), progress)
     timings, spent = {"plan": time.perf_counter() - began}, processor_time() - spent
     return replace(proved(problem, name, options, result, (budget, progress, timings)), plan_cpu=spent)
 
