@@ -16,7 +16,9 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
+from optiplan.trajectory.segments import RESTING
 from optiplan.trajectory.timing.lower_bound import lower_bound
+from optiplan.trajectory.trajectory import Trajectory
 
 _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
@@ -80,7 +82,7 @@ def proved(
         began = time.perf_counter()
         selection = best_verified(problem, [*result.earlier, Candidate(result.trajectory, seconds)], budget)
         timings["verify"] = time.perf_counter() - began
-        bound = lower_bound(problem.start, selection.trajectory.end, problem.limits)
+        bound = bound_of(problem, selection.trajectory)
         began = time.perf_counter()
         metrics = measure(problem, selection.trajectory, selection.report)
         timings["measure"] = time.perf_counter() - began
@@ -99,6 +101,23 @@ def proved(
         info={**result.info, **slowed},
         improvements=() if selection is None else selection.improvements,
     )
+
+
+def bound_of(problem: Problem, trajectory: Trajectory) -> float:
+    """Return the lower bound, s, of a motion's duration: of its end, or of all that a task must do at rest.
+
+    Of a task: the sum over the stretches between the steps before and after which the robot stands still, each from
+    rest to rest; what grippers and dwelling take is counted whole.
+    """
+    if not problem.task:
+        return lower_bound(problem.start, trajectory.end, problem.limits)
+    total, begin = 0.0, 0.0
+    for segment in trajectory.segments:
+        if segment.kind in RESTING:
+            total += lower_bound(trajectory(begin), trajectory(segment.begin), problem.limits)
+            total += segment.end - segment.begin
+            begin = segment.end
+    return total + lower_bound(trajectory(begin), trajectory.end, problem.limits)
 
 
 def chosen(

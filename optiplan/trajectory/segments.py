@@ -9,6 +9,9 @@ from optiplan.errors import InputError, Issue
 EVENTS = ("attach", "detach", "gripper")
 """Kinds of segments that other programs act upon."""
 
+RESTING = (*EVENTS, "dwell")
+"""Kinds of segments before and after which the arm stands still."""
+
 
 @dataclass(frozen=True)
 class Segment:
