@@ -8,6 +8,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
 from optiplan.trajectory.trajectory import Extrema, Trajectory
 
 LEAST = 600
@@ -51,11 +52,21 @@ def motion_curves(problem: Problem, trajectory: Trajectory, least: int = LEAST) 
     q, v, a, _ = states
     X_WT, J = ToolKinematics(robot).evaluate(q)
     twist = np.einsum("kij,kj->ki", J, v)
-    data = robot.model.createData()
-    torque = np.array([pin.rnea(robot.model, data, *state).copy() for state in zip(q, v, a, strict=True)])
+    torque = _torques(problem, trajectory, t, (q, v, a))
     speed, turning = (np.linalg.norm(part, axis=1) for part in (twist[:, :3], twist[:, 3:]))
     extrema = tuple(trajectory.extrema_at(order) for order in range(4))
     return MotionCurves(t, states, torque, X_WT, speed, turning, extrema)
+
+
+def _torques(problem: Problem, trajectory: Trajectory, t: Array, states: tuple[Array, Array, Array]) -> Array:
+    """Torques (k, n) at times t (k,); of a task with the load of each part."""
+    whole = not problem.task or mismatch(problem, trajectory)
+    parts = [ScenePart(problem, 0.0, trajectory.duration)] if whole else scene_parts(problem, trajectory)
+    which = np.searchsorted([part.end for part in parts[:-1]], t)
+    models = [part.problem.robot.model for part in parts]
+    data = [model.createData() for model in models]
+    rows = zip(which, *states, strict=True)
+    return np.array([pin.rnea(models[k], data[k], *state).copy() for k, *state in rows])
 
 
 def piecewise_states(trajectory: Trajectory, least: int = LEAST) -> tuple[Array, tuple[Array, ...]]:
