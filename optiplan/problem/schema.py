@@ -374,7 +374,10 @@ def _exactly_one(spec: Strict, keys: tuple[str, ...]) -> None:
 
 
 class TaskStepSpec(Strict):
-    """One step of a task: one of the keys from `move` to `dwell` (s), and what holds during this step."""
+    """One step of a task: one of the keys from `move` to `dwell` (s), and what holds during this step.
+
+    `allowed_collisions` of an approach are for its line alone.
+    """
 
     move: MoveSpec | None = None
     line: LineSpec | None = None

@@ -50,7 +50,9 @@ class TaskReader:
             allowed = self._allowed(part)
             name = spec.name or _name(spec)
             for action in self._actions(part):
-                step = Step(number, spec.kind, name, action, allowed, constraints)
+                freely = spec.kind == "approach" and isinstance(action, Move)  # contact is for the line
+                touch = frozenset[frozenset[str]]() if freely else allowed
+                step = Step(number, spec.kind, name, action, touch, constraints)
                 found.append(LocatedValue(part.place, step))
         return found
 
