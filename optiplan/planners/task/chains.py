@@ -11,7 +11,7 @@ from optiplan.arrays import Array
 from optiplan.kinematics.ik.numeric import pose_error
 from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.cartesian.differential_ik import Aim
+from optiplan.planners.cartesian.differential_ik import Aim, gone_together
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import line
 from optiplan.planners.common.continuous_collision import first_contact
@@ -142,7 +142,7 @@ def _line(stage: Stage, action: Line, state: State, budget: Budget) -> Trajector
     path = line(start, line_end(action, start))
     first: Failure | None = None
     for avoidance in _AVOIDANCES[: 2 if problem.robot.n > 6 else 1]:
-        aim = Aim(None, avoidance)
+        aim = Aim(None, avoidance, together=gone_together(problem, action.frame))
         found = follow(stage.model, path, (action.frame, problem.start), budget, aim)
         if isinstance(found, Trajectory):
             return found
