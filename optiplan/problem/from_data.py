@@ -137,7 +137,9 @@ def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:
 
 def _goal_or_task(document: Document) -> list[Issue]:
     """Report a file with neither a goal nor a task, or with both, or with vias beside a task."""
-    data = document.data if isinstance(document.data, Mapping) else {}
+    data = document.data
+    if not isinstance(data, Mapping):
+        return []
     if "goal" not in data and "task" not in data:
         return [document.issue(("goal",), "nothing", "this key, or `task`, one of which is required")]
     if "task" not in data:

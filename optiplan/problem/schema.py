@@ -301,7 +301,7 @@ class LineSpec(Strict):
     @model_validator(mode="after")
     def _one_end(self) -> Self:
         _exactly_one(self, ("pose", "by"))
-        if self.pose is not None and {"in_", "frame"} & self.model_fields_set:
+        if self.pose is not None and (self.in_ != "world" or self.frame is not None):
             raise ValueError("found `in` or `frame` of the line; expected `frame` of the pose")
         return self
 
