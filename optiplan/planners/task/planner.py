@@ -14,6 +14,7 @@ from optiplan.planners.task.chains import Done, of_step
 from optiplan.planners.task.flow import flowing
 from optiplan.planners.task.line_timing import line_limits, timed_line
 from optiplan.planners.task.search import TaskSearch
+from optiplan.planners.task.stretches import Stretch
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import Dwell
 from optiplan.robot.robot import Robot
@@ -44,16 +45,16 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     failed = next((one for one in timed if isinstance(one, Failure)), None)
     if failed is not None:
         return PlanResult(None, failed, watch.seconds)
-    motions = [one for one in timed if not isinstance(one, Failure)]
-    first = Candidate(joined(problem, done, motions), time.perf_counter() - began)
+    stretches = [Stretch.of(a, b) for a, b in zip(done, timed, strict=True) if not isinstance(b, Failure)]
+    first = Candidate(joined(problem, stretches), time.perf_counter() - began)
     info: dict[str, Any] = {"moves": search.infos, "attempts": search.attempts}
     with watch.stage("flow"):
-        better = flowing(problem, done, motions, budget, progress)
+        flow = flowing(stretches, budget, progress)
     info["cut_short"] = budget.over
-    if better is None:
+    if len(flow) == len(stretches):
         return PlanResult(first.trajectory, None, watch.seconds, info, (), first.seconds)
-    info["stops"] = first.trajectory.duration
-    return PlanResult(better, None, watch.seconds, info, (first,), time.perf_counter() - began)
+    info |= {"duration_with_stops": first.trajectory.duration, "stops_left_out": len(stretches) - len(flow)}
+    return PlanResult(joined(problem, flow), None, watch.seconds, info, (first,), time.perf_counter() - began)
 
 
 def _timed(done: Done) -> "Trajectory | float | Failure":
@@ -72,22 +73,23 @@ def _timed(done: Done) -> "Trajectory | float | Failure":
     return motion
 
 
-def joined(problem: Problem, done: Sequence[Done], motions: "Sequence[Trajectory | float]") -> Trajectory:
-    """Join the motions of steps, each at rest at both ends, to one of all joints, with its segments."""
+def joined(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
+    """Join stretches, each at rest at both ends, to one motion of all joints, with its segments."""
     parts: list[Trajectory] = []
     segments: list[Segment] = []
     begin = 0.0
-    for one, motion in zip(done, motions, strict=True):
-        step, end = one.step, begin
+    for stretch in stretches:
+        first, motion = stretch.done[0], stretch.motion
         if isinstance(motion, Trajectory):
-            assert one.stage is not None
-            parts.append(whole(problem.robot, one.stage.columns, motion, one.before.q))
-            end = begin + motion.duration
+            assert first.stage is not None
+            parts.append(whole(problem.robot, first.stage.columns, motion, first.before.q))
         elif motion > 0.0:
-            parts.append(_still(problem.robot, one.before.q, motion))
-            end = begin + motion
-        segments.append(Segment(step.number, step.kind, step.name, begin, end))
-        begin = end
+            parts.append(_still(problem.robot, first.before.q, motion))
+        since = begin
+        for one, end in zip(stretch.done, stretch.ends, strict=True):
+            segments.append(Segment(one.step.number, one.step.kind, one.step.name, since, begin + end))
+            since = begin + end
+        begin = since
     return concatenated(parts or [_still(problem.robot, problem.start, 1e-3)], segments)
 
 
