@@ -86,9 +86,9 @@ class Compiler:
 
     def _more_groups(self, robot: Robot) -> list[str]:
         """Return the groups that steps of the task name and that are not planned anyway."""
-        named = []
+        named: list[str] = []
         for part in self.draft.task:
-            group = getattr(getattr(part.value, part.value.kind), "group", None)
+            group = str(getattr(getattr(part.value, part.value.kind), "group", None))
             if group in robot.groups and not set(robot.groups[group]) <= set(robot.joint_names):
                 named.append(group)
         return list(dict.fromkeys(named))

@@ -19,7 +19,7 @@ from optiplan.problem.hashing import meshes_of, problem_hash
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
-from optiplan.problem.task.steps import Step
+from optiplan.problem.task.steps import TaskStep
 from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
 
 TOUCHING = 1e-12
@@ -40,7 +40,7 @@ class Parts:
     goal: Goal
     limits: Limits
     vias: tuple[Via, ...]
-    task: tuple[Step, ...]
+    task: tuple[TaskStep, ...]
     objective: Objective
     path_constraints: tuple[PathConstraint, ...]
     planner: str
@@ -75,7 +75,7 @@ class _Places:
     start: Array | None
     goal: Sequence[LocatedValue[JointGoal | PoseGoal]]
     vias: Sequence[LocatedValue[Via]]
-    task: Sequence[LocatedValue[Step]]
+    task: Sequence[LocatedValue[TaskStep]]
     constraints: Sequence[LocatedValue[PathConstraint]]
 
 

@@ -20,7 +20,7 @@ from optiplan.problem.from_data import Parts, read_problem
 from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
 from optiplan.problem.statement import End, Pose, Values, ViaPoint
 from optiplan.problem.task.builder import Task, task_data
-from optiplan.problem.task.steps import Step
+from optiplan.problem.task.steps import TaskStep
 from optiplan.problem.write import problem_text
 from optiplan.robot.reference import UNKNOWN
 from optiplan.robot.robot import Limits, Robot, load_robot
@@ -100,7 +100,7 @@ class Problem:
     goal: Goal
     limits: Limits
     vias: tuple[Via, ...]
-    task: tuple[Step, ...]
+    task: tuple[TaskStep, ...]
     objective: Objective
     path_constraints: tuple[PathConstraint, ...]
     planner: str
@@ -116,7 +116,7 @@ class Problem:
         goal: End | Sequence[End] | None = None,
         scene: Scene | Sequence[Obstacle] | Mapping[str, Any] | None = None,
         *,
-        task: Task | Sequence[Step | Mapping[str, Any]] | None = None,
+        task: Task | Sequence[TaskStep | Mapping[str, Any]] | None = None,
         vias: Sequence[ViaPoint | Via | End] = (),
         limits: Mapping[str, float | str] | Limits | None = None,
         objective: Objective | Mapping[str, float] | None = None,
@@ -136,7 +136,7 @@ class Problem:
         needed = "start" if goal is None and task is not None else "goal"
         if isinstance(limits, Limits):
             rest = {"scene": scene or Scene(), "vias": tuple(vias), "objective": objective or Objective()}
-            rest |= {"path_constraints": tuple(path_constraints), "task": tuple(task or ())}
+            rest |= {"path_constraints": tuple(path_constraints), "task": _steps(task)}
             self._set({"robot": robot, **given, **labels, **rest, "source": {}, "hash": ""})
         else:
             self._take(
@@ -316,6 +316,11 @@ class Problem:
         }
         cells = "".join(f"<tr><th>{key}</th><td>{html.escape(str(v))}</td></tr>" for key, v in rows.items() if v)
         return f"<table><caption>Problem: {html.escape(self.name)}</caption>{cells}</table>"
+
+
+def _steps(task: Any) -> tuple[TaskStep, ...]:
+    """Return the steps of a problem that is put together by hand."""
+    return () if task is None else tuple(task)
 
 
 def _read(robot: Any, given: Mapping[str, Any], labels: Mapping[str, Any]) -> Parts:

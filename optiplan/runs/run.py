@@ -170,7 +170,7 @@ class Run:
             "seed": self.problem.seed,
             "verified": self.verified,
             "duration": self.duration,
-            **({} if self.trajectory is None or not self.trajectory.segments else segment_data(self.trajectory.segments)),
+            **(segment_data(self.trajectory.segments) if self.trajectory and self.trajectory.segments else {}),
             "lower_bound": self.lower_bound,
             "lower_bound_of": None if self.lower_bound is None else self.lower_bound_of,
             "ratio": self.ratio,

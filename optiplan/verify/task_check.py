@@ -12,7 +12,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.constraints.statements import OnLine, OrientationCone, PairClearance, PathConstraint
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem, Via
 from optiplan.problem.task.scene_change import columns, scene_during
-from optiplan.problem.task.steps import Attach, Detach, Dwell, Line, Move, Step
+from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.trajectory import Trajectory
@@ -34,7 +34,7 @@ EVENLY = 1e-3
 class _Part:
     """A step in time: its own problem, the motion while it is done, and when it begins, s."""
 
-    step: Step
+    step: TaskStep
     problem: Problem
     motion: Trajectory | None
     begin: float
@@ -42,7 +42,7 @@ class _Part:
 
 
 def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
-    """Return the checks of a motion that does a task; only that of its segments where these are not the task's steps."""
+    """Return the checks of a motion that does a task; only the first where its segments are not the task's steps."""
     steps = _segments(problem, trajectory)
     if not steps.passed:
         return [steps]
@@ -109,7 +109,7 @@ def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
         yield _Part(step, own, motion, begin, trajectory(end))
 
 
-def _scene_problem(problem: Problem, scene: Scene, step: Step) -> Problem:
+def _scene_problem(problem: Problem, scene: Scene, step: TaskStep) -> Problem:
     return part_problem(problem, scene_during(scene, step))
 
 
@@ -119,9 +119,9 @@ def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
         action = part.step.action
         if isinstance(action, Move):
             ends = [_of_all(part.problem, action.joints, end, part.q) for end in action.goal]
-        elif isinstance(action, Line) and action.ends:
+        elif isinstance(action, StraightLine) and action.ends:
             ends = list(action.ends)
-        elif isinstance(action, Line) and part.motion is not None:
+        elif isinstance(action, StraightLine) and part.motion is not None:
             ends = [_moved_by(part, action)]
         else:
             continue
@@ -131,8 +131,9 @@ def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
         yield replace(_named(check, part), time=part.begin + length)
 
 
-def _moved_by(part: _Part, action: Line) -> PoseGoal:
-    assert part.motion is not None and action.by is not None
+def _moved_by(part: _Part, action: StraightLine) -> PoseGoal:
+    assert part.motion is not None
+    assert action.by is not None
     X = _pose(part.problem, action.frame, part.motion.start)
     by = X.rotation @ action.by if action.in_tool else action.by
     return PoseGoal(action.frame, pin.SE3(X.rotation, X.translation + by))
@@ -166,14 +167,14 @@ def _lines(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
     """Check that the frames of lines move straight and turn about one axis, or not at all."""
     for part in parts:
         action = part.step.action
-        if not isinstance(action, Line) or part.motion is None:
+        if not isinstance(action, StraightLine) or part.motion is None:
             continue
         own = replace(part.problem, path_constraints=tuple(_straight(part, action, part.motion)))
         for check in path_constraints(own, part.motion, policy):
             yield replace(_later(_named(check, part), part.begin), name="line")
 
 
-def _straight(part: _Part, action: Line, motion: Trajectory) -> Iterator[PathConstraint]:
+def _straight(part: _Part, action: StraightLine, motion: Trajectory) -> Iterator[PathConstraint]:
     """Return what a line means: the origin on the segment; two axes fixed, or the one that it turns about."""
     X, Y = (_pose(part.problem, action.frame, q) for q in (motion.start, motion.end))
     yield OnLine(action.frame, X.translation, Y.translation, STRAIGHT)
@@ -206,7 +207,7 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
             elif isinstance(action, Dwell):
                 failed = failed or f"{step.words} does not last"
             continue
-        moving = action.joints if isinstance(action, Move | Line) else ()
+        moving = action.joints if isinstance(action, Move | StraightLine) else ()
         own = [k for k, name in enumerate(problem.robot.joint_names) if name not in moving]
         low, high = part.motion.extrema(0)
         moved = float((high - low)[own].max(initial=0.0))

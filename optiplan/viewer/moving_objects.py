@@ -8,7 +8,7 @@ import pinocchio as pin
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shapes import Shape
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.steps import Attach, Detach, Step
+from optiplan.problem.task.steps import Attach, Detach, TaskStep
 from optiplan.problem.task.timeline import mismatch, steps_in_time
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
@@ -32,7 +32,7 @@ class MovingObject:
     stays: tuple[Stay, ...]
 
 
-def moved_by(task: Sequence[Step]) -> frozenset[str]:
+def moved_by(task: Sequence[TaskStep]) -> frozenset[str]:
     """Return the names of what a task takes or releases."""
     return frozenset(step.action.body for step in task if isinstance(step.action, Attach | Detach))
 

@@ -10,10 +10,10 @@ from optiplan.collision.model import CollisionModel, Contact
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.collision_check import checked_robot
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.clearance_record import ClearanceBound, ClearanceRecord
 from optiplan.verify.report import VerifyPolicy
-from optiplan.verify.collision_check import checked_robot
 from optiplan.viewer.surfaces import packed
 
 _EVEN = 160  # samples of the distance, evenly spread

@@ -226,7 +226,7 @@ def _moving_objects(parts: _Parts, problem: Problem, run: ViewedRun) -> list[dic
     for one in object_stays(problem, run.trajectory):
         drawn = parts.geometry(one.shape, partial(_encode_shape, one.shape))
         stays = [
-            {"begin": stay.begin, "body": stay.body, "pose": [round(x, 9) for x in pin.SE3ToXYZQUAT(stay.X_BO).tolist()]}
+            {"begin": stay.begin, "body": stay.body, "pose": np.round(pin.SE3ToXYZQUAT(stay.X_BO), 9).tolist()}
             for stay in one.stays
         ]
         look = {"geometry": drawn, "colour": list(_HELD), "name": one.name, "owner": one.name}

@@ -194,7 +194,7 @@ class ToolMotion(Planner[Options]):
         tool = ToolLimits(frame, **limits) if limits else None
         method = None if o.profile is None else _METHODS[o.profile]
         robot, joint_limits = work.problem.robot, work.problem.limits
-        timed = time_path(followed, robot, joint_limits, TimingOptions(method, tool, lambda: work.budget.over))
+        timed = time_path(followed, robot, joint_limits, TimingOptions(method, tool, stop=lambda: work.budget.over))
         if timed is None:
             samples = followed(np.linspace(0.0, followed.duration, _SAMPLES))
             return too_heavy(robot, joint_limits, samples)

@@ -16,10 +16,10 @@ from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import line
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import end_collides
-from optiplan.planners.task.stages import Stage, Stages, State
+from optiplan.planners.task.stages import Situation, Stage, Stages
 from optiplan.problem.problem import JointGoal
 from optiplan.problem.task.scene_change import scene_after
-from optiplan.problem.task.steps import Attach, Detach, Dwell, Line, Move, Step
+from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -38,16 +38,16 @@ class Done:
         curve: their motion: timed, or of a line its path over s from 0 to 1; None where none moves.
     """
 
-    step: Step
-    before: State
-    after: State
+    step: TaskStep
+    before: Situation
+    after: Situation
     stage: Stage | None = None
     curve: Trajectory | None = None
 
     @property
     def is_line(self) -> bool:
         """Whether `curve` is the path of a line."""
-        return isinstance(self.step.action, Line)
+        return isinstance(self.step.action, StraightLine)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +63,12 @@ class Chain:
         return len(self.done), share
 
 
-def is_chained(step: Step) -> bool:
+def is_chained(step: TaskStep) -> bool:
     """Whether a step leaves nothing to be chosen: anything but a move that is not a gripper's."""
     return not isinstance(step.action, Move) or step.kind == "gripper"
 
 
-def do_chain(stages: Stages, state: State, steps: Sequence[Step], budget: Budget) -> Chain:
+def do_chain(stages: Stages, state: Situation, steps: Sequence[TaskStep], budget: Budget) -> Chain:
     """Do steps without choice from a state, as far as they can be done."""
     done: list[Done] = []
     for step in steps:
@@ -80,7 +80,7 @@ def do_chain(stages: Stages, state: State, steps: Sequence[Step], budget: Budget
     return Chain(tuple(done))
 
 
-def of_step(failure: Failure, step: Step, state: State, stage: Stage | None = None) -> Failure:
+def of_step(failure: Failure, step: TaskStep, state: Situation, stage: Stage | None = None) -> Failure:
     """Return a failure that names its step, with the configuration of the whole robot as its witness."""
     witness: dict[str, Any] = {**failure.witness, "step": step.number, "step_name": step.name}
     q = witness.get("q")
@@ -91,7 +91,7 @@ def of_step(failure: Failure, step: Step, state: State, stage: Stage | None = No
     return replace(failure, detail=f"{step.words}: {failure.detail}", witness=witness)
 
 
-def _do(stages: Stages, state: State, step: Step, budget: Budget) -> Done | Failure:
+def _do(stages: Stages, state: Situation, step: TaskStep, budget: Budget) -> Done | Failure:
     action = step.action
     if isinstance(action, Attach | Detach):
         return _event(stages, state, step, action)
@@ -105,12 +105,12 @@ def _do(stages: Stages, state: State, step: Step, budget: Budget) -> Done | Fail
             whole = stage.whole(np.asarray(q, float), state).tolist()
             return replace(curve, witness={**curve.witness, "q": whole})
         return curve
-    return Done(step, state, State(stage.whole(curve.end, state), state.scene), stage, curve)
+    return Done(step, state, Situation(stage.whole(curve.end, state), state.scene), stage, curve)
 
 
-def _event(stages: Stages, state: State, step: Step, action: Attach | Detach) -> Done | Failure:
+def _event(stages: Stages, state: Situation, step: TaskStep, action: Attach | Detach) -> Done | Failure:
     scene = scene_after(state.scene, action, stages.problem.robot, state.q)
-    after = State(state.q, scene)
+    after = Situation(state.q, scene)
     stage = stages.at(after, step, stages.problem.robot.joint_names)
     if stage.model.collides(state.q):
         failure = end_collides(stage.model, state.q, "goal")
@@ -135,7 +135,7 @@ def _straight(stage: Stage, action: Move) -> Trajectory | Failure:
     return Failure("collision", f"'{pair.name_a}' meets '{pair.name_b}'", touch.witness())
 
 
-def _line(stage: Stage, action: Line, state: State, budget: Budget) -> Trajectory | Failure:
+def _line(stage: Stage, action: StraightLine, state: Situation, budget: Budget) -> Trajectory | Failure:
     """Follow the line; a redundant arm tries several ways to use its freedom."""
     problem = stage.problem
     start = frame_pose(problem.robot, problem.start, action.frame)
@@ -151,7 +151,7 @@ def _line(stage: Stage, action: Line, state: State, budget: Budget) -> Trajector
     return first
 
 
-def line_end(action: Line, start: pin.SE3) -> pin.SE3:
+def line_end(action: StraightLine, start: pin.SE3) -> pin.SE3:
     """Return the pose at which a line from `start` ends: the nearest of its ends, or `start` moved by its vector."""
     if action.by is None:
         return min((end.X_WG for end in action.ends), key=lambda X: _miss(start, X))

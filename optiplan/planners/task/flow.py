@@ -12,6 +12,7 @@ move ends.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -71,7 +72,8 @@ def _goes_on(before: Stretch, after: Stretch) -> bool:
     a, b = before.done[-1], after.done[0]
     if not (_can_flow(a) and _can_flow(b)) or (a.is_line and b.is_line):
         return False
-    assert a.stage is not None and b.stage is not None
+    assert a.stage is not None
+    assert b.stage is not None
     return a.stage.columns == b.stage.columns and a.after.scene is b.before.scene
 
 
@@ -207,7 +209,8 @@ class _Path:
 
 def _element(done: Done) -> _Element:
     """Return a step's curve over a parameter in which the fastest joint runs about at its speed limit."""
-    assert done.curve is not None and done.stage is not None
+    assert done.curve is not None
+    assert done.stage is not None
     speed = done.stage.problem.limits.velocity
     t = np.linspace(0.0, done.curve.duration, _SAMPLES + 1)
     Q = done.curve(t)
@@ -260,11 +263,11 @@ def _between(element: _Element, meets: tuple[Array | None, Array | None], cuts: 
         gap = _gap(meets[0], element.state(begin), speed)
         pieces.append(gap[0])
         widths.append(gap[1])
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges.tolist()):
         piece = np.zeros((6, len(speed)))
-        piece[:4] = _taylor(element.curve, float(low), float(high))
+        piece[:4] = _taylor(element.curve, low, high)
         pieces.append(piece)
-        widths.append(float(high - low))
+        widths.append(high - low)
     if meets[1] is not None:
         gap = _gap(element.state(end), meets[1], speed)
         pieces.append(gap[0])

@@ -5,7 +5,7 @@ import numpy as np
 from optiplan.planners.task.chains import Done
 from optiplan.planners.task.stages import Stage
 from optiplan.problem.constraints.statements import ToolSpeed
-from optiplan.problem.task.steps import Line
+from optiplan.problem.task.steps import StraightLine
 from optiplan.trajectory.timing.time_path import TimingOptions, ToolLimits, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -13,7 +13,8 @@ from optiplan.trajectory.trajectory import Trajectory
 def line_limits(done: Done) -> ToolLimits | None:
     """Return what limits the tool along a line: its own speed, and constraints of speed of the same frame."""
     action = done.step.action
-    assert isinstance(action, Line) and done.stage is not None
+    assert isinstance(action, StraightLine)
+    assert done.stage is not None
     linear, angular = action.speed, np.inf
     for one in done.stage.problem.path_constraints:
         if isinstance(one, ToolSpeed) and one.frame == action.frame:

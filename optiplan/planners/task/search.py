@@ -7,7 +7,7 @@ cheapest path is planned, edge by edge, until one holds (Dellin and Srinivasa 20
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -19,9 +19,9 @@ from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import goal_sampler
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.task.chains import Chain, Done, do_chain, is_chained, of_step
-from optiplan.planners.task.stages import Stages, State
+from optiplan.planners.task.stages import Situation, Stages
 from optiplan.problem.problem import JointGoal, Problem
-from optiplan.problem.task.steps import Move, Step
+from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 
 _CANDIDATES, _MORE = 8, 24
@@ -44,11 +44,11 @@ _ALIKE = 5e-3
 class Leg:
     """A move, None for what comes before the first, and the steps without choice that follow it."""
 
-    move: Step | None
-    chain: tuple[Step, ...]
+    move: TaskStep | None
+    chain: tuple[TaskStep, ...]
 
 
-def legs_of(task: Sequence[Step]) -> list[Leg]:
+def legs_of(task: Sequence[TaskStep]) -> list[Leg]:
     """Cut a task into legs, the first of which has no move."""
     moves = [k for k, step in enumerate(task) if not is_chained(step)]
     legs = [Leg(None, tuple(task[: moves[0] if moves else len(task)]))]
@@ -65,7 +65,7 @@ class _Node:
     """
 
     q: Array
-    after: State
+    after: Situation
     seconds: float
     edges: list[float] = field(default_factory=list)
     cost: float = 0.0
@@ -79,7 +79,7 @@ class _Planned:
     info: dict[str, Any]
 
     @property
-    def after(self) -> State:
+    def after(self) -> Situation:
         return self.done[-1].after
 
 
@@ -95,7 +95,7 @@ class TaskSearch:
 
     def run(self) -> list[Done] | Failure:
         """Search within the budget."""
-        start = State(self.problem.start, self.problem.scene)
+        start = Situation(self.problem.start, self.problem.scene)
         first = do_chain(self.stages, start, self.legs[0].chain, self.budget)
         if first.failure is not None:
             return self._late() or first.failure
@@ -117,7 +117,8 @@ class TaskSearch:
 
     def _layer(self, leg: Leg, before: list[_Node]) -> list[_Node] | Failure:
         """Return the candidates of a leg, the cheapest to reach first."""
-        assert leg.move is not None and isinstance(leg.move.action, Move)
+        assert leg.move is not None
+        assert isinstance(leg.move.action, Move)
         costs = np.array([node.cost for node in before])
         kinds: list[list[int]] = []
         for i in np.argsort(costs, kind="stable").tolist():
@@ -138,11 +139,10 @@ class TaskSearch:
             return max(failures, key=lambda item: item[0])[1]
         return sorted(nodes, key=lambda node: node.cost)[:_KEPT]
 
-    def _candidates(
-        self, leg: Leg, state: State, failures: list[tuple[tuple[int, float], Failure]]
-    ) -> list[_Node]:
+    def _candidates(self, leg: Leg, state: Situation, failures: list[tuple[tuple[int, float], Failure]]) -> list[_Node]:
         """Return the configurations from which what follows a move can be done."""
-        assert leg.move is not None and isinstance(leg.move.action, Move)
+        assert leg.move is not None
+        assert isinstance(leg.move.action, Move)
         stage = self.stages.at(state, leg.move, leg.move.action.joints)
         sampler = goal_sampler(
             stage.to(leg.move.action.goal), stage.model, self.budget, _CANDIDATES, nearer=not leg.chain
@@ -156,7 +156,7 @@ class TaskSearch:
         while configurations and not self.budget.over:
             for q in configurations:
                 tried += 1
-                arrived = State(stage.whole(q, state), state.scene)
+                arrived = Situation(stage.whole(q, state), state.scene)
                 chain = do_chain(self.stages, arrived, leg.chain, self.budget)
                 if chain.failure is None:
                     after = chain.done[-1].after if chain.done else arrived
@@ -170,7 +170,7 @@ class TaskSearch:
             configurations = sampler.more(_CANDIDATES, lambda: self.budget.over)
         return good
 
-    def _alike(self, a: State, b: State, move: Move) -> bool:
+    def _alike(self, a: Situation, b: Situation, move: Move) -> bool:
         """Whether what stands still in a step, what is held and what is not are in about the same place."""
         others = [k for k, name in enumerate(self.problem.robot.joint_names) if name not in move.joints]
         if np.abs(a.q[others] - b.q[others]).max(initial=0.0) > _SAME:
@@ -189,7 +189,7 @@ class TaskSearch:
     def _bound(self, q: Array, other: Array) -> float:
         return float(lower_bounds(q, other[None], self.problem.limits)[0])
 
-    def _plan(self, layers: list[list[_Node]], start: State) -> list[Done] | Failure:
+    def _plan(self, layers: list[list[_Node]], start: Situation) -> list[Done] | Failure:
         """Plan the cheapest path through the layers, edge by edge, until one holds."""
         known: dict[tuple[int, ...], _Planned] = {}
         failure: Failure | None = None
@@ -206,7 +206,7 @@ class TaskSearch:
         return failure or out_of_time(self.budget, "planning the task")
 
     def _along(
-        self, layers: list[list[_Node]], path: tuple[int, ...], start: State, known: dict[tuple[int, ...], _Planned]
+        self, layers: list[list[_Node]], path: tuple[int, ...], start: Situation, known: dict[tuple[int, ...], _Planned]
     ) -> list[_Planned] | Failure:
         """Plan the moves of one path; the first that cannot be planned is barred."""
         found: list[_Planned] = []
@@ -225,10 +225,11 @@ class TaskSearch:
             state = known[prefix].after
         return found
 
-    def _planned(self, k: int, state: State, node: _Node) -> _Planned | Failure:
+    def _planned(self, k: int, state: Situation, node: _Node) -> _Planned | Failure:
         """Plan the move of a leg exactly, then do what follows it."""
         leg = self.legs[k]
-        assert leg.move is not None and isinstance(leg.move.action, Move)
+        assert leg.move is not None
+        assert isinstance(leg.move.action, Move)
         stage = self.stages.at(state, leg.move, leg.move.action.joints)
         goal = JointGoal(node.q[stage.columns])
         problem = stage.to((goal,), leg.move.action.vias)
@@ -241,7 +242,7 @@ class TaskSearch:
         if result.trajectory is None:
             failure = result.failure or Failure("no-path", "no motion was found")
             return of_step(failure, leg.move, state, stage)
-        arrived = State(stage.whole(result.trajectory.end, state), state.scene)
+        arrived = Situation(stage.whole(result.trajectory.end, state), state.scene)
         chain = do_chain(self.stages, arrived, leg.chain, self.budget)
         if chain.failure is not None:
             return chain.failure

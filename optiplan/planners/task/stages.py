@@ -10,14 +10,14 @@ from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Goal, Problem, Via
 from optiplan.problem.task.scene_change import carrying, columns, scene_during, standing
-from optiplan.problem.task.steps import Step
+from optiplan.problem.task.steps import TaskStep
 
 _SAME = 1e-12
 """rad or m: joints that stand still nearer than this stand in one place."""
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class Situation:
     """Where all joints stand, q (n,), and what the scene is then."""
 
     q: Array
@@ -38,7 +38,7 @@ class Stage:
     model: CollisionModel
     columns: list[int]
 
-    def whole(self, q: Array, state: State) -> Array:
+    def whole(self, q: Array, state: Situation) -> Array:
         """Return a configuration of the whole robot (n,) with the joints of this stage at q (k,)."""
         found = np.array(state.q)
         found[self.columns] = q
@@ -56,7 +56,7 @@ class Stages:
         self.problem = problem
         self._known: list[tuple[tuple[object, ...], Array, Scene, Stage]] = []
 
-    def at(self, state: State, step: Step, joints: tuple[str, ...]) -> Stage:
+    def at(self, state: Situation, step: TaskStep, joints: tuple[str, ...]) -> Stage:
         """Return the stage of a step from a state."""
         own = columns(self.problem.robot, joints)
         others = np.delete(state.q, own)

@@ -25,13 +25,16 @@ class Task:
 
     Example:
         >>> import optiplan as op
-        >>> op.Task().approach(op.Pose((0.5, 0, 0.05), rpy=(3.1416, 0, 0)), 0.1).attach("cube", "panda_hand").retreat(0.1)
+        >>> down = op.Pose((0.5, 0, 0.05), rpy=(3.1416, 0, 0))
+        >>> op.Task().approach(down, 0.1).attach("cube", "panda_hand").retreat(0.1)
         Task: approach, attach cube, retreat
     """
 
     steps: tuple[Mapping[str, Any], ...] = field(default=())
 
-    def move(self, to: End | Sequence[End], *, vias: Sequence[ViaPoint | End] = (), group: str | None = None, **step: Any) -> "Task":
+    def move(
+        self, to: End | Sequence[End], *, vias: Sequence[ViaPoint | End] = (), group: str | None = None, **step: Any
+    ) -> "Task":
         """Go to an end, or any of several.
 
         Args:

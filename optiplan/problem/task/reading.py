@@ -26,7 +26,7 @@ from optiplan.problem.schema import (
     TaskStepSpec,
     ViaSpec,
 )
-from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Line, Move, Step
+from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.robot.robot import Robot
 
 Located = LocatedValue[TaskStepSpec]
@@ -40,19 +40,21 @@ class TaskReader:
         self._held = {held.name for held in scene.attached}
         self._free = {obstacle.name for obstacle in scene.obstacles}
 
-    def steps(self) -> list[LocatedValue[Step]]:
+    def steps(self) -> list[LocatedValue[TaskStep]]:
         """Return the valid steps; an approach gives two."""
-        found: list[LocatedValue[Step]] = []
+        found: list[LocatedValue[TaskStep]] = []
         for part in self.compiler.draft.task:
             spec, number = part.value, int(part.place[-1]) + 1
-            kept = [LocatedValue((*part.place, "path_constraints", i), one) for i, one in enumerate(spec.path_constraints)]
+            kept = [
+                LocatedValue((*part.place, "path_constraints", i), one) for i, one in enumerate(spec.path_constraints)
+            ]
             constraints = tuple(one.value for one in self.compiler.constraints(self.robot, self.scene, kept))
             allowed = self._allowed(part)
             name = spec.name or _name(spec)
             for action in self._actions(part):
                 freely = spec.kind == "approach" and isinstance(action, Move)  # contact is for the line
                 touch = frozenset[frozenset[str]]() if freely else allowed
-                step = Step(number, spec.kind, name, action, touch, constraints)
+                step = TaskStep(number, spec.kind, name, action, touch, constraints)
                 found.append(LocatedValue(part.place, step))
         return found
 
@@ -131,22 +133,22 @@ class TaskReader:
     def _pose(self, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
         return self.compiler.pose_goal(self.robot, place, spec)
 
-    def _line(self, place: Place, spec: LineSpec) -> Iterator[Line]:
+    def _line(self, place: Place, spec: LineSpec) -> Iterator[StraightLine]:
         joints = self._joints(place, spec.group)
         speed = np.inf if spec.speed is None else spec.speed
         if spec.pose is not None:
             end = self._pose((*place, "pose"), spec.pose)
             if end is not None and joints is not None:
-                yield Line(joints, end.frame, (end,), speed=speed)
+                yield StraightLine(joints, end.frame, (end,), speed=speed)
             return
         frame = self._frame(place, spec.frame)
         by = np.array(spec.by, float)
         if not np.linalg.norm(by) > 0.0:
             self.compiler.report((*place, "by"), "no distance at all", "a vector of some length, m")
         elif frame is not None and joints is not None:
-            yield Line(joints, frame, by=by, in_tool=spec.in_ == "tool", speed=speed)
+            yield StraightLine(joints, frame, by=by, in_tool=spec.in_ == "tool", speed=speed)
 
-    def _approach(self, place: Place, spec: ApproachSpec) -> Iterator[Move | Line]:
+    def _approach(self, place: Place, spec: ApproachSpec) -> Iterator[Move | StraightLine]:
         joints = self._joints(place, spec.group)
         given = [((*place, "pose"), spec.pose)] if spec.pose is not None else []
         given += [((*place, "any_of", i), one) for i, one in enumerate(spec.any_of or ())]
@@ -160,13 +162,13 @@ class TaskReader:
         back = pin.SE3(np.eye(3), -spec.distance * _unit(spec.along))
         before = tuple(PoseGoal(end.frame, end.X_WG * back, end.position, end.orientation) for end in ends)
         yield Move(joints, before, vias)
-        yield Line(joints, ends[0].frame, ends, speed=np.inf if spec.speed is None else spec.speed)
+        yield StraightLine(joints, ends[0].frame, ends, speed=np.inf if spec.speed is None else spec.speed)
 
-    def _retreat(self, place: Place, spec: RetreatSpec) -> Iterator[Line]:
+    def _retreat(self, place: Place, spec: RetreatSpec) -> Iterator[StraightLine]:
         joints, frame = self._joints(place, spec.group), self._frame(place, spec.frame)
         if joints is not None and frame is not None:
             by, speed = spec.distance * _unit(spec.along), np.inf if spec.speed is None else spec.speed
-            yield Line(joints, frame, by=by, in_tool=spec.in_ == "tool", speed=speed)
+            yield StraightLine(joints, frame, by=by, in_tool=spec.in_ == "tool", speed=speed)
 
     def _frame(self, place: Place, name: str | None) -> str | None:
         if name is None or name in frame_names(self.robot):

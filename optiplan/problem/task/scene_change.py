@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
-from optiplan.problem.task.steps import Attach, Detach, Step
+from optiplan.problem.task.steps import Attach, Detach, TaskStep
 from optiplan.robot.robot import Robot
 
 Body = TypeVar("Body", Obstacle, Attachment)
@@ -27,9 +27,7 @@ def scene_after(scene: Scene, action: Attach | Detach, robot: Robot, q: Array) -
         body = _named(scene.obstacles, action.body)
         X_WL = data.oMf[robot.model.getFrameId(action.link, pin.FrameType.BODY)]
         weight = action.mass, action.centre, action.inertia
-        held = Attachment(
-            body.name, body.shape, action.link, X_WL.actInv(body.X_WO), action.touch, None, *weight
-        )
+        held = Attachment(body.name, body.shape, action.link, X_WL.actInv(body.X_WO), action.touch, None, *weight)
         return replace(
             scene,
             obstacles=tuple(one for one in scene.obstacles if one.name != body.name),
@@ -44,7 +42,7 @@ def scene_after(scene: Scene, action: Attach | Detach, robot: Robot, q: Array) -
     )
 
 
-def scene_during(scene: Scene, step: Step) -> Scene:
+def scene_during(scene: Scene, step: TaskStep) -> Scene:
     """Return the scene with the contacts allowed that a step allows."""
     return scene if step.allowed <= scene.allowed else replace(scene, allowed=scene.allowed | step.allowed)
 

@@ -26,7 +26,7 @@ class Move:
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class StraightLine:
     """A frame goes straight to a pose, turning evenly about one axis, or by a vector, not turning.
 
     Attributes:
@@ -72,11 +72,11 @@ class Dwell:
     seconds: float
 
 
-Action: TypeAlias = Move | Line | Attach | Detach | Dwell
+Action: TypeAlias = Move | StraightLine | Attach | Detach | Dwell
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class TaskStep:
     """A step of a task; an approach is two of them.
 
     Attributes:

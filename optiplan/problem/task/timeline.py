@@ -7,7 +7,7 @@ from itertools import pairwise
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_change import carrying, scene_after, scene_during
-from optiplan.problem.task.steps import Attach, Detach, Step
+from optiplan.problem.task.steps import Attach, Detach, TaskStep
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -38,7 +38,7 @@ class ScenePart:
 
 
 def mismatch(problem: Problem, trajectory: Trajectory) -> str:
-    """Return in words how the segments of a motion are not the steps of its task, one after another; empty if they are."""
+    """Return in words how the segments of a motion are not the steps of its task in order; empty if they are."""
     segments, task, T = trajectory.segments, problem.task, trajectory.duration
     if len(segments) != len(task):
         return f"{len(segments)} segments for {len(task)} of the task"
@@ -70,7 +70,7 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
     words = mismatch(problem, trajectory)
     if words:
         raise ValueError(words)
-    found: list[tuple[Scene, Scene, float, float, list[Step]]] = []
+    found: list[tuple[Scene, Scene, float, float, list[TaskStep]]] = []
     for step, scene, begin, end in steps_in_time(problem, trajectory):
         if end <= begin:
             continue
@@ -84,7 +84,7 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
     ]
 
 
-def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[Step, Scene, float, float]]:
+def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[TaskStep, Scene, float, float]]:
     """Return each step with the scene in which it is done, its begin and its end, s; parts meet without a gap."""
     scene, T = problem.scene, trajectory.duration
     begin = 0.0
@@ -102,6 +102,6 @@ def part_problem(problem: Problem, scene: Scene) -> Problem:
     return replace(problem, robot=robot, scene=scene, task=(), path_constraints=())
 
 
-def _words(steps: list[Step]) -> str:
+def _words(steps: list[TaskStep]) -> str:
     numbers = [step.number for step in steps]
     return f"steps {numbers[0]} to {numbers[-1]}" if numbers[0] != numbers[-1] else f"step {numbers[0]}"

@@ -145,9 +145,7 @@ def _grid(path: Trajectory, least_parts: int) -> Array:
     return np.concatenate([[0.0], *(np.linspace(a, b, k + 1)[1:] for a, b, k in ends)])
 
 
-def _held(
-    path: Trajectory, law: Trajectory, robot: Robot, limits: Limits, options: TimingOptions
-) -> Trajectory | None:
+def _held(path: Trajectory, law: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> Trajectory | None:
     """Run a path by a law and scale that as a whole to the limits; None where gravity is too much."""
     trajectory = compose(path, law)
     slower = tool_scale(robot, options.tool, trajectory)
