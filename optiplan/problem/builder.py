@@ -142,6 +142,13 @@ class Compiler:
                     if name not in bodies:
                         wrong.append(("pairs", name))
                         self.unknown((*part.place, key, "pairs", i), "body", name, bodies)
+            for name in data.get("joints") or ():
+                if name not in robot.joint_names:
+                    wrong.append(("joints", name))
+                    self.unknown((*part.place, key, "joints", name), "joint", name, robot.joint_names)
+            if key == "wheel_speed" and robot.mecanum is None:
+                wrong.append((key, ""))
+                self.report((*part.place, key), f"{robot.name}, which has no wheels", "a robot file with `mecanum`")
             if not wrong:
                 found.append(LocatedValue((*part.place, key), constraint_of(key, data, robot.tool_frame)))
         return found
