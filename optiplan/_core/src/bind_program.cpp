@@ -155,8 +155,10 @@ std::unique_ptr<Sqp> among_others(std::shared_ptr<const Spline> spline, const Tr
 // Control points, duration, merit, violation of clearance (m), least value of a contact row (m), steps.
 using Descended = std::tuple<nb::ndarray<nb::numpy, double>, double, double, double, double, int>;
 
+using AskCurve = std::function<bool(nb::ndarray<nb::numpy, double>, double)>;
+
 Descended optimise(Sqp &sqp, Matrix control, int iterations, const std::function<bool()> &stop, double best,
-                   double longest) {
+                   double longest, const std::optional<AskCurve> &go_on) {
     const Spline &spline = sqp.spline();
     expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
     const double *start = control.data();
@@ -164,10 +166,16 @@ Descended optimise(Sqp &sqp, Matrix control, int iterations, const std::function
         nb::gil_scoped_acquire held;
         return stop();
     };
+    std::function<bool(const CurvePoint &)> asked;
+    if (go_on)
+        asked = [&](const CurvePoint &point) {
+            nb::gil_scoped_acquire held;
+            return (*go_on)(to_numpy(point.control, {spline.points, spline.joints}), point.duration);
+        };
     Descent found;
     {
         nb::gil_scoped_release released;
-        found = sqp.optimise(start, iterations, polled, best, longest);
+        found = sqp.optimise(start, iterations, polled, best, longest, asked);
     }
     double nearest = std::numeric_limits<double>::infinity();
     for (double value : found.point.contacts.value) nearest = std::min(nearest, value);
@@ -262,7 +270,8 @@ void bind_program(nb::module_ &m) {
              },
              "u"_a, "position"_a, "velocity"_a, "acceleration"_a)
         .def("evaluate", &evaluate, "control"_a, "duration"_a)
-        .def("optimise", &optimise, "control"_a, "iterations"_a, "stop"_a, "best"_a, "longest"_a);
+        .def("optimise", &optimise, "control"_a, "iterations"_a, "stop"_a, "best"_a, "longest"_a,
+             "go_on"_a = nb::none());
 }
 
 }  // namespace optiplan

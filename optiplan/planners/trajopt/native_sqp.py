@@ -10,7 +10,7 @@ from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.planners.trajopt import sqp
 from optiplan.planners.trajopt.native_step import GAP, native_spline
-from optiplan.planners.trajopt.sqp import Descended
+from optiplan.planners.trajopt.sqp import Descended, GoOn
 from optiplan.planners.trajopt.transcription import CUTOFF, Transcription
 from optiplan.robot.native_tree import native_tree
 
@@ -38,12 +38,18 @@ class NativeSqp:
         self.transcription.set_samples(u)
         self._sqp.set_samples(self.transcription.u, *self.transcription.at)
 
-    def optimise(
-        self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
+    def optimise(  # noqa: PLR0913
+        self,
+        control: Array,
+        iterations: int,
+        stop: Callable[[], bool],
+        best: float = inf,
+        longest: float = inf,
+        go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see `sqp.optimise`."""
         control, duration, _, missing, nearest, steps = self._sqp.optimise(
-            np.ascontiguousarray(control), iterations, stop, best, longest
+            np.ascontiguousarray(control), iterations, stop, best, longest, go_on
         )
         return Descended(control, duration, missing, nearest, steps)
 

@@ -1,6 +1,7 @@
 """Optimise one initial guess to a trajectory that is checked between samples too."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,16 +35,16 @@ class Attempt:
     Attributes:
         control: (K, n) control points, rad or m.
         trajectory: the curve in time.
-        touch: the remaining contact; None: it is free.
+        touches: the remaining contacts; none: it is free.
         close: whether the margin of some pair is active, so that a smaller margin may save time.
         iterations: steps taken.
     """
 
     control: Array
     trajectory: Trajectory
-    touch: Touch | None
-    close: bool
-    iterations: int
+    touches: tuple[Touch, ...]
+    close: bool = False
+    iterations: int = 0
 
 
 class Optimiser:
@@ -66,11 +67,14 @@ class Optimiser:
         best: float = np.inf,
         *,
         patient: bool = False,
+        first: Callable[[Attempt], None] | None = None,
     ) -> Attempt | None:
         """Optimise from control points (K, n), check between the samples, add samples at contacts there, and repeat.
 
         None when bodies stay in deep penetration, gravity exceeds the torque limits, or the budget is cancelled. A
-        curve that is stuck is checked between the samples, but no samples are added to it.
+        curve that is stuck is checked between the samples, but no samples are added to it. Where the first curve does not
+        keep clear of bodies, the first one that does at all samples is checked between them at once: before it gets
+        shorter it is made free.
 
         Args:
             control: of the first curve; its ends stay as they are.
@@ -79,6 +83,7 @@ class Optimiser:
             best: cost, s, of the best motion so far: a curve that stays far from it is given up.
             patient: whether a curve may take any time; else it is given up after 30 steps where it takes twice the time
                 that it began with.
+            first: called with the first curve that is free.
         """
         margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
         transcription = Transcription(self.problem, self.model, self.basis, margins)
@@ -86,30 +91,44 @@ class Optimiser:
         u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
         iterations, attempt = 0, None
         longest = np.inf if patient else GROWN * self.basis.shortest_duration(control, self.problem.limits.rates)
+        looked: Attempt | None = None
+
+        def go_on(control: Array, duration: float) -> bool:
+            nonlocal looked, first
+            looked = self._checked(control, duration, budget)
+            if looked is not None and not looked.touches and first is not None and not budget.cancelled:
+                first(looked)
+                first = None
+            return looked is None or not looked.touches
+
         for _ in range(self.options.refinements + 1):
             descender.set_samples(u)
             left = self.options.iterations - iterations
-            found = descender.optimise(control, left, lambda: budget.over, best, longest)
+            found = descender.optimise(control, left, lambda: budget.over, best, longest, go_on)
             iterations += found.steps
             self.steps += found.steps
             control = found.control
             late = budget.over and self.problem.objective.time * found.duration >= best
             if late or budget.cancelled or found.missing > MAX_VIOLATION:
                 return None
-            trajectory = self.timed(control, found.duration)
-            if trajectory is None:
+            if looked is None or not np.array_equal(looked.control, control):
+                looked = self._checked(control, found.duration, budget)
+            if looked is None or budget.cancelled:
                 return None
-            touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
-            close = found.nearest < ACTIVE
-            attempt = Attempt(control, trajectory, touches[0] if touches else None, close, iterations)
-            if budget.cancelled:
-                return None
+            attempt = replace(looked, close=found.nearest < ACTIVE, iterations=iterations)
             enough = iterations >= self.options.iterations or (iterations >= SLOW and found.duration > longest)
-            if not touches or enough or budget.over or found.missing > STUCK:
+            if not attempt.touches or enough or budget.over or found.missing > STUCK:
                 break
-            near = [_around(transcription.u, touch.t / trajectory.duration) for touch in touches]
+            near = [_around(transcription.u, touch.t / attempt.trajectory.duration) for touch in attempt.touches]
             u = np.concatenate([transcription.u, *near])
         return attempt
+
+    def _checked(self, control: Array, duration: float, budget: Budget) -> Attempt | None:
+        """Return a curve timed and checked between the samples; None if gravity is too much."""
+        trajectory = self.timed(control, duration)
+        if trajectory is None:
+            return None
+        return Attempt(control, trajectory, tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled)))
 
     def _descender(self, transcription: Transcription) -> Descender:
         if self.options.solver == AUTO and core is not None:

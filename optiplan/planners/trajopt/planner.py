@@ -259,18 +259,25 @@ class _Run:
         self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
         before = self.optimiser.steps
         with self.watch.stage("optimisation"):
-            attempt = self.optimiser.run(control, budget, margin, self.best, patient=self.searched_in_vain)
+            attempt = self.optimiser.run(
+                control, budget, margin, self.best, patient=self.searched_in_vain, first=self._offer_first
+            )
         steps = self.optimiser.steps - before
         self.patience.work(steps=steps)
-        free = attempt is not None and attempt.touch is None
+        free = attempt is not None and not attempt.touches
         entry: dict[str, Any] = {"seed": kind, "free": free, "iterations": steps}
         if attempt is not None:
             entry["duration"] = attempt.trajectory.duration
         self.info["attempts"].append(entry)
-        if attempt is not None and attempt.touch is not None:
-            self.touching = attempt.touch, attempt.trajectory
+        if attempt is not None and attempt.touches:
+            self.touching = attempt.touches[0], attempt.trajectory
             return None
         return attempt
+
+    def _offer_first(self, attempt: Attempt) -> None:
+        """Keep a curve that is free but not short yet while there is no motion at all."""
+        if not self.candidates:
+            self._offer(attempt.trajectory, attempt)
 
     def _offer(self, trajectory: Trajectory, attempt: Attempt | None) -> bool:
         """Keep a free motion if it is better than the best; return whether it is."""

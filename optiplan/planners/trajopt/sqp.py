@@ -39,6 +39,11 @@ GROWN = 2.0
 """Times its first duration that a curve may take then: those that wind around things seldom become good."""
 
 
+GoOn = Callable[[Array, float], bool]
+"""(control (K, n), duration) of the first curve of a descent on which all rows hold, where they did not on the initial
+one -> whether to descend from it; asked once."""
+
+
 class Descended(NamedTuple):
     """Where a descent ended.
 
@@ -63,8 +68,14 @@ class Descender(Protocol):
     def set_samples(self, u: Array) -> None:
         """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
 
-    def optimise(
-        self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
+    def optimise(  # noqa: PLR0913
+        self,
+        control: Array,
+        iterations: int,
+        stop: Callable[[], bool],
+        best: float = inf,
+        longest: float = inf,
+        go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see the function `optimise`."""
 
@@ -79,11 +90,17 @@ class Sqp:
         """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
         self.subproblem.transcription.set_samples(u)
 
-    def optimise(
-        self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
+    def optimise(  # noqa: PLR0913
+        self,
+        control: Array,
+        iterations: int,
+        stop: Callable[[], bool],
+        best: float = inf,
+        longest: float = inf,
+        go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see the function `optimise`."""
-        point, steps = optimise(self.subproblem, control, iterations, stop, best, longest)
+        point, steps = optimise(self.subproblem, control, iterations, stop, best, longest, go_on)
         nearest = float(point.contacts.value.min(initial=inf))
         return Descended(point.control, point.duration, point.contacts.violation(), nearest, steps)
 
@@ -138,6 +155,7 @@ def optimise(  # noqa: PLR0913
     stop: Callable[[], bool],
     best: float = inf,
     longest: float = inf,
+    go_on: GoOn | None = None,
 ) -> tuple[Point, int]:
     """Descend from control points (K, n) until a step gains less than 0.2 %; return the point and the steps taken.
 
@@ -151,6 +169,7 @@ def optimise(  # noqa: PLR0913
     transcription = subproblem.transcription
     point, taken, radius = evaluate(transcription, control, 0.0), 0, FIRST_RADIUS
     missing: list[float] = []
+    asked = go_on is None or point.feasible
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
         if taken >= SLOW and (point.merit > WORSE * best or point.duration > longest):
             break
@@ -178,6 +197,10 @@ def optimise(  # noqa: PLR0913
             radius *= 2.0
         if settled:
             break
+        if go_on is not None and not asked and point.feasible:
+            asked = True
+            if not go_on(point.control, point.duration):
+                break
     return point, taken
 
 
