@@ -29,7 +29,7 @@ MAX_VIOLATION = 0.05
 STUCK = 0.01
 """Clearance violation, m, likewise, above which a curve whose violation no longer decreases is given up."""
 
-STALLED, HALVED = 8, 0.5
+STALLED, HALVED = 5, 0.5
 """Steps within which the clearance violation of a stuck curve must fall to this share."""
 
 SLOW, WORSE = 30, 1.5
