@@ -1,6 +1,6 @@
 """Optimise one initial guess to a trajectory that is checked between samples too."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,10 @@ from optiplan.planners.trajopt.native_sqp import NativeSqp
 from optiplan.planners.trajopt.native_step import step_solver
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
-from optiplan.planners.trajopt.transcription import Margins, Transcription
+from optiplan.planners.trajopt.terms.contacts import Margins
+from optiplan.planners.trajopt.terms.path_constraints import Broken, PathConstraints
+from optiplan.planners.trajopt.terms.term import Term
+from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
@@ -35,7 +38,8 @@ class Attempt:
     Attributes:
         control: (K, n) control points, rad or m.
         trajectory: the curve in time.
-        touches: the remaining contacts; none: it is free.
+        touches: the remaining contacts.
+        broken: the path constraints that it still violates.
         close: whether the margin of some pair is active, so that a smaller margin may save time.
         iterations: steps taken.
     """
@@ -43,20 +47,28 @@ class Attempt:
     control: Array
     trajectory: Trajectory
     touches: tuple[Touch, ...]
+    broken: tuple[Broken, ...]
     close: bool = False
     iterations: int = 0
+
+    @property
+    def free(self) -> bool:
+        """Return whether nothing touches and no path constraint is violated."""
+        return not (self.touches or self.broken)
 
 
 class Optimiser:
     """Optimise curves of one problem from any seed; data that depend only on the problem are built once.
 
     Attributes:
+        constraints: on the path.
         steps: taken so far, in all attempts.
     """
 
     def __init__(self, problem: Problem, model: CollisionModel, options: TrajOptOptions) -> None:
         self.problem, self.model, self.options = problem, model, options
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
+        self.constraints = PathConstraints(problem)
         self.steps = 0
 
     def run(
@@ -85,26 +97,26 @@ class Optimiser:
                 that it began with.
             first: called with the first curve that is free.
         """
-        margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
-        transcription = Transcription(self.problem, self.model, self.basis, margins)
-        descender = self._descender(transcription)
-        u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
+        terms = self.constraints.begin()
+        descender, u = self.descender(control, margin, terms), self.instants(control)
         iterations, attempt = 0, None
-        longest = np.inf if patient else GROWN * self.basis.shortest_duration(control, self.problem.limits.rates)
+        longest = (
+            np.inf if patient or terms else GROWN * self.basis.shortest_duration(control, self.problem.limits.rates)
+        )
         looked: Attempt | None = None
 
         def go_on(control: Array, duration: float) -> bool:
             nonlocal looked, first
             looked = self._checked(control, duration, budget)
-            if looked is not None and not looked.touches and first is not None and not budget.cancelled:
+            if looked is not None and looked.free and first is not None and not budget.cancelled:
                 first(looked)
                 first = None
-            return looked is None or not looked.touches
+            return looked is None or looked.free
 
         for _ in range(self.options.refinements + 1):
             descender.set_samples(u)
             left = self.options.iterations - iterations
-            found = descender.optimise(control, left, lambda: budget.over, best, longest, go_on)
+            found = descender.optimise(control, left, lambda: budget.over, best, longest, None if terms else go_on)
             iterations += found.steps
             self.steps += found.steps
             control = found.control
@@ -117,10 +129,12 @@ class Optimiser:
                 return None
             attempt = replace(looked, close=found.nearest < ACTIVE, iterations=iterations)
             enough = iterations >= self.options.iterations or (iterations >= SLOW and found.duration > longest)
-            if not attempt.touches or enough or budget.over or found.missing > STUCK:
+            if attempt.free or enough or budget.over or found.missing > STUCK:
                 break
-            near = [_around(transcription.u, touch.t / attempt.trajectory.duration) for touch in attempt.touches]
-            u = np.concatenate([transcription.u, *near])
+            self.constraints.raise_prices(attempt.broken)
+            times = [touch.t / attempt.trajectory.duration for touch in attempt.touches]
+            times += [one.share for one in attempt.broken]
+            u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
         return attempt
 
     def _checked(self, control: Array, duration: float, budget: Budget) -> Attempt | None:
@@ -128,10 +142,25 @@ class Optimiser:
         trajectory = self.timed(control, duration)
         if trajectory is None:
             return None
-        return Attempt(control, trajectory, tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled)))
+        touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
+        return Attempt(control, trajectory, touches, tuple(self.constraints.broken(trajectory)))
 
-    def _descender(self, transcription: Transcription) -> Descender:
-        if self.options.solver == AUTO and core is not None:
+    def instants(self, control: Array) -> Array:
+        """Return the samples of a curve to begin with."""
+        u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
+        return np.concatenate([u, self.constraints.instants])
+
+    def descender(self, control: Array, margin: float | None = None, terms: Sequence[Term] = ()) -> Descender:
+        """Return what descends from curves with the ends of this one (K, n).
+
+        Args:
+            control: (K, n).
+            margin: m; instead of the option's.
+            terms: of path constraints.
+        """
+        margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
+        transcription = Transcription(self.problem, self.model, self.basis, margins, terms)
+        if self.options.solver == AUTO and core is not None and transcription.plain:
             return NativeSqp(transcription)
         return Sqp(step_solver(transcription, self.options.solver))
 
@@ -142,10 +171,12 @@ class Optimiser:
         return float(np.linalg.norm(steps, axis=2).sum(axis=0).max())
 
     def timed(self, control: Array, duration: float) -> Trajectory | None:
-        """Return the curve at the least duration within limits and torques; None if gravity is too much."""
+        """Return the curve at the least duration within limits, torques and speeds; None if gravity is too much."""
         names = self.problem.robot.joint_names
         trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
-        return within_torque(self.problem.robot, self.problem.limits, scale_to_limits(trajectory, self.problem.limits))
+        limits = self.problem.limits
+        timed = within_torque(self.problem.robot, limits, scale_to_limits(trajectory, limits))
+        return None if timed is None else self.constraints.slowed(timed)
 
 
 def _instants(basis: SplineBasis, count: int) -> Array:
@@ -157,7 +188,7 @@ def _instants(basis: SplineBasis, count: int) -> Array:
     return np.concatenate([inside, extra[(extra > 0.0) & (extra < 1.0)]])
 
 
-def _around(u: Array, where: float) -> Array:
+def around(u: Array, where: float) -> Array:
     """Return new samples at `where` and half-way to both of its neighbours among u (N,)."""
     place = int(np.searchsorted(u, where))
     low, high = (u[place - 1] if place else 0.0), (u[place] if place < len(u) else 1.0)
