@@ -12,15 +12,16 @@ from optiplan.robot.mimic_joints import coupling, screws
 if TYPE_CHECKING:
     from optiplan._core._core_base import Tree
 
-_made: "WeakKeyDictionary[pin.Model, Tree]" = WeakKeyDictionary()
-"""The tree of each model in use: models of robots never change."""
+_made: "WeakKeyDictionary[pin.Model, tuple[object, Tree]]" = WeakKeyDictionary()
+"""The build and the tree of each model in use: models of robots never change."""
 
 
 def native_tree(model: pin.Model) -> "Tree":
     """Return joints, with what follows what, and the inertia of the links that they carry; the core must be there."""
-    tree = _made.get(model)
-    if tree is None:
-        tree = _made[model] = _tree(model)
+    build, tree = _made.get(model, (None, None))
+    if tree is None or build is not core:
+        tree = _tree(model)
+        _made[model] = core, tree
     return tree
 
 

@@ -71,7 +71,7 @@ class Optimiser:
         self.constraints = PathConstraints(problem)
         self.steps = 0
 
-    def run(
+    def run(  # noqa: PLR0913
         self,
         control: Array,
         budget: Budget,
@@ -84,9 +84,9 @@ class Optimiser:
         """Optimise from control points (K, n), check between the samples, add samples at contacts there, and repeat.
 
         None when bodies stay in deep penetration, gravity exceeds the torque limits, or the budget is cancelled. A
-        curve that is stuck is checked between the samples, but no samples are added to it. Where the first curve does not
-        keep clear of bodies, the first one that does at all samples is checked between them at once: before it gets
-        shorter it is made free.
+        curve that is stuck is checked between the samples, but no samples are added to it. Where the initial curve
+        violates something, the first one that violates nothing at the samples is checked between them at once: a curve
+        is made free before it is made short.
 
         Args:
             control: of the first curve; its ends stay as they are.

@@ -156,7 +156,7 @@ def evaluate(transcription: Transcription, control: Array, duration: float, span
     return Point(control, duration, terms, rows, merit, span)
 
 
-def optimise(  # noqa: PLR0913
+def optimise(  # noqa: C901, PLR0913
     subproblem: StepSolver,
     control: Array,
     iterations: int,
@@ -178,7 +178,7 @@ def optimise(  # noqa: PLR0913
     transcription = subproblem.transcription
     point, taken, radius = evaluate(transcription, control, 0.0), 0, FIRST_RADIUS
     missing: list[float] = []
-    asked = go_on is None or point.feasible
+    ask = None if point.feasible else go_on
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
         if taken >= SLOW and (point.merit > WORSE * best or point.duration > longest):
             break
@@ -205,10 +205,10 @@ def optimise(  # noqa: PLR0913
             radius *= 2.0
         if settled:
             break
-        if go_on is not None and not asked and point.feasible:
-            asked = True
-            if not go_on(point.control, point.duration):
+        if ask is not None and point.feasible:
+            if not ask(point.control, point.duration):
                 break
+            ask = None
     return point, taken
 
 

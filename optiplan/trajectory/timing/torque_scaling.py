@@ -52,7 +52,7 @@ def _instants(trajectory: Trajectory) -> Array:
     piece = np.repeat(np.arange(len(lengths)), counts)
     place = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
     t = edges[piece] + lengths[piece] * (place / (counts - 1)[piece])
-    return np.minimum(t, np.nextafter(edges[1:], edges[:-1])[piece])
+    return np.asarray(np.minimum(t, np.nextafter(edges[1:], edges[:-1])[piece]))
 
 
 class _Demand:
