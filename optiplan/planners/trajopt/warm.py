@@ -58,7 +58,7 @@ class WarmStart:
             progress("optimisation from the earlier motion", 0.0)
             for share in CLOSE:
                 found = self._optimised(end, share * options.margin)
-                if found is not None and found.touch is None:
+                if found is not None and found.free:
                     self.attempt = found
                     break
         if self.attempt is not None and end is not None:
