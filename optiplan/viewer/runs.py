@@ -184,7 +184,8 @@ def _motion(problem: Problem, poses: Poses, trajectory: Trajectory, detail: Deta
 
 def _facts(problem: Problem, trajectory: Trajectory, report: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     ends = trajectory(np.array([0.0, trajectory.duration]))
-    bound = lower_bound(ends[0], ends[1], problem.limits)
+    moving = problem.moving
+    bound = float(problem.lower_bounds(ends[1:])[0]) if moving else lower_bound(ends[0], ends[1], problem.limits)
     facts = [("duration", f"{trajectory.duration:.3f} s")]
     if bound >= SMALLEST_BOUND:
         name = "× lower bound" if problem.one_end else "× bound of this end configuration"

@@ -15,7 +15,6 @@ from optiplan.control.controller import Controller
 from optiplan.control.defaults import default_limits
 from optiplan.control.limits.clearance import ClearanceLimit
 from optiplan.control.limits.joint_limits import PositionLimit
-from optiplan.control.state import State
 from optiplan.control.step import ControlStep
 from optiplan.control.tasks.base import ControlTask
 from optiplan.control.tasks.frame_tasks import PoseTask
@@ -33,6 +32,7 @@ from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.from_samples import from_samples
+from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
 
 _KNOTS = 5

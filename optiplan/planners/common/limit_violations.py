@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.planners.base import Failure
+from optiplan.problem.problem import Problem
 from optiplan.robot.limits import ORDERS, UNITS
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.trajectory import Trajectory
@@ -51,9 +52,10 @@ def excess(trajectory: Trajectory, limits: Limits) -> Excess | None:
     return where if most > _ROUNDING else None
 
 
-def acceleration_steps(trajectory: Trajectory, limits: Limits) -> bool:
-    """Return whether the acceleration of a joint with a jerk limit jumps, from and to rest included."""
-    ends = trajectory(np.array([0.0, trajectory.duration]), 2)
+def acceleration_steps(trajectory: Trajectory, problem: Problem) -> bool:
+    """Return whether the acceleration of a joint with a jerk limit jumps, also from and to that stated at the ends."""
+    limits, end = problem.limits, problem.end_states(trajectory.end)[0]
+    ends = trajectory(np.array([0.0, trajectory.duration]), 2) - [problem.start_acceleration, end.a]
     steps = np.abs(np.vstack([ends, trajectory.jumps(2)])).max(axis=0)
     return bool((np.isfinite(limits.jerk) & (steps > _ACCELERATION_STEP * limits.acceleration)).any())
 
