@@ -10,7 +10,7 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.trajectory import Trajectory
 
-_RESERVE = 1e-3  # share of the limit kept free for what happens between samples
+RESERVE = 1e-3  # share of the limit kept free for what happens between samples
 _NEAR = 0.9  # share of the largest demand above which the gaps beside a sample are looked into
 _FINER = 9  # instants within such a gap
 
@@ -41,12 +41,19 @@ def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
 def _demand(robot: Robot, limit: Array, trajectory: Trajectory, t: Array) -> Array:
     """The largest (tau - g) / (limit - g) of all joints at times t (k,): (k,), s² of the slow-down it asks for."""
     tau, gravity = _torques(robot.model, *(trajectory(t, order) for order in range(3)))
-    motion, allowed = tau - gravity, limit * (1.0 - _RESERVE)
+    motion, allowed = tau - gravity, limit * (1.0 - RESERVE)
     if (np.abs(gravity) > allowed).any():
         return np.full(len(t), np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
         squared = np.abs(motion) / (allowed - np.sign(motion) * gravity)
     return np.asarray(np.nan_to_num(squared, nan=0.0, posinf=np.inf).max(axis=1))
+
+
+def torque_share(robot: Robot, limit: Array, trajectory: Trajectory, t: Array | None = None) -> float:
+    """Return the largest |tau| / limit (n,) at times t (N,), s, or at `sample_times`."""
+    t = sample_times(trajectory) if t is None else t
+    tau, _ = _torques(robot.model, *(trajectory(t, order) for order in range(3)))
+    return float((np.abs(tau) / limit).max())
 
 
 def _torques(model: pin.Model, Q: Array, V: Array, A: Array) -> tuple[Array, Array]:
