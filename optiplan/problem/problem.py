@@ -281,7 +281,7 @@ class Problem:
         return self._with(limits=fractions)
 
     def with_parts(self, **parts: Any) -> "Problem":
-        """Return the problem with several parts changed at once: `start`, `goal`, `scene` … (InputError: as for a file)."""
+        """Return the problem with several parts changed at once: `start`, `goal`, `scene` …; checked as a file is."""
         unknown = parts.keys() - SAID.keys()
         if unknown:
             raise wrong_argument("Problem.with_parts", "part", f"'{min(unknown)}'", f"one of: {', '.join(SAID)}")
