@@ -18,6 +18,7 @@ FailureKind = Literal[
     "goal-in-collision",
     "no-path",
     "collision",
+    "constraint",
     "limits",
     "singularity",
     "reach",
@@ -33,6 +34,7 @@ FailureKind = Literal[
 * `start-in-collision`, `goal-in-collision`: bodies overlap at the start, or wherever the goal is reached.
 * `no-path`: nothing was found that leads from the start to the goal.
 * `collision`: the motion that was asked for is not free.
+* `constraint`: every motion found violates a path constraint, or every end of the goal does.
 * `limits`: it is not within limits in the duration or with the shape that was asked for.
 * `singularity`, `reach`: the path that was asked for cannot be followed any further.
 * `unsupported`: the problem asks for what this planner, or this robot, cannot do.

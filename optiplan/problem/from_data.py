@@ -7,15 +7,16 @@ from typing import Any
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel, Contact
+from optiplan.collision.named_pairs import NamedPairs
 from optiplan.config.document import Document, Place, validate
 from optiplan.config.messages import field_name
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.measures import broken
-from optiplan.problem.constraints.statements import PathConstraint
+from optiplan.problem.constraints.statements import PairClearance, PathConstraint
 from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
-from optiplan.problem.hashing import meshes_of, problem_hash
+from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.moving_states import StatedState, impossible_states
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import ProblemSpec
@@ -98,7 +99,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     issues += compiler.issues
     limits = None if robot is None else robot.limits.scaled(**({} if spec is None else spec.limits.model_dump()))
     if robot is not None and limits is not None:
-        issues += _constraints(document, robot, compiler.draft, places)
+        issues += _constraints(document, robot, scene, compiler.draft, places)
         issues += impossible_states(document, robot.joint_names, limits, _states(compiler.draft, places))
     if robot is not None and not any(
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
@@ -148,7 +149,7 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
     source["name"] = spec.name or name
     digest = problem_hash(source, base, robot)
     source["robot"] = _named(spec, robot)
-    for mesh in meshes_of(source):
+    for mesh in shape_files_of(source):
         mesh["file"] = str((base / mesh["file"]).resolve())
     return source, digest
 
@@ -168,7 +169,7 @@ def _states(draft: Draft, places: _Places) -> list[StatedState]:
     return [StatedState(draft.start.place, places.start, True), *states]
 
 
-def _constraints(document: Document, robot: Robot, draft: Draft, places: _Places) -> list[Issue]:
+def _constraints(document: Document, robot: Robot, scene: Scene, draft: Draft, places: _Places) -> list[Issue]:
     """Report constraints that the start, or every goal of joint values, violates."""
     issues = []
     for part in places.constraints:
@@ -176,14 +177,27 @@ def _constraints(document: Document, robot: Robot, draft: Draft, places: _Places
         if low == 0.0 and places.start is not None and draft.start is not None:
             issues += [
                 document.issue(draft.start.place, f"a start that is {words}", f"one that holds {_name(part)}")
-                for words in broken(part.value, robot, places.start.q)
+                for words in _broken(part.value, robot, scene, places.start.q)
             ]
         ends = [(end.place, end.value.q) for end in places.goal if isinstance(end.value, JointGoal)]
-        found = [(place, words) for place, q in ends for words in broken(part.value, robot, q)[:1]]
+        found = [(place, words) for place, q in ends for words in _broken(part.value, robot, scene, q)[:1]]
         if high == 1.0 and found and len(found) == len(draft.goal):
             expected = f"one that holds {_name(part)}"
             issues += [document.issue(place, f"a goal that is {words}", expected) for place, words in found]
     return issues
+
+
+def _broken(one: PathConstraint, robot: Robot, scene: Scene, q: Array) -> list[str]:
+    """Return in words what a configuration q (n,) violates, with both values."""
+    if not isinstance(one, PairClearance):
+        return broken(one, robot, q)
+    near = NamedPairs(robot, scene, one.pairs).contacts(q, one.at_least)
+    return [
+        f"near by {contact.distance:.4g} m of {one.at_least:.4g} m asked for ('{contact.pair.name_a}' and "
+        f"'{contact.pair.name_b}')"
+        for contact in near
+        if contact.distance < one.at_least - TOUCHING
+    ]
 
 
 def _name(part: LocatedValue[PathConstraint]) -> str:

@@ -14,6 +14,9 @@ DEGREE = 4
 FIXED = 3
 """Control points held at each end: they are its position, velocity and acceleration; equal ones at rest."""
 
+REACH = DEGREE + 1
+"""Neighbouring control points that a point of the curve depends on."""
+
 
 def bunched_breakpoints(spans: int, bunching: float) -> Array:
     """Breakpoints in [0, 1], (spans + 1,), closer together at both ends, where a fast motion changes its acceleration.
@@ -55,6 +58,25 @@ class SplineBasis:
             width = knots[degree + 1 : degree + count] - knots[1:count]
             self.derivative.append(degree * np.diff(self.derivative[-1], axis=0) / width[:, None])
         self.bounded = [rows[rows[:, self.free].any(axis=1)] for rows in self.derivative[1:]]
+
+    @property
+    def variables(self) -> int:
+        """Number M of control points that are not held."""
+        return self.size - 2 * FIXED
+
+    def by_variables(self, matrix: Array) -> Array:
+        """Return what a matrix (R, K) of the control points is for the variables: (R, M)."""
+        return matrix[:, self.free]
+
+    def moving(self, control: Array) -> Array:
+        """Return the variables (M, n) of control points (K, n)."""
+        return control[self.free]
+
+    def moved(self, control: Array, change: Array) -> Array:
+        """Return control points (K, n) with their variables changed by `change` (M, n)."""
+        result = control.copy()
+        result[self.free] += change
+        return result
 
     @cached_property
     def jerk_gram(self) -> Array:

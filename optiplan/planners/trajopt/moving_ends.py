@@ -79,7 +79,7 @@ class MovingOptimiser:
         """
         own, options = self.optimiser, self.optimiser.options
         control = self.ends.held(self.basis, control, duration)
-        descender, u = own.descender(control, margin), own.instants(control)
+        descender, u = own.descender(control, margin, own.constraints.begin()), own.instants(control)
         attempt, before = None, own.steps
         for _ in range(options.refinements + 1):
             descender.set_samples(u)
@@ -91,13 +91,16 @@ class MovingOptimiser:
             if trajectory is None:
                 return None
             touches = tuple(contacts_along(own.model, trajectory, lambda: budget.cancelled))
-            steps = own.steps - before
-            attempt = Attempt(control, trajectory, touches[0] if touches else None, found.nearest < ACTIVE, steps)
+            broken, steps = tuple(own.constraints.broken(trajectory)), own.steps - before
+            close = found.nearest < ACTIVE
+            attempt = Attempt(control, trajectory, touches[0] if touches else None, broken, close, steps)
             if budget.cancelled:
                 return None
-            if not touches or steps >= options.iterations or budget.over or found.missing > STUCK:
+            if not (touches or broken) or steps >= options.iterations or budget.over or found.missing > STUCK:
                 break
-            u = np.concatenate([u, *(around(np.unique(u), touch.t / trajectory.duration) for touch in touches)])
+            own.constraints.raise_prices(broken)
+            times = [touch.t / trajectory.duration for touch in touches] + [one.share for one in broken]
+            u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
         return attempt
 
     def _fixed_point(
