@@ -20,8 +20,8 @@ from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
 
-FINE = 2
-"""Spans of a warm curve to those of the option: it begins where the refinement of an earlier one ended."""
+MOST_STEPS = 40
+"""Of an attempt from the earlier motion: where it takes more, a search is the better use of the time."""
 
 CLOSE = 0.2, 1.0
 """Shares of the option's margin tried in turn: the earlier motion was near bodies where that saved time."""
@@ -60,7 +60,7 @@ class WarmStart:
         self.problem, self.earlier, self.budget = problem, _ahead(problem, earlier), budget
         self.model = planning_model(problem.robot, problem.scene)
         stated = with_reserve(problem) if problem.moving else problem
-        self.optimiser = Optimiser(stated, self.model, replace(options, spans=FINE * options.spans))
+        self.optimiser = Optimiser(stated, self.model, replace(options, iterations=min(MOST_STEPS, options.iterations)))
         self.attempt: Attempt | None = None
         self.good = False
         end = self._end()
@@ -69,7 +69,7 @@ class WarmStart:
             progress("optimisation from the earlier motion", 0.0)
             for share in CLOSE:
                 found = self._optimised(end, share * options.margin)
-                if found is not None and found.touch is None:
+                if found is not None and found.touch is None and not found.broken:
                     self.attempt = found
                     break
         if self.attempt is not None and end is not None:
@@ -130,6 +130,8 @@ class WarmStart:
             for rate in ("q", "v", "a")
         ]
         if not all(same) or excess(motion, limits) is not None or torque_ratio(self.problem, motion) > 1.0:
+            return False
+        if self.optimiser.constraints.broken(motion):
             return False
         return first_contact(self.model, motion, lambda: self.budget.over) is None
 
