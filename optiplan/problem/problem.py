@@ -178,7 +178,7 @@ class Problem:
 
     @property
     def start_state(self) -> State:
-        """Positions, velocities and accelerations at the start."""
+        """The motion at the start."""
         return State.of(self.start, self.start_velocity, self.start_acceleration)
 
     @property
@@ -297,6 +297,13 @@ class Problem:
             InputError: as for a file: there is no such limit, or the fraction is not in (0, 1].
         """
         return self._with(limits=fractions)
+
+    def with_parts(self, **parts: Any) -> "Problem":
+        """Return the problem with several parts changed at once: `start`, `goal`, `scene` …; checked as a file is."""
+        unknown = parts.keys() - SAID.keys()
+        if unknown:
+            raise wrong_argument("Problem.with_parts", "part", f"'{min(unknown)}'", f"one of: {', '.join(SAID)}")
+        return self._with(**parts)
 
     def save(self, path: Path | str) -> None:
         """Write the problem as a YAML file, which is there whole or not at all; reading it gives the same hash.

@@ -84,7 +84,7 @@ class TrajOpt(Planner[TrajOptOptions]):
         if problem.vias:
             return self.plan(problem, budget, progress)
         warm = WarmStart(problem, earlier, self.options, budget, progress)
-        if warm.good or (warm.attempt is not None and budget.over):
+        if warm.good or (warm.best is not None and budget.over):
             return warm.result()
         return warm.with_search(self.plan(problem, budget, progress))
 
