@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.planning import plan, retime, verify
     from optiplan.api.plotting import plot
+    from optiplan.api.replanning import Replanner
     from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
     from optiplan.control.controller import Controller
@@ -76,6 +77,7 @@ _ROOMS = {
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.planning": ("plan", "retime", "verify"),
+    "api.replanning": ("Replanner",),
     "api.simulating": ("execute", "simulate"),
     "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),
@@ -185,6 +187,7 @@ __all__ = [
     "Problem",
     "RelativePose",
     "RelativePoseTask",
+    "Replanner",
     "Report",
     "Robot",
     "Run",

@@ -129,6 +129,7 @@ def shorten(check: EdgeChecker, waypoints: _Array, velocity: _Array, draws: _Arr
 class InverseDynamics:
     def __init__(self, tree: Tree) -> None: ...
     def torques(self, Q: _Array, V: _Array, A: _Array) -> _Array: ...
+    def demand(self, breakpoints: _Array, coefficients: _Array, allowed: _Array, times: _Array) -> _Array: ...
 
 class Sqp:
     @staticmethod
@@ -151,5 +152,11 @@ class Sqp:
     def set_samples(self, u: _Array, position: _Array, velocity: _Array, acceleration: _Array) -> None: ...
     def evaluate(self, control: _Array, duration: float) -> tuple[float, float, _LaidRows, _LaidRows]: ...
     def optimise(
-        self, control: _Array, iterations: int, stop: Callable[[], bool], best: float, longest: float
+        self,
+        control: _Array,
+        iterations: int,
+        stop: Callable[[], bool],
+        best: float,
+        longest: float,
+        go_on: Callable[[_Array, float], bool] | None = None,
     ) -> tuple[_Array, float, float, float, float, int]: ...

@@ -5,7 +5,7 @@ import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.objectives.parts import ObjectiveParts
 from optiplan.problem.statement import End, Pose, Values, ViaPoint
+from optiplan.problem.task.builder import Task
+from optiplan.problem.task.steps import TaskStep
 from optiplan.problem.write import problem_text
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.state import State
@@ -43,6 +45,7 @@ class Problem:
             a robot that is moving.
         goal: a `Pose`, values of the joints (n,), the name of a configuration, a `State` to arrive in, or a list of
             alternatives.
+        task: several steps, in place of a goal.
         scene: obstacles and attached objects: a `Scene`, or a list of obstacles; None: empty.
         vias: via points in order: `ViaPoint`, `Pose`, joint values, names of configurations.
         limits: fractions in (0, 1] of the robot's own: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
@@ -64,7 +67,8 @@ class Problem:
         robot: where it stands, with the masses of what it carries (`robot.mounting`).
         start: (n,), rad or m.
         start_velocity, start_acceleration: (n,), at the start; zeros: at rest.
-        goal: alternatives of the end.
+        goal: alternatives of the end; none of a task.
+        task: steps in order; none where there is a goal.
         vias: to be passed in this order.
         limits: the robot's limits times the given fractions.
         source: the problem as plain data, all defaults filled in; what `save` writes and `run.json` stores.
@@ -90,6 +94,7 @@ class Problem:
     goal: Goal
     limits: Limits
     vias: tuple[Via, ...]
+    task: tuple[TaskStep, ...]
     objective: Objective
     path_constraints: tuple[PathConstraint, ...]
     planner: str
@@ -102,9 +107,10 @@ class Problem:
         self,
         robot: Robot | str | Path | Mapping[str, Any],
         start: Values | str | State | Mapping[str, Any],
-        goal: End | Sequence[End],
+        goal: End | Sequence[End] | None = None,
         scene: Scene | Sequence[Obstacle] | Mapping[str, Any] | None = None,
         *,
+        task: Task | Sequence[TaskStep | Mapping[str, Any]] | None = None,
         vias: Sequence[ViaPoint | Via | End] = (),
         limits: Mapping[str, float | str] | Limits | None = None,
         objective: Objective | Mapping[str, float] | None = None,
@@ -120,17 +126,21 @@ class Problem:
     ) -> None:
         rates = start_velocity, start_acceleration
         given = {"start": start, "goal": goal, "scene": scene, "vias": vias, "limits": limits, "objective": objective}
-        given |= {"path_constraints": path_constraints}
+        given |= {"task": task, "path_constraints": path_constraints}
         stands = {"base": base, "gravity": gravity}
         labels = {"name": name, "seed": seed}
         labels |= {"planner": "trajopt" if planner is None else planner, "options": {} if options is None else options}
+        needed = "start" if goal is None and task is not None else "goal"
         if isinstance(limits, Limits):
             rest: dict[str, Any] = {
                 "scene": scene or Scene(),
                 "vias": tuple(vias),
                 "objective": objective or Objective(),
             }
-            rest |= {"path_constraints": tuple(path_constraints)}
+            rest |= {
+                "path_constraints": tuple(path_constraints),
+                "task": () if task is None else tuple(cast(Sequence[TaskStep], task)),
+            }
             v, a = (np.zeros(robot.n) if rate is None else rate for rate in rates)  # type: ignore[union-attr]
             rest |= {"start_velocity": v, "start_acceleration": a}
             self._set({"robot": robot, **given, **labels, **rest, "source": {}, "hash": ""})
@@ -143,7 +153,7 @@ class Problem:
             self._take(
                 read_arguments(
                     robot,
-                    {k: value for k, value in (given | stands).items() if value is not None or k in ("start", "goal")},
+                    {k: value for k, value in (given | stands).items() if value is not None or k == needed},
                     labels,
                 )
             )
@@ -180,7 +190,7 @@ class Problem:
 
     @property
     def start_state(self) -> State:
-        """Positions, velocities and accelerations at the start."""
+        """The motion at the start."""
         return State.of(self.start, self.start_velocity, self.start_acceleration)
 
     @property
@@ -250,6 +260,14 @@ class Problem:
         """
         return self._with(vias=vias)
 
+    def with_task(self, task: Task | Sequence[Mapping[str, Any]]) -> "Problem":
+        """Return the problem with another task.
+
+        Raises:
+            InputError: as for a file.
+        """
+        return self._with(task=task)
+
     def with_scene(self, scene: Scene | Sequence[Obstacle]) -> "Problem":
         """Return the problem in another scene.
 
@@ -316,6 +334,13 @@ class Problem:
         """
         return self._with(limits=fractions)
 
+    def with_parts(self, **parts: Any) -> "Problem":
+        """Return the problem with several parts changed at once: `start`, `goal`, `scene` …; checked as a file is."""
+        unknown = parts.keys() - SAID.keys()
+        if unknown:
+            raise wrong_argument("Problem.with_parts", "part", f"'{min(unknown)}'", f"one of: {', '.join(SAID)}")
+        return self._with(**parts)
+
     def save(self, path: Path | str) -> None:
         """Write the problem as a YAML file, which is there whole or not at all; reading it gives the same hash.
 
@@ -369,10 +394,13 @@ class Problem:
         """Name, robot, goal and scene in one line."""
         around = str(self.scene).removeprefix("Scene: ")
         past = f" past {len(self.vias)} points" if self.vias else ""
-        return f"Problem: {self.name}, {self.robot.name}, to {self._end()}{past}; {around}"
+        to = f"to {self._end()}"
+        return f"Problem: {self.name}, {self.robot.name}, {to}{past}; {around}"
 
     def _end(self) -> str:
         """The goal in words."""
+        if self.task:
+            return f"do {self.task[-1].number} steps"
         if len(self.goal) != 1:
             return f"any of {len(self.goal)} ends"
         goal = self.goal[0]

@@ -16,6 +16,7 @@ from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
 from optiplan.problem.objectives.objective import UNITS
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.timeline import mismatch, scene_parts
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
@@ -74,11 +75,12 @@ class Metrics:
 
 
 def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics | None:
-    """Measure a trajectory; None when it does not move the joints of the problem's robot."""
+    """Measure a trajectory; None when it does not move the joints of the problem's robot, or not as its task says."""
     robot = problem.robot
-    if trajectory.joint_names != robot.joint_names:
+    if trajectory.joint_names != robot.joint_names or (problem.task and mismatch(problem, trajectory)):
         return None
-    integrals = integral(_Instant(robot, trajectory), trajectory)
+    parts = [(part.problem.robot, part.motion(trajectory)) for part in scene_parts(problem, trajectory)]
+    integrals = np.sum([integral(_Instant(loaded, motion), motion) for loaded, motion in parts], axis=0)
     squared = integrals[3:] / trajectory.duration
     joint, jerk, share = peak_jerk(trajectory, problem)
     proved, lowest = _clearance(report)

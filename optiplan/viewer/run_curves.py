@@ -13,7 +13,7 @@ from optiplan.robot.limits import ORDERS, Limits
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Extrema, Trajectory
 from optiplan.viewer.plots.curves import MotionCurves, motion_curves
-from optiplan.viewer.plots.refined_extrema import PieceSamples, States, refined_extrema
+from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema
 from optiplan.viewer.surfaces import packed
 
 _MORE = 2  # times the samples asked for are kept at the most, where pieces are many
@@ -64,13 +64,14 @@ def _tools(problem: Problem, samples: PieceSamples) -> list[dict[str, Any]]:
     kinematics = [ToolKinematics(problem.robot, frame) for frame in frames]
     rows: JacobianRows = "full" if problem.robot.n >= 6 else "translation"
 
-    def at(states: States) -> Array:
+    def at(inside: PieceSamples) -> Array:
+        states = inside.states()
         found = [one.evaluate(states[0])[1] for one in kinematics]
         twists = [np.einsum("kij,kj->ki", J, states[1]) for J in found]
         speeds = [np.linalg.norm(twist[:, part], axis=1) for part in (slice(3), slice(3, 6)) for twist in twists]
         return np.column_stack([*speeds, *(measures(scaled(J, rows)).yoshikawa for J in found)])
 
-    values = at(samples.states())
+    values = at(samples)
     extrema = _extrema(refined_extrema(samples, values, at))
     shown = []
     for place, (name, unit, shows) in enumerate(

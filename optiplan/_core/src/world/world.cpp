@@ -104,7 +104,7 @@ void World::near(const Placement &at, int row, double cutoff, std::vector<Contac
         if (by_outline) {
             witness = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], cutoff);
             if (witness.distance <= SETTLED) {
-                const Witness nearer = distance(at, pair, INF);
+                const Witness nearer = distance(at, pair, cutoff);
                 if (nearer.distance > 0.0) witness = nearer;
             }
         } else {
