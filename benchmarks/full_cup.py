@@ -158,16 +158,20 @@ def main() -> None:
                 continue
             bound = lower_bound(problem.start, problem.goal[0].q, problem.limits)  # type: ignore[union-attr]
             run = op.plan(problem, "trajopt", budget=arguments.budget)
-            entry = {"name": file.stem, "verified": run.verified, "seconds": run.timings["plan"]}
+            why = [run.failure.kind] if run.failure else [check.name for check in run.report.failures if run.report]
+            entry = {"name": file.stem, "verified": run.verified, "seconds": run.timings["plan"], "refused": why}
             found["trajopt"].append({**entry, "ratio": (run.duration or np.nan) / bound})
             began = time.perf_counter()
             motion = projected(problem, arguments.budget, number)
             entry = {"name": file.stem, "seconds": time.perf_counter() - began}
-            entry["verified"] = motion is not None and op.verify(problem, motion).verified
+            report = None if motion is None else op.verify(problem, motion)
+            entry["verified"] = report is not None and report.verified
+            entry["refused"] = [] if report is None else [check.name for check in report.failures]
             entry["ratio"] = np.nan if motion is None else motion.duration / bound
             found["projected RRT-Connect (OMPL)"].append(entry)
             told = [
-                f"{one[-1]['seconds']:.2f} s, {one[-1]['ratio']:.3f}, {one[-1]['verified']}" for one in found.values()
+                f"{one[-1]['seconds']:.2f} s, {one[-1]['ratio']:.3f}, {one[-1]['verified'] or one[-1]['refused']}"
+                for one in found.values()
             ]
             console.print(f"{file.parent.name}/{file.stem}: {' | '.join(told)}")
     rows = [row(name, entries) for name, entries in found.items()]
