@@ -15,9 +15,10 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.measures import broken
 from optiplan.problem.constraints.statements import PairClearance, PathConstraint
-from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
+from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.moving_states import StatedState, impossible_states
+from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
@@ -125,7 +126,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         limits=limits,
         vias=tuple(part.value for part in places.vias),
         task=tuple(part.value for part in places.task),
-        objective=Objective(spec.objective.time, spec.objective.jerk),
+        objective=Objective(**spec.objective.model_dump(exclude_none=True)),
         path_constraints=tuple(part.value for part in places.constraints),
         planner=spec.planner.name,
         options=dict(spec.planner.model_extra or {}),

@@ -22,10 +22,10 @@ from optiplan.config.values import (
     NotNegative,
     Vector,
 )
+from optiplan.geometry.pose_schema import PoseSpec as PoseSpec
+from optiplan.geometry.pose_schema import ToleranceSpec as ToleranceSpec
 from optiplan.geometry.shapes import SHAPES, ShapeSpec
 from optiplan.problem.constraints.schema import PathConstraintSpec as PathConstraintSpec
-from optiplan.problem.pose_schema import PoseSpec as PoseSpec
-from optiplan.problem.pose_schema import ToleranceSpec as ToleranceSpec
 
 LARGEST_MASS = 1e6
 """kg; nothing that an arm can hold."""
@@ -322,14 +322,21 @@ class LimitScalesSpec(Strict):
 
 
 class ObjectiveSpec(Strict):
-    """Weights of duration (1/s) and of the integral of squared jerk."""
+    """Weights of the parts of the cost; see `objectives.objective.Objective`."""
 
     time: NotNegative = 1.0
     jerk: NotNegative = 0.0
+    energy: NotNegative | None = None
+    joint_path: NotNegative | None = None
+    tool_path: NotNegative | None = None
+    tool_smoothness: NotNegative | None = None
+    clearance: NotNegative | None = None
+    manipulability: NotNegative | None = None
+    centring: NotNegative | None = None
 
     @model_validator(mode="after")
     def _something(self) -> Self:
-        if self.time == 0.0 and self.jerk == 0.0:
+        if not any(self.model_dump().values()):
             raise ValueError("found all weights 0; expected at least one weight > 0")
         return self
 

@@ -182,12 +182,12 @@ class _MovingRun:
                 self.touching = attempt.touches[0], attempt.trajectory
             elif not attempt.broken and self._offer(attempt.trajectory):
                 self.curve = attempt, optimiser
-        cost = self.problem.objective.cost(attempt.trajectory) if attempt is not None and free else None
+        cost = self.problem.cost(attempt.trajectory) if attempt is not None and free else None
         self.patience.record(cost)
 
     def _offer(self, trajectory: Trajectory) -> bool:
         """Keep a free motion if it is better than the best; return whether it is."""
-        cost = self.problem.objective.cost(trajectory)
+        cost = self.problem.cost(trajectory)
         if cost >= self.best * (1.0 - _NO_GAIN) or tuple(self.optimiser.constraints.broken(trajectory)):
             return False
         self.best = cost

@@ -74,7 +74,7 @@ class WarmStart:
                     break
         if self.attempt is not None and end is not None:
             announce(progress, self.attempt.trajectory)
-            cost = problem.objective.cost
+            cost = problem.cost
             moved = np.abs([self.earlier.start - problem.start, self.earlier.end - end.q]) / problem.limits.velocity
             expected = cost(self.earlier) + problem.objective.time * float(moved.max(axis=1).sum())
             self.good = cost(self.attempt.trajectory) <= AS_GOOD * expected
@@ -89,7 +89,7 @@ class WarmStart:
         """The better of the curve and what is left of the earlier motion."""
         found = [] if self.attempt is None else [self.attempt.trajectory]
         found += [] if self.ahead is None else [self.ahead]
-        return min(found, key=self.problem.objective.cost, default=None)
+        return min(found, key=self.problem.cost, default=None)
 
     def result(self) -> PlanResult:
         """The best as an answer."""
@@ -105,7 +105,7 @@ class WarmStart:
         found = replace(found, info=info, timings=timings, earlier=tuple(later), seconds=seconds)
         if self.best is None:
             return found
-        cost, own = self.problem.objective.cost, Candidate(self.best, self.seconds)
+        cost, own = self.problem.cost, Candidate(self.best, self.seconds)
         if found.trajectory is None or cost(found.trajectory) >= cost(own.trajectory):
             return replace(found, trajectory=own.trajectory, failure=None, earlier=(), seconds=own.seconds)
         better = [one for one in later if cost(one.trajectory) < cost(own.trajectory)]
