@@ -16,6 +16,7 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -24,8 +25,10 @@ import optiplan as op
 
 DT = 0.002
 READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
-Step = Callable[[pin.SE3, np.ndarray], np.ndarray]
-"""From a target X_WT and its twist (6,) to the next configuration; keeps its own state."""
+Step = Callable[[pin.SE3, np.ndarray, pin.SE3], np.ndarray]
+"""From a target X_WT now, its twist (6,), and where it is at the end of the step, to the configuration then.
+
+Controllers with feed-forward take the first two, the others the last; all are held against the last."""
 
 
 @dataclass
@@ -65,12 +68,12 @@ def run(step: Step, robot: op.Robot, targets: Iterator[tuple[pin.SE3, np.ndarray
     """Follow targets, and measure."""
     data, tool = robot.model.createData(), robot.frame_id(robot.tool_frame)
     seconds, errors, Q = [], [], []
-    for X, twist in targets:
+    for (X, twist), (X_next, _) in pairwise(targets):
         begin = time.perf_counter()
-        q = step(X, twist)
+        q = step(X, twist, X_next)
         seconds.append(time.perf_counter() - begin)
         pin.framesForwardKinematics(robot.model, data, q)
-        errors.append(np.linalg.norm(data.oMf[tool].translation - X.translation))
+        errors.append(np.linalg.norm(data.oMf[tool].translation - X_next.translation))
         Q.append(q.copy())
     return Result(np.array(seconds), np.array(errors), np.array(Q))
 
@@ -88,9 +91,12 @@ def ours(
     controller = op.Controller(robot, [tool, posture], scene=scene, limits=limits, **options)
     state = op.State(READY)
 
-    def step(X: pin.SE3, twist: np.ndarray) -> np.ndarray:
+    def step(X: pin.SE3, twist: np.ndarray, X_next: pin.SE3) -> np.ndarray:
         nonlocal state
-        tool.set_target(X, twist if gain is None else None)
+        if gain is None:
+            tool.set_target(X, twist)
+        else:
+            tool.set_target(X_next)
         found = controller.step(state, DT)
         state = found.state
         if steps is not None:
@@ -112,8 +118,8 @@ def of_pink(robot: op.Robot) -> Step:
     posture = pink.tasks.PostureTask(1e-2, gain=DT)
     posture.set_target(np.array(READY))
 
-    def step(X: pin.SE3, twist: np.ndarray) -> np.ndarray:
-        tool.set_target(X)
+    def step(X: pin.SE3, twist: np.ndarray, X_next: pin.SE3) -> np.ndarray:
+        tool.set_target(X_next)
         v = pink.solve_ik(configuration, [tool, posture], DT, "proxqp", safety_break=False)
         configuration.integrate_inplace(v, DT)
         return configuration.q
@@ -143,8 +149,8 @@ def of_mink(robot: op.Robot) -> Step:
     velocities = dict(zip(robot.joint_names, robot.limits.velocity, strict=True))
     limits = [mink.ConfigurationLimit(model), mink.VelocityLimit(model, velocities)]
 
-    def step(X: pin.SE3, twist: np.ndarray) -> np.ndarray:
-        tool.set_target(mink.SE3.from_matrix(X.homogeneous))
+    def step(X: pin.SE3, twist: np.ndarray, X_next: pin.SE3) -> np.ndarray:
+        tool.set_target(mink.SE3.from_matrix(X_next.homogeneous))
         v = mink.solve_ik(configuration, [tool, posture], DT, "proxqp", limits=limits)
         configuration.integrate_inplace(v, DT)
         return configuration.q

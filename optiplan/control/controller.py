@@ -9,7 +9,7 @@ import numpy as np
 from optiplan.arrays import Array, is_finite
 from optiplan.control.configuration import Configuration
 from optiplan.control.defaults import ORDER, default_limits
-from optiplan.control.limits.base import ControlLimit, RowLimit
+from optiplan.control.limits.base import ControlLimit, KeptRowLimit, RowLimit
 from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.limits.stop_limits import StopLimit
 from optiplan.control.objective import BASE_DAMPING, TaskObjective, singular_values
@@ -109,11 +109,12 @@ class Controller:
         self._measured = next((k for k, t in enumerate(self._objectives[0].tasks) if isinstance(t, FrameTask)), None)
         self._box = JointBox(self.limits, self._order, n)
         stop_limits = [limit for limit in self.limits if isinstance(limit, StopLimit)]
-        self._guard = StoppingGuard(robot, stop_limits, self._box, self._by_acceleration)
+        kept_limits = [limit for limit in self.limits if isinstance(limit, KeptRowLimit)]
+        self._guard = StoppingGuard(robot, stop_limits, kept_limits, self._box, self._by_acceleration)
         self._rows = RowStack([limit for limit in self.limits if isinstance(limit, RowLimit)], self._order, n)
         for limit in self.limits:
             if isinstance(limit, RowLimit):
-                limit.delay = self._box.delay
+                limit.meet(self._box, self._by_acceleration)
         self._configuration = Configuration(robot)
         self._report = StepReporter(robot, self._box, self._rows)
         self._no_equations = np.zeros((0, n)), np.zeros(0)
@@ -181,7 +182,7 @@ class Controller:
         C, low, high = rows.C, rows.low, rows.high
         for level, objective in enumerate(self._objectives):
             demand = objective.demand(c, state, dt)
-            H, g = objective.program(demand, (state.v, dt), self._damping, self._singular(level, objective, outcome))
+            H, g = objective.program(demand, state, dt, self._damping, self._singular(level, objective, outcome))
             program = Program(H, g, C, low, high, (self._box.low, self._box.high), *equations)
             if level == 0:
                 outcome.demand = demand
@@ -215,7 +216,7 @@ class Controller:
         state, dt, brake = outcome.state, outcome.dt, outcome.brake
         for share in (1.0, 0.5, 0.25):
             candidate = x if share == 1.0 else brake + share * (x - brake)
-            if self._guard.accepts(self._next(state, candidate, dt), dt):
+            if self._guard.accepts(self._next(state, candidate, dt), dt, outcome.slack):
                 outcome.share = share
                 x[:] = candidate
                 return True

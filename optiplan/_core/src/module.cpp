@@ -7,4 +7,5 @@ NB_MODULE(CORE_MODULE, m) {
     optiplan::bind_world(m);
     optiplan::bind_search(m);
     optiplan::bind_program(m);
+    optiplan::bind_control(m);
 }
