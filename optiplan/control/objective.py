@@ -117,9 +117,9 @@ class TaskObjective:
     ) -> Array:
         """Rates that approach the wanted ones as in a first order lag of time constant `response`.
 
-        With w = exp(-dt / response):  (1 - w) wanted + w (r + change of the forward part), where r = (J - dt J̇) v is the
-        rate of a step ago. A program that jumps to what is wanted within its limits jumps to and fro where limits and
-        tasks meet.
+        With w = exp(-dt / response):  (1 - w) wanted + w (r + change of the forward part), where r = (J - dt J̇) v is
+        the rate of a step ago. A program that jumps to what is wanted within its limits jumps to and fro where limits
+        and tasks meet.
         """
         late = self._late(dt)
         if late == 0.0:
@@ -164,7 +164,7 @@ class TaskObjective:
     def program(
         self, demand: Demand, state: State, dt: float, damping: float, singular: float | None
     ) -> tuple[Array, Array]:
-        """H (n, n) and g (n,) of ½ |A x - b|² + ½ w² |x|² + ½ s² |x - v - k dt a|², w growing where `singular` is small.
+        """H (n, n) and g (n,) of ½ |A x - b|² + ½ w² |x|² + ½ s² |x - v - k dt a|²; w grows where `singular` is small.
 
         s² = STEADINESS / dt: where tasks and limits leave many answers nearly as good, the steadiest is taken. With
         k = exp(-dt / PERSISTENCE) accelerations go on for a moment, so that a steady one does not lag behind its task.

@@ -1,7 +1,6 @@
 """Limits of distances that hold wherever the robot could stop: what clearance and half-spaces share."""
 
 from dataclasses import dataclass
-
 from typing import Any
 
 import numpy as np

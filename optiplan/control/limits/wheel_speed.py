@@ -1,4 +1,4 @@
-"""`WheelSpeedLimit`: rates of the wheels of a base on mecanum wheels, kept while the base drives and while it brakes."""
+"""`WheelSpeedLimit`: rates of the wheels of a base on mecanum wheels, kept while it drives and while it brakes."""
 
 from typing import TYPE_CHECKING, ClassVar
 
@@ -21,7 +21,7 @@ _ROUNDING = 1e-9
 _RESERVE = 5e-3
 """Share of a rate that rows leave free, for what happens between the moments that they look at."""
 _MOMENTS = np.array([0.05, 0.2, 0.35, 0.55, 0.8, 1.5])
-"""Of a stop, as shares of the time that jerk limits take to turn an acceleration back: where rows look at the wheels."""
+"""When rows look at the wheels, after the step: in shares of the time that turning an acceleration back takes."""
 
 
 class WheelSpeedLimit(KeptRowLimit):
@@ -29,8 +29,8 @@ class WheelSpeedLimit(KeptRowLimit):
 
     With a heading ψ and velocities V of the base, wheel rates are M Rz(ψ)ᵀ V: at a constant velocity they change as the
     base turns, and jerk limits keep it from braking at once. So rows look ahead: at moments of the stop after a step
-    with velocity x of the joint j, its velocity is interpolated between those for the ends of the bounds of x, which lie
-    close to each other. That a whole stop keeps the rates is measured, step by step, before x is commanded.
+    with velocities x, positions and velocities are interpolated between those for the ends of the bounds of x, which
+    lie close to each other. That a whole stop keeps the rates is measured, step by step, before x is commanded.
 
     Args:
         rate: of each of the four wheels, or one for all, rad/s.
