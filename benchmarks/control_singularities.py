@@ -1,4 +1,4 @@
-"""Through the wrist, elbow and shoulder singularities of SRRA, PUMA 560 and UR5: four ways to lead a tool, side by side.
+"""Four ways to lead a tool through the wrist, elbow and shoulder singularities of SRRA, PUMA 560 and UR5.
 
     python benchmarks/control_singularities.py [--markdown singularities.md]                # about a minute on one core
 
@@ -39,7 +39,7 @@ Step = Callable[[Array, pin.SE3, Array], Array]
 
 @dataclass
 class Passage:
-    """Tool errors, mm, RMS and at most; velocities and accelerations as multiples of the limits; m/rad, how singular."""
+    """Tool errors, mm; velocities and accelerations as multiples of the limits; the least singular value of J, m/rad."""
 
     rms: float
     peak: float

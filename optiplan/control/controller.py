@@ -1,5 +1,6 @@
 """`Controller`: each step, the velocities that do the tasks best within the limits, and from which it can stop."""
 
+import math
 import time
 from collections.abc import Iterable, Sequence
 from typing import Literal, get_args
@@ -236,7 +237,7 @@ class Controller:
         if state.n != self.robot.n:
             found = f"{state.n} joints"
             raise wrong_argument("Controller.step", "state.q", found, f"{self.robot.n}, those of {self.robot.name}")
-        if not np.isfinite(state.q.sum() + state.v.sum() + state.a.sum()):
+        if not math.isfinite(state.q @ state.q + state.v @ state.v + state.a @ state.a):
             raise wrong_argument("Controller.step", *_not_finite(state), "finite numbers")
 
 
@@ -246,7 +247,7 @@ def _not_finite(state: State) -> tuple[str, str]:
         bad = np.flatnonzero(~np.isfinite(getattr(state, name)))
         if len(bad):
             return f"state.{name}[{bad[0]}]", str(getattr(state, name)[bad[0]])
-    return "state", "numbers whose sum overflows"
+    return "state", "numbers whose squares overflow"
 
 
 def _all(parts: Iterable[object], kind: type, argument: str, expected: str) -> tuple:  # type: ignore[type-arg]

@@ -54,6 +54,36 @@ def test_the_largest_velocity_before_an_end_has_the_same_bits(box):
         assert core.fastest(*arguments) == fastest_velocity(*arguments)
 
 
+@pytest.mark.parametrize("shift", [0.0, 0.5 * DT])
+def test_bounds_of_joints_agree(panda, shift):
+    rng, limits = np.random.default_rng(4), panda.limits
+    found = [op.PositionLimit(), op.VelocityLimit(), op.AccelerationLimit(), op.JerkLimit()]
+    for limit in found:
+        limit.bind(panda)
+    native, python = (JointBox(found, ["position", "velocity", "jerk", "acceleration"], panda.n) for _ in range(2))
+    python._table = None
+    for _ in range(200):
+        q = rng.uniform(limits.lower - 0.05, limits.upper + 0.05)
+        v = 1.1 * rng.uniform(-1.0, 1.0, 7) * limits.velocity
+        state = op.State(q, v, rng.uniform(-1.0, 1.0, 7) * limits.acceleration)
+        for box in (native, python):
+            box.update(state, DT, shift)
+        np.testing.assert_allclose(native.low, python.low, atol=1e-9)
+        np.testing.assert_allclose(native.high, python.high, atol=1e-9)
+        np.testing.assert_allclose(native.brake(state, DT), python.brake(state, DT), atol=1e-12)
+        assert native.violations(q, v).keys() == python.violations(q, v).keys()
+        assert [name for name, *_ in native.at(native.low)] == [name for name, *_ in python.at(python.low)]
+
+
+def test_singular_values_are_those_of_lapack():
+    rng = np.random.default_rng(5)
+    for k in range(100):
+        J = rng.normal(size=(int(rng.integers(1, 7)), 7))
+        if k % 4 == 0:
+            J[0] = J[-1] * (1.0 + 1e-6)
+        np.testing.assert_allclose(core.singular_values(J), np.linalg.svd(J, compute_uv=False), atol=3e-7)
+
+
 def test_views_rows_and_stops_agree(panda, box):
     scene = op.Scene([op.Box("post", size=(0.1, 0.1, 0.8), position=(0.45, 0.3, 0.4))])
     limit, c = op.ClearanceLimit(scene), op.Controller(panda, [])

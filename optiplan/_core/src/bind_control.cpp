@@ -5,6 +5,7 @@
 #include "arrays.hpp"
 #include "control/active_set.hpp"
 #include "control/clearance_watch.hpp"
+#include "control/joint_box.hpp"
 #include "module.hpp"
 
 namespace optiplan {
@@ -75,6 +76,21 @@ static nb::tuple stop_rows(const Matrix &gradient, const Vector &distance, const
                           to_numpy(std::move(unit), {count}));
 }
 
+// low, high (n,), intervals (k, 2, n) with the limits (k,) that made them, brake (n,). `table` (8, n): see JointTable.
+static nb::tuple joint_box(const Vector &q, const Vector &v, const Vector &a, const Matrix &table,
+                           const std::vector<std::int64_t> &order, double dt, double shift) {
+    const std::size_t n = same_size({&q, &v, &a});
+    expect(table.shape(0) == 8 && table.shape(1) == n, "a table (8, n)");
+    const double *t = table.data();
+    const JointTable rows{n, t, t + n, t + 2 * n, t + 3 * n, t + 4 * n, t + 5 * n, t + 6 * n, t + 7 * n};
+    for (std::int64_t code : order) expect(code >= 0 && code <= 3, "limits of joints");
+    JointBounds found = joint_bounds(q.data(), v.data(), a.data(), rows, order, dt, shift);
+    const std::size_t k = found.made.size();
+    return nb::make_tuple(to_numpy(std::move(found.low), {n}), to_numpy(std::move(found.high), {n}),
+                          to_numpy(std::move(found.intervals), {k, 2, n}), std::move(found.made),
+                          to_numpy(std::move(found.brake), {n}));
+}
+
 using Signed = std::vector<std::int64_t>;
 
 // x (n,), active bounds and active rows; None where a few changes of the guess do not lead to the solution.
@@ -142,6 +158,11 @@ void bind_control(nb::module_ &m) {
         .def("__init__", &make_watch, "world"_a, "arms"_a, "reaches"_a, "rules"_a, nb::keep_alive<1, 2>())
         .def("look", &look, "q"_a, "before"_a.none())
         .def("stop_is_clear", &stop_is_clear, "path"_a, "start"_a, "least"_a);
+    m.def("joint_box", &joint_box, "q"_a, "v"_a, "a"_a, "table"_a, "order"_a, "dt"_a, "shift"_a);
+    m.def("singular_values", [](const Matrix &J) {
+        expect(J.shape(0) <= J.shape(1), "a matrix with no more rows than columns");
+        return singular_values(J.data(), J.shape(0), J.shape(1));
+    }, "J"_a);
     m.def("stop_rows", &stop_rows, "gradient"_a, "distance"_a, "v"_a, "delay"_a, "per_acceleration"_a, "rules"_a);
     m.def("solve_from", &solve_from, "H"_a, "g"_a, "C"_a, "low"_a, "high"_a, "lower"_a, "upper"_a, "A"_a, "b"_a,
           "bounds"_a, "rows"_a, "rules"_a);

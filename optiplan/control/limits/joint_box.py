@@ -15,6 +15,8 @@ from optiplan.control.state import State
 
 ROUNDING = 1e-10
 """rad or m, of positions at their limits: what rounding may cost."""
+_CODES = ("acceleration", "jerk", "velocity", "position")
+"""Names of the limits by their numbers in the native core."""
 AT_BOUND = 1e-9
 """rad/s or m/s: velocities nearer than this to a bound are held back by it."""
 
@@ -67,6 +69,11 @@ class JointBox:
         self.delay = np.divide(self.acceleration, self.jerk, out=np.zeros(n), where=bounded)
         self._dt = 0.0
         self.low, self.high = -without, without.copy()
+        self._intervals: list[tuple[str, Array, Array]] = []
+        rated = np.isfinite([self.velocity, self.acceleration, self.jerk]).all()
+        self._table: Array | None = np.zeros((8, n)) if core is not None and rated else None
+        self._codes = [_CODES.index(name) for name in self._names]
+        self._braked: State | None = None
 
     def prepare(self, dt: float) -> None:
         """Everything that depends on dt alone."""
@@ -83,6 +90,9 @@ class JointBox:
         gains = [velocity_to_zero(a, c, dt) if math.isfinite(a) else math.inf for a, c in limits]
         self._slow = self.velocity - gains  # below these no acceleration within limits is too much
         self._sudden = np.isinf(self.acceleration)
+        if self._table is not None:
+            ends = self.lower, self.upper, *self._safe
+            self._table = np.array([self.velocity, self.acceleration, self.change, *ends, self._slow])
 
     def brakes_of(self, joints: list[int]) -> JointBrakes:
         """How some joints brake, in steps of the last update."""
@@ -93,8 +103,15 @@ class JointBox:
         if dt != self._dt:
             self.prepare(dt)
         v = state.v
+        self._braked = None
+        if self._table is not None:
+            found = core.joint_box(state.q, v, state.a, self._table, self._codes, dt, shift)
+            self.low, self.high, own, made, self._brake = found
+            self._intervals = [(_CODES[code], *own[k]) for k, code in enumerate(made)]
+            self._braked = state
+            return
         low, high = np.full(len(v), -np.inf), np.full(len(v), np.inf)
-        self._intervals: list[tuple[str, Array, Array]] = []
+        self._intervals = []
         for name in self._names:
             interval = getattr(self, f"_{name}")(state, dt, shift, low, high)
             if interval is None:
@@ -172,6 +189,8 @@ class JointBox:
         """Velocities (n,) at the end of a step of the quickest stop within limits of acceleration and jerk."""
         if dt != self._dt:
             self.prepare(dt)
+        elif state is self._braked:
+            return self._brake
         wanted = -np.copysign(braking_accelerations(np.abs(state.v), self.change, dt), state.v)
         low = np.maximum(state.a - self.change, -self.acceleration)
         high = np.minimum(state.a + self.change, self.acceleration)
