@@ -22,7 +22,7 @@ from optiplan.control.controller import Controller
 from optiplan.control.defaults import default_limits
 from optiplan.control.limits.clearance import AT_LEAST, ClearanceLimit
 from optiplan.control.qp.solvers import ProxQp, QpSolver
-from optiplan.control.state import State
+from optiplan.trajectory.state import State
 from optiplan.control.tasks.frame_tasks import PoseTask
 from optiplan.control.tasks.joint_tasks import PostureTask
 

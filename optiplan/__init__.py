@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from optiplan.control.limits.joint_limits import AccelerationLimit, JerkLimit, PositionLimit, VelocityLimit
     from optiplan.control.limits.tool_speed import ToolSpeedLimit, WheelSpeedLimit
     from optiplan.control.limits.torque import TorqueLimit
-    from optiplan.control.state import State
     from optiplan.control.step import ControlStep
     from optiplan.control.tasks.frame_tasks import OrientationTask, PoseTask, PositionTask
     from optiplan.control.tasks.joint_tasks import BaseMotionTask, DampingTask, JointCouplingTask, PostureTask
@@ -40,16 +39,25 @@ if TYPE_CHECKING:
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
     from optiplan.problem.constraints.statements import (
+        FixedOrientation,
+        JointCoupling,
+        LookAt,
+        ManipulabilityAbove,
+        OnArc,
+        OnCircle,
         OnLine,
         OnPlane,
+        OnScrew,
         OrientationCone,
         PairClearance,
         PositionBox,
         RelativePose,
+        ToolAcceleration,
         ToolSpeed,
+        WheelSpeed,
     )
     from optiplan.problem.goals_and_vias import JointGoal, Objective, PoseGoal
-    from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
+    from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
     from optiplan.robot.robot import Robot
@@ -58,6 +66,7 @@ if TYPE_CHECKING:
     from optiplan.simulation.log import Log
     from optiplan.simulation.simulation import Simulation
     from optiplan.trajectory.sample_file import Samples
+    from optiplan.trajectory.state import State
     from optiplan.trajectory.trajectory import Trajectory
     from optiplan.verify.report import Check, Report
 
@@ -74,7 +83,7 @@ _ROOMS = {
     "control.limits.joint_limits": ("AccelerationLimit", "JerkLimit", "PositionLimit", "VelocityLimit"),
     "control.limits.tool_speed": ("ToolSpeedLimit", "WheelSpeedLimit"),
     "control.limits.torque": ("TorqueLimit",),
-    "control.state": ("State",),
+    "trajectory.state": ("State",),
     "control.step": ("ControlStep",),
     "control.tasks.frame_tasks": ("OrientationTask", "PoseTask", "PositionTask"),
     "control.tasks.joint_tasks": ("BaseMotionTask", "DampingTask", "JointCouplingTask", "PostureTask"),
@@ -84,15 +93,24 @@ _ROOMS = {
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "problem.constraints.statements": (
+        "FixedOrientation",
+        "JointCoupling",
+        "LookAt",
+        "ManipulabilityAbove",
+        "OnArc",
+        "OnCircle",
         "OnLine",
         "OnPlane",
+        "OnScrew",
         "OrientationCone",
         "PairClearance",
         "PositionBox",
         "RelativePose",
+        "ToolAcceleration",
         "ToolSpeed",
+        "WheelSpeed",
     ),
-    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
+    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Octree", "PointCloud", "Sphere"),
     "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
@@ -123,26 +141,35 @@ __all__ = [
     "Cylinder",
     "DampingTask",
     "Failure",
+    "FixedOrientation",
     "HalfSpace",
     "HalfSpaceLimit",
     "InputError",
     "JerkLimit",
+    "JointCoupling",
     "JointCouplingTask",
     "JointGoal",
     "Log",
+    "LookAt",
     "LookAtTask",
+    "ManipulabilityAbove",
     "ManipulabilityTask",
     "Mesh",
     "Objective",
     "Obstacle",
+    "Octree",
+    "OnArc",
+    "OnCircle",
     "OnLine",
     "OnPlane",
+    "OnScrew",
     "OptiPlanError",
     "OrientationCone",
     "OrientationTask",
     "PairClearance",
     "PlanResult",
     "Planner",
+    "PointCloud",
     "Pose",
     "PoseGoal",
     "PoseTask",
@@ -161,6 +188,7 @@ __all__ = [
     "Simulation",
     "Sphere",
     "State",
+    "ToolAcceleration",
     "ToolSpeed",
     "ToolSpeedLimit",
     "TorqueLimit",
@@ -168,6 +196,7 @@ __all__ = [
     "VelocityLimit",
     "ViaPoint",
     "View",
+    "WheelSpeed",
     "WheelSpeedLimit",
     "__version__",
     "execute",

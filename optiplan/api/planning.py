@@ -55,10 +55,11 @@ def plan(
         seed: of what is random; None: the problem's own. The same problem, planner, options and seed give the same
             motion, as long as the budget does not cut the work short.
         progress: called with the name of a stage and the fraction (0 to 1) of it that is done.
-        warm_start: an earlier run, or a motion. It is verified on *this* problem, on the time of the budget; where it
-            holds, its cost (see `Objective`) is one that the answer does not exceed: it is the answer itself where the
-            planner finds nothing as good. Planners do not begin their search at it. `Run.info["warm_start"]` says what
-            became of it: `kept`, `beaten` or `refused`.
+        warm_start: an earlier run, or a motion, of a problem not far from this one (another scene, goal or start, a
+            robot that is on its way by now). `trajopt` begins at it and mostly needs no search. It is also verified on
+            *this* problem, on the time of the budget; where it holds, its cost (see `Objective`) is one that the answer
+            does not exceed: it is the answer itself where the planner finds nothing as good. `Run.info["warm_start"]`
+            says what became of it: `kept`, `beaten` or `refused`.
 
     Returns:
         The run: `verified`, `trajectory`, `report`, `failure`, `duration`, `ratio`, `metrics`, `improvements`.
@@ -81,7 +82,7 @@ def plan(
         problem = problem.with_seed(seed_argument("plan", seed))
     known, clock = _known(problem, warm_start, clock)
     try:
-        run = pipeline.run(problem, asked, chosen, clock, told)
+        run = pipeline.run(problem, asked, chosen, clock, told, _motion_of(warm_start, problem))
     except UnknownChoiceError as error:
         argument = "planner" if error.kind == "planner" else "options"
         raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None
@@ -219,10 +220,16 @@ def _known(problem: Problem, warm_start: Any, budget: Budget) -> tuple[Trajector
         return None, budget
     if not isinstance(warm_start, Run | Trajectory):
         raise wrong_argument("plan", "warm_start", described(warm_start), "a Run or a Trajectory")
-    motion = warm_start.trajectory if isinstance(warm_start, Run) else warm_start
+    motion = _motion_of(warm_start, problem)
     budget.start()
-    holds = motion is not None and verifier.verify(problem, motion).verified
+    holds = motion is not None and verifier.holds(problem, motion)
     return motion if holds else None, budget.share(1.0)
+
+
+def _motion_of(warm_start: Run | Trajectory | None, problem: Problem) -> Trajectory | None:
+    """The motion of these joints that is at hand."""
+    motion = warm_start.trajectory if isinstance(warm_start, Run) else warm_start
+    return motion if motion is not None and motion.joint_names == problem.robot.joint_names else None
 
 
 def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:

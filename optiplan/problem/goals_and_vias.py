@@ -2,18 +2,36 @@
 
 from dataclasses import dataclass
 
+import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
 class JointGoal:
-    """End at this configuration, q of shape (n,), within `tolerance` (rad or m) of each joint."""
+    """End at this configuration, q of shape (n,), within `tolerance` (rad or m) of each joint.
+
+    `velocity` (n,), rad/s or m/s, and `acceleration` (n,), rad/s² or m/s², are those at the end of the motion; None:
+    at rest.
+    """
 
     q: Array
     tolerance: float = 1e-6
+    velocity: Array | None = None
+    acceleration: Array | None = None
+
+    @property
+    def state(self) -> State:
+        """The state of motion at the end."""
+        return State(self.q, self.velocity, self.acceleration)
+
+    @property
+    def moving(self) -> bool:
+        """Whether the motion goes on at the end."""
+        return any(rate is not None and np.any(rate) for rate in (self.velocity, self.acceleration))
 
 
 @dataclass(frozen=True, eq=False)

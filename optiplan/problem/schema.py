@@ -4,17 +4,14 @@ These classes hold what the file says, after checks that need nothing but the fi
 against the robot and the scene.
 """
 
-import math
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from optiplan.config.document import Number, Strict, Whole
 from optiplan.config.values import (
-    Coordinate,
-    Direction,
     ExactlyOne,
     FileName,
     Fraction,
@@ -22,11 +19,12 @@ from optiplan.config.values import (
     Name,
     NamePair,
     NotNegative,
-    Quaternion,
-    Size,
     Vector,
 )
 from optiplan.geometry.shapes import SHAPES, ShapeSpec
+from optiplan.problem.constraints.schema import PathConstraintSpec as PathConstraintSpec
+from optiplan.problem.pose_schema import PoseSpec as PoseSpec
+from optiplan.problem.pose_schema import ToleranceSpec as ToleranceSpec
 
 LARGEST_MASS = 1e6
 """kg; nothing that an arm can hold."""
@@ -36,20 +34,6 @@ def _named(value: Any) -> Any:
     if not isinstance(value, str | Mapping | PlannerSpec):
         raise ValueError("the name of a planner, or {name: …} with its options")
     return {"name": value} if isinstance(value, str) else value
-
-
-class PoseSpec(Strict):
-    """`position`, m, and `rpy` about fixed axes, rad, or `quaternion` [x, y, z, w]; neither is the identity."""
-
-    position: Vector = (0.0, 0.0, 0.0)
-    rpy: Vector | None = None
-    quaternion: Quaternion | None = None
-
-    @model_validator(mode="after")
-    def _one_rotation(self) -> Self:
-        if self.rpy is not None and self.quaternion is not None:
-            raise ValueError("found both rpy and quaternion; expected at most one of them")
-        return self
 
 
 class ObstacleSpec(Strict):
@@ -102,13 +86,6 @@ class SceneSpec(Strict):
     allowed_collisions: tuple[NamePair, ...] = ()
 
 
-class ToleranceSpec(Strict):
-    """Tolerance of a pose: `position` in m, `orientation` in rad."""
-
-    position: Length = 1e-4
-    orientation: Length = 1e-3
-
-
 class PoseGoalSpec(PoseSpec):
     """The pose of `frame` (default: the robot's tool frame) in the world."""
 
@@ -117,11 +94,29 @@ class PoseGoalSpec(PoseSpec):
     tolerance: ToleranceSpec = ToleranceSpec()
 
 
+Rates = Annotated[tuple[Number, ...] | None, AfterValidator(lambda rates: rates if rates and any(rates) else None)]
+"""One value per planned joint; zeros are as good as nothing, so that rest is said in one way."""
+
+
 class StartSpec(ExactlyOne):
-    """`joints`: one value per planned joint; or `configuration`: a name in the robot file."""
+    """`joints`: one value per planned joint; or `configuration`: a name in the robot file.
+
+    `velocity` (rad/s or m/s) and `acceleration` (rad/s² or m/s²), one value per planned joint: at rest without them.
+    """
+
+    BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
 
     joints: tuple[Number, ...] | None = None
     configuration: Name | None = None
+    velocity: Rates = None
+    acceleration: Rates = None
+
+    @model_validator(mode="after")
+    def _state(self) -> Self:
+        for key in ("velocity", "acceleration"):
+            if getattr(self, key) is not None and self.kind not in ("joints", "configuration"):
+                raise ValueError(f"found {key} with {self.kind}; expected it with joints or configuration only")
+        return self
 
 
 class AlternativeSpec(StartSpec):
@@ -177,96 +172,6 @@ def _timed(vias: tuple[ViaSpec, ...]) -> tuple[ViaSpec, ...]:
         if after <= before:
             raise ValueError(f"found time {after:g} after time {before:g}; expected increasing times")
     return vias
-
-
-def _ordered(values: tuple[float, ...]) -> tuple[float, ...]:
-    if len(values) != 2 or not 0.0 <= values[0] < values[1] <= 1.0:
-        raise ValueError("two fractions of the duration, [from, to] with 0 <= from < to <= 1")
-    return values
-
-
-class ConstraintSpec(Strict):
-    """What all path constraints have; `frame` is the robot's tool frame without one."""
-
-    frame: Name | None = None
-    during: Annotated[tuple[Number, ...], AfterValidator(_ordered)] | None = None
-
-
-class OrientationConeSpec(ConstraintSpec):
-    """`axis` of the frame stays within an angle, rad, of the direction `toward` of the world."""
-
-    axis: Direction
-    toward: Direction
-    within: Annotated[Length, Field(le=math.pi)]
-
-
-class BoxSpec(Strict):
-    """A box of edge lengths `size`, m, at `pose` in the world."""
-
-    size: Size
-    pose: PoseSpec = PoseSpec()
-
-
-class PositionBoxSpec(ConstraintSpec):
-    """The frame's origin stays in a box."""
-
-    box: BoxSpec
-
-
-class OnPlaneSpec(ConstraintSpec):
-    """The frame's origin p stays near a plane: |normal · p - offset| <= within, m."""
-
-    normal: Direction
-    offset: Coordinate
-    within: Length
-
-
-class OnLineSpec(ConstraintSpec):
-    """The frame's origin stays within a distance, m, of the segment between two points."""
-
-    from_: Annotated[Vector, Field(alias="from")]
-    to: Vector
-    within: Length
-
-
-class ToolSpeedSpec(ConstraintSpec):
-    """The frame moves no faster than `linear`, m/s, and turns no faster than `angular`, rad/s."""
-
-    linear: Length | None = None
-    angular: Length | None = None
-
-    @model_validator(mode="after")
-    def _something(self) -> Self:
-        if self.linear is None and self.angular is None:
-            raise ValueError("found neither; expected linear, angular, or both")
-        return self
-
-
-class PairClearanceSpec(Strict):
-    """Pairs of bodies stay farther apart than `at_least`, m."""
-
-    pairs: Annotated[tuple[NamePair, ...], Field(min_length=1)]
-    at_least: Length
-    during: Annotated[tuple[Number, ...], AfterValidator(_ordered)] | None = None
-
-
-class RelativePoseSpec(ConstraintSpec, PoseSpec):
-    """The frame keeps its pose in the frame `to`, within `tolerance`."""
-
-    to: Name
-    tolerance: ToleranceSpec = ToleranceSpec()
-
-
-class PathConstraintSpec(ExactlyOne):
-    """One constraint on the path."""
-
-    orientation: OrientationConeSpec | None = None
-    position: PositionBoxSpec | None = None
-    plane: OnPlaneSpec | None = None
-    line: OnLineSpec | None = None
-    tool_speed: ToolSpeedSpec | None = None
-    clearance: PairClearanceSpec | None = None
-    relative_pose: RelativePoseSpec | None = None
 
 
 class LimitScalesSpec(Strict):

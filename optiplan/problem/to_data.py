@@ -14,16 +14,23 @@ from optiplan.geometry.shapes import shape_data
 from optiplan.problem.constraints.statements import KINDS, constraint_data
 from optiplan.problem.goals_and_vias import Objective
 from optiplan.problem.statement import Pose, end_data, is_configuration, via_point_data
+from optiplan.trajectory.state import State
 
 
 def start_data(start: Any) -> Any:
     """`start:` of a file."""
-    if isinstance(start, str) or is_configuration(start):
+    if isinstance(start, str | State) or is_configuration(start):
         return end_data(start, "Problem", "start")
     if isinstance(start, Mapping):
         return plain(start)
-    expected = "values of the joints (n,), or the name of a configuration of the robot"
+    expected = "values of the joints (n,), op.State(q, v, a), or the name of a configuration of the robot"
     raise wrong_argument("Problem", "start", described(start), expected)
+
+
+def moving_start(start: Any, velocity: Any, acceleration: Any) -> dict[str, Any]:
+    """`start:` of a file, with rates that were given beside it."""
+    rates = {"velocity": velocity, "acceleration": acceleration}
+    return {**start_data(start), **{key: plain(rate) for key, rate in rates.items() if rate is not None}}
 
 
 def goal_data(goal: Any) -> dict[str, Any]:

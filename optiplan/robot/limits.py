@@ -1,6 +1,6 @@
 """Limits of the planned joints: those of the robot.yaml, else those of the URDF, else stated defaults."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -35,6 +35,10 @@ class Limits:
     def rates(self) -> tuple[Array, Array, Array]:
         """Limits of the derivatives of order 1, 2 and 3: velocity, acceleration and jerk."""
         return self.velocity, self.acceleration, self.jerk
+
+    def of(self, joints: slice) -> "Limits":
+        """The limits of some of the joints."""
+        return Limits(*(getattr(self, field.name)[joints] for field in fields(self)))
 
     def scaled(
         self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float | str = 1.0, torque: float = 1.0

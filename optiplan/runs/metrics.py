@@ -15,7 +15,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
 from optiplan.problem.problem import Problem
-from optiplan.robot.robot import Limits, Robot
+from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
 
@@ -42,7 +42,7 @@ class Metrics:
         tool_rotation: angle that the tool turns through, integral of |w_WT|, rad (to 1e-6 of itself).
         joint_path: length of the path of the joints, integral of |dq/dt| (2-norm), rad, with sliding joints in m.
         peak_jerk: largest |jerk| of any joint at any time, exact, rad/s^3 or m/s^3; inf where velocity or acceleration
-            jumps, be it from or to rest.
+            jumps, be it from or to what the problem states at the ends, which is rest mostly.
         peak_jerk_joint: the joint that has it.
         jerk_share: the largest of peak jerk / limit over all joints, exact; None when no joint has a jerk limit.
         rms_torque: sqrt(mean over time of the sum over all joints of tau^2), N m (sliding joints: N).
@@ -77,7 +77,7 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
         return None
     integrals = integral(_Instant(robot, trajectory), trajectory)
     squared = integrals[3:] / trajectory.duration
-    joint, jerk, share = peak_jerk(trajectory, problem.limits)
+    joint, jerk, share = peak_jerk(trajectory, problem)
     proved, lowest = _clearance(report)
     return Metrics(
         tool_path=float(integrals[0]),
@@ -144,16 +144,19 @@ def _gauss(f: Callable[[Array], Array], a: Array, b: Array) -> Array:
     return np.asarray((b - a)[:, None] * np.einsum("mik,i->mk", values, _WEIGHTS))
 
 
-def peak_jerk(trajectory: Trajectory, limits: Limits) -> tuple[int, float, float | None]:
+def peak_jerk(trajectory: Trajectory, problem: Problem) -> tuple[int, float, float | None]:
     """Joint with the largest jerk, that jerk, and the largest share of a limit (n,), over all time, exactly.
 
-    A joint whose velocity or acceleration jumps has an infinite jerk, and an infinite share of a finite limit.
+    A joint whose velocity or acceleration jumps has an infinite jerk, and an infinite share of a finite limit; also
+    where it jumps from or to what the problem states at the ends (rest, where it states nothing).
     """
+    limits, start, end = problem.limits, problem.start_state, problem.end_states(trajectory.end)[0]
     low, high = trajectory.extrema(3)
     jerk = np.maximum(np.abs(low), np.abs(high))
     ends = np.array([0.0, trajectory.duration])
-    for order, limit in ((1, limits.velocity), (2, limits.acceleration)):
-        steps = np.abs(np.vstack([trajectory.jumps(order), trajectory(ends, order)])).max(axis=0)
+    stated = {1: (limits.velocity, [start.v, end.v]), 2: (limits.acceleration, [start.a, end.a])}
+    for order, (limit, rates) in stated.items():
+        steps = np.abs(np.vstack([trajectory.jumps(order), trajectory(ends, order) - rates])).max(axis=0)
         jerk = np.where(steps > _JUMP * limit, np.inf, jerk)
     joint, limited = int(np.argmax(jerk)), np.isfinite(limits.jerk)
     share = float((jerk[limited] / limits.jerk[limited]).max()) if limited.any() else None

@@ -15,18 +15,19 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
-from optiplan.trajectory.timing.lower_bound import lower_bound
+from optiplan.trajectory.trajectory import Trajectory
 
 _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
 
 
-def run(
+def run(  # noqa: PLR0913
     problem: Problem,
     planner: str | Planner[Any],
     options: Mapping[str, Any],
     budget: Budget,
     progress: Progress,
+    earlier: Trajectory | None = None,
 ) -> Run:
     """Plan, verify and measure; planning and proving are held to the budget.
 
@@ -38,6 +39,7 @@ def run(
         options: of the planner of that name; a planner itself has its own.
         budget: counted from the planner's start; loading its libraries is not part of it.
         progress: called with the planner's stages, then `verify`.
+        earlier: a motion that planners may begin at, of a problem not far from this one.
 
     Raises:
         UnknownChoiceError: no such planner or option.
@@ -49,7 +51,7 @@ def run(
         name, chosen, options = type(planner).__name__, planner, options_set(planner)
     budget.start()
     began, spent = time.perf_counter(), processor_time()
-    result = plan_through(chosen, problem, budget.leaving(reserve(budget.seconds)), progress)
+    result = plan_through(chosen, problem, budget.leaving(reserve(budget.seconds)), progress, earlier)
     timings, spent = {"plan": time.perf_counter() - began}, processor_time() - spent
     return replace(proved(problem, name, options, result, (budget, progress, timings)), plan_cpu=spent)
 
@@ -78,7 +80,7 @@ def proved(
         began = time.perf_counter()
         selection = best_verified(problem, [*result.earlier, Candidate(result.trajectory, seconds)], budget)
         timings["verify"] = time.perf_counter() - began
-        bound = lower_bound(problem.start, selection.trajectory.end, problem.limits)
+        bound = float(problem.lower_bounds([selection.trajectory.end])[0])
         began = time.perf_counter()
         metrics = measure(problem, selection.trajectory, selection.report)
         timings["measure"] = time.perf_counter() - began

@@ -11,7 +11,9 @@ from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.planners.trajopt import sqp
 from optiplan.planners.trajopt.native_step import GAP, native_spline
 from optiplan.planners.trajopt.sqp import Descended
-from optiplan.planners.trajopt.transcription import CUTOFF, Transcription
+from optiplan.planners.trajopt.terms.contacts import CENTIMETRE, CONTACT_PENALTY, CUTOFF
+from optiplan.planners.trajopt.terms.torques import TORQUE_PENALTY
+from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.robot.native_tree import native_tree
 
 
@@ -31,12 +33,13 @@ class NativeSqp:
             self._sqp = core.Sqp.among_bodies(spline, world, torque, CUTOFF, wishes, _settings())
         else:
             tree = native_tree(model.robot.model)
-            self._sqp = core.Sqp.among_others(spline, tree, torque, transcription.near, _settings())
+            self._sqp = core.Sqp.among_others(spline, tree, torque, transcription.contacts.near, _settings())
 
     def set_samples(self, u: Array) -> None:
         """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
         self.transcription.set_samples(u)
-        self._sqp.set_samples(self.transcription.u, *self.transcription.at)
+        samples = self.transcription.samples
+        self._sqp.set_samples(samples.u, *samples.at)
 
     def optimise(
         self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
@@ -50,9 +53,9 @@ class NativeSqp:
 
 def _settings() -> dict[str, float]:
     return {
-        "contact_penalty": sqp.CONTACT_PENALTY,
-        "torque_penalty": sqp.TORQUE_PENALTY,
-        "centimetre": sqp.CENTIMETRE,
+        "contact_penalty": CONTACT_PENALTY,
+        "torque_penalty": TORQUE_PENALTY,
+        "centimetre": CENTIMETRE,
         "first_radius": sqp.FIRST_RADIUS,
         "least_radius": sqp.LEAST_RADIUS,
         "shrink": sqp.SHRINK,

@@ -68,9 +68,9 @@ class NativeSubproblem:
 def native_spline(transcription: Transcription) -> "Spline":
     """Return the core's form of a transcription's spline, limits and objective."""
     basis, limits, objective = transcription.basis, transcription.limits, transcription.objective
-    orders = [len(basis.derivative[order]) for order in (1, 2, 3)]
+    orders = [len(rows) for rows in basis.bounded]
     return core.Spline(
-        np.vstack(basis.derivative[1:]),
+        np.vstack(basis.bounded),
         np.repeat(np.array([1, 2, 3], dtype=np.int64), orders),
         np.array(transcription.rates),
         np.ascontiguousarray(basis.jerk_gram),

@@ -1,5 +1,6 @@
 """Optimise one initial guess to a trajectory that is checked between samples too."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,10 @@ from optiplan.planners.trajopt.native_sqp import NativeSqp
 from optiplan.planners.trajopt.native_step import step_solver
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
-from optiplan.planners.trajopt.transcription import Margins, Transcription
+from optiplan.planners.trajopt.terms.contacts import Margins
+from optiplan.planners.trajopt.terms.path_constraints import Broken, PathConstraints
+from optiplan.planners.trajopt.terms.term import Term
+from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
@@ -35,6 +39,7 @@ class Attempt:
         control: (K, n) control points, rad or m.
         trajectory: the curve in time.
         touch: the remaining contact; None: it is free.
+        broken: the path constraints that it still violates.
         close: whether the margin of some pair is active, so that a smaller margin may save time.
         iterations: steps taken.
     """
@@ -42,6 +47,7 @@ class Attempt:
     control: Array
     trajectory: Trajectory
     touch: Touch | None
+    broken: tuple[Broken, ...]
     close: bool
     iterations: int
 
@@ -50,12 +56,14 @@ class Optimiser:
     """Optimise curves of one problem from any seed; data that depend only on the problem are built once.
 
     Attributes:
+        constraints: on the path.
         steps: taken so far, in all attempts.
     """
 
     def __init__(self, problem: Problem, model: CollisionModel, options: TrajOptOptions) -> None:
         self.problem, self.model, self.options = problem, model, options
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
+        self.constraints = PathConstraints(problem)
         self.steps = 0
 
     def run(
@@ -80,12 +88,12 @@ class Optimiser:
             patient: whether a curve may take any time; else it is given up after 30 steps where it takes twice the time
                 that it began with.
         """
-        margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
-        transcription = Transcription(self.problem, self.model, self.basis, margins)
-        descender = self._descender(transcription)
-        u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
+        terms = self.constraints.begin()
+        descender, u = self.descender(control, margin, terms), self.instants(control)
         iterations, attempt = 0, None
-        longest = np.inf if patient else GROWN * self.basis.shortest_duration(control, self.problem.limits.rates)
+        longest = (
+            np.inf if patient or terms else GROWN * self.basis.shortest_duration(control, self.problem.limits.rates)
+        )
         for _ in range(self.options.refinements + 1):
             descender.set_samples(u)
             left = self.options.iterations - iterations
@@ -100,19 +108,35 @@ class Optimiser:
             if trajectory is None:
                 return None
             touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
+            broken = tuple(self.constraints.broken(trajectory))
             close = found.nearest < ACTIVE
-            attempt = Attempt(control, trajectory, touches[0] if touches else None, close, iterations)
+            attempt = Attempt(control, trajectory, touches[0] if touches else None, broken, close, iterations)
             if budget.cancelled:
                 return None
             enough = iterations >= self.options.iterations or (iterations >= SLOW and found.duration > longest)
-            if not touches or enough or budget.over or found.missing > STUCK:
+            if not (touches or broken) or enough or budget.over or found.missing > STUCK:
                 break
-            near = [_around(transcription.u, touch.t / trajectory.duration) for touch in touches]
-            u = np.concatenate([transcription.u, *near])
+            self.constraints.raise_prices(broken)
+            times = [touch.t / trajectory.duration for touch in touches] + [one.share for one in broken]
+            u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
         return attempt
 
-    def _descender(self, transcription: Transcription) -> Descender:
-        if self.options.solver == AUTO and core is not None:
+    def instants(self, control: Array) -> Array:
+        """Return the samples of a curve to begin with."""
+        u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
+        return np.concatenate([u, self.constraints.instants])
+
+    def descender(self, control: Array, margin: float | None = None, terms: Sequence[Term] = ()) -> Descender:
+        """Return what descends from curves with the ends of this one (K, n).
+
+        Args:
+            control: (K, n).
+            margin: m; instead of the option's.
+            terms: of path constraints.
+        """
+        margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
+        transcription = Transcription(self.problem, self.model, self.basis, margins, terms)
+        if self.options.solver == AUTO and core is not None and transcription.plain:
             return NativeSqp(transcription)
         return Sqp(step_solver(transcription, self.options.solver))
 
@@ -123,10 +147,12 @@ class Optimiser:
         return float(np.linalg.norm(steps, axis=2).sum(axis=0).max())
 
     def timed(self, control: Array, duration: float) -> Trajectory | None:
-        """Return the curve at the least duration within limits and torques; None if gravity is too much."""
+        """Return the curve at the least duration within limits, torques and speeds; None if gravity is too much."""
         names = self.problem.robot.joint_names
         trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
-        return within_torque(self.problem.robot, self.problem.limits, scale_to_limits(trajectory, self.problem.limits))
+        limits = self.problem.limits
+        timed = within_torque(self.problem.robot, limits, scale_to_limits(trajectory, limits))
+        return None if timed is None else self.constraints.slowed(timed)
 
 
 def _instants(basis: SplineBasis, count: int) -> Array:
@@ -138,7 +164,7 @@ def _instants(basis: SplineBasis, count: int) -> Array:
     return np.concatenate([inside, extra[(extra > 0.0) & (extra < 1.0)]])
 
 
-def _around(u: Array, where: float) -> Array:
+def around(u: Array, where: float) -> Array:
     """Return new samples at `where` and half-way to both of its neighbours among u (N,)."""
     place = int(np.searchsorted(u, where))
     low, high = (u[place - 1] if place else 0.0), (u[place] if place < len(u) else 1.0)

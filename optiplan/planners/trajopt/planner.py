@@ -19,10 +19,13 @@ from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions,
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import through_thinner
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
+from optiplan.planners.trajopt.moving import plan_moving
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
+from optiplan.planners.trajopt.terms.path_constraints import Broken, broken_constraint
 from optiplan.planners.trajopt.through_vias import through_vias
+from optiplan.planners.trajopt.warm import WarmStart
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.timing.stops import stop_at_corners
@@ -61,12 +64,25 @@ class TrajOpt(Planner[TrajOptOptions]):
     Options = TrajOptOptions
 
     passes_vias = True
+    holds_constraints = True
+    end_derivatives = 2
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         if problem.vias:
             return through_vias(self, problem, budget, progress)
+        if problem.moving:
+            return plan_moving(self, problem, budget, progress)
         return _Run(problem, budget, progress, self.options).result()
+
+    def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan from an earlier motion; look for another way where that leads to nothing as good. See `warm`."""
+        if problem.vias:
+            return self.plan(problem, budget, progress)
+        warm = WarmStart(problem, earlier, self.options, budget, progress)
+        if warm.good or (warm.attempt is not None and budget.over):
+            return warm.result()
+        return warm.with_search(self.plan(problem, budget, progress))
 
 
 class _Run:
@@ -83,6 +99,7 @@ class _Run:
         self.searched_in_vain = False  # whether a search ended without a path
         self.direct = True  # whether straight lines, with or without a bump, are still tried
         self.touching: tuple[Touch, Trajectory] | None = None
+        self.breaking: tuple[Broken, Trajectory] | None = None
         self.bound = 0.0
         self.patience = Patience(budget, options.good_enough)
         with self.watch.stage("set-up"):
@@ -107,7 +124,9 @@ class _Run:
             sampler = goal_sampler(problem, self.model, self.budget)
         if isinstance(sampler, Failure):
             return sampler
-        goals = sampler.configurations
+        goals = [q for q in sampler.configurations if self.optimiser.constraints.end_holds(q)]
+        if not goals:
+            return self.optimiser.constraints.no_end(sampler.configurations)
         bounds = lower_bounds(start, np.array(goals), problem.limits)
         if bounds[0] == 0.0:
             self._offer(stop_at_corners(np.array([start, goals[0]]), problem.limits, problem.robot.joint_names), None)
@@ -171,9 +190,10 @@ class _Run:
 
     def _promising(self, sampler: GoalSampler) -> list[Array]:
         """Return the goals whose lower bound is below the best motion, soonest first."""
-        bounds = lower_bounds(self.problem.start, np.array(sampler.configurations), self.problem.limits)
+        goals = [q for q in sampler.configurations if self.optimiser.constraints.end_holds(q)]
+        bounds = lower_bounds(self.problem.start, np.array(goals), self.problem.limits)
         costs = [self._cost_bound(float(bound)) for bound in bounds]
-        return [q for q, cost in zip(sampler.configurations, costs, strict=True) if cost < self.best]
+        return [q for q, cost in zip(goals, costs, strict=True) if cost < self.best]
 
     def _sample(self, sampler: GoalSampler, number: int) -> SampledPath | Failure:
         """Return the sampled path of one seed to any of the promising goals."""
@@ -262,20 +282,25 @@ class _Run:
             attempt = self.optimiser.run(control, budget, margin, self.best, patient=self.searched_in_vain)
         steps = self.optimiser.steps - before
         self.patience.work(steps=steps)
-        free = attempt is not None and attempt.touch is None
+        free = attempt is not None and attempt.touch is None and not attempt.broken
         entry: dict[str, Any] = {"seed": kind, "free": free, "iterations": steps}
         if attempt is not None:
             entry["duration"] = attempt.trajectory.duration
         self.info["attempts"].append(entry)
         if attempt is not None and attempt.touch is not None:
             self.touching = attempt.touch, attempt.trajectory
-            return None
-        return attempt
+        if attempt is not None and attempt.broken:
+            self.breaking = attempt.broken[0], attempt.trajectory
+        return attempt if free else None
 
     def _offer(self, trajectory: Trajectory, attempt: Attempt | None) -> bool:
-        """Keep a free motion if it is better than the best; return whether it is."""
+        """Keep a free motion if it is better than the best and holds all path constraints; return whether it is."""
+        if attempt is None:
+            trajectory = self.optimiser.constraints.slowed(trajectory)
         cost = self.problem.objective.cost(trajectory)
         if cost >= self.best * (1.0 - _NO_GAIN):
+            return False
+        if attempt is None and self.optimiser.constraints.broken(trajectory):
             return False
         self.best = cost
         self.info.pop("fallback", None)
@@ -297,6 +322,8 @@ class _Run:
 
     def _why_not(self) -> Failure:
         detail = f"no free trajectory within {self.budget.seconds:.3g} s"
+        if self.breaking is not None:
+            return broken_constraint(*self.breaking, detail)
         if self.touching is None:
             return Failure("budget", detail)
         touch, motion = self.touching

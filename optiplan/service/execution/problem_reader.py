@@ -13,7 +13,7 @@ from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import reading
 from optiplan.planners.registry import PLANNERS, make_planner
 from optiplan.problem.from_data import read_problem
-from optiplan.problem.hashing import meshes_of
+from optiplan.problem.hashing import shape_files_of
 from optiplan.problem.problem import Problem
 from optiplan.resources import robots_dir
 from optiplan.robot.robot import Robot, load_robot, robot_names
@@ -62,7 +62,7 @@ class ProblemReader:
         asked = [request["problem"], request.get("name"), request.get("start"), request.get("goal")]
         key = hashlib.sha256(json.dumps(asked).encode("utf-8", "surrogatepass")).hexdigest()
         problem = self._problems.pop(key, None) or self._load(request)
-        if _name(problem) in self._names and not any(meshes_of(problem.source)):
+        if _name(problem) in self._names and not any(shape_files_of(problem.source)):
             self._problems[key] = problem  # the last one used is the last to go
             if len(self._problems) > KEPT:
                 del self._problems[next(iter(self._problems))]
