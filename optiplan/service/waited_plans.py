@@ -30,7 +30,7 @@ WAITING = 8
 
 @dataclass(frozen=True)
 class WaitedRun:
-    """A run that a caller waited for, its trajectory.json, and what keeps it, to be awaited after the answer."""
+    """A run that a caller waited for, its trajectory.json, and what begins to keep it, to be called after the answer."""
 
     record: Record
     motion: bytes | None
@@ -43,6 +43,11 @@ class WaitedPlans:
     def __init__(self, service: "PlannerService") -> None:
         self._service = service
         self._saving: dict[str, asyncio.Future[None]] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def finish(self) -> None:
+        """Wait until all runs that were answered are kept."""
+        await asyncio.gather(*self._tasks)
 
     async def kept(self, run: str) -> None:
         """Wait until a run that was answered is kept."""
@@ -107,7 +112,7 @@ class WaitedPlans:
     def _keeper(
         self, new: NewRun, request: Record, whole: "asyncio.Future[SolverAnswer]", began: float
     ) -> Callable[[], Any]:
-        """What keeps a run that was waited for, to be awaited once it is answered; who asks for it until then waits."""
+        """What begins to keep a run that was waited for, once it is answered; who asks for the run until then waits."""
         saved = self._saving[new.id] = asyncio.get_running_loop().create_future()
 
         async def keep() -> None:
@@ -129,4 +134,9 @@ class WaitedPlans:
                 self._saving.pop(new.id, None)
                 saved.set_result(None)
 
-        return keep
+        async def begin() -> None:  # on its own: the connection is free for the next request meanwhile
+            task = asyncio.ensure_future(keep())
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+
+        return begin
