@@ -30,7 +30,7 @@ WAITING = 8
 
 @dataclass(frozen=True)
 class WaitedRun:
-    """A run that a caller waited for, its trajectory.json, and what begins to keep it, to be called after the answer."""
+    """A run that a caller waited for, its trajectory.json, and what begins to keep it, once it is answered."""
 
     record: Record
     motion: bytes | None
