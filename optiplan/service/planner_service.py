@@ -86,9 +86,9 @@ class PlannerService:
         self._readers = ThreadPoolExecutor(READERS, "read")
 
     def start(self) -> None:
-        """Start processes and queue."""
-        self.pool.start()
+        """Start queue and processes, these last: their warming up takes the processor for seconds."""
         self.queue.start()
+        self.pool.start()
 
     def close(self) -> None:
         """Stop all that was started; runs under way are put back."""
