@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, measures, scaled
+from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import ORDERS, Limits
 from optiplan.robot.robot import Robot
@@ -31,6 +32,7 @@ def curves_of(problem: Problem, trajectory: Trajectory, least: int) -> dict[str,
     t = found.t[kept]
     t = t + _APART * trajectory.duration * np.append(0.0, np.diff(t) <= 0.0)
     quantities = [*_derivatives(problem, found), _torque(problem, found), *_tools(problem, found)]
+    quantities += _wheels(problem, found)
     for quantity in quantities:
         quantity["y"] = packed(quantity["y"][kept])
     return {"t": packed(t), "quantities": quantities}
@@ -74,6 +76,18 @@ def _tools(problem: Problem, found: MotionCurves) -> list[dict[str, Any]]:
         shown.append(data | {"extrema": [one[:1] for one in _sampled_extrema(found.t, values)], "kind": "sampled"})
     shown[-1]["extrema"] = [one[1:] for one in _sampled_extrema(found.t, least)]
     return shown
+
+
+def _wheels(problem: Problem, found: MotionCurves) -> list[dict[str, Any]]:
+    rates = wheel_rates_along(problem.robot, found.joints[0], found.joints[1])
+    if rates is None:
+        return []
+    free = [None] * len(WHEELS)
+    data = _quantity("wheels", "rad/s", [name.replace("_", " ") for name in WHEELS], rates)
+    return [
+        data
+        | {"low": free, "high": free, "of": "wheels", "extrema": _sampled_extrema(found.t, rates), "kind": "sampled"}
+    ]
 
 
 def _quantity(name: str, unit: str, names: Sequence[str], values: Array) -> dict[str, Any]:
