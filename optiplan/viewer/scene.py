@@ -147,7 +147,7 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         seen = show_run(own, Poses(own) if several else poses, run, detail)
         shown.append(seen | {"objects": _moving_objects(parts, (own, names, moved_by(own.task)), run.trajectory)})
     return SceneData(
-        name=problem.name,
+        name=", ".join(dict.fromkeys((run.problem or problem).name for run in viewed)) if several else problem.name,
         geometries=tuple(parts.geometries),
         parts=tuple(parts.parts),
         bodies=problem.robot.model.njoints - 1,

@@ -110,7 +110,7 @@ def _joined(group: list[Stretch], budget: Budget) -> list[Stretch]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Element:
+class _PathElement:
     """A move or a line in the path: its curve over a parameter, and how long it stops for, s."""
 
     done: Done
@@ -134,7 +134,7 @@ class _Path:
         parts: the curve of each, changed at its junctions; over parameters from 0.
     """
 
-    elements: list[_Element]
+    elements: list[_PathElement]
     parts: list[Trajectory]
 
     @classmethod
@@ -207,7 +207,7 @@ class _Path:
         return Stretch(tuple(element.done for element in self.elements), motion, (*ends, motion.duration))
 
 
-def _element(done: Done) -> _Element:
+def _element(done: Done) -> _PathElement:
     """Return a step's curve over a parameter in which the fastest joint runs about at its speed limit."""
     assert done.curve is not None
     assert done.stage is not None
@@ -217,21 +217,21 @@ def _element(done: Done) -> _Element:
     steps = np.linalg.norm(np.diff(Q, axis=0) / speed, axis=1)
     length = float(steps.sum())
     if done.is_line:
-        return _Element(done, done.curve.scaled(max(length, 1e-6)))
+        return _PathElement(done, done.curve.scaled(max(length, 1e-6)))
     way = np.concatenate([[0.0], np.cumsum(steps)])
     kept = np.concatenate([[True], np.diff(way) > 1e-9 * max(length, 1e-9)])
     times = np.interp(np.linspace(0.0, length, _POINTS), way[kept], t[kept])
     points = done.curve(times)
     points[0], points[-1] = Q[0], Q[-1]
     spline = CubicSpline(np.linspace(0.0, length, _POINTS), points)
-    return _Element(done, _of_spline(done.curve.joint_names, spline))
+    return _PathElement(done, _of_spline(done.curve.joint_names, spline))
 
 
 def _of_spline(names: tuple[str, ...], spline: CubicSpline) -> Trajectory:
     return Trajectory(names, spline.x, np.swapaxes(spline.c[::-1], 0, 1))
 
 
-def _meeting(before: _Element, after: _Element, share: float) -> Array | None:
+def _meeting(before: _PathElement, after: _PathElement, share: float) -> Array | None:
     """Return the state (3, n) in which two elements meet: that of the line, or of two moves their mean direction."""
     if before.done.is_line:
         return before.state(before.length)
@@ -251,7 +251,7 @@ def _meeting(before: _Element, after: _Element, share: float) -> Array | None:
     return np.stack([point, speed * direction / size, np.zeros(len(point))])
 
 
-def _between(element: _Element, meets: tuple[Array | None, Array | None], cuts: tuple[float, float]) -> Trajectory:
+def _between(element: _PathElement, meets: tuple[Array | None, Array | None], cuts: tuple[float, float]) -> Trajectory:
     """Return the curve of a move with the parts next to its junctions replaced, over a parameter from 0."""
     assert element.done.stage is not None
     speed = element.done.stage.problem.limits.velocity

@@ -61,6 +61,7 @@
       const turn = mode() === "turn" ? k === app.selected : true;
       const path = alone === null ? app.shown[k] !== false && turn : k === alone, robot = alone === null ? path && (app.robots[k] !== false || mode() === "turn") : path;
       run.figure.bodies.slice(1).forEach((body) => { body.visible = robot; });
+      run.figure.bodies[0].visible = mode() === "together" ? k === 0 : robot; // what is bolted down is the same in every figure
       run.objects.group.visible = robot && (!data.several || mode() !== "together" || k === app.selected);
       if (run.path) run.path.visible = path;
       if (run.ellipsoids) run.ellipsoids.group.visible = robot;

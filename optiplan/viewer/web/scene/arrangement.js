@@ -22,7 +22,6 @@ const OptiPlanArrangement = (() => {
       scene.runs.forEach((run, k) => {
         const by = this.offset(k), origin = scene.root.localToWorld(new THREE.Vector3());
         for (const part of [run.figure, run.objects.group, run.witness, run.path, run.ellipsoids && run.ellipsoids.group]) if (part) part.position.fromArray(by);
-        run.figure.bodies[0].visible = k === 0 || mode === "beside";
         scene.box.union(this.narrow.clone().translate(scene.root.localToWorld(new THREE.Vector3(...by)).sub(origin)));
       });
       scene.frame();
