@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
+    from optiplan.problem.task.builder import Task
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
     from optiplan.service.client import Client
@@ -114,6 +115,7 @@ _ROOMS = {
     "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
+    "problem.task.builder": ("Task",),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
     "simulation.log": ("Log",),
@@ -186,6 +188,7 @@ __all__ = [
     "Simulation",
     "Sphere",
     "State",
+    "Task",
     "ToolAcceleration",
     "ToolSpeed",
     "ToolSpeedLimit",
