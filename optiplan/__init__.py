@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
+    from optiplan.problem.task.builder import Task
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
     from optiplan.service.client import Client
@@ -122,6 +123,7 @@ _ROOMS = {
     "problem.objectives.objective": ("Objective",),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
+    "problem.task.builder": ("Task",),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
     "simulation.log": ("Log",),
@@ -198,6 +200,7 @@ __all__ = [
     "Simulation",
     "Sphere",
     "State",
+    "Task",
     "ToolAcceleration",
     "ToolSpeed",
     "ToolSpeedLimit",

@@ -191,7 +191,7 @@ class MoveSpec(Strict):
         return self
 
 
-class LineSpec(Strict):
+class StraightLineSpec(Strict):
     """The tool straight to `pose`, or `by` a vector, m, seen from the world or the tool (`in`).
 
     `speed` of the tool at most, m/s; `frame` is the robot's tool frame without one.
@@ -286,7 +286,7 @@ class TaskStepSpec(Strict):
     """
 
     move: MoveSpec | None = None
-    line: LineSpec | None = None
+    line: StraightLineSpec | None = None
     approach: ApproachSpec | None = None
     retreat: RetreatSpec | None = None
     attach: AttachSpec | None = None
