@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.planning import plan, retime, verify
     from optiplan.api.plotting import plot
+    from optiplan.api.replanning import Replanner
     from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
     from optiplan.control.controller import Controller
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
+    from optiplan.problem.constraints.expression import Expression
     from optiplan.problem.constraints.statements import (
         FixedOrientation,
         JointCoupling,
@@ -56,7 +58,8 @@ if TYPE_CHECKING:
         ToolSpeed,
         WheelSpeed,
     )
-    from optiplan.problem.goals_and_vias import JointGoal, Objective, PoseGoal
+    from optiplan.problem.goals_and_vias import JointGoal, PoseGoal
+    from optiplan.problem.objectives.objective import Objective
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
@@ -74,6 +77,7 @@ _ROOMS = {
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.planning": ("plan", "retime", "verify"),
+    "api.replanning": ("Replanner",),
     "api.simulating": ("execute", "simulate"),
     "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),
@@ -92,6 +96,7 @@ _ROOMS = {
     "errors": ("InputError", "OptiPlanError"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
+    "problem.constraints.expression": ("Expression",),
     "problem.constraints.statements": (
         "FixedOrientation",
         "JointCoupling",
@@ -111,7 +116,8 @@ _ROOMS = {
         "WheelSpeed",
     ),
     "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Octree", "PointCloud", "Sphere"),
-    "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
+    "problem.goals_and_vias": ("JointGoal", "PoseGoal"),
+    "problem.objectives.objective": ("Objective",),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
     "robot.robot": ("Robot",),
@@ -140,6 +146,7 @@ __all__ = [
     "Controller",
     "Cylinder",
     "DampingTask",
+    "Expression",
     "Failure",
     "FixedOrientation",
     "HalfSpace",
@@ -180,6 +187,7 @@ __all__ = [
     "Problem",
     "RelativePose",
     "RelativePoseTask",
+    "Replanner",
     "Report",
     "Robot",
     "Run",

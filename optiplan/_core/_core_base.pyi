@@ -27,7 +27,14 @@ class Spline:
 class StepSolver:
     def __init__(self, spline: Spline) -> None: ...
     def solve(
-        self, control: _Array, duration: float, soft: Sequence[_SoftRows], radius: float, span: float, gap: float
+        self,
+        control: _Array,
+        duration: float,
+        soft: Sequence[_SoftRows],
+        radius: float,
+        span: float,
+        gap: float,
+        costs: tuple[_Array, float, _Array, float] | None = None,
     ) -> tuple[_Array, float, float, int] | None: ...
 
 class Shape:

@@ -50,7 +50,9 @@ class Failure:
     Attributes:
         kind: see `FailureKind`.
         detail: one sentence for a person.
-        witness: JSON-ready location of the failure: configuration `q`, time `t`, bodies `pair`, points `points`.
+        witness: JSON-ready location of the failure: configuration `q`, time `t`, bodies `pair`, points `points`,
+            and the `motion` that was refused, as `Trajectory.to_dict`, where there is one to look at; `untimed` where
+            it is a path that nobody timed, at a constant rate.
     """
 
     kind: FailureKind
@@ -151,10 +153,10 @@ Progress = Callable[[str, float], None]
 
 
 def announce(progress: Progress, trajectory: Trajectory) -> None:
-    """Tell of a new incumbent, which nobody has verified, where `progress` has a method `found(duration)`, s."""
+    """Tell of a new incumbent, which nobody has verified, where `progress` has a method `found(trajectory)`."""
     found = getattr(progress, "found", None)
     if found is not None:
-        found(trajectory.duration)
+        found(trajectory)
 
 
 OptionsT = TypeVar("OptionsT")

@@ -108,8 +108,8 @@ class Client:
         """What happens in a run, until it has ended.
 
         Yields:
-            `type` and more: `status`; `stage` with `fraction`; `best` with `seconds` and `duration`, of a motion that
-            is not proved yet; `end` with `status` and `verified`.
+            `type` and more: `status`; `stage` with `fraction`; `best` with `seconds` and `duration`, of a verified
+            motion; `end` with `status` and `verified`.
 
         Raises:
             ServerError: there is none of that id, or the server goes away.

@@ -93,7 +93,7 @@ def test_the_curve_is_near_the_fastest_whatever_the_guess(share, guess):
     start, end = problem.start_state, problem.goal[0].state
     least = BetweenStates(start, end, problem.limits, problem.robot.joint_names).trajectory()
     optimiser = Optimiser(problem, planning_model(problem.robot, problem.scene), TrajOptOptions())
-    curves = MovingOptimiser(optimiser, EndStates(start, end))
+    curves = MovingOptimiser(problem, optimiser, EndStates(start, end))
     found = curves.run(curves.along(least), guess * least.duration, Budget(10.0)).trajectory
     assert 1.0 - 1e-6 <= found.duration / least.duration < 1.015
     for order, rate in enumerate((start.q, start.v, start.a)):

@@ -83,9 +83,18 @@ Inequalities near_the_diagonal(const DenseRows &dense, const Spline &spline) {
 
 using StepFound = std::tuple<nb::ndarray<nb::numpy, double>, double, double, int>;
 
+// Costs as `CostModel` of planners/trajopt has them: gradient (M n,), by T, band (M, REACH n), twice by T.
+using DenseCosts = std::tuple<Vector, double, Matrix, double>;
+
 std::optional<StepFound> solve(StepSolver &solver, Matrix control, double duration, const std::vector<DenseRows> &soft,
-                               double radius, double span, double gap) {
+                               double radius, double span, double gap, const std::optional<DenseCosts> &costs) {
     const Spline &spline = solver.spline();
+    SmoothCosts smooth;
+    if (costs) {
+        const auto &[gradient, by_duration, band, twice] = *costs;
+        expect(gradient.size() == spline.free() * spline.joints && band.size() == REACH * gradient.size(), "costs of M n variables");
+        smooth = {to_vector(gradient), to_vector(band), by_duration, twice};
+    }
     expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
     std::vector<Inequalities> rows;
     std::vector<const Inequalities *> pointers;
@@ -95,7 +104,7 @@ std::optional<StepFound> solve(StepSolver &solver, Matrix control, double durati
     Step step;
     {
         nb::gil_scoped_release released;
-        step = solver.solve(start, duration, pointers, radius, span, gap);
+        step = solver.solve(start, duration, pointers, radius, span, gap, smooth);
     }
     if (!step.solved) return std::nullopt;
     auto moved = to_numpy(std::move(step.control), {spline.points, spline.joints});
@@ -255,7 +264,7 @@ void bind_program(nb::module_ &m) {
         });
     nb::class_<StepSolver>(m, "StepSolver")
         .def(nb::init<std::shared_ptr<const Spline>>(), "spline"_a)
-        .def("solve", &solve, "control"_a, "duration"_a, "soft"_a, "radius"_a, "span"_a, "gap"_a);
+        .def("solve", &solve, "control"_a, "duration"_a, "soft"_a, "radius"_a, "span"_a, "gap"_a, "costs"_a = nb::none());
     nb::class_<InverseDynamics>(m, "InverseDynamics")
         .def(nb::init<const Tree &>(), "tree"_a)
         .def("torques", &torques, "Q"_a, "V"_a, "A"_a)

@@ -102,7 +102,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         if touch is not None:
             pair = touch.contact.pair
             detail = f"between two steps of the roll-out '{pair.name_a}' meets '{pair.name_b}' at {touch.t:.3f} s"
-            return Failure("collision", detail, touch.witness())
+            return Failure("collision", detail, touch.witness(motion))
         slower = within_torque(model.robot, limits, motion)
         return too_heavy(model.robot, limits, np.array([motion.start, motion.end])) if slower is None else slower
 

@@ -61,14 +61,15 @@ def acceleration_steps(trajectory: Trajectory, problem: Problem) -> bool:
 
 
 def beyond_limits(over: Excess, trajectory: Trajectory, shortest: float | None) -> Failure:
-    """Return a `limits` failure with the limit exceeded and the shortest duration (s) that respects it, if any."""
+    """Return a `limits` failure: the limit exceeded, the motion, and the shortest duration (s) that keeps it."""
     joint = trajectory.joint_names[over.joint]
     unit = UNITS.get(over.quantity, "rad")
     reached = f"'{joint}' would reach {over.quantity} {over.value:.4g} {unit}, beyond its limit {over.limit:.4g}"
     detail = f"{reached}, in {trajectory.duration:.6g} s; {_other_duration(shortest)}"
     q = trajectory(np.array([over.t]))[0].tolist()
     place = {"joint": joint, "quantity": over.quantity, "value": over.value, "limit": over.limit, "t": over.t, "q": q}
-    return Failure("limits", detail, place | ({} if shortest is None else {"shortest_duration": shortest}))
+    shown = {"motion": trajectory.to_dict()}
+    return Failure("limits", detail, place | shown | ({} if shortest is None else {"shortest_duration": shortest}))
 
 
 def beyond_torque(robot: Robot, limits: Limits, trajectory: Trajectory, shortest: float | None) -> Failure:

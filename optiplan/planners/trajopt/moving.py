@@ -13,11 +13,10 @@ from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.limit_violations import excess
-from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.common.via_legs import joined
 from optiplan.planners.trajopt.initial_guess import with_bump
-from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser
+from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
@@ -59,7 +58,7 @@ class _MovingRun:
         self.patience = Patience(budget, self.options.good_enough)
         with self.watch.stage("set-up"):
             self.model = planning_model(problem.robot, problem.scene)
-            self.optimiser = Optimiser(problem, self.model, self.options)
+            self.optimiser = Optimiser(with_reserve(problem), self.model, self.options)
 
     def result(self) -> PlanResult:
         """Search and return the best motion, or the failure."""
@@ -107,8 +106,7 @@ class _MovingRun:
             joint = motion.joint_names[over.joint]
             detail = f"'{joint}' would reach {over.quantity} {over.value:.4g}, beyond its limit {over.limit:.4g}"
             return Failure("limits", detail, {"t": over.t, "joint": joint, "q": motion(over.t).tolist()})
-        slower = within_torque(self.problem.robot, self.problem.limits, motion)
-        if slower is None or slower.duration > motion.duration:
+        if torque_ratio(self.problem, motion) > 1.0:
             return Failure("limits", "it would take more torque than there is", {"q": motion.start.tolist()})
         with self.watch.stage("collision"):
             touch = first_contact(self.model, motion, lambda: self.budget.over)
@@ -164,7 +162,7 @@ class _MovingRun:
             self._run("bump", optimiser, control, T, self.budget)
 
     def _optimised(self, kind: str, motion: Trajectory, ends: EndStates, budget: Budget) -> None:
-        optimiser = MovingOptimiser(self.optimiser, ends)
+        optimiser = MovingOptimiser(self.problem, self.optimiser, ends)
         self._run(kind, optimiser, optimiser.along(motion), motion.duration, budget)
 
     def _run(self, kind: str, optimiser: MovingOptimiser, control: Array, duration: float, budget: Budget) -> None:
@@ -184,12 +182,12 @@ class _MovingRun:
                 self.touching = attempt.touches[0], attempt.trajectory
             elif not attempt.broken and self._offer(attempt.trajectory):
                 self.curve = attempt, optimiser
-        cost = self.problem.objective.cost(attempt.trajectory) if attempt is not None and free else None
+        cost = self.problem.cost(attempt.trajectory) if attempt is not None and free else None
         self.patience.record(cost)
 
     def _offer(self, trajectory: Trajectory) -> bool:
         """Keep a free motion if it is better than the best; return whether it is."""
-        cost = self.problem.objective.cost(trajectory)
+        cost = self.problem.cost(trajectory)
         if cost >= self.best * (1.0 - _NO_GAIN) or tuple(self.optimiser.constraints.broken(trajectory)):
             return False
         self.best = cost

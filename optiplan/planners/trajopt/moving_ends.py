@@ -1,7 +1,7 @@
 """Optimise curves whose ends move: the first and last three control points depend on the duration."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,12 +11,13 @@ from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis
 from optiplan.planners.trajopt.optimizer import ACTIVE, Attempt, Optimiser, around
 from optiplan.planners.trajopt.sqp import MAX_VIOLATION, STUCK, Descended, Descender
+from optiplan.problem.problem import Problem
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.time_scaling import speed_ratio
-from optiplan.trajectory.timing.torque_scaling import torque_scale
+from optiplan.trajectory.timing.torque_scaling import RESERVE, torque_scale, torque_share
 from optiplan.trajectory.trajectory import Trajectory
 
-SETTLED = 5e-4
+SETTLED = 2e-3
 """Share of the duration by which two durations in a row may differ in the end."""
 
 ROUNDS = 8
@@ -47,6 +48,11 @@ class EndStates:
         return basis.moved_ends(control, *self.by_share(duration))
 
 
+def with_reserve(problem: Problem) -> Problem:
+    """The problem with the torque limits that curves are optimised with: slowing them down is no cure afterwards."""
+    return replace(problem, limits=replace(problem.limits, torque=(1.0 - 2.0 * RESERVE) * problem.limits.torque))
+
+
 class MovingOptimiser:
     """Optimise curves between two states of motion, by the optimiser of curves between two configurations.
 
@@ -57,8 +63,8 @@ class MovingOptimiser:
     exact extrema of the curve, its ends being those of the very duration.
     """
 
-    def __init__(self, optimiser: Optimiser, ends: EndStates) -> None:
-        self.optimiser, self.ends = optimiser, ends
+    def __init__(self, problem: Problem, optimiser: Optimiser, ends: EndStates) -> None:
+        self.problem, self.optimiser, self.ends = problem, optimiser, ends
         self.basis = optimiser.basis
 
     def along(self, motion: Trajectory) -> Array:
@@ -117,12 +123,12 @@ class MovingOptimiser:
 
     def timed(self, control: Array, duration: float) -> Trajectory | None:
         """Return the curve in the least duration near this one within limits and torques; None where there is none."""
-        problem, limits, T = self.optimiser.problem, self.optimiser.problem.limits, duration
+        problem, limits, T = self.problem, self.problem.limits, duration
         best: Trajectory | None = None
         for _ in range(STRETCHES):
             points = self.ends.held(self.basis, control, T)
             curve = Trajectory.from_bspline(problem.robot.joint_names, self.basis.knots * T, points, DEGREE)
-            speed, torque = speed_ratio(curve, limits), torque_scale(problem.robot, limits.torque, curve)
+            speed, torque = speed_ratio(curve, limits), torque_ratio(problem, curve)
             good = max(speed, torque) <= 1.0 + EXACT and _inside(curve, limits.lower, limits.upper)
             if not np.isfinite(torque) or (best is not None and not good):
                 break
@@ -134,6 +140,20 @@ class MovingOptimiser:
             else:
                 T *= max(speed, torque) * (1.0 + SETTLED)
         return best
+
+
+def torque_ratio(problem: Problem, motion: Trajectory) -> float:
+    """Return `torque_scale` of a motion, or 1 where it takes no more than its ends do, which are given.
+
+    The states at the ends may be nearer to the limit than the reserve of the scale.
+    """
+    robot, limit = problem.robot, problem.limits.torque
+    scale = torque_scale(robot, limit, motion)
+    if scale <= 1.0:
+        return scale
+    at_ends = torque_share(robot, limit, motion, np.array([0.0, motion.duration]))
+    within = at_ends <= 1.0 and torque_share(robot, limit, motion) <= max(at_ends, 1.0 - RESERVE) + EXACT
+    return 1.0 if within else scale
 
 
 def _inside(curve: Trajectory, lower: Array, upper: Array) -> bool:

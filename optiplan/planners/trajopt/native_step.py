@@ -62,8 +62,17 @@ class NativeSubproblem:
             )
             for part in soft
         ]
-        found = self._solver.solve(control, duration, rows, radius, span, self.gap)
+        found = self._solver.solve(control, duration, rows, radius, span, self.gap, self._costs(control, duration))
         return None if found is None else Step(*found[:3])
+
+    def _costs(self, control: Array, duration: float) -> tuple[Array, float, Array, float] | None:
+        """Return the derivatives of costs that the core does not know; None without any."""
+        made = self.transcription
+        if not made.further:
+            return None
+        model = made.cost_model(made.curve(control, duration), made.further)
+        band = np.ascontiguousarray(model.band.reshape(len(model.band), -1))
+        return model.gradient, model.by_duration, band, model.twice_by_duration
 
 
 def native_spline(transcription: Transcription) -> "Spline":

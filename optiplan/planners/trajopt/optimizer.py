@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from optiplan._core import core
 from optiplan.arrays import Array
@@ -17,6 +18,7 @@ from optiplan.planners.trajopt.native_step import step_solver
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
 from optiplan.planners.trajopt.terms.contacts import Margins
+from optiplan.planners.trajopt.terms.integrals import integral_costs
 from optiplan.planners.trajopt.terms.path_constraints import Broken, PathConstraints
 from optiplan.planners.trajopt.terms.term import Term
 from optiplan.planners.trajopt.transcription import Transcription
@@ -26,6 +28,9 @@ from optiplan.trajectory.trajectory import Trajectory
 
 SPACING = 0.025
 """How far bodies may move from sample to sample to begin with, m, roughly: edges must not slip through between two."""
+
+_LONGER = 1.5
+"""Times the duration of a descent's last curve within which the cheapest one is looked for."""
 
 ACTIVE = 1e-3
 """Clearance beyond its margin, m, below which a pair counts as held by it."""
@@ -62,6 +67,7 @@ class Optimiser:
 
     Attributes:
         constraints: on the path.
+        objective: what motions cost.
         steps: taken so far, in all attempts.
     """
 
@@ -69,6 +75,8 @@ class Optimiser:
         self.problem, self.model, self.options = problem, model, options
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
         self.constraints = PathConstraints(problem)
+        self.objective = problem.objective_parts()
+        self._costs = integral_costs(problem, model)
         self.steps = 0
 
     def run(  # noqa: PLR0913
@@ -100,9 +108,8 @@ class Optimiser:
         terms = self.constraints.begin()
         descender, u = self.descender(control, margin, terms), self.instants(control)
         iterations, attempt = 0, None
-        longest = (
-            np.inf if patient or terms else GROWN * self.basis.shortest_duration(control, self.problem.limits.rates)
-        )
+        least = self.basis.shortest_duration(control, self.problem.limits.rates)
+        longest = np.inf if patient or terms or self._costs else GROWN * least
         looked: Attempt | None = None
 
         def go_on(control: Array, duration: float) -> bool:
@@ -159,7 +166,7 @@ class Optimiser:
             terms: of path constraints.
         """
         margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
-        transcription = Transcription(self.problem, self.model, self.basis, margins, terms)
+        transcription = Transcription(self.problem, self.model, self.basis, margins, terms, self._costs)
         if self.options.solver == AUTO and core is not None and transcription.plain:
             return NativeSqp(transcription)
         return Sqp(step_solver(transcription, self.options.solver))
@@ -176,7 +183,21 @@ class Optimiser:
         trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
         limits = self.problem.limits
         timed = within_torque(self.problem.robot, limits, scale_to_limits(trajectory, limits))
-        return None if timed is None else self.constraints.slowed(timed)
+        return None if timed is None else self._at_its_best(self.constraints.slowed(timed), duration)
+
+    def _at_its_best(self, fastest: Trajectory, duration: float) -> Trajectory:
+        """Return the motion at its cheapest duration, which is at most half longer than that of the descent."""
+        if self.problem.objective.plain:
+            return fastest
+        most = max(1.0, _LONGER * duration / fastest.duration)
+        found = minimize_scalar(
+            lambda factor: self.objective.cost(fastest.scaled(fastest.duration * factor)),
+            bounds=(1.0, most),
+            method="bounded",
+            options={"xatol": 1e-3},
+        )
+        slower = fastest.scaled(fastest.duration * float(found.x))
+        return slower if self.objective.cost(slower) < self.objective.cost(fastest) else fastest
 
 
 def _instants(basis: SplineBasis, count: int) -> Array:

@@ -84,7 +84,7 @@ class TrajOpt(Planner[TrajOptOptions]):
         if problem.vias:
             return self.plan(problem, budget, progress)
         warm = WarmStart(problem, earlier, self.options, budget, progress)
-        if warm.good or (warm.attempt is not None and budget.over):
+        if warm.good or (warm.best is not None and budget.over):
             return warm.result()
         return warm.with_search(self.plan(problem, budget, progress))
 
@@ -281,7 +281,7 @@ class _Run:
                 closer = self._optimised("close", attempt.control, self.budget, _CLOSE * self.options.margin)
                 if closer is not None:
                     self._offer(closer.trajectory, closer)
-        cost = None if attempt is None else self.problem.objective.cost(attempt.trajectory)
+        cost = None if attempt is None else self.optimiser.objective.cost(attempt.trajectory)
         self.patience.record(cost)
 
     def _finer(self) -> None:
@@ -329,7 +329,7 @@ class _Run:
         """Keep a free motion if it is better than the best and holds all path constraints; return whether it is."""
         if attempt is None:
             trajectory = self.optimiser.constraints.slowed(trajectory)
-        cost = self.problem.objective.cost(trajectory)
+        cost = self.optimiser.objective.cost(trajectory)
         if cost >= self.best * (1.0 - _NO_GAIN):
             return False
         if attempt is None and self.optimiser.constraints.broken(trajectory):

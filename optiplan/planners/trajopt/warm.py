@@ -10,16 +10,18 @@ from optiplan.arrays import Array
 from optiplan.collision.native_model import planning_model
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.planners.base import Budget, Candidate, PlanResult, Progress, announce
+from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.gravity import Gravity
-from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser
+from optiplan.planners.common.limit_violations import excess
+from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
 
-FINE = 2
-"""Spans of a warm curve to those of the option: it begins where the refinement of an earlier one ended."""
+MOST_STEPS = 40
+"""Of an attempt from the earlier motion: where it takes more, a search is the better use of the time."""
 
 CLOSE = 0.2, 1.0
 """Shares of the option's margin tried in turn: the earlier motion was near bodies where that saved time."""
@@ -33,11 +35,18 @@ _SHARE = 0.9
 
 _SAMPLES, _ITERATIONS = 400, 60
 
+_SAME = 1e-7
+"""rad or m, and per second and second²: states nearer than this are one."""
+
+_NEWTON = 5
+"""Steps to the instant at which a motion passes the new start."""
+
 
 class WarmStart:
     """A curve from an earlier motion.
 
     Attributes:
+        ahead: what is left of the earlier motion, where that is an answer as it stands; None elsewhere.
         attempt: the free curve that it led to; None: none.
         good: whether that is as good as the earlier motion was.
         info: as of an entry of `attempts` in a planner's `info`.
@@ -50,10 +59,12 @@ class WarmStart:
         began = time.perf_counter()
         self.problem, self.earlier, self.budget = problem, _ahead(problem, earlier), budget
         self.model = planning_model(problem.robot, problem.scene)
-        self.optimiser = Optimiser(problem, self.model, replace(options, spans=FINE * options.spans))
+        stated = with_reserve(problem) if problem.moving else problem
+        self.optimiser = Optimiser(stated, self.model, replace(options, iterations=min(MOST_STEPS, options.iterations)))
         self.attempt: Attempt | None = None
         self.good = False
         end = self._end()
+        self.ahead = self.earlier if end is not None and self._still_good(end) else None
         if end is not None:
             progress("optimisation from the earlier motion", 0.0)
             for share in CLOSE:
@@ -63,7 +74,7 @@ class WarmStart:
                     break
         if self.attempt is not None and end is not None:
             announce(progress, self.attempt.trajectory)
-            cost = problem.objective.cost
+            cost = problem.cost
             moved = np.abs([self.earlier.start - problem.start, self.earlier.end - end.q]) / problem.limits.velocity
             expected = cost(self.earlier) + problem.objective.time * float(moved.max(axis=1).sum())
             self.good = cost(self.attempt.trajectory) <= AS_GOOD * expected
@@ -73,22 +84,28 @@ class WarmStart:
         if self.attempt is not None:
             self.info["duration"] = self.attempt.trajectory.duration
 
+    @property
+    def best(self) -> Trajectory | None:
+        """The better of the curve and what is left of the earlier motion."""
+        found = [] if self.attempt is None else [self.attempt.trajectory]
+        found += [] if self.ahead is None else [self.ahead]
+        return min(found, key=self.problem.cost, default=None)
+
     def result(self) -> PlanResult:
-        """The curve as an answer."""
+        """The best as an answer."""
         info = {"attempts": [self.info], "cut_short": self.budget.over}
-        motion = None if self.attempt is None else self.attempt.trajectory
-        return PlanResult(motion, None, {"from the earlier motion": self.seconds}, info, (), self.seconds)
+        return PlanResult(self.best, None, {"from the earlier motion": self.seconds}, info, (), self.seconds)
 
     def with_search(self, found: PlanResult) -> PlanResult:
-        """The better of the curve and what a search found after it."""
+        """The better of that and what a search found after it."""
         info = {**found.info, "attempts": [self.info, *found.info.get("attempts", ())]}
         timings = {"from the earlier motion": self.seconds, **found.timings}
         later = [replace(one, seconds=one.seconds + self.seconds) for one in found.earlier]
         seconds = None if found.seconds is None else found.seconds + self.seconds
         found = replace(found, info=info, timings=timings, earlier=tuple(later), seconds=seconds)
-        if self.attempt is None:
+        if self.best is None:
             return found
-        cost, own = self.problem.objective.cost, Candidate(self.attempt.trajectory, self.seconds)
+        cost, own = self.problem.cost, Candidate(self.best, self.seconds)
         if found.trajectory is None or cost(found.trajectory) >= cost(own.trajectory):
             return replace(found, trajectory=own.trajectory, failure=None, earlier=(), seconds=own.seconds)
         better = [one for one in later if cost(one.trajectory) < cost(own.trajectory)]
@@ -97,11 +114,26 @@ class WarmStart:
     def _optimised(self, end: State, margin: float) -> Attempt | None:
         start, earlier, basis = self.problem.start_state, self.earlier, self.optimiser.basis
         u = np.linspace(0.0, 1.0, _SAMPLES)
-        curves = MovingOptimiser(self.optimiser, EndStates(start, end))
+        curves = MovingOptimiser(self.problem, self.optimiser, EndStates(start, end))
         control = basis.fit(u, earlier(u * earlier.duration), basis.ends(*_ends_by_share(earlier)))
         if any(rate.any() for rate in (start.v, start.a, end.v, end.a)):
             return curves.run(control, earlier.duration, self.budget, margin)
         return self.optimiser.run(curves.ends.held(basis, control, earlier.duration), self.budget, margin)
+
+    def _still_good(self, end: State) -> bool:
+        """Whether the rest of the earlier motion leads from the start to this end, and is free and within limits."""
+        motion, limits = self.earlier, self.problem.limits
+        here, there = motion.state(0.0), motion.state(motion.duration)
+        same = [
+            np.abs(getattr(found, rate) - getattr(stated, rate)).max() <= _SAME
+            for found, stated in ((here, self.problem.start_state), (there, end))
+            for rate in ("q", "v", "a")
+        ]
+        if not all(same) or excess(motion, limits) is not None or torque_ratio(self.problem, motion) > 1.0:
+            return False
+        if self.optimiser.constraints.broken(motion):
+            return False
+        return first_contact(self.model, motion, lambda: self.budget.over) is None
 
     def _end(self) -> State | None:
         """The state at the goal's configuration nearest to the earlier end; None where none is free."""
@@ -130,4 +162,9 @@ def _ahead(problem: Problem, earlier: Trajectory) -> Trajectory:
     """Return what is left of a motion from where it passes nearest to the new start."""
     t = np.linspace(0.0, earlier.duration, _SAMPLES)
     away = (np.abs(earlier(t) - problem.start) / problem.limits.velocity).max(axis=1)
-    return earlier.part(float(t[int(np.argmin(away[:-1]))]), earlier.duration)
+    here = float(t[int(np.argmin(away[:-1]))])
+    for _ in range(_NEWTON):
+        v = earlier(here, 1)
+        here += float((problem.start - earlier(here)) @ v) / max(float(v @ v), 1e-12)
+        here = float(np.clip(here, 0.0, t[-2]))
+    return earlier.part(here, earlier.duration)

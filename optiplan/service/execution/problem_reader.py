@@ -39,10 +39,13 @@ class ProblemReader:
         base: folder that files named in problems are relative to.
         folders: the only ones, besides the robots that come along, from which files are read.
         bodies: most obstacles and held objects of one problem.
+
+    Attributes:
+        folders: all that files are read from.
     """
 
     def __init__(self, base: Path, folders: list[Path], bodies: int) -> None:
-        self._base, self._folders, self._bodies = base, [*folders, robots_dir()], bodies
+        self._base, self.folders, self._bodies = base, [*folders, robots_dir()], bodies
         self._robots: dict[str, Robot] = {}
         self._names = set(robot_names())
         self._problems: dict[str, Problem] = {}
@@ -80,7 +83,15 @@ class ProblemReader:
         except UnknownChoiceError as error:
             field = "planner" if error.kind == "planner" else f"planner.{error.found}"
             raise InputError(
-                [Issue("request", None, field, f"unknown {error.kind}", choices(error.found, error.choices))]
+                [
+                    Issue(
+                        "request",
+                        None,
+                        field,
+                        f"unknown {error.kind} '{error.found}'",
+                        choices(error.found, error.choices),
+                    )
+                ]
             ) from None
         return PlannerChoice(name, options, problem.seed if given is None else given)
 
@@ -92,7 +103,7 @@ class ProblemReader:
         if isinstance(document.data, dict):
             document = replace(document, data=document.data | instead)
             self._count(document)
-        with reading(self._folders):
+        with reading(self.folders):
             return Problem.of(read_problem(document, self._base, self.robot).whole())
 
     def _parsed(self, text: str, path: Path) -> Document:

@@ -9,7 +9,7 @@ from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 
-_RESERVE = 1e-3  # share of the limit kept free for what happens between samples
+RESERVE = 1e-3  # share of the limit kept free for what happens between samples
 _STEP = 8e-3  # s between samples, at most
 _MOST = 20_000  # samples in all, but for the least: a long motion is slow, so its torques change slowly
 _LEAST = 9  # samples of a piece: within one the acceleration is a low polynomial, only its ends may bend or jump
@@ -59,7 +59,7 @@ class _Demand:
     """The largest (tau - g) / (limit - g) of all joints along a trajectory: s² of the slow-down that it asks for."""
 
     def __init__(self, robot: Robot, limit: Array, trajectory: Trajectory) -> None:
-        self._model, self._trajectory, self._allowed = robot.model, trajectory, limit * (1.0 - _RESERVE)
+        self._model, self._trajectory, self._allowed = robot.model, trajectory, limit * (1.0 - RESERVE)
 
     def at(self, t: Array) -> Array:
         """Return the demand (k,) at rising times t (k,); infinite where gravity is too much; natively where built."""
@@ -78,3 +78,22 @@ class _Demand:
         with np.errstate(divide="ignore", invalid="ignore"):
             squared = np.abs(moving) / (allowed - np.sign(moving) * gravity)
         return np.asarray(np.nan_to_num(squared, nan=0.0, posinf=np.inf).max(axis=1))
+
+
+def torque_share(robot: Robot, limit: Array, trajectory: Trajectory, t: Array | None = None) -> float:
+    """Return the largest |tau| / limit (n,) at times t (N,), s, or at those of the pieces."""
+    t = _instants(trajectory) if t is None else t
+    tau, _ = _torques(robot.model, *(trajectory(t, order) for order in range(3)))
+    return float((np.abs(tau) / limit).max())
+
+
+def _torques(model: pin.Model, Q: Array, V: Array, A: Array) -> tuple[Array, Array]:
+    """Torques of states (k, n), and those that hold the robot there, each (k, n); in the native core where built."""
+    if core is not None:
+        tree = native_tree(model)
+        Q, V, A = (np.ascontiguousarray(part) for part in (Q, V, A))
+        return core.InverseDynamics(tree).torques(Q, V, A), tree.gravity(Q)
+    data = model.createData()
+    tau = np.array([pin.rnea(model, data, q, v, a) for q, v, a in zip(Q, V, A, strict=True)])
+    gravity = np.array([pin.computeGeneralizedGravity(model, data, q) for q in Q])
+    return tau.reshape(Q.shape), gravity.reshape(Q.shape)
