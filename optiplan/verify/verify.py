@@ -8,6 +8,7 @@ from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import BEYOND, GAP
 from optiplan.robot.self_collision.pairs import count_reasons
+from optiplan.trajectory.obstacle_columns import with_obstacles
 from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
@@ -102,7 +103,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     `worst` is the clearance proved; where none is proved, the smallest distance met.
     """
     model = CollisionModel(checked_robot(problem, policy), problem.scene)
-    proof = certify(model, trajectory, policy)
+    proof = certify(model, with_obstacles(trajectory, model.motions), policy)
     near = proof.nearest
     witness: dict[str, Any] = {
         "pairs": len(model.pairs),
@@ -121,7 +122,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     verdict = replace(verdict, worst=witness["proved_clearance"])
     if near is None:
         return verdict
-    witness |= {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q.tolist()}
+    witness |= {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q[: trajectory.n].tolist()}
     worst = proof.clearance if proof.proved else near.distance
     return replace(verdict, worst=worst, time=near.time, place=" – ".join(near.pair), witness=witness)
 

@@ -7,6 +7,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel, Contact
 from optiplan.problem.problem import Problem
+from optiplan.trajectory.obstacle_columns import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.clearance_record import ClearanceBound, ClearanceRecord
@@ -32,6 +33,7 @@ def clearance_of(problem: Problem, trajectory: Trajectory, even: int = _EVEN) ->
     model = CollisionModel(checked_robot(problem, policy), problem.scene)
     if not model.pairs:
         return None
+    trajectory = with_obstacles(trajectory, model.motions)
     record = ClearanceRecord()
     proof = certify(model, trajectory, policy, record)
     bound = record.bound(trajectory.duration, len(model.pairs)) if proof.proved else None
