@@ -1,5 +1,6 @@
 """How an obstacle moves: its displacement is a polynomial of time."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -41,12 +42,12 @@ class ObstacleMotion:
         moving = 1.0 if order == 0 else (np.asarray(t) <= self.until)[:, None]
         return np.asarray((time * factor) @ self.coefficients.T * moving)
 
-    def from_time(self, t: float) -> Array:
-        """Return the coefficients (3, k + 1) of d(t + s) in powers of s, for 0 <= s <= `until` - t."""
+    def from_times(self, t: Array) -> Array:
+        """Return the coefficients (N, 3, k + 1) of d(t + s) in powers of s, for 0 <= s <= `until` - t, of times t (N,).
+
+        At and after `until` they are those of an obstacle that stands.
+        """
         count = self.coefficients.shape[1]
-        here = [self.at(np.array([t]), order)[0] for order in range(count)]
-        factorial = np.cumprod([1.0, *range(1, count)])
-        found = np.array(here).T / factorial
-        if t >= self.until:
-            found[:, 1:] = 0.0
-        return np.asarray(found)
+        found = np.stack([self.at(t, order) / math.factorial(order) for order in range(count)], axis=2)
+        found[t >= self.until, :, 1:] = 0.0
+        return found

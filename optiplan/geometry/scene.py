@@ -263,7 +263,7 @@ def _later(body: Obstacle, t: float) -> Obstacle:
     if body.motion is None:
         return body
     ahead = body.motion.until - t
-    motion = ObstacleMotion(body.motion.from_time(t), ahead)
+    motion = ObstacleMotion(body.motion.from_times(np.array([t]))[0], ahead)
     if ahead > 0.0:
         return replace(body, motion=motion)
     X = pin.SE3(body.X_WO.rotation, body.X_WO.translation + motion.coefficients[:, 0])

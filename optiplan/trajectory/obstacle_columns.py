@@ -16,13 +16,14 @@ def with_obstacles(trajectory: Trajectory, motions: Sequence[ObstacleMotion]) ->
     """
     if not motions:
         return trajectory
-    stops = [motion.until for motion in motions if 0.0 < motion.until < trajectory.duration]
-    edges = np.unique(np.concatenate([trajectory.breakpoints, stops]))
-    parts = [trajectory.part(a, b).coefficients[0] for a, b in pairwise(edges)]
-    rows = []
-    for part, t in zip(parts, edges[:-1], strict=True):
-        columns = [part, *(motion.from_time(float(t)).T for motion in motions)]
-        size = max(len(column) for column in columns)
-        rows.append(np.hstack([np.pad(column, ((0, size - len(column)), (0, 0))) for column in columns]))
+    stops = sorted({motion.until for motion in motions if 0.0 < motion.until < trajectory.duration})
+    edges = [0.0, *stops, trajectory.duration]
+    parts = [trajectory.part(a, b) for a, b in pairwise(edges)] if stops else [trajectory]
+    inner = [part.breakpoints[:-1] + begin for part, begin in zip(parts, edges, strict=False)]  # stops to the last bit
+    breakpoints = np.append(np.concatenate(inner), trajectory.duration)
+    own = np.concatenate([part.coefficients for part in parts])
+    columns = [own, *(np.swapaxes(motion.from_times(breakpoints[:-1]), 1, 2) for motion in motions)]
+    size = max(column.shape[1] for column in columns)
+    padded = [np.pad(column, ((0, 0), (0, size - column.shape[1]), (0, 0))) for column in columns]
     names = [f"obstacle {k} {axis}" for k in range(len(motions)) for axis in "xyz"]
-    return Trajectory((*trajectory.joint_names, *names), edges, np.array(rows))
+    return Trajectory((*trajectory.joint_names, *names), breakpoints, np.concatenate(padded, axis=2))

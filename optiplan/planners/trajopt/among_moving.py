@@ -96,15 +96,19 @@ def _curves(
     seeds: list[Trajectory],
     within: tuple[Budget, Callable[[Trajectory], None], dict[str, Any]],
 ) -> None:
-    """Optimise in time from these motions, then from the best with a bump; offer what is free."""
+    """Optimise in time from these motions, then from the best with a bump; offer what is free.
+
+    It ends early with a curve that costs hardly more than the first motion.
+    """
     budget, offer, info = within
+    enough = _CLOSE * problem.objective.cost(seeds[0])
     end = seeds[0].state(seeds[0].duration)
     curves = TimedOptimiser(problem, optimiser, EndStates(problem.start_state, end))
     best: Attempt | None = None
     rng = np.random.default_rng(problem.seed)
     guesses = [(curves.along(motion), motion.duration) for motion in seeds]
     for k in range(len(seeds) + _BUMPS):
-        if budget.over:
+        if budget.over or (best is not None and problem.objective.cost(best.trajectory) <= enough):
             return
         if k >= len(seeds):
             base, T = guesses[0] if best is None else (best.control, best.trajectory.duration)
