@@ -295,6 +295,7 @@ class _StandIn(Planner[Any]):
         self.planner = planner
         self.passes_vias = bool(getattr(planner, "passes_vias", False))
         self.end_derivatives = int(getattr(planner, "end_derivatives", 0))
+        self.times_obstacles = bool(getattr(planner, "times_obstacles", False))
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """What the object answers."""
