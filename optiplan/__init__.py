@@ -22,15 +22,16 @@ if TYPE_CHECKING:
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.planning import plan, retime, verify
     from optiplan.api.plotting import plot
+    from optiplan.api.replanning import Replanner
     from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
     from optiplan.control.controller import Controller
     from optiplan.control.limits.clearance import ClearanceLimit
     from optiplan.control.limits.half_space import HalfSpaceLimit
     from optiplan.control.limits.joint_limits import AccelerationLimit, JerkLimit, PositionLimit, VelocityLimit
-    from optiplan.control.limits.tool_speed import ToolSpeedLimit, WheelSpeedLimit
+    from optiplan.control.limits.tool_speed import ToolSpeedLimit
     from optiplan.control.limits.torque import TorqueLimit
-    from optiplan.control.state import State
+    from optiplan.control.limits.wheel_speed import WheelSpeedLimit
     from optiplan.control.step import ControlStep
     from optiplan.control.tasks.frame_tasks import OrientationTask, PoseTask, PositionTask
     from optiplan.control.tasks.joint_tasks import BaseMotionTask, DampingTask, JointCouplingTask, PostureTask
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
+    from optiplan.problem.constraints.expression import Expression
     from optiplan.problem.constraints.statements import (
         FixedOrientation,
         JointCoupling,
@@ -57,8 +59,9 @@ if TYPE_CHECKING:
         ToolSpeed,
         WheelSpeed,
     )
-    from optiplan.problem.goals_and_vias import JointGoal, Objective, PoseGoal
-    from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
+    from optiplan.problem.goals_and_vias import JointGoal, PoseGoal
+    from optiplan.problem.objectives.objective import Objective
+    from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
     from optiplan.problem.task.builder import Task
@@ -68,6 +71,7 @@ if TYPE_CHECKING:
     from optiplan.simulation.log import Log
     from optiplan.simulation.simulation import Simulation
     from optiplan.trajectory.sample_file import Samples
+    from optiplan.trajectory.state import State
     from optiplan.trajectory.trajectory import Trajectory
     from optiplan.verify.report import Check, Report
 
@@ -75,6 +79,7 @@ _ROOMS = {
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.planning": ("plan", "retime", "verify"),
+    "api.replanning": ("Replanner",),
     "api.simulating": ("execute", "simulate"),
     "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),
@@ -82,9 +87,10 @@ _ROOMS = {
     "control.limits.clearance": ("ClearanceLimit",),
     "control.limits.half_space": ("HalfSpaceLimit",),
     "control.limits.joint_limits": ("AccelerationLimit", "JerkLimit", "PositionLimit", "VelocityLimit"),
-    "control.limits.tool_speed": ("ToolSpeedLimit", "WheelSpeedLimit"),
+    "control.limits.tool_speed": ("ToolSpeedLimit",),
     "control.limits.torque": ("TorqueLimit",),
-    "control.state": ("State",),
+    "control.limits.wheel_speed": ("WheelSpeedLimit",),
+    "trajectory.state": ("State",),
     "control.step": ("ControlStep",),
     "control.tasks.frame_tasks": ("OrientationTask", "PoseTask", "PositionTask"),
     "control.tasks.joint_tasks": ("BaseMotionTask", "DampingTask", "JointCouplingTask", "PostureTask"),
@@ -93,6 +99,7 @@ _ROOMS = {
     "errors": ("InputError", "OptiPlanError"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
+    "problem.constraints.expression": ("Expression",),
     "problem.constraints.statements": (
         "FixedOrientation",
         "JointCoupling",
@@ -111,8 +118,9 @@ _ROOMS = {
         "ToolSpeed",
         "WheelSpeed",
     ),
-    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
-    "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
+    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Octree", "PointCloud", "Sphere"),
+    "problem.goals_and_vias": ("JointGoal", "PoseGoal"),
+    "problem.objectives.objective": ("Objective",),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
     "problem.task.builder": ("Task",),
@@ -142,6 +150,7 @@ __all__ = [
     "Controller",
     "Cylinder",
     "DampingTask",
+    "Expression",
     "Failure",
     "FixedOrientation",
     "HalfSpace",
@@ -159,6 +168,7 @@ __all__ = [
     "Mesh",
     "Objective",
     "Obstacle",
+    "Octree",
     "OnArc",
     "OnCircle",
     "OnLine",
@@ -170,6 +180,7 @@ __all__ = [
     "PairClearance",
     "PlanResult",
     "Planner",
+    "PointCloud",
     "Pose",
     "PoseGoal",
     "PoseTask",
@@ -180,6 +191,7 @@ __all__ = [
     "Problem",
     "RelativePose",
     "RelativePoseTask",
+    "Replanner",
     "Report",
     "Robot",
     "Run",

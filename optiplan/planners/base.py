@@ -50,7 +50,9 @@ class Failure:
     Attributes:
         kind: see `FailureKind`.
         detail: one sentence for a person.
-        witness: JSON-ready location of the failure: configuration `q`, time `t`, bodies `pair`, points `points`.
+        witness: JSON-ready location of the failure: configuration `q`, time `t`, bodies `pair`, points `points`,
+            and the `motion` that was refused, as `Trajectory.to_dict`, where there is one to look at; `untimed` where
+            it is a path that nobody timed, at a constant rate.
     """
 
     kind: FailureKind
@@ -151,10 +153,10 @@ Progress = Callable[[str, float], None]
 
 
 def announce(progress: Progress, trajectory: Trajectory) -> None:
-    """Tell of a new incumbent, which nobody has verified, where `progress` has a method `found(duration)`, s."""
+    """Tell of a new incumbent, which nobody has verified, where `progress` has a method `found(trajectory)`."""
     found = getattr(progress, "found", None)
     if found is not None:
-        found(trajectory.duration)
+        found(trajectory)
 
 
 OptionsT = TypeVar("OptionsT")
@@ -174,6 +176,8 @@ class Planner(ABC, Generic[OptionsT]):
             one and without vias.
         holds_constraints: whether `plan` handles a problem's path constraints; otherwise it is not called for those
             that have any.
+        end_derivatives: what `plan` handles of a motion stated at the start or at goals: 0 none, 1 velocities, 2 also
+            accelerations; it is not called for problems that state more.
 
     Example:
         >>> import optiplan as op
@@ -187,6 +191,7 @@ class Planner(ABC, Generic[OptionsT]):
     Options: ClassVar[type[Any]] = NoOptions
     passes_vias: bool = False
     holds_constraints: bool = False
+    end_derivatives: int = 0
 
     def __init__(self, options: OptionsT | None = None) -> None:
         self.options: OptionsT = self.Options() if options is None else options
@@ -198,6 +203,10 @@ class Planner(ABC, Generic[OptionsT]):
         Raises:
             InputError: the options do not fit the problem.
         """
+
+    def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan with an earlier motion at hand, of a problem not far from this one; by default it is no help."""
+        return self.plan(problem, budget, progress)
 
     def check(self, problem: Problem, budget: Budget) -> None:
         """Check that the options fit the problem, without planning.

@@ -13,10 +13,12 @@ from optiplan.config.document import Document, Place
 from optiplan.config.messages import choices, describe
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import is_file
-from optiplan.geometry.meshes.reading import FORMATS, open_mesh
+from optiplan.geometry.file_shapes import FileShape
+from optiplan.geometry.meshes.reading import open_mesh
 from optiplan.geometry.poses import pose_from_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
-from optiplan.geometry.shapes import Mesh, MeshSpec, Shape, ShapeSpec, build_geometry, shape_from_spec
+from optiplan.geometry.shape import Shape
+from optiplan.geometry.shapes import ShapeSpec, build_geometry, shape_from_spec
 from optiplan.problem.constraints.statements import PathConstraint, constraint_of
 from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue
@@ -101,10 +103,10 @@ class Compiler:
             return issue
         return self.document.issue(issue.path, issue.found, issue.expected)
 
-    def start(self, robot: Robot) -> Array | None:
-        """The start configuration, (n,)."""
+    def start(self, robot: Robot) -> JointGoal | None:
+        """The state at the start."""
         part = self.draft.start
-        return None if part is None else self.configuration(robot, part.place, part.value)
+        return None if part is None else self._state(robot, part)
 
     def goal(self, robot: Robot) -> list[LocatedValue[JointGoal | PoseGoal]]:
         """Return the valid alternatives."""
@@ -181,9 +183,21 @@ class Compiler:
     def alternative(self, robot: Robot, part: LocatedValue[AlternativeSpec]) -> JointGoal | PoseGoal | None:
         """Return one end, if it is valid."""
         if part.value.pose is None:
-            q = self.configuration(robot, part.place, part.value)
-            return None if q is None else JointGoal(q)
+            return self._state(robot, part)
         return self.pose_goal(robot, (*part.place, "pose"), part.value.pose)
+
+    def _state(self, robot: Robot, part: LocatedValue[StartSpec] | LocatedValue[AlternativeSpec]) -> JointGoal | None:
+        """A configuration with its velocity and acceleration, of as many values."""
+        q = self.configuration(robot, part.place, part.value)
+        rates: list[Array | None] = []
+        for key in ("velocity", "acceleration"):
+            said = getattr(part.value, key)
+            rates.append(None if said is None else np.array(said, float))
+            if said is not None and len(said) != robot.n:
+                expected = f"{robot.n} values, one for each of {', '.join(robot.joint_names)}"
+                self.report((*part.place, key), f"{len(said)} values", expected)
+                q = None
+        return None if q is None else JointGoal(q, velocity=rates[0], acceleration=rates[1])
 
     def pose_goal(self, robot: Robot, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
         """Return the goal of a pose, if its frame is known."""
@@ -260,26 +274,25 @@ class Compiler:
         return robot.mounted(Mounting(X_WB, np.array(gravity), tuple(payload)))
 
     def _shape(self, place: Place, spec: ShapeSpec) -> Shape | None:
-        if spec.mesh is not None:
-            return self._mesh((*place, "mesh", "file"), spec.mesh)
-        return shape_from_spec(spec)
+        shape = shape_from_spec(spec)
+        return self._from_file((*place, spec.kind, "file"), shape) if isinstance(shape, FileShape) else shape
 
-    def _mesh(self, place: Place, spec: MeshSpec) -> Mesh | None:
+    def _from_file(self, place: Place, stated: FileShape) -> FileShape | None:
+        valid = f"a {stated.kind} file ({stated.formats})"
         try:
-            file = (self.base / spec.file).resolve()
+            file = (self.base / stated.file).resolve()
         except (OSError, ValueError) as error:  # a name that no file can have
             reason = (isinstance(error, OSError) and error.strerror) or str(error)
-            self.report(place, f"{describe(spec.file)} ({reason.lower()})", f"a mesh file ({FORMATS})")
+            self.report(place, f"{describe(str(stated.file))} ({reason.lower()})", valid)
             return None
         try:
-            mesh = replace(Mesh.from_data(spec), file=file, key=open_mesh(file).key)
-            build_geometry(mesh)
+            shape = replace(stated, file=file, key=open_mesh(file, stated.kind).key)
+            build_geometry(shape)
         except ValueError as error:
             missing = isinstance(error.__cause__, FileNotFoundError)
-            found = f"'{spec.file}', but there is no file {file}" if missing else str(error)
-            self.report(place, found, f"a mesh file ({FORMATS})")
+            self.report(place, f"'{stated.file}', but there is no file {file}" if missing else str(error), valid)
             return None
-        return mesh
+        return shape
 
     def _names(self, robot: Robot) -> None:
         """Check that names are unique among links, obstacles and attachments, and that names referred to exist."""

@@ -15,8 +15,10 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.measures import broken
 from optiplan.problem.constraints.statements import PairClearance, PathConstraint
-from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
-from optiplan.problem.hashing import meshes_of, problem_hash
+from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
+from optiplan.problem.hashing import problem_hash, shape_files_of
+from optiplan.problem.moving_states import StatedState, impossible_states
+from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
@@ -38,6 +40,8 @@ class Parts:
     robot: Robot
     scene: Scene
     start: Array
+    start_velocity: Array
+    start_acceleration: Array
     goal: Goal
     limits: Limits
     vias: tuple[Via, ...]
@@ -73,7 +77,7 @@ class Reading:
 class _Places:
     """Valid start, goal and vias."""
 
-    start: Array | None
+    start: JointGoal | None
     goal: Sequence[LocatedValue[JointGoal | PoseGoal]]
     vias: Sequence[LocatedValue[Via]]
     task: Sequence[LocatedValue[TaskStep]]
@@ -100,25 +104,29 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         places = _Places(*ends, steps, compiler.constraints(robot, scene))
     issues += _goal_or_task(document)
     issues += compiler.issues
-    if robot is not None:
+    limits = None if robot is None else robot.limits.scaled(**({} if spec is None else spec.limits.model_dump()))
+    if robot is not None and limits is not None:
         issues += _constraints(document, robot, scene, compiler.draft, places)
+        issues += impossible_states(document, robot.joint_names, limits, _states(compiler.draft, places))
     if robot is not None and not any(
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
     ):
         issues += _collisions(document, CollisionModel(robot, scene), compiler.draft, places)
-    if issues or spec is None or robot is None or places.start is None:
+    if issues or spec is None or robot is None or limits is None or places.start is None:
         return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
     source, digest = source_of(spec, document.path.stem.strip("<>"), base, robot)
     parts = Parts(
         name=source["name"],
         robot=robot,
         scene=scene,
-        start=places.start,
+        start=places.start.state.q,
+        start_velocity=places.start.state.v,
+        start_acceleration=places.start.state.a,
         goal=tuple(part.value for part in places.goal),
-        limits=robot.limits.scaled(**spec.limits.model_dump()),
+        limits=limits,
         vias=tuple(part.value for part in places.vias),
         task=tuple(part.value for part in places.task),
-        objective=Objective(spec.objective.time, spec.objective.jerk),
+        objective=Objective(**spec.objective.model_dump(exclude_none=True)),
         path_constraints=tuple(part.value for part in places.constraints),
         planner=spec.planner.name,
         options=dict(spec.planner.model_extra or {}),
@@ -163,7 +171,7 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
     source["name"] = spec.name or name
     digest = problem_hash(source, base, robot)
     source["robot"] = _named(spec, robot)
-    for mesh in meshes_of(source):
+    for mesh in shape_files_of(source):
         mesh["file"] = str((base / mesh["file"]).resolve())
     return source, digest
 
@@ -175,6 +183,14 @@ def _named(spec: ProblemSpec, robot: Robot) -> Any:
     return robot.reference.robot
 
 
+def _states(draft: Draft, places: _Places) -> list[StatedState]:
+    """The start and the goals of joint values, with what each is."""
+    states = [StatedState(part.place, part.value, False) for part in places.goal if isinstance(part.value, JointGoal)]
+    if places.start is None or draft.start is None:
+        return states
+    return [StatedState(draft.start.place, places.start, True), *states]
+
+
 def _constraints(document: Document, robot: Robot, scene: Scene, draft: Draft, places: _Places) -> list[Issue]:
     """Report constraints that the start, or every goal of joint values, violates."""
     issues = []
@@ -183,7 +199,7 @@ def _constraints(document: Document, robot: Robot, scene: Scene, draft: Draft, p
         if low == 0.0 and places.start is not None and draft.start is not None:
             issues += [
                 document.issue(draft.start.place, f"a start that is {words}", f"one that holds {_name(part)}")
-                for words in _broken(part.value, robot, scene, places.start)
+                for words in _broken(part.value, robot, scene, places.start.q)
             ]
         ends = [(end.place, end.value.q) for end in places.goal if isinstance(end.value, JointGoal)]
         found = [(place, words) for place, q in ends for words in _broken(part.value, robot, scene, q)[:1]]
@@ -220,7 +236,7 @@ def _collisions(
     issues = []
     cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
     if places.start is not None and draft.start is not None:
-        found = _touching(model, places.start)
+        found = _touching(model, places.start.q)
         if found:
             place = (*draft.start.place, draft.start.value.kind)
             issues.append(document.issue(place, f"the start is in collision: {found}", cure))

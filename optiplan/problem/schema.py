@@ -6,7 +6,7 @@ against the robot and the scene.
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
@@ -22,10 +22,10 @@ from optiplan.config.values import (
     NotNegative,
     Vector,
 )
+from optiplan.geometry.pose_schema import PoseSpec as PoseSpec
+from optiplan.geometry.pose_schema import ToleranceSpec as ToleranceSpec
 from optiplan.geometry.shapes import SHAPES, ShapeSpec
 from optiplan.problem.constraints.schema import PathConstraintSpec as PathConstraintSpec
-from optiplan.problem.pose_schema import PoseSpec as PoseSpec
-from optiplan.problem.pose_schema import ToleranceSpec as ToleranceSpec
 
 LARGEST_MASS = 1e6
 """kg; nothing that an arm can hold."""
@@ -95,11 +95,29 @@ class PoseGoalSpec(PoseSpec):
     tolerance: ToleranceSpec = ToleranceSpec()
 
 
+Rates = Annotated[tuple[Number, ...] | None, AfterValidator(lambda rates: rates if rates and any(rates) else None)]
+"""One value per planned joint; zeros are as good as nothing, so that rest is said in one way."""
+
+
 class StartSpec(ExactlyOne):
-    """`joints`: one value per planned joint; or `configuration`: a name in the robot file."""
+    """`joints`: one value per planned joint; or `configuration`: a name in the robot file.
+
+    `velocity` (rad/s or m/s) and `acceleration` (rad/s² or m/s²), one value per planned joint: at rest without them.
+    """
+
+    BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
 
     joints: tuple[Number, ...] | None = None
     configuration: Name | None = None
+    velocity: Rates = None
+    acceleration: Rates = None
+
+    @model_validator(mode="after")
+    def _state(self) -> Self:
+        for key in ("velocity", "acceleration"):
+            if getattr(self, key) is not None and self.kind not in ("joints", "configuration"):
+                raise ValueError(f"found {key} with {self.kind}; expected it with joints or configuration only")
+        return self
 
 
 class AlternativeSpec(StartSpec):
@@ -304,14 +322,21 @@ class LimitScalesSpec(Strict):
 
 
 class ObjectiveSpec(Strict):
-    """Weights of duration (1/s) and of the integral of squared jerk."""
+    """Weights of the parts of the cost; see `objectives.objective.Objective`."""
 
     time: NotNegative = 1.0
     jerk: NotNegative = 0.0
+    energy: NotNegative | None = None
+    joint_path: NotNegative | None = None
+    tool_path: NotNegative | None = None
+    tool_smoothness: NotNegative | None = None
+    clearance: NotNegative | None = None
+    manipulability: NotNegative | None = None
+    centring: NotNegative | None = None
 
     @model_validator(mode="after")
     def _something(self) -> Self:
-        if self.time == 0.0 and self.jerk == 0.0:
+        if not any(self.model_dump().values()):
             raise ValueError("found all weights 0; expected at least one weight > 0")
         return self
 

@@ -3,13 +3,11 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from optiplan.arrays import Array
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.segments import RESTING
-from optiplan.trajectory.timing.lower_bound import lower_bound, lower_bounds
+from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -35,7 +33,7 @@ def common_bound(problem: Problem, reached: Sequence[Array]) -> Bound:
     listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
     if not listed and not len(reached):
         return Bound(None, "not known: no goal configuration is listed, and none was reached")
-    seconds = float(lower_bounds(problem.start, np.array([*listed, *reached]), problem.limits).min())
+    seconds = float(problem.lower_bounds([*listed, *reached]).min())
     if seconds < SMALLEST_BOUND:
         return Bound(None, "none: the robot need not move")
     if len(listed) == len(problem.goal):
@@ -52,7 +50,7 @@ def bound_of(problem: Problem, trajectory: Trajectory) -> float:
     rest to rest; what grippers and dwelling take is counted whole.
     """
     if not problem.task:
-        return lower_bound(problem.start, trajectory.end, problem.limits)
+        return float(problem.lower_bounds([trajectory.end])[0])
     total, begin = 0.0, 0.0
     for segment in trajectory.segments:
         if segment.kind in RESTING:

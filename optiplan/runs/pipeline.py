@@ -17,17 +17,19 @@ from optiplan.runs.common_bound import bound_of
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
+from optiplan.trajectory.trajectory import Trajectory
 
 _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
 
 
-def run(
+def run(  # noqa: PLR0913
     problem: Problem,
     planner: str | Planner[Any],
     options: Mapping[str, Any],
     budget: Budget,
     progress: Progress,
+    earlier: Trajectory | None = None,
 ) -> Run:
     """Plan, verify and measure; planning and proving are held to the budget.
 
@@ -39,6 +41,7 @@ def run(
         options: of the planner of that name; a planner itself has its own.
         budget: counted from the planner's start; loading its libraries is not part of it.
         progress: called with the planner's stages, then `verify`.
+        earlier: a motion that planners may begin at, of a problem not far from this one.
 
     Raises:
         UnknownChoiceError: no such planner or option.
@@ -50,8 +53,11 @@ def run(
         name, chosen, options = type(planner).__name__, planner, options_set(planner)
     budget.start()
     began, spent = time.perf_counter(), processor_time()
-    plan = plan_task if problem.task else plan_through
-    result = plan(chosen, problem, budget.leaving(reserve(budget.seconds)), progress)
+    within = budget.leaving(reserve(budget.seconds))
+    if problem.task:
+        result = plan_task(chosen, problem, within, progress)
+    else:
+        result = plan_through(chosen, problem, within, progress, earlier)
     timings, spent = {"plan": time.perf_counter() - began}, processor_time() - spent
     return replace(proved(problem, name, options, result, (budget, progress, timings)), plan_cpu=spent)
 

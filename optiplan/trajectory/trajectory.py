@@ -1,5 +1,6 @@
 """`Trajectory`: piecewise polynomials in time, the one representation that every planner returns."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +13,7 @@ from optiplan.errors import InputError, Issue, described
 from optiplan.trajectory import bspline, polynomial
 from optiplan.trajectory.curves_svg import joint_curves
 from optiplan.trajectory.segments import Segment, read_segments, segment_data
+from optiplan.trajectory.state import State
 
 SAME_TIME = 1e-12
 """Share of the duration: breakpoints that are nearer in time are one."""
@@ -174,6 +176,32 @@ class Trajectory:
         for k in range(c.shape[1] - 2, -1, -1):
             value = value * local + c[piece, k]
         return np.asarray(value) if order == 0 else np.where(inside[:, None], value, 0.0)
+
+    def state(self, t: float) -> State:
+        """Position, velocity and acceleration at a time t, s: where a new motion may begin.
+
+        Raises:
+            InputError: a time outside [0, duration], or not a number.
+        """
+        return State(*(self(float(t), order) for order in range(3)))
+
+    def part(self, begin: float, end: float) -> "Trajectory":
+        """Return the motion from one time to another, s, whose own time starts at 0.
+
+        Raises:
+            ValueError: unless 0 <= begin < end <= duration.
+        """
+        if not 0.0 <= begin < end <= self.duration:
+            raise ValueError(f"begin, end: found {begin}, {end}; expected increasing times in [0, {self.duration}]")
+        first = int(np.searchsorted(self.breakpoints[1:-1], begin, side="right"))
+        last = int(np.searchsorted(self.breakpoints[1:-1], end, side="left"))
+        edges = np.concatenate([[begin], self.breakpoints[first + 1 : last + 1], [end]])
+        coefficients = self.coefficients[first : last + 1].copy()
+        orders = range(coefficients.shape[1])
+        here = [self.derivatives(k)[first : first + 1] for k in orders]
+        by = begin - self.breakpoints[first]
+        coefficients[0] = [polynomial.evaluate(c[0].T, by) / math.factorial(k) for k, c in enumerate(here)]
+        return Trajectory(self.joint_names, edges - begin, coefficients)
 
     def extrema(self, order: int) -> tuple[Array, Array]:
         """Exact minimum and maximum of a derivative over all time: two arrays of shape (n,), rad/s^order."""

@@ -60,6 +60,16 @@ def verify(
     return replace(report, checks=tuple(found), scope=scope(problem, robot, found))
 
 
+def holds(problem: Problem, trajectory: Trajectory) -> bool:
+    """Whether `verify` accepts a trajectory; one with other ends is refused without a proof of the rest."""
+    if not (limit_checks.form(trajectory).passed and limit_checks.joints(problem, trajectory).passed):
+        return False
+    ends = (limit_checks.start, limit_checks.rest)
+    if not all(check(problem, trajectory, _DEFAULT).passed for check in ends):
+        return False
+    return limit_checks.goal(problem, trajectory).passed and verify(problem, trajectory).verified
+
+
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
     return [
         limit_checks.start(problem, trajectory, policy),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pinocchio as pin
 
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
-from optiplan.geometry.shapes import Shape
+from optiplan.geometry.shape import Shape
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import Attach, Detach, TaskStep
 from optiplan.problem.task.timeline import mismatch, steps_in_time

@@ -114,6 +114,7 @@ def show_run(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail = _W
     failure, report = run.failure or {}, run.report or {}
     motion = motion_of(problem, run)
     shown["offending"] = run.trajectory is None and motion is not None
+    shown["untimed"] = shown["offending"] and bool((failure.get("witness") or {}).get("untimed"))
     if motion is not None:
         shown |= _motion(problem, poses, motion, detail)
         shown["curves"] = curves_of(problem, motion, detail.samples)

@@ -11,7 +11,8 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
-from optiplan.geometry.shapes import Shape, build_geometry
+from optiplan.geometry.shape import Shape
+from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.robot import Robot
 from optiplan.runs.common_bound import common_bound

@@ -1,6 +1,6 @@
 """One screw: the joint path that the chosen scheme finds for it, or the place where it fails."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import screw
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness
+from optiplan.planners.common.refused_path import refused_path
 from optiplan.planners.sclerp.interpolation import on_screw, through
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion, ScrewStepper, SteppedPath
@@ -71,13 +72,21 @@ def attempt(model: CollisionModel, task: ScrewTask, options: SclerpOptions, budg
     crossing = limit_crossing(path, task.tool.robot.limits)
     if crossing is not None:
         s, joint = crossing
-        return task.at_limit(s / path.duration, path(np.array([s]))[0], joint)
+        refused = task.at_limit(s / path.duration, path(np.array([s]))[0], joint)
+        return _shown(refused, path, s, model)
     touch = first_contact(model, path, lambda: budget.over)
     if touch is None:
         return path
     pair = touch.contact.pair
     why = _Why("collision", "obstacle", f"'{pair.name_a}' meets '{pair.name_b}'")
-    return task.failure(touch.t / path.duration, touch.q, why, contact_witness(touch.q, touch.contact))
+    refused = task.failure(touch.t / path.duration, touch.q, why, contact_witness(touch.q, touch.contact))
+    return _shown(refused, path, touch.t, model)
+
+
+def _shown(failure: Failure, path: Trajectory, s: float, model: CollisionModel) -> Failure:
+    """Return the failure with the path that was refused at s, as a motion."""
+    shown = refused_path([path], 0, s, model.robot.limits)
+    return replace(failure, witness={**failure.witness, **shown})
 
 
 def _by_quadratic_programs(task: ScrewTask, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:

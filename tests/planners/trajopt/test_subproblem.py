@@ -71,7 +71,7 @@ def test_rows_left_out_come_back_where_a_solution_exceeds_them(monkeypatch: pyte
     counts.clear()
     every = solved(made)
     assert len(counts) == 1
-    assert needed[-1] < 0.6 * counts[0], "most rows are never needed"
+    assert needed[-1] < 0.65 * counts[0], "most rows are never needed"
     assert len(needed) > 1, "some row was exceeded, and came back"
     assert few.duration == pytest.approx(every.duration, rel=2e-3)
     reach = RADIUS * made.limits.velocity * curve(made)[1]
@@ -84,12 +84,12 @@ def test_a_step_holds_all_rows_to_a_hundredth(monkeypatch: pytest.MonkeyPatch) -
     made = transcription()
     step = solved(made)
     for order, bound in enumerate(made.rates, start=1):
-        share = np.abs(made.basis.derivative[order] @ step.control) / (bound * step.duration**order)
+        share = np.abs(made.basis.bounded[order - 1] @ step.control) / (bound * step.duration**order)
         assert share.max() <= 1.0 + qp.EXCEEDED + 1e-3
     monkeypatch.setattr(qp, "ROUNDS", 1)
     loose = solved(made)
     shares = [
-        np.abs(made.basis.derivative[order] @ loose.control) / (bound * loose.duration**order)
+        np.abs(made.basis.bounded[order - 1] @ loose.control) / (bound * loose.duration**order)
         for order, bound in enumerate(made.rates, start=1)
     ]
     assert max(share.max() for share in shares) > 1.0 + 2.0 * qp.EXCEEDED, "without them it would not"

@@ -112,9 +112,12 @@ const OptiPlanScene = (() => {
     }
 
     addRun(run, k) {
-      const rank = this.ranks.get(k) || 0, colour = runColour(rank), tint = rank === 0 ? 0 : 0.55;
+      const rank = this.ranks.get(k) || 0, colour = runColour(rank);
       const mixed = new THREE.Color(colour).toArray(), behind = { polygonOffset: true, polygonOffsetFactor: 0.5 * k, polygonOffsetUnits: k };
-      const material = (part) => this.surface(part.colour.map((c, i) => (i < 3 ? c + tint * (mixed[i] - c) : c)), k ? behind : {});
+      const material = (part) => {
+        const tint = rank === 0 || part.body === 0 ? 0 : 0.55; // what is bolted down is nobody's
+        return this.surface(part.colour.map((c, i) => (i < 3 ? c + tint * (mixed[i] - c) : c)), k ? behind : {});
+      };
       const figure = this.figure(material, ROBOT_SETS);
       this.root.add(figure);
       figure.bodies[0].visible = k === 0; // what is bolted down is the same in every figure
