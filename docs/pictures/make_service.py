@@ -66,7 +66,7 @@ def studio(page: Page, name: str) -> None:
     page.select_option("#example", "")
     page.reload()
     page.wait_for_selector("#issues .fine")
-    page.fill("#budget", "6")
+    page.fill("#budget", "8")
     page.click("#plan")
     page.wait_for_selector("#improvements li")
     page.wait_for_timeout(2000)

@@ -105,6 +105,11 @@ def test_best_so_far_is_verified_and_ends_with_the_answer(server, problems, plan
     assert best
     assert best == sorted(best, reverse=True)
     assert server.ended(run)["duration"] == best[-1]
+    with server.http.stream("GET", f"/api/runs/{run}/events") as lines:
+        again = [json.loads(line[5:]) for line in lines.iter_lines() if line.startswith("data:")]
+    assert [event["duration"] for event in again if event["type"] == "best"] == best, "who comes late sees it too"
+    assert again[-1] == {"type": "end", "status": "done", "verified": True}
+    assert sum(event["type"] == "end" for event in again) == 1
 
 
 def test_motions_that_the_verifier_refuses_are_not_told(problems):
