@@ -31,12 +31,12 @@ class JointBrakes:
     @property
     def acceleration_list(self) -> list[float]:
         """The same as floats."""
-        return self.acceleration.tolist()
+        return [float(value) for value in self.acceleration]
 
     @property
     def change_list(self) -> list[float]:
         """The same as floats."""
-        return self.change.tolist()
+        return [float(value) for value in self.change]
 
 
 class JointBox:
