@@ -23,9 +23,9 @@ from optiplan.control.controller import Controller
 from optiplan.control.defaults import default_limits
 from optiplan.control.limits.clearance import AT_LEAST, ClearanceLimit
 from optiplan.control.qp.solvers import ProxQp, QpSolver
-from optiplan.control.state import State
 from optiplan.control.tasks.frame_tasks import PoseTask
 from optiplan.control.tasks.joint_tasks import PostureTask
+from optiplan.trajectory.state import State
 
 SCENES = {
     "panda": [op.Box("post", size=(0.1, 0.1, 0.8), position=(0.45, 0.3, 0.4)), op.HalfSpace("floor", offset=-0.05)],

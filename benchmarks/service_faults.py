@@ -2,12 +2,14 @@
 
     python benchmarks/service_faults.py --rounds 20 --jobs 100
     python benchmarks/service_faults.py --rounds 20 --jobs 100 --postgres --workers 2
+    python benchmarks/service_faults.py --rounds 0 --jobs 100 --postgres --workers 2    (who did what)
 
 Every run ends once: the log of ends that the database keeps (one event `end` a run) says so. Every answer that a
 server gives is whole: `run.json` and `trajectory.json` of each run that is done are fetched and verified offline.
 """
 
 import argparse
+import json
 import random
 import tempfile
 import time
@@ -19,8 +21,9 @@ from typing import Any
 
 import httpx
 import sqlalchemy as sa
+from published import write_markdown
+from service_process import HTTP, Program, postgres
 
-from benchmarks.service_process import HTTP, Program, postgres
 from optiplan.problem.load import problem_from_dict
 from optiplan.service.settings import ServiceSettings
 from optiplan.trajectory.trajectory import Trajectory
@@ -37,9 +40,13 @@ planner: quintic
 """
 
 
+HEADINGS = ("database", "workers", "kills", "done and verified", "lost", "done twice", "broken answers", "refused")
+HEADINGS += ("runs by process", "restart s 50 % / longest")
+
+
 @dataclass
 class Findings:
-    """What came of it; all but the first two are faults."""
+    """What came of it: `done`, s of `restarts`, runs that each process solved as `shares`; all others are faults."""
 
     done: int = 0
     restarts: list[float] = field(default_factory=list)
@@ -47,6 +54,7 @@ class Findings:
     twice: list[str] = field(default_factory=list)
     broken: list[str] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
+    shares: Counter[str] = field(default_factory=Counter)
 
     @property
     def faultless(self) -> bool:
@@ -88,6 +96,8 @@ def faults(folder: Path, database: str, plan: Plan) -> Findings:
         programs = [Program(*serve, log=folder / "log"), *(Program(*work, log=folder / "log") for _ in range(workers))]
         stack.callback(lambda: [program.kill() for program in programs])
         ids: dict[str, int] = {}
+        for job in range(0 if rounds else jobs):
+            _submit(programs[0].url, job, ids)
         for number in range(rounds):
             wanted = range(jobs * number // rounds, jobs * (number + 1) // rounds)
             for job in wanted:
@@ -137,9 +147,12 @@ def _look(url: str, ids: dict[str, int], found: Findings) -> None:
 def _count_ends(url: str, ids: dict[str, int], found: Findings) -> None:
     engine = sa.create_engine(url)
     with engine.connect() as connection:
-        rows = connection.execute(sa.text("SELECT run, data FROM optiplan_events")).all()
+        rows = connection.execute(sa.text("SELECT run, data FROM optiplan_events ORDER BY number")).all()
     ends = Counter(run for run, data in rows if '"end"' in str(data).replace("'", '"'))
     found.twice = sorted(run for run, count in ends.items() if count > 1)
+    begun = [(run, json.loads(data) if isinstance(data, str) else data) for run, data in rows]
+    last = {run: data["by"] for run, data in begun if data.get("status") == "running"}  # of tries, the one that ended
+    found.shares = Counter(last.values())
     engine.dispose()
 
 
@@ -151,6 +164,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=0)
     parser.add_argument("--postgres", action="store_true", help="a server of Debian's package, started for this")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--markdown", type=Path, help="file for the table")
     given = parser.parse_args()
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="optiplan-faults-")))
@@ -163,8 +177,20 @@ def main() -> None:
             )
     print(f"{given.rounds} kills, {given.jobs} jobs: {found.done} done and verified, {len(found.lost)} lost, ")
     print(f"{len(found.twice)} done twice, {len(found.broken)} broken answers, {len(found.refused)} refused")
-    print(f"restart until it answers: median {sorted(found.restarts)[len(found.restarts) // 2]:.2f} s, ", end="")
-    print(f"longest {max(found.restarts):.2f} s")
+    restarts = sorted(found.restarts)
+    seconds = f"{restarts[len(restarts) // 2]:.2f} / {restarts[-1]:.2f}" if restarts else ""
+    print(f"restart until it answers, s, median / longest: {seconds}; by process: {sorted(found.shares.values())}")
+    counts = [found.lost, found.twice, found.broken, found.refused]
+    where = "PostgreSQL" if given.postgres else "SQLite"
+    row = [
+        where,
+        str(given.workers),
+        str(given.rounds),
+        f"{found.done} of {given.jobs}",
+        *(str(len(x)) for x in counts),
+    ]
+    row.append(" / ".join(str(count) for count in sorted(found.shares.values())) if found.shares else "")
+    write_markdown(given.markdown, HEADINGS, [[*row, seconds]])
     raise SystemExit(0 if found.faultless else 1)
 
 

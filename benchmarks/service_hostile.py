@@ -16,8 +16,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import httpx
+from published import write_markdown
+from service_process import serving, wait_until_ready
 
-from benchmarks.service_process import serving, wait_until_ready
 from optiplan.resources import problems_dir
 
 CANARY = "canary-7f3a"
@@ -116,6 +117,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--markdown", type=Path, help="file for the table")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name, serving(Path(name) / "data", "--log-level", "error") as server:
         wait_until_ready(server.url)
@@ -125,6 +127,9 @@ def main() -> None:
     print(f"{given.count} damaged problems, {rate:.0f} a second: {dict(found.statuses)}, {found.valid} still valid")
     print(f"slowest answer {found.slowest:.1f} s; {len(found.faults)} faults")
     print("\n\n".join(found.faults[:10]))
+    told = ", ".join(f"{status}: {count}" for status, count in sorted(found.statuses.items()))
+    row = [str(given.count), told, str(found.valid), f"{found.slowest:.1f}", str(len(found.faults))]
+    write_markdown(given.markdown, ("problems", "answers by status", "still valid", "slowest s", "faults"), [row])
     raise SystemExit(1 if found.faults else 0)
 
 

@@ -8,18 +8,21 @@ from the store. Also shown: the same through `optiplan.service.cell`, which turn
 """
 
 import argparse
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from published import print_table, write_markdown
+from service_process import HTTP, serving, wait_until_ready
 
-from benchmarks.service_process import HTTP, serving, wait_until_ready
 from optiplan.resources import problems_dir
 from optiplan.service.cell import CellPlanner
 
-PROBLEMS = ("19_lspb", "01_reach", "07_any_of")
+PROBLEMS = ("01_reach", "07_any_of", "12_planar", "14_half_space", "19_lspb")
+HEADINGS = ("problem", "by", "requests", "overhead ms 50 %", "90 %", "99 %", "planning ms 50 %")
 WARM = 5
 """Requests before any is measured."""
 
@@ -62,9 +65,9 @@ def main() -> None:
     """Measure and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--requests", type=int, default=200)
+    parser.add_argument("--markdown", type=Path, help="file for the table")
     given = parser.parse_args()
-    print("| problem | by | overhead ms, median | 90 % | 99 % | planning ms, median |")
-    print("|---|---|---|---|---|---|")
+    rows = []
     with tempfile.TemporaryDirectory() as folder, serving(Path(folder) / "data", "--log-level", "error") as server:
         wait_until_ready(server.url)
         for name in PROBLEMS:
@@ -81,10 +84,12 @@ def main() -> None:
                     planned.append(plan(number))
                     return planned[-1]
 
-                ms = overheads(kept, given.requests)
-                low, high, most = np.percentile(ms, [50, 90, 99])
-                middle = 1e3 * float(np.median(planned[WARM:]))
-                print(f"| {name} | {way} | {low:.1f} | {high:.1f} | {most:.1f} | {middle:.1f} |", flush=True)
+                ms = np.percentile(overheads(kept, given.requests), [50, 90, 99])
+                figures = [f"{x:.1f}" for x in (*ms, 1e3 * float(np.median(planned[WARM:])))]
+                rows.append([name, way, str(given.requests), *figures])
+                print(rows[-1], file=sys.stderr, flush=True)
+    print_table(HEADINGS, rows)
+    write_markdown(given.markdown, HEADINGS, rows)
 
 
 if __name__ == "__main__":

@@ -17,11 +17,13 @@ from pathlib import Path
 
 import httpx
 import numpy as np
+from published import write_markdown
+from service_faults import PROBLEM
+from service_process import serving, wait_until_ready
 
-from benchmarks.service_faults import PROBLEM
-from benchmarks.service_process import serving, wait_until_ready
 from optiplan.bench.execution.machine import descendants, resident
 
+HEADINGS = ("submissions at once", "done", "taken within s", "ended within s", "status ms 50 / 95 / 99 %", "memory MB")
 SENDERS = 50
 """Threads, each with a connection."""
 PATIENCE = 600.0  # s
@@ -85,6 +87,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--solvers", type=int, default=2)
+    parser.add_argument("--markdown", type=Path, help="file for the table")
     given = parser.parse_args()
     arguments = ("--log-level", "error", "--solvers", str(given.solvers))
     with tempfile.TemporaryDirectory() as folder, serving(Path(folder) / "data", *arguments) as server:
@@ -95,6 +98,9 @@ def main() -> None:
     print(f"{found.ids} different ids; at the end: {dict(found.states)}")
     print(f"{len(found.status)} status answers meanwhile: {middle:.1f} / {high:.1f} / {most:.1f} ms (50 / 95 / 99 %)")
     print(f"memory of all processes: at most {found.memory:.0f} MB")
+    row = [str(given.runs), str(found.states["done"]), f"{found.sending:.1f}", f"{found.seconds:.1f}"]
+    row += [f"{middle:.1f} / {high:.1f} / {most:.1f}", f"{found.memory:.0f}"]
+    write_markdown(given.markdown, HEADINGS, [row])
     raise SystemExit(0 if found.states["done"] == found.ids == given.runs else 1)
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.planning import plan, retime, verify
     from optiplan.api.plotting import plot
+    from optiplan.api.replanning import Replanner
     from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
     from optiplan.control.controller import Controller
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from optiplan.control.limits.tool_speed import ToolSpeedLimit
     from optiplan.control.limits.torque import TorqueLimit
     from optiplan.control.limits.wheel_speed import WheelSpeedLimit
-    from optiplan.control.state import State
     from optiplan.control.step import ControlStep
     from optiplan.control.tasks.frame_tasks import OrientationTask, PoseTask, PositionTask
     from optiplan.control.tasks.joint_tasks import BaseMotionTask, DampingTask, JointCouplingTask, PostureTask
@@ -40,17 +40,28 @@ if TYPE_CHECKING:
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
+    from optiplan.problem.constraints.expression import Expression
     from optiplan.problem.constraints.statements import (
+        FixedOrientation,
+        JointCoupling,
+        LookAt,
+        ManipulabilityAbove,
+        OnArc,
+        OnCircle,
         OnLine,
         OnPlane,
+        OnScrew,
         OrientationCone,
         PairClearance,
         PositionBox,
         RelativePose,
+        ToolAcceleration,
         ToolSpeed,
+        WheelSpeed,
     )
-    from optiplan.problem.goals_and_vias import JointGoal, Objective, PoseGoal
-    from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
+    from optiplan.problem.goals_and_vias import JointGoal, PoseGoal
+    from optiplan.problem.objectives.objective import Objective
+    from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
     from optiplan.robot.robot import Robot
@@ -59,6 +70,7 @@ if TYPE_CHECKING:
     from optiplan.simulation.log import Log
     from optiplan.simulation.simulation import Simulation
     from optiplan.trajectory.sample_file import Samples
+    from optiplan.trajectory.state import State
     from optiplan.trajectory.trajectory import Trajectory
     from optiplan.verify.report import Check, Report
 
@@ -66,6 +78,7 @@ _ROOMS = {
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.planning": ("plan", "retime", "verify"),
+    "api.replanning": ("Replanner",),
     "api.simulating": ("execute", "simulate"),
     "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),
@@ -76,7 +89,7 @@ _ROOMS = {
     "control.limits.tool_speed": ("ToolSpeedLimit",),
     "control.limits.torque": ("TorqueLimit",),
     "control.limits.wheel_speed": ("WheelSpeedLimit",),
-    "control.state": ("State",),
+    "trajectory.state": ("State",),
     "control.step": ("ControlStep",),
     "control.tasks.frame_tasks": ("OrientationTask", "PoseTask", "PositionTask"),
     "control.tasks.joint_tasks": ("BaseMotionTask", "DampingTask", "JointCouplingTask", "PostureTask"),
@@ -85,17 +98,28 @@ _ROOMS = {
     "errors": ("InputError", "OptiPlanError"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
+    "problem.constraints.expression": ("Expression",),
     "problem.constraints.statements": (
+        "FixedOrientation",
+        "JointCoupling",
+        "LookAt",
+        "ManipulabilityAbove",
+        "OnArc",
+        "OnCircle",
         "OnLine",
         "OnPlane",
+        "OnScrew",
         "OrientationCone",
         "PairClearance",
         "PositionBox",
         "RelativePose",
+        "ToolAcceleration",
         "ToolSpeed",
+        "WheelSpeed",
     ),
-    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Sphere"),
-    "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
+    "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Octree", "PointCloud", "Sphere"),
+    "problem.goals_and_vias": ("JointGoal", "PoseGoal"),
+    "problem.objectives.objective": ("Objective",),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
     "robot.robot": ("Robot",),
@@ -124,27 +148,37 @@ __all__ = [
     "Controller",
     "Cylinder",
     "DampingTask",
+    "Expression",
     "Failure",
+    "FixedOrientation",
     "HalfSpace",
     "HalfSpaceLimit",
     "InputError",
     "JerkLimit",
+    "JointCoupling",
     "JointCouplingTask",
     "JointGoal",
     "Log",
+    "LookAt",
     "LookAtTask",
+    "ManipulabilityAbove",
     "ManipulabilityTask",
     "Mesh",
     "Objective",
     "Obstacle",
+    "Octree",
+    "OnArc",
+    "OnCircle",
     "OnLine",
     "OnPlane",
+    "OnScrew",
     "OptiPlanError",
     "OrientationCone",
     "OrientationTask",
     "PairClearance",
     "PlanResult",
     "Planner",
+    "PointCloud",
     "Pose",
     "PoseGoal",
     "PoseTask",
@@ -155,6 +189,7 @@ __all__ = [
     "Problem",
     "RelativePose",
     "RelativePoseTask",
+    "Replanner",
     "Report",
     "Robot",
     "Run",
@@ -163,6 +198,7 @@ __all__ = [
     "Simulation",
     "Sphere",
     "State",
+    "ToolAcceleration",
     "ToolSpeed",
     "ToolSpeedLimit",
     "TorqueLimit",
@@ -170,6 +206,7 @@ __all__ = [
     "VelocityLimit",
     "ViaPoint",
     "View",
+    "WheelSpeed",
     "WheelSpeedLimit",
     "__version__",
     "execute",

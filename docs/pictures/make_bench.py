@@ -69,6 +69,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as tool:
         browser = tool.chromium.launch(executable_path=executable, args=GPU)
         page = browser.new_page(viewport=SIZE, device_scale_factor=2)
+        page.set_default_timeout(180_000)
         page.goto(bench_matrix(Path(scratch)).as_uri())
         page.evaluate("document.querySelector('#matrix').scrollIntoView()")
         row = page.locator("#matrix tbody tr").first

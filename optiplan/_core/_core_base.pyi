@@ -27,7 +27,14 @@ class Spline:
 class StepSolver:
     def __init__(self, spline: Spline) -> None: ...
     def solve(
-        self, control: _Array, duration: float, soft: Sequence[_SoftRows], radius: float, span: float, gap: float
+        self,
+        control: _Array,
+        duration: float,
+        soft: Sequence[_SoftRows],
+        radius: float,
+        span: float,
+        gap: float,
+        costs: tuple[_Array, float, _Array, float] | None = None,
     ) -> tuple[_Array, float, float, int] | None: ...
 
 class Shape:
@@ -122,6 +129,7 @@ def shorten(check: EdgeChecker, waypoints: _Array, velocity: _Array, draws: _Arr
 class InverseDynamics:
     def __init__(self, tree: Tree) -> None: ...
     def torques(self, Q: _Array, V: _Array, A: _Array) -> _Array: ...
+    def demand(self, breakpoints: _Array, coefficients: _Array, allowed: _Array, times: _Array) -> _Array: ...
 
 class Sqp:
     @staticmethod
@@ -144,7 +152,13 @@ class Sqp:
     def set_samples(self, u: _Array, position: _Array, velocity: _Array, acceleration: _Array) -> None: ...
     def evaluate(self, control: _Array, duration: float) -> tuple[float, float, _LaidRows, _LaidRows]: ...
     def optimise(
-        self, control: _Array, iterations: int, stop: Callable[[], bool], best: float, longest: float
+        self,
+        control: _Array,
+        iterations: int,
+        stop: Callable[[], bool],
+        best: float,
+        longest: float,
+        go_on: Callable[[_Array, float], bool] | None = None,
     ) -> tuple[_Array, float, float, float, float, int]: ...
 
 class StopPath:

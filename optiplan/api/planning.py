@@ -55,10 +55,11 @@ def plan(
         seed: of what is random; None: the problem's own. The same problem, planner, options and seed give the same
             motion, as long as the budget does not cut the work short.
         progress: called with the name of a stage and the fraction (0 to 1) of it that is done.
-        warm_start: an earlier run, or a motion. It is verified on *this* problem, on the time of the budget; where it
-            holds, its cost (see `Objective`) is one that the answer does not exceed: it is the answer itself where the
-            planner finds nothing as good. Planners do not begin their search at it. `Run.info["warm_start"]` says what
-            became of it: `kept`, `beaten` or `refused`.
+        warm_start: an earlier run, or a motion, of a problem not far from this one (another scene, goal or start, a
+            robot that is on its way by now). `trajopt` begins at it and mostly needs no search. Where it costs less
+            (see `Objective`) than what is found, it is verified on *this* problem, after the planning, and is the
+            answer if it holds. `Run.info["warm_start"]` says what became of it: `kept`, `beaten` (the answer costs no
+            more) or `refused`.
 
     Returns:
         The run: `verified`, `trajectory`, `report`, `failure`, `duration`, `ratio`, `metrics`, `improvements`.
@@ -79,9 +80,9 @@ def plan(
     clock, told = _budget(budget), progress or _silent
     if seed is not None:
         problem = problem.with_seed(seed_argument("plan", seed))
-    known, clock = _known(problem, warm_start, clock)
+    known = _known(problem, warm_start)
     try:
-        run = pipeline.run(problem, asked, chosen, clock, told)
+        run = pipeline.run(problem, asked, chosen, clock, told, known)
     except UnknownChoiceError as error:
         argument = "planner" if error.kind == "planner" else "options"
         raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None
@@ -213,26 +214,24 @@ def _budget(budget: Any) -> Budget:
     return Budget(float(budget))
 
 
-def _known(problem: Problem, warm_start: Any, budget: Budget) -> tuple[Trajectory | None, Budget]:
-    """The motion that is at hand, if it solves the problem, and what is left of the budget."""
+def _known(problem: Problem, warm_start: Any) -> Trajectory | None:
+    """The motion that is at hand, if it is one of the problem's joints."""
     if warm_start is None:
-        return None, budget
+        return None
     if not isinstance(warm_start, Run | Trajectory):
         raise wrong_argument("plan", "warm_start", described(warm_start), "a Run or a Trajectory")
     motion = warm_start.trajectory if isinstance(warm_start, Run) else warm_start
-    budget.start()
-    holds = motion is not None and verifier.verify(problem, motion).verified
-    return motion if holds else None, budget.share(1.0)
+    return motion if motion is not None and motion.joint_names == problem.robot.joint_names else None
 
 
 def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
-    """The run, or one of the motion that was at hand, where that is better."""
-    if known is None:
-        return replace(run, info={**run.info, "warm_start": "refused"})
+    """The run, or one of the motion that was at hand, where that is better and holds."""
     answer = run.trajectory if run.verified else None
-    cost = run.problem.objective.cost
-    if answer is not None and cost(answer) <= cost(known):
+    cost = run.problem.cost
+    if known is not None and answer is not None and cost(answer) <= cost(known):
         return replace(run, info={**run.info, "warm_start": "beaten"})
+    if known is None or not verifier.holds(run.problem, known):
+        return replace(run, info={**run.info, "warm_start": "refused"})
     info = {**run.info, "warm_start": "kept"}
     result = PlanResult(known, None, run.stages, info, seconds=0.0)
     kept = pipeline.proved(run.problem, run.planner, run.options, result, (Budget(BUDGET), progress, run.timings))

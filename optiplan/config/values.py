@@ -1,7 +1,7 @@
 """Values of a problem file: numbers with their ranges, vectors, names, and mappings of which one key is chosen."""
 
 from collections.abc import Callable
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
@@ -82,12 +82,14 @@ NamePair = Annotated[
 
 
 class ExactlyOne(Strict):
-    """A mapping that has exactly one of its keys."""
+    """A mapping that has exactly one of its keys, but for those of `BESIDE`, which may stand beside it."""
+
+    BESIDE: ClassVar[frozenset[str]] = frozenset()
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        valid = f"exactly one of: {', '.join(type(self).model_fields)}"
-        if len(self.model_fields_set) != 1:
+        valid = f"exactly one of: {', '.join(key for key in type(self).model_fields if key not in self.BESIDE)}"
+        if len(self.model_fields_set - self.BESIDE) != 1:
             raise ValueError(valid)
         if self.value is None:
             raise ValueError(f"found '{self.kind}' without a value; expected {valid}")
@@ -96,7 +98,7 @@ class ExactlyOne(Strict):
     @property
     def kind(self) -> str:
         """The key that is there."""
-        return next(iter(self.model_fields_set))
+        return next(iter(self.model_fields_set - self.BESIDE))
 
     @property
     def value(self) -> Any:

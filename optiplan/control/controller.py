@@ -18,7 +18,6 @@ from optiplan.control.qp.answers import Answers
 from optiplan.control.qp.program import Program
 from optiplan.control.qp.solvers import DEFAULT, QpSolver, make_solver
 from optiplan.control.row_stack import RowStack
-from optiplan.control.state import State
 from optiplan.control.step import ControlStep
 from optiplan.control.step_report import StepOutcome, StepReporter
 from optiplan.control.stopping_guard import StoppingGuard
@@ -28,6 +27,7 @@ from optiplan.control.tasks.tool_abilities import response_time
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.state import State
 
 Form = Literal["velocity", "acceleration"]
 """What tasks ask for, and how positions follow: see `Controller`."""

@@ -11,8 +11,8 @@ from scipy.linalg.lapack import dgesdd
 from optiplan._core import core
 from optiplan.arrays import Array, Index
 from optiplan.control.configuration import Configuration
-from optiplan.control.state import State
 from optiplan.control.tasks.base import ControlTask
+from optiplan.trajectory.state import State
 
 BASE_DAMPING = 1e-4
 """Weight, per rad/s or m/s, that every velocity has; makes the program strictly convex."""

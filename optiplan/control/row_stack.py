@@ -8,7 +8,7 @@ from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import LimitRows, RowLimit
 from optiplan.control.qp.answers import RowGroup
-from optiplan.control.state import State
+from optiplan.trajectory.state import State
 
 AT_ROW = 1e-7
 """rad/s or m/s, of rows of unit size: velocities nearer than this to a row's end are held back by it."""

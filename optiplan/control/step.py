@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from optiplan.arrays import Array
-from optiplan.control.state import State
+from optiplan.trajectory.state import State
 
 Status = Literal["tracking", "limited", "nearest", "recovering", "stopping", "stopped"]
 """What a step does.

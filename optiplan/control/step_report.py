@@ -10,9 +10,9 @@ from optiplan.arrays import Array
 from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.objective import Demand
 from optiplan.control.row_stack import RowStack
-from optiplan.control.state import State
 from optiplan.control.step import ControlStep, NearestPair, Status
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.state import State
 
 HELD_BACK = 0.02
 """Share of what tasks ask for that may stay undone before a step counts as limited."""

@@ -10,9 +10,9 @@ from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import KeptRowLimit, LimitRows
 from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.limits.stop_limits import Abilities, DistanceView, StopLimit
-from optiplan.control.state import State
 from optiplan.control.step import NearestPair
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.state import State
 
 SLIP = 1e-7
 """m; by how much a distance that is too small already may shrink in a step: what distances are exact to."""

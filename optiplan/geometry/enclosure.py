@@ -39,11 +39,6 @@ class _Piece:
     corners: Array
     sense: bool
 
-    def holds(self, point: Array) -> bool:
-        """Whether its bounding box holds a point."""
-        flat = self.corners.reshape(-1, 3)
-        return bool(((point >= flat.min(axis=0)) & (point <= flat.max(axis=0))).all())
-
     def within(self, other: "_Piece") -> bool:
         """Whether this closed piece lies inside another one: by boxes, and by the winding number of its vertices."""
         mine, theirs = self.corners.reshape(-1, 3), other.corners.reshape(-1, 3)
@@ -70,19 +65,22 @@ class Enclosure:
         self._closed: list[_Piece] = []
         open_: list[Array] = []
         for chosen, sense in ((faces[senses != 0], True), (faces[senses == 0], False)):
-            for piece in _connected(chosen):
-                kind = _closed(piece)
-                if kind is None:
+            for piece, even in _connected(chosen):
+                wound = piece if even else _wound(piece)
+                if wound is None:
                     open_.append(distinct[piece])
                 else:
-                    self._closed.append(_Piece(distinct[kind[0]], sense and kind[1]))
+                    self._closed.append(_Piece(distinct[wound], sense and even))
         self._open = np.concatenate([np.empty((0, 3, 3)), *open_])
+        flat = [piece.corners.reshape(-1, 3) for piece in self._closed]
+        self._low = np.array([points.min(axis=0) for points in flat]).reshape(-1, 3)
+        self._high = np.array([points.max(axis=0) for points in flat]).reshape(-1, 3)
 
     def holds(self, points: Array) -> bool:
         """Whether a connected body that nowhere touches the surface is enclosed; points (k, 3) of that body, m."""
-        around = [
-            (piece, round(winding_number(piece.corners, points[0]))) for piece in self._closed if piece.holds(points[0])
-        ]
+        near = ((points[0] >= self._low) & (points[0] <= self._high)).all(axis=1)
+        pieces = [self._closed[k] for k in np.flatnonzero(near)]
+        around = [(piece, round(winding_number(piece.corners, points[0]))) for piece in pieces]
         around = [(piece, winding) for piece, winding in around if winding]
         if any(not piece.sense for piece, _ in around) or sum(winding for _, winding in around) != 0:
             return True
@@ -152,9 +150,13 @@ class _Edges:
         """Which sides have the same edge as the one after them."""
         return np.asarray(self.edge[1:] == self.edge[:-1])
 
+    def uneven(self) -> npt.NDArray[np.bool_]:
+        """Which sides have an edge that is passed more often in one direction than in the other."""
+        return np.asarray(np.bincount(self.edge, self.direction)[self.edge] != 0)
 
-def _connected(faces: Triangles) -> Iterator[Triangles]:
-    """Faces that hang together by their edges."""
+
+def _connected(faces: Triangles) -> Iterator[tuple[Triangles, bool]]:
+    """Faces that hang together by their edges, and whether each is passed as often in one direction as in the other."""
     if len(faces) == 0:
         return
     from scipy.sparse import coo_array
@@ -164,18 +166,19 @@ def _connected(faces: Triangles) -> Iterator[Triangles]:
     near = edges.neighbours()
     joined = (np.ones(int(near.sum())), (edges.face[:-1][near], edges.face[1:][near]))
     count, part = connected_components(coo_array(joined, shape=(len(faces),) * 2), directed=False)
-    for index in range(count):
-        yield faces[part == index]
+    even = np.ones(count, bool)
+    even[part[edges.face[edges.uneven()]]] = False
+    order = np.argsort(part, kind="stable")
+    pieces = np.split(faces[order], np.flatnonzero(np.diff(part[order])) + 1)
+    yield from zip(pieces, even.tolist(), strict=True)
 
 
-def _closed(faces: Triangles) -> tuple[Triangles, bool] | None:
-    """The faces of a closed piece, wound alike, and whether they were so before; None for a piece that is open."""
+def _wound(faces: Triangles) -> Triangles | None:
+    """The faces of a piece that is closed but not wound alike, wound alike; None for a piece that is open."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import breadth_first_order
 
     edges = _Edges.of(faces)
-    if not np.bincount(edges.edge, edges.direction).any():
-        return faces, True
     if (np.bincount(edges.edge) != 2).any():
         return None
     first, second = edges.face[0::2], edges.face[1::2]
@@ -189,8 +192,7 @@ def _closed(faces: Triangles) -> tuple[Triangles, bool] | None:
         parent = int(above[face])
         flipped[face] = flipped[parent] ^ differ.get((face, parent), differ.get((parent, face), False))
     wound = np.where(flipped[:, None], faces[:, [0, 2, 1]], faces)
-    again = _Edges.of(wound)
-    return None if np.bincount(again.edge, again.direction).any() else (wound, False)
+    return None if _Edges.of(wound).uneven().any() else wound
 
 
 def _way_out(corners: Array, points: Array) -> bool:

@@ -9,9 +9,24 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, is_finite
 from optiplan.errors import described, wrong_argument
-from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere, build_geometry
+from optiplan.geometry.file_shapes import Mesh, Octree, PointCloud
+from optiplan.geometry.shape import Shape
+from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere, build_geometry
 
-__all__ = ["Attachment", "Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Obstacle", "Scene", "Shape", "Sphere"]
+__all__ = [
+    "Attachment",
+    "Box",
+    "Capsule",
+    "Cylinder",
+    "HalfSpace",
+    "Mesh",
+    "Obstacle",
+    "Octree",
+    "PointCloud",
+    "Scene",
+    "Shape",
+    "Sphere",
+]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

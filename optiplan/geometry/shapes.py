@@ -4,65 +4,17 @@ A shape is one class here and one line in `ShapeSpec`: what stands in a problem 
 support function by which the verifier proves it apart from others, and what the page draws. All else is general.
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Any, Self
 
 import coal
 import numpy as np
-from pydantic import Field
 
 from optiplan.arrays import Array, unit
 from optiplan.config.document import Strict
-from optiplan.config.values import Coordinate, Direction, ExactlyOne, FileName, Length, Scale, Size
-from optiplan.geometry.mesh_bodies import mesh_body
-
-
-class Shape(ABC):
-    """A solid in its own frame, lengths in m.
-
-    Attributes:
-        body_type: class of coal that is this shape and no other; None where there is none.
-        endless: whether it has no bounds, so that nothing can carry it.
-    """
-
-    body_type: ClassVar[type[coal.CollisionGeometry] | None] = None
-    endless: ClassVar[bool] = False
-
-    @classmethod
-    @abstractmethod
-    def from_data(cls, data: Any) -> Self:
-        """The shape that a value of `ShapeSpec` means."""
-
-    @abstractmethod
-    def to_data(self) -> Any:
-        """What a problem file says of it, JSON-ready: the inverse of `from_data`."""
-
-    @abstractmethod
-    def body(self) -> coal.CollisionGeometry:
-        """What coal tests.
-
-        Raises:
-            ValueError: it cannot be made.
-        """
-
-    @classmethod
-    def of_body(cls, body: Any) -> Self:
-        """The shape of a body of `body_type`."""
-        raise NotImplementedError(cls.__name__)
-
-    def support(self, n: Array) -> Array:
-        """h(n) = max of n . x over its points x; n (K, 3) of any length, result (K,), m; infinite where unknown."""
-        return np.full(len(n), np.inf)
-
-    def picture(self) -> dict[str, Any] | Array | None:
-        """What the page draws.
-
-        A `kind` of shapes.js with its dimensions; points (k, 3), m, whose convex hull is drawn; or None, for what the
-        triangles of the body tell.
-        """
-        return None
+from optiplan.config.values import Coordinate, Direction, ExactlyOne, Length, Size
+from optiplan.geometry.file_shapes import FileShape, Mesh, MeshSpec, Octree, OctreeSpec, PointCloud, PointCloudSpec
+from optiplan.geometry.shape import Shape
 
 
 class RoundSpec(Strict):
@@ -254,41 +206,6 @@ class HalfSpace(Shape):
         return {"kind": "plane", "normal": list(self.normal), "offset": self.offset}
 
 
-class MeshSpec(Strict):
-    """`file` (STL, OBJ, DAE, PLY or GLB) beside this file, times `scale` (a number or [x, y, z]); `convex`: hull."""
-
-    file: FileName
-    scale: Scale = (1.0, 1.0, 1.0)
-    convex: Annotated[bool, Field(strict=True)] = False
-
-
-@dataclass(frozen=True)
-class Mesh(Shape):
-    """Triangles of a file (STL, OBJ, DAE, PLY, GLB) times `scale`; `convex` takes their convex hull.
-
-    Where the file says which axis is up, it is turned so that z is. `key` is the digest of what the file held when the
-    shape was made, by `meshes.reading.open_mesh`; without one the shape is what the file holds when it is built.
-    """
-
-    file: Path
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    convex: bool = False
-    key: str = field(default="", compare=False)
-
-    @classmethod
-    def from_data(cls, data: MeshSpec) -> Self:
-        """`{file: …, scale: …, convex: …}`, the file as it stands there."""
-        return cls(Path(data.file), (data.scale[0], data.scale[1], data.scale[2]), data.convex)
-
-    def to_data(self) -> dict[str, Any]:
-        """The file with its path."""
-        return {"file": str(self.file), "scale": list(self.scale), "convex": self.convex}
-
-    def body(self) -> coal.CollisionGeometry:
-        """A bounding-volume hierarchy of the triangles or, with `convex`, their convex hull."""
-        return mesh_body(self.file, self.key, self.scale, self.convex)
-
-
 class ShapeSpec(ExactlyOne):
     """One shape, such as `box: [x, y, z]` or `sphere: radius`."""
 
@@ -298,6 +215,8 @@ class ShapeSpec(ExactlyOne):
     capsule: RoundSpec | None = None
     half_space: HalfSpaceSpec | None = None
     mesh: MeshSpec | None = None
+    points: PointCloudSpec | None = None
+    octree: OctreeSpec | None = None
 
 
 SHAPES: dict[str, type[Shape]] = {
@@ -307,12 +226,14 @@ SHAPES: dict[str, type[Shape]] = {
     "capsule": Capsule,
     "half_space": HalfSpace,
     "mesh": Mesh,
+    "points": PointCloud,
+    "octree": Octree,
 }
 """Keys of `ShapeSpec` to their classes."""
 
 
 def shape_from_spec(spec: ShapeSpec) -> Shape:
-    """The shape that a problem file states; a mesh's file as it stands there."""
+    """The shape that a problem file states; the name of a file as it stands there."""
     return SHAPES[spec.kind].from_data(spec.value)
 
 
@@ -336,6 +257,6 @@ def build_geometry(shape: Shape) -> coal.CollisionGeometry:
         ValueError: a mesh file that cannot be read, holds NaN or infinity, or has no volume to hull.
     """
     body = shape.body()
-    if not isinstance(shape, Mesh):  # whose body is shared, with its box
+    if not isinstance(shape, FileShape):  # whose body is shared, with its box
         body.computeLocalAABB()
     return body

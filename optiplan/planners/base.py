@@ -18,6 +18,7 @@ FailureKind = Literal[
     "goal-in-collision",
     "no-path",
     "collision",
+    "constraint",
     "limits",
     "singularity",
     "reach",
@@ -33,6 +34,7 @@ FailureKind = Literal[
 * `start-in-collision`, `goal-in-collision`: bodies overlap at the start, or wherever the goal is reached.
 * `no-path`: nothing was found that leads from the start to the goal.
 * `collision`: the motion that was asked for is not free.
+* `constraint`: every motion found violates a path constraint, or every end of the goal does.
 * `limits`: it is not within limits in the duration or with the shape that was asked for.
 * `singularity`, `reach`: the path that was asked for cannot be followed any further.
 * `unsupported`: the problem asks for what this planner, or this robot, cannot do.
@@ -48,7 +50,9 @@ class Failure:
     Attributes:
         kind: see `FailureKind`.
         detail: one sentence for a person.
-        witness: JSON-ready location of the failure: configuration `q`, time `t`, bodies `pair`, points `points`.
+        witness: JSON-ready location of the failure: configuration `q`, time `t`, bodies `pair`, points `points`,
+            and the `motion` that was refused, as `Trajectory.to_dict`, where there is one to look at; `untimed` where
+            it is a path that nobody timed, at a constant rate.
     """
 
     kind: FailureKind
@@ -149,10 +153,10 @@ Progress = Callable[[str, float], None]
 
 
 def announce(progress: Progress, trajectory: Trajectory) -> None:
-    """Tell of a new incumbent, which nobody has verified, where `progress` has a method `found(duration)`, s."""
+    """Tell of a new incumbent, which nobody has verified, where `progress` has a method `found(trajectory)`."""
     found = getattr(progress, "found", None)
     if found is not None:
-        found(trajectory.duration)
+        found(trajectory)
 
 
 OptionsT = TypeVar("OptionsT")
@@ -172,6 +176,8 @@ class Planner(ABC, Generic[OptionsT]):
             one and without vias.
         holds_constraints: whether `plan` handles a problem's path constraints; otherwise it is not called for those
             that have any.
+        end_derivatives: what `plan` handles of a motion stated at the start or at goals: 0 none, 1 velocities, 2 also
+            accelerations; it is not called for problems that state more.
 
     Example:
         >>> import optiplan as op
@@ -185,6 +191,7 @@ class Planner(ABC, Generic[OptionsT]):
     Options: ClassVar[type[Any]] = NoOptions
     passes_vias: bool = False
     holds_constraints: bool = False
+    end_derivatives: int = 0
 
     def __init__(self, options: OptionsT | None = None) -> None:
         self.options: OptionsT = self.Options() if options is None else options
@@ -196,6 +203,10 @@ class Planner(ABC, Generic[OptionsT]):
         Raises:
             InputError: the options do not fit the problem.
         """
+
+    def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
+        """Plan with an earlier motion at hand, of a problem not far from this one; by default it is no help."""
+        return self.plan(problem, budget, progress)
 
     def check(self, problem: Problem, budget: Budget) -> None:
         """Check that the options fit the problem, without planning.

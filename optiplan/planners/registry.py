@@ -296,6 +296,7 @@ class _StandIn(Planner[Any]):
         super().__init__(getattr(planner, "options", None))
         self.planner = planner
         self.passes_vias = bool(getattr(planner, "passes_vias", False))
+        self.end_derivatives = int(getattr(planner, "end_derivatives", 0))
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """What the object answers."""

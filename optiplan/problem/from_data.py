@@ -7,17 +7,22 @@ from typing import Any
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel, Contact
+from optiplan.collision.named_pairs import NamedPairs
 from optiplan.config.document import Document, Place, validate
 from optiplan.config.messages import field_name
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.measures import broken
-from optiplan.problem.constraints.statements import PathConstraint
-from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
-from optiplan.problem.hashing import meshes_of, problem_hash
+from optiplan.problem.constraints.statements import PairClearance, PathConstraint
+from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
+from optiplan.problem.hashing import problem_hash, shape_files_of
+from optiplan.problem.moving_states import StatedState, impossible_states
+from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import ProblemSpec
+from optiplan.problem.task.reading import TaskReader
+from optiplan.problem.task.steps import TaskStep
 from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
 
 TOUCHING = 1e-12
@@ -35,9 +40,12 @@ class Parts:
     robot: Robot
     scene: Scene
     start: Array
+    start_velocity: Array
+    start_acceleration: Array
     goal: Goal
     limits: Limits
     vias: tuple[Via, ...]
+    task: tuple[TaskStep, ...]
     objective: Objective
     path_constraints: tuple[PathConstraint, ...]
     planner: str
@@ -69,9 +77,10 @@ class Reading:
 class _Places:
     """Valid start, goal and vias."""
 
-    start: Array | None
+    start: JointGoal | None
     goal: Sequence[LocatedValue[JointGoal | PoseGoal]]
     vias: Sequence[LocatedValue[Via]]
+    task: Sequence[LocatedValue[TaskStep]]
     constraints: Sequence[LocatedValue[PathConstraint]]
 
 
@@ -88,29 +97,36 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     robot = compiler.robot(robots)
     scene = compiler.scene(robot)
     robot = None if robot is None else compiler.mounted(robot, scene)
-    places = _Places(None, (), (), ())
+    places = _Places(None, (), (), (), ())
     if robot is not None:
         ends = compiler.start(robot), compiler.goal(robot), compiler.vias(robot)
-        places = _Places(*ends, compiler.constraints(robot, scene))
+        steps = TaskReader(compiler, robot, scene).steps()
+        places = _Places(*ends, steps, compiler.constraints(robot, scene))
+    issues += _goal_or_task(document)
     issues += compiler.issues
-    if robot is not None:
-        issues += _constraints(document, robot, compiler.draft, places)
+    limits = None if robot is None else robot.limits.scaled(**({} if spec is None else spec.limits.model_dump()))
+    if robot is not None and limits is not None:
+        issues += _constraints(document, robot, scene, compiler.draft, places)
+        issues += impossible_states(document, robot.joint_names, limits, _states(compiler.draft, places))
     if robot is not None and not any(
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
     ):
         issues += _collisions(document, CollisionModel(robot, scene), compiler.draft, places)
-    if issues or spec is None or robot is None or places.start is None:
+    if issues or spec is None or robot is None or limits is None or places.start is None:
         return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
     source, digest = source_of(spec, document.path.stem.strip("<>"), base, robot)
     parts = Parts(
         name=source["name"],
         robot=robot,
         scene=scene,
-        start=places.start,
+        start=places.start.state.q,
+        start_velocity=places.start.state.v,
+        start_acceleration=places.start.state.a,
         goal=tuple(part.value for part in places.goal),
-        limits=robot.limits.scaled(**spec.limits.model_dump()),
+        limits=limits,
         vias=tuple(part.value for part in places.vias),
-        objective=Objective(spec.objective.time, spec.objective.jerk),
+        task=tuple(part.value for part in places.task),
+        objective=Objective(**spec.objective.model_dump(exclude_none=True)),
         path_constraints=tuple(part.value for part in places.constraints),
         planner=spec.planner.name,
         options=dict(spec.planner.model_extra or {}),
@@ -128,6 +144,20 @@ def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:
         return None, list(error.issues)
 
 
+def _goal_or_task(document: Document) -> list[Issue]:
+    """Report a file with neither a goal nor a task, or with both, or with vias beside a task."""
+    data = document.data
+    if not isinstance(data, Mapping):
+        return []
+    if "goal" not in data and "task" not in data:
+        return [document.issue(("goal",), "nothing", "this key, or `task`, one of which is required")]
+    if "task" not in data:
+        return []
+    beside = [key for key in ("goal", "via") if data.get(key)]
+    where = {"goal": "a step of the task", "via": "`via` of a step of the task"}
+    return [document.issue((key,), f"`{key}` beside a task", where[key]) for key in beside]
+
+
 def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:
     """`Problem.source` and `Problem.hash`: the file's content with absolute paths, and its identity.
 
@@ -141,7 +171,7 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
     source["name"] = spec.name or name
     digest = problem_hash(source, base, robot)
     source["robot"] = _named(spec, robot)
-    for mesh in meshes_of(source):
+    for mesh in shape_files_of(source):
         mesh["file"] = str((base / mesh["file"]).resolve())
     return source, digest
 
@@ -153,7 +183,15 @@ def _named(spec: ProblemSpec, robot: Robot) -> Any:
     return robot.reference.robot
 
 
-def _constraints(document: Document, robot: Robot, draft: Draft, places: _Places) -> list[Issue]:
+def _states(draft: Draft, places: _Places) -> list[StatedState]:
+    """The start and the goals of joint values, with what each is."""
+    states = [StatedState(part.place, part.value, False) for part in places.goal if isinstance(part.value, JointGoal)]
+    if places.start is None or draft.start is None:
+        return states
+    return [StatedState(draft.start.place, places.start, True), *states]
+
+
+def _constraints(document: Document, robot: Robot, scene: Scene, draft: Draft, places: _Places) -> list[Issue]:
     """Report constraints that the start, or every goal of joint values, violates."""
     issues = []
     for part in places.constraints:
@@ -161,14 +199,27 @@ def _constraints(document: Document, robot: Robot, draft: Draft, places: _Places
         if low == 0.0 and places.start is not None and draft.start is not None:
             issues += [
                 document.issue(draft.start.place, f"a start that is {words}", f"one that holds {_name(part)}")
-                for words in broken(part.value, robot, places.start)
+                for words in _broken(part.value, robot, scene, places.start.q)
             ]
         ends = [(end.place, end.value.q) for end in places.goal if isinstance(end.value, JointGoal)]
-        found = [(place, words) for place, q in ends for words in broken(part.value, robot, q)[:1]]
+        found = [(place, words) for place, q in ends for words in _broken(part.value, robot, scene, q)[:1]]
         if high == 1.0 and found and len(found) == len(draft.goal):
             expected = f"one that holds {_name(part)}"
             issues += [document.issue(place, f"a goal that is {words}", expected) for place, words in found]
     return issues
+
+
+def _broken(one: PathConstraint, robot: Robot, scene: Scene, q: Array) -> list[str]:
+    """Return in words what a configuration q (n,) violates, with both values."""
+    if not isinstance(one, PairClearance):
+        return broken(one, robot, q)
+    near = NamedPairs(robot, scene, one.pairs).contacts(q, one.at_least)
+    return [
+        f"near by {contact.distance:.4g} m of {one.at_least:.4g} m asked for ('{contact.pair.name_a}' and "
+        f"'{contact.pair.name_b}')"
+        for contact in near
+        if contact.distance < one.at_least - TOUCHING
+    ]
 
 
 def _name(part: LocatedValue[PathConstraint]) -> str:
@@ -185,7 +236,7 @@ def _collisions(
     issues = []
     cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
     if places.start is not None and draft.start is not None:
-        found = _touching(model, places.start)
+        found = _touching(model, places.start.q)
         if found:
             place = (*draft.start.place, draft.start.value.kind)
             issues.append(document.issue(place, f"the start is in collision: {found}", cure))

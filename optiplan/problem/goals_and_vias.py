@@ -1,19 +1,36 @@
-"""Goals, vias and objective of a problem, as planners and the verifier read them."""
+"""Goals and vias of a problem, as planners and the verifier read them."""
 
 from dataclasses import dataclass
 
+import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.trajectory.state import State
 
 
 @dataclass(frozen=True, eq=False)
 class JointGoal:
-    """End at this configuration, q of shape (n,), within `tolerance` (rad or m) of each joint."""
+    """End at this configuration, q of shape (n,), within `tolerance` (rad or m) of each joint.
+
+    `velocity` (n,), rad/s or m/s, and `acceleration` (n,), rad/s² or m/s², are those at the end of the motion; None:
+    at rest.
+    """
 
     q: Array
     tolerance: float = 1e-6
+    velocity: Array | None = None
+    acceleration: Array | None = None
+
+    @property
+    def state(self) -> State:
+        """The state of motion at the end."""
+        return State(self.q, self.velocity, self.acceleration)
+
+    @property
+    def moving(self) -> bool:
+        """Whether the motion goes on at the end."""
+        return any(rate is not None and np.any(rate) for rate in (self.velocity, self.acceleration))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,22 +60,3 @@ class Via:
     at: JointGoal | PoseGoal
     velocity: Array | None = None
     time: float | None = None
-
-
-@dataclass(frozen=True)
-class Objective:
-    """Weights of the cost: time * T + jerk * (integral of squared jerk over the motion).
-
-    Example:
-        >>> import optiplan as op
-        >>> op.Objective(time=1.0, jerk=1e-6)
-        Objective(time=1.0, jerk=1e-06)
-    """
-
-    time: float = 1.0
-    jerk: float = 0.0
-
-    def cost(self, trajectory: Trajectory) -> float:
-        """Return the value for a motion, s."""
-        jerk = self.jerk * trajectory.squared_jerk() if self.jerk else 0.0
-        return self.time * trajectory.duration + jerk

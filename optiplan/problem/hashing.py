@@ -24,18 +24,19 @@ def problem_hash(data: Mapping[str, Any], base: Path, robot: Robot) -> str:
     content = copy.deepcopy(dict(data))
     content["robot"] = robot.fingerprint
     content["locked"] = dict(robot.locked)
-    for mesh in meshes_of(content):
+    for mesh in shape_files_of(content):
         mesh["file"] = _digest(base / mesh["file"])
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def meshes_of(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Return the `mesh` mappings of all shapes in the data of a problem, to be read or changed in place."""
+def shape_files_of(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Return the mappings with a `file` of all shapes in the data of a problem, to be read or changed in place."""
     scene = data.get("scene", {})
     for body in (*scene.get("obstacles", ()), *scene.get("attached", ())):
-        if "mesh" in body["shape"]:
-            yield body["shape"]["mesh"]
+        for stated in body["shape"].values():
+            if isinstance(stated, dict) and "file" in stated:
+                yield stated
 
 
 def _digest(file: Path) -> str:

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.errors import path_argument, wrong_argument
-from optiplan.geometry import scene
-from optiplan.geometry.meshes.reading import FORMATS
+from optiplan.geometry.file_shapes import FileShape
+from optiplan.geometry.meshes.reading import FORMATS, OCTREE_FORMATS, POINT_FORMATS
 from optiplan.geometry.scene import Obstacle
 from optiplan.geometry.shapes import build_geometry, shape_from_spec
 from optiplan.problem.builder import stated_pose
@@ -131,6 +131,58 @@ def Mesh(
     return _obstacle("Mesh", name, shape, (position, rpy, quaternion))
 
 
+def PointCloud(
+    name: str,
+    file: Path | str,
+    radius: float,
+    position: Values = (0, 0, 0),
+    rpy: Values | None = None,
+    quaternion: Values | None = None,
+) -> Obstacle:
+    """Everything within `radius` of the points of a file; see `Box`.
+
+    The points are gathered in cells with edges of `radius`; the box around the balls of each cell is what is kept away
+    from. Where nothing was seen counts as free.
+
+    Args:
+        name: of its own.
+        file: PLY (its vertices), PCD or NPZ (array `points`, (N, 3)), in m, relative to the working directory.
+        radius: m.
+        position: of the file's origin in the world [x, y, z], m.
+        rpy: [roll, pitch, yaw] about the fixed axes x, then y, then z of the world, rad.
+        quaternion: [x, y, z, w], instead of `rpy`.
+
+    Raises:
+        InputError: the file is missing or holds no points, or another argument does not fit.
+    """
+    path = path_argument("PointCloud", "file", file, f"the path of a point cloud file ({POINT_FORMATS})")
+    shape = {"points": {"file": str(path.resolve()), "radius": radius}}
+    return _obstacle("PointCloud", name, shape, (position, rpy, quaternion))
+
+
+def Octree(
+    name: str,
+    file: Path | str,
+    position: Values = (0, 0, 0),
+    rpy: Values | None = None,
+    quaternion: Values | None = None,
+) -> Obstacle:
+    """The occupied cells of an OctoMap file; see `Box`. Cells that it does not know count as free.
+
+    Args:
+        name: of its own.
+        file: BT or OT, relative to the working directory.
+        position: of the file's origin in the world [x, y, z], m.
+        rpy: [roll, pitch, yaw] about the fixed axes x, then y, then z of the world, rad.
+        quaternion: [x, y, z, w], instead of `rpy`.
+
+    Raises:
+        InputError: the file is missing or holds no occupied cell, or another argument does not fit.
+    """
+    path = path_argument("Octree", "file", file, f"the path of an octree file ({OCTREE_FORMATS})")
+    return _obstacle("Octree", name, {"octree": {"file": str(path.resolve())}}, (position, rpy, quaternion))
+
+
 def _obstacle(
     function: str, name: str, shape: dict[str, Any], at: tuple[Any, Any, Any], only: str | None = None
 ) -> Obstacle:
@@ -141,14 +193,12 @@ def _obstacle(
     arguments = {**names, **{f"pose.{key}": key for key in ("position", "rpy", "quaternion")}, "pose": "rpy"}
     spec = checked(ObstacleSpec, {"name": name, "shape": shape, "pose": pose}, function, arguments)
     X_WO, words = stated_pose(spec.pose)
-    if spec.shape.mesh is None:
-        return Obstacle(spec.name, shape_from_spec(spec.shape), X_WO, words)
-    mesh = spec.shape.mesh
-    triangles = scene.Mesh(Path(mesh.file), (mesh.scale[0], mesh.scale[1], mesh.scale[2]), mesh.convex)
-    try:
-        build_geometry(triangles)
-    except ValueError as error:
-        missing = isinstance(error.__cause__, FileNotFoundError)
-        found = f"{mesh.file!r}, which is not there" if missing else str(error)
-        raise wrong_argument(function, "file", found, f"a mesh file ({FORMATS})") from None
-    return Obstacle(spec.name, triangles, X_WO, words)
+    solid = shape_from_spec(spec.shape)
+    if isinstance(solid, FileShape):
+        try:
+            build_geometry(solid)
+        except ValueError as error:
+            missing = isinstance(error.__cause__, FileNotFoundError)
+            found = f"{str(solid.file)!r}, which is not there" if missing else str(error)
+            raise wrong_argument(function, "file", found, f"a {solid.kind} file ({solid.formats})") from None
+    return Obstacle(spec.name, solid, X_WO, words)

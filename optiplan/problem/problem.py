@@ -1,44 +1,36 @@
 """`Problem`: a planning problem as planners and the verifier read it, complete and frozen."""
 
+import hashlib
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.config.document import Document, plain
-from optiplan.errors import InputError, described, path_argument, seed_argument, wrong_argument
-from optiplan.files import reading, write_text
+from optiplan.errors import path_argument, seed_argument, wrong_argument
+from optiplan.files import write_text
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.problem import to_data
+from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.statements import PathConstraint
-from optiplan.problem.from_data import Parts, read_problem
-from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
+from optiplan.problem.from_data import Parts
+from optiplan.problem.from_python import SAID, read_arguments, read_data
+from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
+from optiplan.problem.objectives.objective import Objective
+from optiplan.problem.objectives.parts import ObjectiveParts
 from optiplan.problem.statement import End, Pose, Values, ViaPoint
+from optiplan.problem.task.builder import Task
+from optiplan.problem.task.steps import TaskStep
 from optiplan.problem.write import problem_text
-from optiplan.robot.reference import UNKNOWN
-from optiplan.robot.robot import Limits, Robot, load_robot
+from optiplan.robot.robot import Limits, Robot
+from optiplan.trajectory.state import State
+from optiplan.trajectory.timing.lower_bound import lower_bounds, moving_bounds
+from optiplan.trajectory.trajectory import Trajectory
 
 __all__ = ["Goal", "JointGoal", "Objective", "Pose", "PoseGoal", "Problem", "Via", "ViaPoint"]
-
-_HERE = "<problem>"
-"""Stands for the file of a problem that has none."""
-
-_SAID = {
-    "start": ("start", to_data.start_data),
-    "goal": ("goal", to_data.goal_data),
-    "vias": ("via", to_data.via_data),
-    "scene": ("scene", to_data.scene_data),
-    "limits": ("limits", to_data.limits_data),
-    "objective": ("objective", to_data.objective_data),
-    "path_constraints": ("path_constraints", to_data.path_constraint_data),
-    "base": ("base", to_data.base_data),
-    "gravity": ("gravity", to_data.gravity_data),
-}
-"""Parts of a problem: key of the file, and how the part stands there."""
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -49,12 +41,15 @@ class Problem:
 
     Args:
         robot: a `Robot`, the name of a shipped one, or the path of a robot.yaml.
-        start: values of the planned joints (n,), rad or m, or the name of a configuration of the robot.
-        goal: a `Pose`, values of the joints (n,), the name of a configuration, or a list of alternatives.
+        start: values of the planned joints (n,), rad or m, the name of a configuration of the robot, or a `State` of
+            a robot that is moving.
+        goal: a `Pose`, values of the joints (n,), the name of a configuration, a `State` to arrive in, or a list of
+            alternatives.
+        task: several steps, in place of a goal.
         scene: obstacles and attached objects: a `Scene`, or a list of obstacles; None: empty.
         vias: via points in order: `ViaPoint`, `Pose`, joint values, names of configurations.
         limits: fractions in (0, 1] of the robot's own: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
-        objective: weights of duration and of squared jerk; None: the duration alone.
+        objective: weights of duration, jerk, energy and more, see `Objective`; None: the duration alone.
         path_constraints: what holds on the way: `OrientationCone`, `PositionBox`, `OnPlane`, `OnLine`, `ToolSpeed`,
             `PairClearance`, `RelativePose`.
         base: pose of the robot's root in the world, a `Pose`; None: the identity.
@@ -63,6 +58,7 @@ class Problem:
         planner: default of the argument of `op.plan`; None: `trajopt`. With options: `{"name": …, …}`.
         options: of that planner.
         seed: default of the argument of `op.plan`, >= 0.
+        start_velocity, start_acceleration: (n,), rad/s, rad/s², m/s or m/s²; None: those of the `State`, else zeros.
 
     With `limits` that are `Limits`, (n,) arrays, the parts are taken as they are, unchecked, and there is no hash: so
     planners make parts of problems, by `dataclasses.replace`.
@@ -70,7 +66,9 @@ class Problem:
     Attributes:
         robot: where it stands, with the masses of what it carries (`robot.mounting`).
         start: (n,), rad or m.
-        goal: alternatives of the end.
+        start_velocity, start_acceleration: (n,), at the start; zeros: at rest.
+        goal: alternatives of the end; none of a task.
+        task: steps in order; none where there is a goal.
         vias: to be passed in this order.
         limits: the robot's limits times the given fractions.
         source: the problem as plain data, all defaults filled in; what `save` writes and `run.json` stores.
@@ -91,9 +89,12 @@ class Problem:
     robot: Robot
     scene: Scene
     start: Array
+    start_velocity: Array
+    start_acceleration: Array
     goal: Goal
     limits: Limits
     vias: tuple[Via, ...]
+    task: tuple[TaskStep, ...]
     objective: Objective
     path_constraints: tuple[PathConstraint, ...]
     planner: str
@@ -105,10 +106,11 @@ class Problem:
     def __init__(
         self,
         robot: Robot | str | Path | Mapping[str, Any],
-        start: Values | str | Mapping[str, Any],
-        goal: End | Sequence[End],
+        start: Values | str | State | Mapping[str, Any],
+        goal: End | Sequence[End] | None = None,
         scene: Scene | Sequence[Obstacle] | Mapping[str, Any] | None = None,
         *,
+        task: Task | Sequence[TaskStep | Mapping[str, Any]] | None = None,
         vias: Sequence[ViaPoint | Via | End] = (),
         limits: Mapping[str, float | str] | Limits | None = None,
         objective: Objective | Mapping[str, float] | None = None,
@@ -119,32 +121,53 @@ class Problem:
         planner: str | Mapping[str, Any] | None = None,
         options: Mapping[str, Any] | None = None,
         seed: int = 0,
+        start_velocity: Values | None = None,
+        start_acceleration: Values | None = None,
     ) -> None:
+        rates = start_velocity, start_acceleration
         given = {"start": start, "goal": goal, "scene": scene, "vias": vias, "limits": limits, "objective": objective}
-        given |= {"path_constraints": path_constraints}
+        given |= {"task": task, "path_constraints": path_constraints}
         stands = {"base": base, "gravity": gravity}
         labels = {"name": name, "seed": seed}
         labels |= {"planner": "trajopt" if planner is None else planner, "options": {} if options is None else options}
+        needed = "start" if goal is None and task is not None else "goal"
         if isinstance(limits, Limits):
-            rest = {"scene": scene or Scene(), "vias": tuple(vias), "objective": objective or Objective()}
-            rest |= {"path_constraints": tuple(path_constraints)}
+            rest: dict[str, Any] = {
+                "scene": scene or Scene(),
+                "vias": tuple(vias),
+                "objective": objective or Objective(),
+            }
+            rest |= {
+                "path_constraints": tuple(path_constraints),
+                "task": () if task is None else tuple(cast(Sequence[TaskStep], task)),
+            }
+            v, a = (np.zeros(robot.n) if rate is None else rate for rate in rates)  # type: ignore[union-attr]
+            rest |= {"start_velocity": v, "start_acceleration": a}
             self._set({"robot": robot, **given, **labels, **rest, "source": {}, "hash": ""})
         else:
+            several = isinstance(path_constraints, Sequence)
+            own = [one for one in path_constraints if isinstance(one, Expression)] if several else []
+            if own:
+                given["path_constraints"] = [one for one in path_constraints if one not in own]
+            given["start"] = start if all(rate is None for rate in rates) else to_data.moving_start(start, *rates)
             self._take(
-                _read(
+                read_arguments(
                     robot,
-                    {k: value for k, value in (given | stands).items() if value is not None or k in ("start", "goal")},
+                    {k: value for k, value in (given | stands).items() if value is not None or k == needed},
                     labels,
                 )
             )
+            if own:
+                made = self._with_expressions(own)
+                self._set({"path_constraints": made.path_constraints, "hash": made.hash})
 
     def _set(self, parts: Mapping[str, Any]) -> None:
         for name, value in parts.items():
             object.__setattr__(self, name, value)
-        if "start" in parts:  # nobody writes into what the hash is about
-            start = np.array(parts["start"])
-            start.flags.writeable = False
-            object.__setattr__(self, "start", start)
+        for name in {"start", "start_velocity", "start_acceleration"} & parts.keys():
+            array = np.array(parts[name])
+            array.flags.writeable = False  # nobody writes into what the hash is about
+            object.__setattr__(self, name, array)
 
     def _take(self, parts: Parts) -> None:
         self._set({one.name: getattr(parts, one.name) for one in fields(Parts)})
@@ -165,6 +188,44 @@ class Problem:
         endless = np.isinf(self.robot.limits.lower) & np.isinf(self.robot.limits.upper)
         return len(self.goal) == 1 and isinstance(self.goal[0], JointGoal) and not endless.any()
 
+    @property
+    def start_state(self) -> State:
+        """The motion at the start."""
+        return State.of(self.start, self.start_velocity, self.start_acceleration)
+
+    @property
+    def moving(self) -> bool:
+        """Whether the robot moves at the start or at some goal."""
+        return self.moving_start or any(isinstance(goal, JointGoal) and goal.moving for goal in self.goal)
+
+    @property
+    def moving_start(self) -> bool:
+        """Whether the robot moves at the start."""
+        return bool(self.start_velocity.any() or self.start_acceleration.any())
+
+    def end_states(self, q: Array) -> list[State]:
+        """Return the states in which a motion that ends at q (n,) may arrive: at rest, or as goals there say."""
+        if not self.moving:
+            return [State.of(q, np.zeros(len(q)), np.zeros(len(q)))]
+        rates = [goal.state for goal in self.goal if isinstance(goal, JointGoal) and self._there(goal, q)]
+        return [State(q, rate.v, rate.a) for rate in rates] or [State(q)]
+
+    def _there(self, goal: JointGoal, q: Array) -> bool:
+        """Whether q (n,) is at a goal, up to whole turns of joints that turn without end."""
+        endless = np.isinf(self.robot.limits.lower) & np.isinf(self.robot.limits.upper)
+        error = np.where(endless, np.remainder(q - goal.q + np.pi, 2.0 * np.pi) - np.pi, q - goal.q)
+        return bool((np.abs(error) <= 2.0 * goal.tolerance).all())
+
+    def lower_bounds(self, ends: Array | Sequence[Array]) -> Array:
+        """Return the shortest duration conceivable from the start to each of the configurations (k, n): (k,), s.
+
+        In the states of motion of the problem's start and goals; obstacles and limits of position are ignored.
+        """
+        if not self.moving:
+            return lower_bounds(self.start, np.asarray(ends), self.limits)
+        start = self.start_state
+        return np.array([moving_bounds(start, self.end_states(q), self.limits).min() for q in np.asarray(ends)])
+
     def with_seed(self, seed: int) -> "Problem":
         """Return the problem with another seed, which changes neither source nor hash.
 
@@ -175,8 +236,8 @@ class Problem:
         other._set({"source": self.source, "hash": self.hash})
         return other
 
-    def with_start(self, start: Values | str) -> "Problem":
-        """Return the problem with another start configuration (n,), rad or m, or the name of one.
+    def with_start(self, start: Values | str | State) -> "Problem":
+        """Return the problem with another start: a configuration (n,), rad or m, the name of one, or a `State`.
 
         Raises:
             InputError: as for a file: it is outside the limits or in collision.
@@ -199,6 +260,14 @@ class Problem:
         """
         return self._with(vias=vias)
 
+    def with_task(self, task: Task | Sequence[Mapping[str, Any]]) -> "Problem":
+        """Return the problem with another task.
+
+        Raises:
+            InputError: as for a file.
+        """
+        return self._with(task=task)
+
     def with_scene(self, scene: Scene | Sequence[Obstacle]) -> "Problem":
         """Return the problem in another scene.
 
@@ -207,13 +276,37 @@ class Problem:
         """
         return self._with(scene=scene)
 
+    def with_constraint(self, constraint: PathConstraint | Mapping[str, Any]) -> "Problem":
+        """Return the problem with one more path constraint.
+
+        Raises:
+            InputError: as of `with_constraints`.
+        """
+        return self.with_constraints(*self.path_constraints, constraint)
+
     def with_constraints(self, *constraints: PathConstraint | Mapping[str, Any]) -> "Problem":
-        """Return the problem with these path constraints, or none.
+        """Return the problem with these path constraints, or none: `op.OrientationCone(…)`, `op.Expression(…)`, ….
 
         Raises:
             InputError: as for a file: unknown frames or bodies, a start or goal that violates one.
         """
         return self._with(path_constraints=constraints)
+
+    def with_objective(self, objective: Objective | Mapping[str, float]) -> "Problem":
+        """Return the problem with another objective.
+
+        Raises:
+            InputError: as for a file: there is no such part, a weight < 0, or all are 0.
+        """
+        return self._with(objective=objective)
+
+    def objective_parts(self) -> ObjectiveParts:
+        """Return the parts of the objective, to be evaluated for motions."""
+        return ObjectiveParts(self.robot, self.scene, self.objective)
+
+    def cost(self, trajectory: Trajectory) -> float:
+        """Return the weighted sum of all parts of the objective of a motion, s."""
+        return self.objective_parts().cost(trajectory)
 
     def with_base(self, base: Pose | Mapping[str, Any]) -> "Problem":
         """Return the problem with the robot's root at another pose in the world; obstacles and poses stay.
@@ -241,6 +334,13 @@ class Problem:
         """
         return self._with(limits=fractions)
 
+    def with_parts(self, **parts: Any) -> "Problem":
+        """Return the problem with several parts changed at once: `start`, `goal`, `scene` …; checked as a file is."""
+        unknown = parts.keys() - SAID.keys()
+        if unknown:
+            raise wrong_argument("Problem.with_parts", "part", f"'{min(unknown)}'", f"one of: {', '.join(SAID)}")
+        return self._with(**parts)
+
     def save(self, path: Path | str) -> None:
         """Write the problem as a YAML file, which is there whole or not at all; reading it gives the same hash.
 
@@ -252,6 +352,10 @@ class Problem:
         if not self.source:
             found = "a problem that was put together by hand"
             raise wrong_argument("Problem.save", "problem", found, "one that was read, or made by op.Problem(…)")
+        names = [one.name for one in self.path_constraints if isinstance(one, Expression)]
+        if names:
+            found = f"a problem with the expression '{names[0]}'"
+            raise wrong_argument("Problem.save", "problem", found, "constraints that a file can hold")
         file = path_argument("Problem.save", "path", path, "the path of a file")
         try:
             write_text(file, problem_text(self.source))
@@ -260,25 +364,43 @@ class Problem:
             raise wrong_argument("Problem.save", "path", found, "a file that can be written") from None
 
     def _with(self, **changes: Any) -> "Problem":
+        own = [one for one in changes.get("path_constraints", self.path_constraints) if isinstance(one, Expression)]
+        if "path_constraints" in changes and self.source:
+            changes["path_constraints"] = [one for one in changes["path_constraints"] if one not in own]
         if self.source:
-            data = dict(self.source) | {_SAID[part][0]: _SAID[part][1](value) for part, value in changes.items()}
-            return Problem.of(_checked(data, self.robot)).with_seed(self.seed)
+            data = dict(self.source) | {SAID[part][0]: SAID[part][1](value) for part, value in changes.items()}
+            return Problem.of(read_data(data, self.robot)).with_seed(self.seed)._with_expressions(own)
         if {"base", "gravity"} & changes.keys():
             raise wrong_argument("Problem", "problem", "a problem that was put together by hand", "one with a source")
+        if "start" in changes:
+            start = changes["start"] if isinstance(changes["start"], State) else State(changes["start"])
+            changes |= {"start": start.q, "start_velocity": start.v, "start_acceleration": start.a}
         if "limits" in changes:
             changes["limits"] = self.robot.limits.scaled(**changes["limits"])
         if "goal" in changes and isinstance(changes["goal"], JointGoal | PoseGoal):
             changes["goal"] = (changes["goal"],)
         return replace(self, **changes)
 
+    def _with_expressions(self, own: Sequence[Expression]) -> "Problem":
+        """Return the problem with users' constraints, which no file holds and `source` does not show."""
+        if not own:
+            return self
+        digests = "".join(one.checked(self.robot, self.start) for one in own)
+        other = replace(self, path_constraints=(*self.path_constraints, *own))
+        other._set({"source": self.source, "hash": hashlib.sha256((self.hash + digests).encode()).hexdigest()})
+        return other
+
     def __repr__(self) -> str:
         """Name, robot, goal and scene in one line."""
         around = str(self.scene).removeprefix("Scene: ")
         past = f" past {len(self.vias)} points" if self.vias else ""
-        return f"Problem: {self.name}, {self.robot.name}, to {self._end()}{past}; {around}"
+        to = f"to {self._end()}"
+        return f"Problem: {self.name}, {self.robot.name}, {to}{past}; {around}"
 
     def _end(self) -> str:
         """The goal in words."""
+        if self.task:
+            return f"do {self.task[-1].number} steps"
         if len(self.goal) != 1:
             return f"any of {len(self.goal)} ends"
         goal = self.goal[0]
@@ -296,39 +418,3 @@ class Problem:
         }
         cells = "".join(f"<tr><th>{key}</th><td>{html.escape(str(v))}</td></tr>" for key, v in rows.items() if v)
         return f"<table><caption>Problem: {html.escape(self.name)}</caption>{cells}</table>"
-
-
-def _read(robot: Any, given: Mapping[str, Any], labels: Mapping[str, Any]) -> Parts:
-    """Return the parts of a problem built in Python."""
-    if not isinstance(robot, Robot | str | Path | Mapping):
-        expected = "op.load_robot(…), op.Robot.from_urdf(…), the name of a robot or the path of a robot.yaml"
-        raise wrong_argument("Problem", "robot", described(robot), expected)
-    data = {_SAID[part][0]: _SAID[part][1](value) for part, value in given.items()}
-    data |= {"version": 1, "name": labels["name"], "seed": labels["seed"], "robot": robot}
-    data["planner"] = to_data.planner_data(labels["planner"], labels["options"])
-    if isinstance(robot, str | Path) and Path(robot).suffix.lower() == ".urdf":
-        data["robot"] = {"urdf": robot}
-    if not isinstance(robot, Robot):
-        return _checked(data)
-    by = robot.reference
-    if by == UNKNOWN:
-        raise wrong_argument("Problem", "robot", "a robot that was put together by hand", "one that was loaded")
-    data |= {"robot": by.robot, "locked": by.locked} | ({} if by.group is None else {"group": by.group})
-    if robot.tool_frame != by.tool_frame:
-        for pose in to_data.poses(data):
-            pose.setdefault("frame", robot.tool_frame)
-    return _checked(data, robot)
-
-
-def _checked(data: Mapping[str, Any], robot: Robot | None = None) -> Parts:
-    """Return the parts of a problem of plain data, with this robot, if one is given.
-
-    Raises:
-        InputError: as for a file.
-    """
-    loader = load_robot if robot is None else lambda *_: robot
-    try:
-        with reading(None):
-            return read_problem(Document(Path(_HERE), plain(data), {}), Path.cwd(), loader).whole()
-    except InputError as error:
-        raise error.about(_HERE, "op.Problem") from None

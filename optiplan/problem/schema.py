@@ -4,16 +4,14 @@ These classes hold what the file says, after checks that need nothing but the fi
 against the robot and the scene.
 """
 
-import math
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from optiplan.config.document import Number, Strict, Whole
 from optiplan.config.values import (
-    Coordinate,
     Direction,
     ExactlyOne,
     FileName,
@@ -22,11 +20,12 @@ from optiplan.config.values import (
     Name,
     NamePair,
     NotNegative,
-    Quaternion,
-    Size,
     Vector,
 )
+from optiplan.geometry.pose_schema import PoseSpec as PoseSpec
+from optiplan.geometry.pose_schema import ToleranceSpec as ToleranceSpec
 from optiplan.geometry.shapes import SHAPES, ShapeSpec
+from optiplan.problem.constraints.schema import PathConstraintSpec as PathConstraintSpec
 
 LARGEST_MASS = 1e6
 """kg; nothing that an arm can hold."""
@@ -36,20 +35,6 @@ def _named(value: Any) -> Any:
     if not isinstance(value, str | Mapping | PlannerSpec):
         raise ValueError("the name of a planner, or {name: …} with its options")
     return {"name": value} if isinstance(value, str) else value
-
-
-class PoseSpec(Strict):
-    """`position`, m, and `rpy` about fixed axes, rad, or `quaternion` [x, y, z, w]; neither is the identity."""
-
-    position: Vector = (0.0, 0.0, 0.0)
-    rpy: Vector | None = None
-    quaternion: Quaternion | None = None
-
-    @model_validator(mode="after")
-    def _one_rotation(self) -> Self:
-        if self.rpy is not None and self.quaternion is not None:
-            raise ValueError("found both rpy and quaternion; expected at most one of them")
-        return self
 
 
 class ObstacleSpec(Strict):
@@ -102,13 +87,6 @@ class SceneSpec(Strict):
     allowed_collisions: tuple[NamePair, ...] = ()
 
 
-class ToleranceSpec(Strict):
-    """Tolerance of a pose: `position` in m, `orientation` in rad."""
-
-    position: Length = 1e-4
-    orientation: Length = 1e-3
-
-
 class PoseGoalSpec(PoseSpec):
     """The pose of `frame` (default: the robot's tool frame) in the world."""
 
@@ -117,11 +95,29 @@ class PoseGoalSpec(PoseSpec):
     tolerance: ToleranceSpec = ToleranceSpec()
 
 
+Rates = Annotated[tuple[Number, ...] | None, AfterValidator(lambda rates: rates if rates and any(rates) else None)]
+"""One value per planned joint; zeros are as good as nothing, so that rest is said in one way."""
+
+
 class StartSpec(ExactlyOne):
-    """`joints`: one value per planned joint; or `configuration`: a name in the robot file."""
+    """`joints`: one value per planned joint; or `configuration`: a name in the robot file.
+
+    `velocity` (rad/s or m/s) and `acceleration` (rad/s² or m/s²), one value per planned joint: at rest without them.
+    """
+
+    BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
 
     joints: tuple[Number, ...] | None = None
     configuration: Name | None = None
+    velocity: Rates = None
+    acceleration: Rates = None
+
+    @model_validator(mode="after")
+    def _state(self) -> Self:
+        for key in ("velocity", "acceleration"):
+            if getattr(self, key) is not None and self.kind not in ("joints", "configuration"):
+                raise ValueError(f"found {key} with {self.kind}; expected it with joints or configuration only")
+        return self
 
 
 class AlternativeSpec(StartSpec):
@@ -179,94 +175,141 @@ def _timed(vias: tuple[ViaSpec, ...]) -> tuple[ViaSpec, ...]:
     return vias
 
 
-def _ordered(values: tuple[float, ...]) -> tuple[float, ...]:
-    if len(values) != 2 or not 0.0 <= values[0] < values[1] <= 1.0:
-        raise ValueError("two fractions of the duration, [from, to] with 0 <= from < to <= 1")
-    return values
+class MoveSpec(Strict):
+    """Go to one end, or any of several, past `via`, with the joints of `group` (default: that of the problem)."""
 
-
-class ConstraintSpec(Strict):
-    """What all path constraints have; `frame` is the robot's tool frame without one."""
-
-    frame: Name | None = None
-    during: Annotated[tuple[Number, ...], AfterValidator(_ordered)] | None = None
-
-
-class OrientationConeSpec(ConstraintSpec):
-    """`axis` of the frame stays within an angle, rad, of the direction `toward` of the world."""
-
-    axis: Direction
-    toward: Direction
-    within: Annotated[Length, Field(le=math.pi)]
-
-
-class BoxSpec(Strict):
-    """A box of edge lengths `size`, m, at `pose` in the world."""
-
-    size: Size
-    pose: PoseSpec = PoseSpec()
-
-
-class PositionBoxSpec(ConstraintSpec):
-    """The frame's origin stays in a box."""
-
-    box: BoxSpec
-
-
-class OnPlaneSpec(ConstraintSpec):
-    """The frame's origin p stays near a plane: |normal · p - offset| <= within, m."""
-
-    normal: Direction
-    offset: Coordinate
-    within: Length
-
-
-class OnLineSpec(ConstraintSpec):
-    """The frame's origin stays within a distance, m, of the segment between two points."""
-
-    from_: Annotated[Vector, Field(alias="from")]
-    to: Vector
-    within: Length
-
-
-class ToolSpeedSpec(ConstraintSpec):
-    """The frame moves no faster than `linear`, m/s, and turns no faster than `angular`, rad/s."""
-
-    linear: Length | None = None
-    angular: Length | None = None
+    joints: tuple[Number, ...] | None = None
+    configuration: Name | None = None
+    pose: PoseGoalSpec | None = None
+    any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
+    via: Annotated[tuple[ViaSpec, ...], AfterValidator(_timed)] = ()
+    group: Name | None = None
 
     @model_validator(mode="after")
-    def _something(self) -> Self:
-        if self.linear is None and self.angular is None:
-            raise ValueError("found neither; expected linear, angular, or both")
+    def _one_end(self) -> Self:
+        _exactly_one(self, ("joints", "configuration", "pose", "any_of"))
         return self
 
 
-class PairClearanceSpec(Strict):
-    """Pairs of bodies stay farther apart than `at_least`, m."""
+class LineSpec(Strict):
+    """The tool straight to `pose`, or `by` a vector, m, seen from the world or the tool (`in`).
 
-    pairs: Annotated[tuple[NamePair, ...], Field(min_length=1)]
-    at_least: Length
-    during: Annotated[tuple[Number, ...], AfterValidator(_ordered)] | None = None
+    `speed` of the tool at most, m/s; `frame` is the robot's tool frame without one.
+    """
+
+    pose: PoseGoalSpec | None = None
+    by: Vector | None = None
+    in_: Annotated[Literal["world", "tool"], Field(alias="in")] = "world"
+    frame: Name | None = None
+    speed: Length | None = None
+    group: Name | None = None
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        _exactly_one(self, ("pose", "by"))
+        if self.pose is not None and (self.in_ != "world" or self.frame is not None):
+            raise ValueError("found `in` or `frame` of the line; expected `frame` of the pose")
+        return self
 
 
-class RelativePoseSpec(ConstraintSpec, PoseSpec):
-    """The frame keeps its pose in the frame `to`, within `tolerance`."""
+class ApproachSpec(Strict):
+    """Anywhere to `distance`, m, before a pose, and from there straight `along` an axis of its frame."""
 
-    to: Name
-    tolerance: ToleranceSpec = ToleranceSpec()
+    pose: PoseGoalSpec | None = None
+    any_of: Annotated[tuple[PoseGoalSpec, ...], Field(min_length=1)] | None = None
+    distance: Length
+    along: Direction = (0.0, 0.0, 1.0)
+    speed: Length | None = None
+    via: Annotated[tuple[ViaSpec, ...], AfterValidator(_timed)] = ()
+    group: Name | None = None
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        _exactly_one(self, ("pose", "any_of"))
+        return self
 
 
-class PathConstraintSpec(ExactlyOne):
-    """One constraint on the path."""
+class RetreatSpec(Strict):
+    """The tool straight by `distance`, m, `along` an axis of the tool or the world (`in`)."""
 
-    orientation: OrientationConeSpec | None = None
-    position: PositionBoxSpec | None = None
-    plane: OnPlaneSpec | None = None
-    line: OnLineSpec | None = None
-    tool_speed: ToolSpeedSpec | None = None
-    clearance: PairClearanceSpec | None = None
-    relative_pose: RelativePoseSpec | None = None
+    distance: Length
+    along: Direction = (0.0, 0.0, -1.0)
+    in_: Annotated[Literal["world", "tool"], Field(alias="in")] = "tool"
+    frame: Name | None = None
+    speed: Length | None = None
+    group: Name | None = None
+
+
+class AttachSpec(Strict):
+    """`link` takes an obstacle where it stands; it may touch the links of `touch`, and `link`.
+
+    `mass`, `centre` and `inertia` are as of an attached object.
+    """
+
+    object: Name
+    link: Name
+    touch: tuple[Name, ...] = ()
+    mass: Annotated[NotNegative, Field(le=LARGEST_MASS)] | None = None
+    centre: Vector | None = None
+    inertia: Vector | None = None
+
+
+class DetachSpec(Strict):
+    """What is held becomes an obstacle where it is."""
+
+    object: Name
+
+
+class GripperSpec(Strict):
+    """Joints of a `group` move to `joints`, rad or m, or to their values in a named configuration."""
+
+    group: Name
+    joints: tuple[Number, ...] | None = None
+    configuration: Name | None = None
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        _exactly_one(self, ("joints", "configuration"))
+        return self
+
+
+def _exactly_one(spec: Strict, keys: tuple[str, ...]) -> None:
+    given = [key for key in keys if getattr(spec, key) is not None]
+    if len(given) != 1:
+        raise ValueError(f"found {' and '.join(given) or 'none of them'}; expected exactly one of: {', '.join(keys)}")
+
+
+class TaskStepSpec(Strict):
+    """One step of a task: one of the keys from `move` to `dwell` (s), and what holds during this step.
+
+    `allowed_collisions` of an approach are for its line alone.
+    """
+
+    move: MoveSpec | None = None
+    line: LineSpec | None = None
+    approach: ApproachSpec | None = None
+    retreat: RetreatSpec | None = None
+    attach: AttachSpec | None = None
+    detach: DetachSpec | None = None
+    gripper: GripperSpec | None = None
+    dwell: Length | None = None
+    name: Name | None = None
+    allowed_collisions: tuple[NamePair, ...] = ()
+    path_constraints: tuple[PathConstraintSpec, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        _exactly_one(self, STEP_KINDS)
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The key of what is done."""
+        return next(kind for kind in STEP_KINDS if getattr(self, kind) is not None)
+
+
+STEP_KINDS = ("move", "line", "approach", "retreat", "attach", "detach", "gripper", "dwell")
+"""What a step of a task can be."""
 
 
 class LimitScalesSpec(Strict):
@@ -279,14 +322,21 @@ class LimitScalesSpec(Strict):
 
 
 class ObjectiveSpec(Strict):
-    """Weights of duration (1/s) and of the integral of squared jerk."""
+    """Weights of the parts of the cost; see `objectives.objective.Objective`."""
 
     time: NotNegative = 1.0
     jerk: NotNegative = 0.0
+    energy: NotNegative | None = None
+    joint_path: NotNegative | None = None
+    tool_path: NotNegative | None = None
+    tool_smoothness: NotNegative | None = None
+    clearance: NotNegative | None = None
+    manipulability: NotNegative | None = None
+    centring: NotNegative | None = None
 
     @model_validator(mode="after")
     def _something(self) -> Self:
-        if self.time == 0.0 and self.jerk == 0.0:
+        if not any(self.model_dump().values()):
             raise ValueError("found all weights 0; expected at least one weight > 0")
         return self
 
@@ -305,7 +355,8 @@ class ProblemSpec(Strict):
     `robot` is the name of one that comes along, the path of a robot.yaml, or what would stand in one (`{urdf: …}`).
     `group` names the planned joints among the robot file's `groups`; `locked` holds values of joints that are not
     planned (fingers), over those of the robot file. `base` is the pose of the robot's root in the world, the identity
-    without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one.
+    without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one. There is
+    either a `goal` or a `task` of several steps.
     """
 
     version: Literal[1]
@@ -316,7 +367,8 @@ class ProblemSpec(Strict):
     base: PoseSpec | None = None
     gravity: Vector | None = None
     start: StartSpec
-    goal: GoalSpec
+    goal: GoalSpec | None = None
+    task: Annotated[tuple[TaskStepSpec, ...], Field(min_length=1)] | None = None
     scene: SceneSpec = SceneSpec()
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(_timed)] = ()
     path_constraints: tuple[PathConstraintSpec, ...] = ()

@@ -15,6 +15,7 @@ from optiplan.errors import InputError, described, wrong_argument
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.schema import PoseGoalSpec, ViaSpec
+from optiplan.trajectory.state import State
 
 Values = Sequence[float] | Array
 Spec = TypeVar("Spec", bound=BaseModel)
@@ -93,8 +94,8 @@ class Pose:
         return f"Pose({', '.join(f'{name}={value!r}' for name, value in said.items() if value is not None)})"
 
 
-End: TypeAlias = Pose | JointGoal | PoseGoal | pin.SE3 | str | Values | Mapping[str, Any]
-"""One end: a pose, a configuration (n,) in rad or m, the name of one, or what a problem file would say."""
+End: TypeAlias = Pose | JointGoal | PoseGoal | pin.SE3 | str | Values | State | Mapping[str, Any]
+"""One end: a pose, a configuration (n,) in rad or m, the name of one, a state of motion, or what a file would say."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +181,8 @@ def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
         return _joint_goal_data(end, function, argument)
     if isinstance(end, Mapping):
         return dict(plain(end))
+    if isinstance(end, State):
+        return state_data(end.q, end.v, end.a)
     if is_configuration(end):
         return {"joints": np.asarray(end, dtype=float).tolist()}
     expected = "values of the joints (n,), the name of a configuration, or op.Pose(…)"
@@ -194,7 +197,16 @@ def _joint_goal_data(goal: JointGoal, function: str, argument: str) -> dict[str,
     if goal.tolerance != usual:
         own = f"{usual:g}, which is that of every goal of joints"
         raise wrong_argument(function, argument, f"a tolerance of {goal.tolerance:g}", own)
-    return {"joints": np.asarray(goal.q, dtype=float).tolist()}
+    return state_data(goal.q, goal.velocity, goal.acceleration)
+
+
+def state_data(q: Any, velocity: Any = None, acceleration: Any = None) -> dict[str, Any]:
+    """Return a state of motion as in a problem file; zeros are left out."""
+    data = {"joints": np.asarray(q, dtype=float).tolist()}
+    for key, rate in (("velocity", velocity), ("acceleration", acceleration)):
+        if rate is not None and np.any(rate):
+            data[key] = plain(np.asarray(rate, dtype=float))
+    return data
 
 
 def is_configuration(value: Any) -> bool:

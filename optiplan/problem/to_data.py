@@ -12,18 +12,25 @@ from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.scene import Attachment, Scene
 from optiplan.geometry.shapes import shape_data
 from optiplan.problem.constraints.statements import KINDS, constraint_data
-from optiplan.problem.goals_and_vias import Objective
+from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.statement import Pose, end_data, is_configuration, via_point_data
+from optiplan.trajectory.state import State
 
 
 def start_data(start: Any) -> Any:
     """`start:` of a file."""
-    if isinstance(start, str) or is_configuration(start):
+    if isinstance(start, str | State) or is_configuration(start):
         return end_data(start, "Problem", "start")
     if isinstance(start, Mapping):
         return plain(start)
-    expected = "values of the joints (n,), or the name of a configuration of the robot"
+    expected = "values of the joints (n,), op.State(q, v, a), or the name of a configuration of the robot"
     raise wrong_argument("Problem", "start", described(start), expected)
+
+
+def moving_start(start: Any, velocity: Any, acceleration: Any) -> dict[str, Any]:
+    """`start:` of a file, with rates that were given beside it."""
+    rates = {"velocity": velocity, "acceleration": acceleration}
+    return {**start_data(start), **{key: plain(rate) for key, rate in rates.items() if rate is not None}}
 
 
 def goal_data(goal: Any) -> dict[str, Any]:
@@ -120,9 +127,9 @@ def limits_data(limits: Any) -> Any:
 def objective_data(objective: Any) -> Any:
     """`objective:` of a file."""
     if isinstance(objective, Objective):
-        return {"time": objective.time, "jerk": objective.jerk}
+        return {"time": objective.time, "jerk": objective.jerk} | objective.weights
     if not isinstance(objective, Mapping):
-        raise wrong_argument("Problem", "objective", described(objective), "op.Objective(time=…, jerk=…)")
+        raise wrong_argument("Problem", "objective", described(objective), "op.Objective(time=…, jerk=…, …)")
     return plain(objective)
 
 

@@ -1,6 +1,7 @@
 """Limits of the planned joints: those of the robot.yaml, else those of the URDF, else stated defaults."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -35,6 +36,10 @@ class Limits:
     def rates(self) -> tuple[Array, Array, Array]:
         """Limits of the derivatives of order 1, 2 and 3: velocity, acceleration and jerk."""
         return self.velocity, self.acceleration, self.jerk
+
+    def of_joints(self, kept: Sequence[int]) -> "Limits":
+        """Return the limits of some joints, by index."""
+        return Limits(*(getattr(self, one.name)[list(kept)] for one in fields(self)))
 
     def scaled(
         self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float | str = 1.0, torque: float = 1.0

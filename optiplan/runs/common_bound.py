@@ -3,12 +3,9 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from optiplan.arrays import Array
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.runs.run import SMALLEST_BOUND
-from optiplan.trajectory.timing.lower_bound import lower_bounds
 
 
 class Bound(NamedTuple):
@@ -31,7 +28,7 @@ def common_bound(problem: Problem, reached: Sequence[Array]) -> Bound:
     listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
     if not listed and not len(reached):
         return Bound(None, "not known: no goal configuration is listed, and none was reached")
-    seconds = float(lower_bounds(problem.start, np.array([*listed, *reached]), problem.limits).min())
+    seconds = float(problem.lower_bounds([*listed, *reached]).min())
     if seconds < SMALLEST_BOUND:
         return Bound(None, "none: the robot need not move")
     if len(listed) == len(problem.goal):

@@ -6,7 +6,7 @@ share of 1e-6 of the whole.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,10 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
+from optiplan.problem.objectives.objective import UNITS
 from optiplan.problem.problem import Problem
-from optiplan.robot.robot import Limits, Robot
+from optiplan.problem.task.timeline import mismatch, scene_parts
+from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
 
@@ -42,13 +44,14 @@ class Metrics:
         tool_rotation: angle that the tool turns through, integral of |w_WT|, rad (to 1e-6 of itself).
         joint_path: length of the path of the joints, integral of |dq/dt| (2-norm), rad, with sliding joints in m.
         peak_jerk: largest |jerk| of any joint at any time, exact, rad/s^3 or m/s^3; inf where velocity or acceleration
-            jumps, be it from or to rest.
+            jumps, be it from or to what the problem states at the ends, which is rest mostly.
         peak_jerk_joint: the joint that has it.
         jerk_share: the largest of peak jerk / limit over all joints, exact; None when no joint has a jerk limit.
         rms_torque: sqrt(mean over time of the sum over all joints of tau^2), N m (sliding joints: N).
         joint_torques: sqrt(mean over time of tau_j^2) by joint, N m or N.
         clearance: proved at all times by the verifier, m; None when it proved none, or no two bodies can meet.
         lowest_clearance: smallest distance of two bodies that the verifier measured, m; not below `clearance`.
+        objective: parts of the problem's objective by name: value with its unit, weight, and cost, s.
         manipulability: smallest Yoshikawa measure of the tool's Jacobian (lengths in m): of all six rows, or with fewer
             than six joints of the three of the velocity. Sampled, then refined around the smallest sample.
     """
@@ -64,6 +67,7 @@ class Metrics:
     clearance: float | None
     lowest_clearance: float | None
     manipulability: float
+    objective: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready data, but for values that are not finite."""
@@ -71,13 +75,14 @@ class Metrics:
 
 
 def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics | None:
-    """Measure a trajectory; None when it does not move the joints of the problem's robot."""
+    """Measure a trajectory; None when it does not move the joints of the problem's robot, or not as its task says."""
     robot = problem.robot
-    if trajectory.joint_names != robot.joint_names:
+    if trajectory.joint_names != robot.joint_names or (problem.task and mismatch(problem, trajectory)):
         return None
-    integrals = integral(_Instant(robot, trajectory), trajectory)
+    parts = [(part.problem.robot, part.motion(trajectory)) for part in scene_parts(problem, trajectory)]
+    integrals = np.sum([integral(_Instant(loaded, motion), motion) for loaded, motion in parts], axis=0)
     squared = integrals[3:] / trajectory.duration
-    joint, jerk, share = peak_jerk(trajectory, problem.limits)
+    joint, jerk, share = peak_jerk(trajectory, problem)
     proved, lowest = _clearance(report)
     return Metrics(
         tool_path=float(integrals[0]),
@@ -91,7 +96,17 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
         clearance=proved,
         lowest_clearance=lowest,
         manipulability=least_manipulability(robot, trajectory),
+        objective=objective_of(problem, trajectory),
     )
+
+
+def objective_of(problem: Problem, trajectory: Trajectory) -> dict[str, dict[str, Any]]:
+    """Return what each part of the problem's objective comes to: value, unit, weight, cost."""
+    weights = problem.objective.weights
+    return {
+        name: {"value": value, "unit": UNITS[name], "weight": weights[name], "cost": weights[name] * value}
+        for name, value in problem.objective_parts().values(trajectory).items()
+    }
 
 
 class _Instant:
@@ -144,16 +159,19 @@ def _gauss(f: Callable[[Array], Array], a: Array, b: Array) -> Array:
     return np.asarray((b - a)[:, None] * np.einsum("mik,i->mk", values, _WEIGHTS))
 
 
-def peak_jerk(trajectory: Trajectory, limits: Limits) -> tuple[int, float, float | None]:
+def peak_jerk(trajectory: Trajectory, problem: Problem) -> tuple[int, float, float | None]:
     """Joint with the largest jerk, that jerk, and the largest share of a limit (n,), over all time, exactly.
 
-    A joint whose velocity or acceleration jumps has an infinite jerk, and an infinite share of a finite limit.
+    A joint whose velocity or acceleration jumps has an infinite jerk, and an infinite share of a finite limit; also
+    where it jumps from or to what the problem states at the ends (rest, where it states nothing).
     """
+    limits, start, end = problem.limits, problem.start_state, problem.end_states(trajectory.end)[0]
     low, high = trajectory.extrema(3)
     jerk = np.maximum(np.abs(low), np.abs(high))
     ends = np.array([0.0, trajectory.duration])
-    for order, limit in ((1, limits.velocity), (2, limits.acceleration)):
-        steps = np.abs(np.vstack([trajectory.jumps(order), trajectory(ends, order)])).max(axis=0)
+    stated = {1: (limits.velocity, [start.v, end.v]), 2: (limits.acceleration, [start.a, end.a])}
+    for order, (limit, rates) in stated.items():
+        steps = np.abs(np.vstack([trajectory.jumps(order), trajectory(ends, order) - rates])).max(axis=0)
         jerk = np.where(steps > _JUMP * limit, np.inf, jerk)
     joint, limited = int(np.argmax(jerk)), np.isfinite(limits.jerk)
     share = float((jerk[limited] / limits.jerk[limited]).max()) if limited.any() else None

@@ -11,22 +11,26 @@ from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner, options_set
+from optiplan.planners.task.planner import plan_task
 from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
+from optiplan.trajectory.segments import RESTING
 from optiplan.trajectory.timing.lower_bound import lower_bound
+from optiplan.trajectory.trajectory import Trajectory
 
 _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
 
 
-def run(
+def run(  # noqa: PLR0913
     problem: Problem,
     planner: str | Planner[Any],
     options: Mapping[str, Any],
     budget: Budget,
     progress: Progress,
+    earlier: Trajectory | None = None,
 ) -> Run:
     """Plan, verify and measure; planning and proving are held to the budget.
 
@@ -38,6 +42,7 @@ def run(
         options: of the planner of that name; a planner itself has its own.
         budget: counted from the planner's start; loading its libraries is not part of it.
         progress: called with the planner's stages, then `verify`.
+        earlier: a motion that planners may begin at, of a problem not far from this one.
 
     Raises:
         UnknownChoiceError: no such planner or option.
@@ -49,7 +54,11 @@ def run(
         name, chosen, options = type(planner).__name__, planner, options_set(planner)
     budget.start()
     began, spent = time.perf_counter(), processor_time()
-    result = plan_through(chosen, problem, budget.leaving(reserve(budget.seconds)), progress)
+    within = budget.leaving(reserve(budget.seconds))
+    if problem.task:
+        result = plan_task(chosen, problem, within, progress)
+    else:
+        result = plan_through(chosen, problem, within, progress, earlier)
     timings, spent = {"plan": time.perf_counter() - began}, processor_time() - spent
     return replace(proved(problem, name, options, result, (budget, progress, timings)), plan_cpu=spent)
 
@@ -78,7 +87,7 @@ def proved(
         began = time.perf_counter()
         selection = best_verified(problem, [*result.earlier, Candidate(result.trajectory, seconds)], budget)
         timings["verify"] = time.perf_counter() - began
-        bound = lower_bound(problem.start, selection.trajectory.end, problem.limits)
+        bound = bound_of(problem, selection.trajectory)
         began = time.perf_counter()
         metrics = measure(problem, selection.trajectory, selection.report)
         timings["measure"] = time.perf_counter() - began
@@ -97,6 +106,23 @@ def proved(
         info={**result.info, **slowed},
         improvements=() if selection is None else selection.improvements,
     )
+
+
+def bound_of(problem: Problem, trajectory: Trajectory) -> float:
+    """Return the lower bound, s, of a motion's duration: of its end, or of all that a task must do at rest.
+
+    Of a task: the sum over the stretches between the steps before and after which the robot stands still, each from
+    rest to rest; what grippers and dwelling take is counted whole.
+    """
+    if not problem.task:
+        return float(problem.lower_bounds([trajectory.end])[0])
+    total, begin = 0.0, 0.0
+    for segment in trajectory.segments:
+        if segment.kind in RESTING:
+            total += lower_bound(trajectory(begin), trajectory(segment.begin), problem.limits)
+            total += segment.end - segment.begin
+            begin = segment.end
+    return total + lower_bound(trajectory(begin), trajectory.end, problem.limits)
 
 
 def chosen(

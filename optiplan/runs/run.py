@@ -17,6 +17,7 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.export import Exported, export
 from optiplan.runs.metrics import Metrics
 from optiplan.runs.run_folder import save_run
+from optiplan.trajectory.segments import segment_data
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
 
@@ -76,8 +77,11 @@ class Run:
     def lower_bound_of(self) -> str:
         """`problem`, if all its motions end in one configuration, so that none is shorter than the bound; else `end`.
 
-        A motion to another end of the same goal may be shorter than the bound of this end.
+        A motion to another end of the same goal may be shorter than the bound of this end. Of a task it is `stops`: the
+        bound is that of the configurations in which this motion stands still.
         """
+        if self.problem.task:
+            return "stops"
         return "problem" if self.problem.one_end else "end"
 
     @property
@@ -166,6 +170,7 @@ class Run:
             "seed": self.problem.seed,
             "verified": self.verified,
             "duration": self.duration,
+            **(segment_data(self.trajectory.segments) if self.trajectory and self.trajectory.segments else {}),
             "lower_bound": self.lower_bound,
             "lower_bound_of": None if self.lower_bound is None else self.lower_bound_of,
             "ratio": self.ratio,

@@ -12,7 +12,7 @@ from optiplan.api.planning import BUDGET
 from optiplan.api.stored_runs import run_of_record
 from optiplan.errors import InputError, Issue, OptiPlanError, described, wrong_argument
 from optiplan.files import read_bytes
-from optiplan.problem.hashing import meshes_of
+from optiplan.problem.hashing import shape_files_of
 from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RUN, TRAJECTORY
@@ -108,8 +108,8 @@ class Client:
         """What happens in a run, until it has ended.
 
         Yields:
-            `type` and more: `status`; `stage` with `fraction`; `best` with `seconds` and `duration`, of a motion that
-            is not proved yet; `end` with `status` and `verified`.
+            `type` and more: `status`; `stage` with `fraction`; `best` with `seconds` and `duration`, of a verified
+            motion; `end` with `status` and `verified`.
 
         Raises:
             ServerError: there is none of that id, or the server goes away.
@@ -180,7 +180,7 @@ class Client:
             found = "a problem that was put together by hand"
             raise wrong_argument("Client", "problem", found, "one that was read, or made by op.Problem(…)")
         data = json.loads(json.dumps(problem.source))
-        for mesh in meshes_of(data):
+        for mesh in shape_files_of(data):
             mesh["file"] = self._upload(Path(mesh["file"]))
         given = {"problem": data, "planner": planner, "options": None if options is None else dict(options)}
         seed = problem.seed if seed is None else seed

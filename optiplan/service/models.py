@@ -3,7 +3,7 @@
 import json
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 Text = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")]
 """A name: one line."""
@@ -15,18 +15,10 @@ RunId = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
 """Digest of the problem, planner, options, seed, budget, deadline and version."""
 
 
-class ProblemInput(BaseModel):
-    """A problem: the text of a YAML file, the same as JSON, or the hash of a stored one."""
+class StorableInput(BaseModel):
+    """An input that can be kept: text that is text, numbers that are numbers."""
 
     model_config = ConfigDict(extra="forbid")
-
-    problem: str | dict[str, Any] = Field(
-        description="Text of a problem file (YAML), its content as JSON, or the hash of a stored problem",
-        examples=["version: 1\nrobot: panda\nstart: {configuration: ready}\ngoal: {joints: [0, 0, 0, -2, 0, 2, 0]}\n"],
-    )
-    name: Text | None = Field(None, description="Name of the problem where it states none")
-    start: dict[str, Any] | None = Field(None, description="In place of the problem's `start`")
-    goal: dict[str, Any] | None = Field(None, description="In place of the problem's `goal`")
 
     @model_validator(mode="after")
     def _storable(self) -> Self:
@@ -38,6 +30,18 @@ class ProblemInput(BaseModel):
         if "\\u0000" in text:
             raise ValueError("found the character NUL; expected text")
         return self
+
+
+class ProblemInput(StorableInput):
+    """A problem: the text of a YAML file, the same as JSON, or the hash of a stored one."""
+
+    problem: str | dict[str, Any] = Field(
+        description="Text of a problem file (YAML), its content as JSON, or the hash of a stored problem",
+        examples=["version: 1\nrobot: panda\nstart: {configuration: ready}\ngoal: {joints: [0, 0, 0, -2, 0, 2, 0]}\n"],
+    )
+    name: Text | None = Field(None, description="Name of the problem where it states none")
+    start: dict[str, Any] | None = Field(None, description="In place of the problem's `start`")
+    goal: dict[str, Any] | None = Field(None, description="In place of the problem's `goal`")
 
 
 class Submission(ProblemInput):
@@ -145,3 +149,124 @@ class PlannerAnswer(BaseModel):
 
     name: str
     about: str
+
+
+class LiveRequest(ProblemInput):
+    """A problem, whose start, scene and limits a controller has to keep to."""
+
+    engine: Literal["own", "ideal"] | None = Field(
+        None, description="What moves: a rigid-body plant that takes torques, or one that does as it is told"
+    )
+
+
+class LiveTarget(BaseModel):
+    """Where the tool is wanted."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    pose: list[Annotated[float, Field(allow_inf_nan=False, ge=-1e3, le=1e3)]] = Field(
+        min_length=7, max_length=7, description="x, y, z (m) and quaternion x, y, z, w, in the world"
+    )
+
+    @model_validator(mode="after")
+    def _a_pose(self) -> Self:
+        if sum(x * x for x in self.pose[3:]) < 1e-12:
+            raise ValueError("found a quaternion of zeros; expected one of length 1")
+        return self
+
+
+class LiveAnswer(BaseModel):
+    """A controller that runs."""
+
+    id: str
+    engine: Literal["own", "ideal"]
+    period: float = Field(description="Of the controller, s")
+    joint_names: list[str]
+    frame: str = Field(description="The frame that follows the target")
+
+
+class LiveView(LiveAnswer):
+    """A controller that runs, and the problem that it was started with."""
+
+    problem: str | dict[str, Any]
+
+
+def _named(value: Any) -> Any:
+    return {"name": value} if isinstance(value, str) else value
+
+
+class BenchPlannerInput(BaseModel):
+    """A planner of a bench: its name, options, and a label where the name alone is not unique."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: Text
+    label: Text | None = None
+    options: dict[str, Any] | None = None
+
+    @property
+    def shown(self) -> str:
+        """Name in the tables."""
+        return self.label or self.name
+
+
+class BenchRequest(StorableInput):
+    """Every problem with every planner and every seed."""
+
+    name: Text = "bench"
+    problems: list[str | dict[str, Any]] = Field(
+        min_length=1,
+        max_length=100,
+        description="Texts of problem files, their content as JSON, or hashes of stored ones",
+    )
+    planners: list[Annotated[BenchPlannerInput, BeforeValidator(_named)]] = Field(
+        min_length=1, max_length=50, description="Names, or {name, label, options}"
+    )
+    seeds: list[Annotated[int, Field(ge=0, lt=2**63, strict=True)]] = Field([0], min_length=1, max_length=100)
+    budget: float = Field(10.0, gt=0, le=3600, description="Seconds for planning and proof, of each run")
+
+
+class BenchFigures(BaseModel):
+    """Figures of some runs; medians and the best are of the verified ones."""
+
+    ended: int
+    verified: int
+    plan_time: float | None = Field(description="Median, s")
+    ratio: float | None = Field(description="Median of duration / lower bound")
+    duration: float | None = Field(description="Shortest, s")
+
+
+class BenchPlannerAnswer(BenchFigures):
+    """A planner of a bench."""
+
+    planner: str
+
+
+class BenchCell(BenchFigures):
+    """A planner of a bench on one of its problems."""
+
+    problem: str
+    planner: str
+    runs: list[str] = Field(description="Ids, by seed")
+
+
+class BenchProblemAnswer(BaseModel):
+    """A problem of a bench."""
+
+    name: str
+    hash: Hash
+
+
+class BenchAnswer(BaseModel):
+    """A bench: `done` when each of its runs has ended."""
+
+    id: str
+    name: str
+    created: float
+    status: Literal["running", "done"]
+    counts: dict[str, int]
+    budget: float
+    seeds: list[int]
+    problems: list[BenchProblemAnswer]
+    planners: list[BenchPlannerAnswer]
+    cells: list[BenchCell]

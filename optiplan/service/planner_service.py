@@ -16,13 +16,17 @@ from sqlalchemy.exc import SQLAlchemyError
 import optiplan
 from optiplan.errors import OptiPlanError
 from optiplan.runs.run_folder import RUN, TRAJECTORY
+from optiplan.service.benches import Benches
 from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.execution.run_solver import GRACE, LEAD, RunSolver
 from optiplan.service.execution.solver_pool import Lane, SolverAnswer, SolverJob, SolverPool
+from optiplan.service.live_sessions import LiveSessions
 from optiplan.service.models import ProblemInput, Submission
+from optiplan.service.pictures import Pictures
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.requests import digest_of, names_files, refusal_of
 from optiplan.service.settings import ServiceSettings
+from optiplan.service.store.bench_table import BenchTable
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.problem_table import ProblemTable
 from optiplan.service.store.retention import outdated, sweep
@@ -62,6 +66,9 @@ class PlannerService:
         contents: the folder of contents.
         pool: the solver processes.
         queue: the durable queue.
+        pictures: of runs and problems, for lists.
+        live: controllers that run.
+        benches: problems by planners.
     """
 
     def __init__(self, settings: ServiceSettings, serving: bool = True) -> None:
@@ -80,10 +87,12 @@ class PlannerService:
         self._engine = open_database(settings.database_url)
         self.contents.claim(store_name(self._engine))
         self.runs, self.problems = RunTable(self._engine), ProblemTable(self._engine)
-        callers: dict[Lane, int] = {"plan": settings.interactive, "look": 1} if serving else {}
+        callers: dict[Lane, int] = {"plan": settings.interactive, "look": 1, "live": settings.live} if serving else {}
         self.pool = SolverPool(settings, {**callers, "queue": settings.solvers})
         self._solver = RunSolver(settings, self.runs, self.contents, self.pool)
         self.queue = RunQueue(settings, self._engine, self.runs, self._solver)
+        self.pictures, self.live = Pictures(self), LiveSessions(self)
+        self.benches = Benches(self, BenchTable(self._engine))
         self._checked: OrderedDict[str, Mapping[str, Any]] = OrderedDict()
         self._saving: dict[str, asyncio.Future[None]] = {}
         self._writers = ThreadPoolExecutor(WRITERS, "write")
@@ -207,6 +216,18 @@ class PlannerService:
             raise Refusal(404, f"the run '{record['id']}' is {record['status']} and has no {name}")
         return content
 
+    async def stored_request(self, record: Record) -> Record:
+        """The problem of a run as processes take it.
+
+        Raises:
+            Refusal: its content is gone.
+        """
+        stored = await self.read(lambda: self.contents.get(record["request"]))
+        if stored is None:
+            raise Refusal(404, f"the problem of the run '{record['id']}' is not in the folder of contents")
+        found: Record = json.loads(stored)
+        return found
+
     async def page(self, *records: Record) -> bytes:
         """The page of one run that has ended, or of several of one problem.
 
@@ -219,17 +240,16 @@ class PlannerService:
         for record in records:
             motion = await self.content(record, TRAJECTORY) if TRAJECTORY in (record["contents"] or {}) else b""
             shown.append({"run": (await self.content(record, RUN)).decode(), "trajectory": motion.decode()})
-        stored = await self.read(lambda: self.contents.get(records[0]["request"]))
-        answer = await self.ask({**json.loads(stored or b"{}"), "runs": shown}, "page")
+        answer = await self.ask({**await self.stored_request(records[0]), "runs": shown}, "page")
         return answer.files["page.html"]
 
-    async def ask(self, request: Mapping[str, Any], do: str) -> SolverAnswer:
-        """Have a process read, draw or compute something.
+    async def ask(self, request: Mapping[str, Any], do: str, seconds: float | None = None) -> SolverAnswer:
+        """Have a process read, draw or compute something, in so many seconds; None: those of the settings.
 
         Raises:
             Refusal: what is asked is wrong, or takes too long or too much memory.
         """
-        job = SolverJob({**request, "do": do}, self.settings.reading)
+        job = SolverJob({**request, "do": do}, seconds or self.settings.reading)
         answer = await asyncio.wrap_future(self.pool.submit("look", job))
         if answer.death in ("timeout", "out-of-memory"):
             raise Refusal(422, f"the problem cannot be read: {answer.detail}")

@@ -29,6 +29,7 @@ class ServiceSettings:
         folders: where problems may read meshes and robots from, besides the uploads.
         solvers: processes for queued runs; 0: this server only takes them, workers solve.
         interactive: processes for callers that wait.
+        live: controllers that may run at a time, for live views.
         queue: most runs that wait; more are refused with 429.
         memory: of one process, MB resident.
         most_budget: longest budget of a run, s.
@@ -52,6 +53,7 @@ class ServiceSettings:
     folders: tuple[Path, ...] = ()
     solvers: int = 1
     interactive: int = 1
+    live: int = 1
     queue: int = 1000
     memory: float = 2000.0
     most_budget: float = 300.0

@@ -2,22 +2,41 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import factorial
 from typing import Any
 
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
-from optiplan.collision.model import CollisionModel, Pair
+from optiplan.collision.named_pairs import NamedPairs
+from optiplan.kinematics.mecanum import wheel_matrix
+from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.measures import ROUNDING, Measure, measures
-from optiplan.problem.constraints.statements import PairClearance, PathConstraint, RelativePose, ToolSpeed
+from optiplan.problem.constraints.statements import (
+    JointCoupling,
+    ManipulabilityAbove,
+    PairClearance,
+    PathConstraint,
+    RelativePose,
+    ToolAcceleration,
+    ToolSpeed,
+    WheelSpeed,
+    frame_of,
+)
 from optiplan.problem.problem import Problem
+from optiplan.robot.robot import Robot
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion
 from optiplan.verify.continuous.intervals import derivative_bounds, step_sizes
 from optiplan.verify.continuous.motion_bounds import Boxes
+from optiplan.verify.joint_constraint_check import (
+    expression,
+    joint_coupling,
+    manipulability,
+    part_of,
+    tool_acceleration,
+)
 from optiplan.verify.report import Check, VerifyPolicy
 
 SPEED_SHARE = 1e-3
@@ -80,9 +99,21 @@ def path_constraints(problem: Problem, trajectory: Trajectory, policy: VerifyPol
 def _checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: PathConstraint) -> list[Check]:
     if isinstance(one, PairClearance):
         return [_clearance(problem, trajectory, policy, one)]
-    base = one.to if isinstance(one, RelativePose) else None
-    motion = FrameMotion(problem.robot, one.frame, base)
-    at = one.frame if base is None else f"{one.frame} in {base}"
+    if isinstance(one, Expression):
+        return [expression(problem, trajectory, one)]
+    if isinstance(one, JointCoupling):
+        return [joint_coupling(problem, trajectory, one)]
+    if isinstance(one, WheelSpeed):
+        proof = _ConstraintProof(FrameMotion(problem.robot, problem.robot.tool_frame), trajectory, policy)
+        limit = one.at_most * (1.0 + SPEED_SHARE)
+        return [proof.check(one, _Limit("the fastest wheel", "rad/s", limit, _wheels(problem.robot)))]
+    if isinstance(one, ManipulabilityAbove):
+        return [manipulability(problem, trajectory, one)]
+    if isinstance(one, ToolAcceleration):
+        return tool_acceleration(problem, trajectory, one)
+    base, frame = one.to if isinstance(one, RelativePose) else None, frame_of(one) or problem.robot.tool_frame
+    motion = FrameMotion(problem.robot, frame, base)
+    at = frame if base is None else f"{frame} in {base}"
     proof = _ConstraintProof(motion, trajectory, policy)
     if isinstance(one, ToolSpeed):
         limits = [("speed", one.linear, "m/s", 0), ("turning speed", one.angular, "rad/s", 1)]
@@ -171,12 +202,14 @@ class _ConstraintProof:
 def _of_pose(measure: Measure) -> Evaluate:
     """Return the values of a measure, with what lies between the ends of intervals.
 
-    A vector function y deviates by at most width² / 8 max |y''| from the chord between its ends, on which a convex
-    function is nowhere larger than at the ends; or it is as far from its middle as it can have travelled.
+    A function that is not convex says by itself how much it grows from the middle on. A vector function y deviates
+    by at most width² / 8 max |y''| from the chord between its ends, on which a convex function is nowhere larger than
+    at the ends; or it is as far from its middle as it can have travelled.
     """
 
     def values(proof: _ConstraintProof, spans: _TimeParts) -> _Values:
-        ends = [measure.value(proof.motion.poses(proof.state(spans, share))) for share in (0.0, 0.5, 1.0)]
+        poses = [proof.motion.poses(proof.state(spans, share)) for share in (0.0, 0.5, 1.0)]
+        ends = [measure.value(X) for X in poses]
         bounds = proof.bounds(spans)
         travel, curvature, step = bounds.travel, bounds.curvature, bounds.step
         if measure.feature != "point":
@@ -188,7 +221,11 @@ def _of_pose(measure: Measure) -> Evaluate:
         which = met.argmax(axis=0)
         times = np.stack([proof.time(spans, share) for share in (0.0, 0.5, 1.0)])
         columns = np.arange(len(which))
-        return _Values(met[which, columns], times[which, columns], np.minimum(chord, ends[1] + travel))
+        if measure.growth is None:
+            bound = np.minimum(chord, ends[1] + travel)
+        else:
+            bound = ends[1] + measure.growth(poses[1], bounds.travel, bounds.turn)
+        return _Values(met[which, columns], times[which, columns], bound)
 
     return values
 
@@ -205,23 +242,35 @@ def _speeds(which: int) -> Evaluate:
     return values
 
 
-class _NamedPairs(CollisionModel):
-    """The collision model of a few pairs."""
+def _wheels(robot: Robot) -> Evaluate:
+    """Return the rate of the fastest wheel: |w(t)| <= |w(middle)| + width / 2 max |w'|.
 
-    def __init__(self, problem: Problem, names: frozenset[frozenset[str]]) -> None:
-        self._names_wanted = names
-        super().__init__(problem.robot.with_proved_checked(), problem.scene)
+    With M the wheels' matrix and R(yaw) the base's rotation, w = M diag(R^T, 1) v and w' = M diag(R^T, 1) a +
+    M d(R^T)/d(yaw) yaw' v: a row of M has entries 1, 1 and k over the radius, and |x| + |y| <= sqrt(2) |(x, y)|.
+    """
+    spec = robot.mecanum
+    if spec is None:
+        raise TypeError(f"{robot.name} has no wheels")
+    place = [robot.joint_names.index(name) for name in spec.joints]
+    k = spec.half_wheelbase + spec.half_track
 
-    def _list_pairs(self) -> tuple[Pair, ...]:
-        kept = [p for p in super()._list_pairs() if frozenset((p.name_a, p.name_b)) in self._names_wanted]
-        return tuple(replace(pair, index=k) for k, pair in enumerate(kept))
+    def values(proof: _ConstraintProof, spans: _TimeParts) -> _Values:
+        q, v = proof.state(spans, 0.5), proof.state(spans, 0.5, 1)
+        rates = np.array([np.abs(wheel_matrix(robot, at) @ rate).max() for at, rate in zip(q, v, strict=True)])
+        half = 0.5 * spans.width[:, None]
+        c = proof.trajectory.coefficients[spans.piece]
+        _, speed, acceleration = derivative_bounds(c, spans.begin[:, None] + half, half, 3)[..., place]
+        change = np.hypot(acceleration[:, 0], acceleration[:, 1]) + speed[:, 2] * np.hypot(speed[:, 0], speed[:, 1])
+        rate = (np.sqrt(2.0) * change + k * acceleration[:, 2]) / spec.radius
+        return _Values(rates, proof.time(spans, 0.5), rates + half[:, 0] * rate)
+
+    return values
 
 
 def _clearance(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: PairClearance) -> Check:
     """Check that named pairs stay apart, by the certificate."""
-    wanted = frozenset(frozenset(pair) for pair in one.pairs)
-    model = _NamedPairs(problem, wanted)
-    part, begin = _part(trajectory, one.during)
+    model = NamedPairs(problem.robot, problem.scene, one.pairs)
+    part, begin = part_of(trajectory, one.during)
     proof = certify(model, part, replace(policy, clearance=one.at_least))
     near = proof.nearest
     known = {frozenset((pair.name_a, pair.name_b)) for pair in model.pairs}
@@ -236,21 +285,3 @@ def _clearance(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, o
     witness = {} if near is None else {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q.tolist()}
     finite = worst if worst is not None and np.isfinite(worst) else None
     return Check("clearance constraint", "continuous", passed, finite, one.at_least, "m", time, place, detail, witness)
-
-
-def _part(trajectory: Trajectory, during: tuple[float, float]) -> tuple[Trajectory, float]:
-    """Return a part of a motion, and when it begins, s."""
-    low, high = (share * trajectory.duration for share in during)
-    if (low, high) == (0.0, trajectory.duration):
-        return trajectory, 0.0
-    inner = trajectory.breakpoints[(trajectory.breakpoints > low) & (trajectory.breakpoints < high)]
-    breakpoints = np.concatenate([[low], inner, [high]])
-    size = trajectory.coefficients.shape[1]
-    middle = 0.5 * (breakpoints[1:] + breakpoints[:-1])
-    piece = np.searchsorted(trajectory.breakpoints[1:-1], middle, side="right")
-    shift = breakpoints[:-1] - trajectory.breakpoints[piece]
-    taylor = np.zeros((len(piece), size, trajectory.n))
-    for order in range(size):
-        c = np.swapaxes(trajectory.derivatives(order)[piece], 1, 2)
-        taylor[:, order] = polynomial.evaluate(c, shift[:, None]) / factorial(order)
-    return Trajectory(trajectory.joint_names, breakpoints - low, taylor), float(low)

@@ -92,16 +92,36 @@ def miss(problem: Problem, one: JointGoal | PoseGoal, q: Array) -> list[tuple[fl
 
 
 def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
-    """Velocity and, of joints with a jerk limit, acceleration vanish at both ends; else the jerk would be infinite."""
+    """Velocity and, of joints with a jerk limit, acceleration vanish at both ends; else the jerk would be infinite.
+
+    Where the problem states velocities or accelerations at an end (then the check is called `ends`), the motion has
+    them: a stated acceleration also in joints whose jerk is not limited. Of several states that may be arrived in at
+    the configuration reached, the motion is held against each, and the nearest is reported.
+    """
     ends, limits = np.array([0.0, trajectory.duration]), problem.limits
-    value = np.abs(np.stack([trajectory(ends, 1), trajectory(ends, 2)]))  # (order, end, n)
-    allowed = np.stack([policy.rest_tolerance * limits.velocity, _acceleration_step(problem, policy)])[:, None]
-    order, end, j = _worst(value, np.broadcast_to(allowed, value.shape))
-    detail = f"{ORDERS[order + 1]} at the {'end' if end else 'start'}"
-    worst, limit, time = float(value[order, end, j]), float(allowed[order, 0, j]), float(ends[end])
-    passed, name = bool((value <= allowed).all()), problem.robot.joint_names[j]
-    detail += "" if passed or order == 0 else _LIFTED
-    return Check("rest", "exact", passed, worst, limit, _UNITS[order + 1], time, name, detail)
+    found = np.stack([trajectory(ends, 1), trajectory(ends, 2)])  # (order, end, n)
+    checks = []
+    for state in problem.end_states(trajectory.end):
+        stated = np.stack([[problem.start_velocity, state.v], [problem.start_acceleration, state.a]])
+        free = np.isinf(limits.jerk) & (stated[1] == 0.0)
+        acceleration = np.where(free, np.inf, policy.rest_tolerance * limits.acceleration)
+        allowed = np.stack([np.broadcast_to(policy.rest_tolerance * limits.velocity, free.shape), acceleration])
+        checks.append(_at_ends(problem, np.abs(found - stated), allowed, trajectory.duration))
+    return min(checks, key=lambda pair: pair[1])[0]
+
+
+def _at_ends(problem: Problem, value: Array, allowed: Array, duration: float) -> tuple[Check, float]:
+    """Return the check of deviations (order, end, n) at both ends, and the largest share of what is allowed."""
+    order, end, j = _worst(value, allowed)
+    name = "ends" if problem.moving else "rest"
+    what = f"{ORDERS[order + 1]} at the {'end' if end else 'start'}"
+    detail = f"{what}, off what the problem states" if problem.moving else what
+    worst, limit = float(value[order, end, j]), float(allowed[order, end, j])
+    passed = bool((value <= allowed).all())
+    detail += "" if passed or order == 0 or problem.moving else _LIFTED
+    time = duration if end else 0.0
+    joint = problem.robot.joint_names[j]
+    return Check(name, "exact", passed, worst, limit, _UNITS[order + 1], time, joint, detail), worst / limit
 
 
 def continuity(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:

@@ -18,8 +18,8 @@ class VerifyPolicy:
         limit_tolerance: fraction of a velocity, acceleration, jerk or torque limit by which it may be passed.
         position_tolerance: tolerance of the start and of the position limits, rad or m.
         jump_tolerance: sum of all steps of position at breakpoints, rad or m; the certificate covers such steps.
-        rest_tolerance: largest velocity and acceleration at both ends, and sum of all their steps at breakpoints, as a
-            fraction of their limits.
+        rest_tolerance: largest velocity and acceleration at both ends (off what the problem states there), and sum of
+            all their steps at breakpoints, as a fraction of their limits.
         torque_rate: intervals a second, Hz, with which the proof of the torques begins.
         min_interval: an interval shorter than this, s, on which clearance or a torque cannot be proved is a refusal.
         max_queries: exact distance queries, or torques, after which a proof is given up.

@@ -4,7 +4,8 @@ import coal
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.geometry.shapes import Box, Capsule, Cylinder, Shape, Sphere, shape_of_body
+from optiplan.geometry.shape import Shape
+from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
 from optiplan.viewer.surfaces import Surface, bounded, bvh_surface, convex_hull
 
 ROUND = 24

@@ -25,13 +25,14 @@ SCENE_SCRIPTS = tuple(
         "camera",
         "outlines",
         "bodies",
+        "objects",
         "rod",
         "failure",
         "scene",
     )
 )
 PANEL_SCRIPTS = tuple(
-    f"panels/{name}.js" for name in ("verdict", "comparison", "dock", "timeline", "layers", "pictures")
+    f"panels/{name}.js" for name in ("verdict", "comparison", "dock", "timeline", "steps", "layers", "pictures")
 )
 SCRIPTS = ("packed.js", "panels/facts.js", *CURVES_SCRIPTS, *SCENE_SCRIPTS, *PANEL_SCRIPTS, "address.js", "player.js")
 

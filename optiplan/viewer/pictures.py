@@ -19,6 +19,8 @@ RATE = 20.0
 """Frames a second of a film."""
 REST = 800
 """ms that a film stands still at its end."""
+_PATIENCE = 180.0
+"""s for a page to be drawn, which takes seconds on software rendering, and many beside other work."""
 _SOFTWARE = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 
 
@@ -33,9 +35,10 @@ def opened(html: str, wish: str = "", size: tuple[int, int] = (1280, 800), scale
         scale: pixels of the picture for each of the window.
 
     Raises:
-        OptiPlanError: playwright or a browser is missing.
+        OptiPlanError: playwright or a browser is missing, or the page is not drawn in three minutes.
     """
     try:
+        from playwright.sync_api import TimeoutError as NotDrawnError
         from playwright.sync_api import sync_playwright
     except ImportError:
         raise OptiPlanError("pictures of a page need playwright: pip install 'optiplan[pictures]'") from None
@@ -47,9 +50,13 @@ def opened(html: str, wish: str = "", size: tuple[int, int] = (1280, 800), scale
         file.write_text(html, "utf-8")
         browser = tool.chromium.launch(executable_path=executable, args=_SOFTWARE)
         page = browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=scale)
-        page.goto(f"{file.as_uri()}#{wish}")
-        page.wait_for_selector("html[data-ready='1']", timeout=120_000)
-        settle(page)
+        page.set_default_timeout(1000.0 * _PATIENCE)
+        try:
+            page.goto(f"{file.as_uri()}#{wish}")
+            page.wait_for_selector("html[data-ready='1']")
+            settle(page)
+        except NotDrawnError:
+            raise OptiPlanError(f"the browser did not draw the page within {_PATIENCE:.0f} s") from None
         yield page
         browser.close()
 

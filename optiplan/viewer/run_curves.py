@@ -13,6 +13,7 @@ from optiplan.robot.limits import ORDERS, Limits
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Extrema, Trajectory
 from optiplan.viewer.plots.curves import MotionCurves, motion_curves
+from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema
 from optiplan.viewer.surfaces import packed
 
 _MORE = 2  # times the samples asked for are kept at the most, where pieces are many
@@ -23,14 +24,15 @@ def curves_of(problem: Problem, trajectory: Trajectory, least: int) -> dict[str,
     """JSON-ready curves: `t` (k,), s, and `quantities`, each with `y` (k, m) of its m series; arrays packed.
 
     A series has `low` and `high`, its limits or None, and `extrema`, [t, y] each: of the joints' derivatives the exact
-    ones over all time, of the others the largest of the samples.
+    ones over all time, of the others those of dense samples, refined between them.
     """
     found = motion_curves(problem, trajectory, least)
     step = max(1, -(-len(found.t) // (_MORE * least)))
     kept = np.unique(np.append(np.arange(0, len(found.t), step), len(found.t) - 1))
     t = found.t[kept]
     t = t + _APART * trajectory.duration * np.append(0.0, np.diff(t) <= 0.0)
-    quantities = [*_derivatives(problem, found), _torque(problem, found), *_tools(problem, found)]
+    samples = PieceSamples.of(trajectory, least)
+    quantities = [*_derivatives(problem, found), _torque(problem, found), *_tools(problem, samples)]
     for quantity in quantities:
         quantity["y"] = packed(quantity["y"][kept])
     return {"t": packed(t), "quantities": quantities}
@@ -53,26 +55,31 @@ def _torque(problem: Problem, found: MotionCurves) -> dict[str, Any]:
     unit = "N·m" if turns.all() else "N" if not turns.any() else "N·m, N"
     data = _quantity("torque", unit, short_names(problem.robot.joint_names), found.torque)
     data |= {"low": _finite(-limits.torque), "high": _finite(limits.torque)}
-    return data | {"extrema": _sampled_extrema(found.t, found.torque), "of": "joints", "kind": "sampled"}
+    return data | {"extrema": _extrema(found.torque_extrema), "of": "joints", "kind": "sampled"}
 
 
-def _tools(problem: Problem, found: MotionCurves) -> list[dict[str, Any]]:
-    robot, Q, V = problem.robot, found.joints[0], found.joints[1]
-    frames = tool_frames(robot)
-    evaluated = [ToolKinematics(robot, frame).evaluate(Q)[1] for frame in frames]
-    twists = [np.einsum("kij,kj->ki", J, V) for J in evaluated]
-    rows: JacobianRows = "full" if robot.n >= 6 else "translation"
-    least = np.column_stack([measures(scaled(J, rows)).yoshikawa for J in evaluated])
+def _tools(problem: Problem, samples: PieceSamples) -> list[dict[str, Any]]:
+    """Speed, turning and manipulability of each tool, m series each, and of each the extremum that matters."""
+    frames = tool_frames(problem.robot)
+    kinematics = [ToolKinematics(problem.robot, frame) for frame in frames]
+    rows: JacobianRows = "full" if problem.robot.n >= 6 else "translation"
+
+    def at(inside: PieceSamples) -> Array:
+        states = inside.states()
+        found = [one.evaluate(states[0])[1] for one in kinematics]
+        twists = [np.einsum("kij,kj->ki", J, states[1]) for J in found]
+        speeds = [np.linalg.norm(twist[:, part], axis=1) for part in (slice(3), slice(3, 6)) for twist in twists]
+        return np.column_stack([*speeds, *(measures(scaled(J, rows)).yoshikawa for J in found)])
+
+    values = at(samples)
+    extrema = _extrema(refined_extrema(samples, values, at))
     shown = []
-    for name, unit, values in (
-        ("tool speed", "m/s", np.column_stack([np.linalg.norm(twist[:, :3], axis=1) for twist in twists])),
-        ("tool turning", "rad/s", np.column_stack([np.linalg.norm(twist[:, 3:], axis=1) for twist in twists])),
-        ("manipulability", "", least),
+    for place, (name, unit, shows) in enumerate(
+        (("tool speed", "m/s", 0), ("tool turning", "rad/s", 0), ("manipulability", "", 1))
     ):
-        free = [None] * len(frames)
-        data = _quantity(name, unit, list(frames), values) | {"low": free, "high": free, "of": "tools"}
-        shown.append(data | {"extrema": [one[:1] for one in _sampled_extrema(found.t, values)], "kind": "sampled"})
-    shown[-1]["extrema"] = [one[1:] for one in _sampled_extrema(found.t, least)]
+        own, free = slice(place * len(frames), (place + 1) * len(frames)), [None] * len(frames)
+        data = _quantity(name, unit, list(frames), values[:, own]) | {"low": free, "high": free, "of": "tools"}
+        shown.append(data | {"extrema": [[both[shows]] for both in extrema[own]], "kind": "sampled"})
     return shown
 
 
@@ -87,15 +94,6 @@ def _finite(values: Array) -> list[float | None]:
 def _extrema(e: Extrema) -> list[list[list[float]]]:
     columns = zip(e.t_high, e.high, e.t_low, e.low, strict=True)
     return [[[float(t1), float(y1)], [float(t0), float(y0)]] for t1, y1, t0, y0 in columns]
-
-
-def _sampled_extrema(t: Array, values: Array) -> list[list[list[float]]]:
-    """The largest and the smallest sample, [t, y] each, of every column of values (k, m)."""
-    found = []
-    for column in values.T:
-        at = int(np.argmax(column)), int(np.argmin(column))
-        found.append([[float(t[k]), float(column[k])] for k in at])
-    return found
 
 
 def _unit(robot: Robot, order: int) -> str:

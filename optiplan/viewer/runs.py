@@ -1,6 +1,7 @@
 """Data of one run for the page: sampled motion, verdict in words, and place of the failure."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -106,10 +107,12 @@ def show_run(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail = _W
     """JSON-ready form of a run for the page."""
     shown: dict[str, Any] = {"label": run.label, "facts": [], "problems": [], "duration": 0.0}
     shown["badge"] = _badge(run)
+    shown["segments"] = [] if run.trajectory is None else [asdict(one) for one in run.trajectory.segments]
     shown["row"] = _row(run)
     failure, report = run.failure or {}, run.report or {}
     motion = motion_of(problem, run)
     shown["offending"] = run.trajectory is None and motion is not None
+    shown["untimed"] = shown["offending"] and bool((failure.get("witness") or {}).get("untimed"))
     if motion is not None:
         shown |= _motion(problem, poses, motion, detail)
         shown["curves"] = curves_of(problem, motion, detail.samples)
@@ -183,7 +186,8 @@ def _motion(problem: Problem, poses: Poses, trajectory: Trajectory, detail: Deta
 
 def _facts(problem: Problem, trajectory: Trajectory, report: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     ends = trajectory(np.array([0.0, trajectory.duration]))
-    bound = lower_bound(ends[0], ends[1], problem.limits)
+    moving = problem.moving
+    bound = float(problem.lower_bounds(ends[1:])[0]) if moving else lower_bound(ends[0], ends[1], problem.limits)
     facts = [("duration", f"{trajectory.duration:.3f} s")]
     if bound >= SMALLEST_BOUND:
         name = "× lower bound" if problem.one_end else "× bound of this end configuration"

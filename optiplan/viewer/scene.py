@@ -11,10 +11,12 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
-from optiplan.geometry.shapes import Shape, build_geometry
+from optiplan.geometry.shape import Shape
+from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.robot import Robot
 from optiplan.runs.common_bound import common_bound
+from optiplan.viewer.moving_objects import moved_by, object_stays
 from optiplan.viewer.run_curves import short_names
 from optiplan.viewer.runs import Detail, Poses, RunLike, ViewedRun, motion_of, show_run
 from optiplan.viewer.stick_figure import skeleton
@@ -118,7 +120,7 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
     parts, poses = _Parts(), Poses(problem)
     bare = not problem.robot.visual.geometryObjects and not problem.robot.geometry.geometryObjects
     (_add_frames if bare else _add_robot)(parts, problem.robot)
-    _add_objects(parts, problem)
+    _add_objects(parts, problem, moved_by(problem.task))
     ends = [run.trajectory for run in viewed if run.trajectory is not None]
     bound = common_bound(problem, _reached(viewed))
     detail = Detail.of(sum(motion_of(problem, run) is not None for run in viewed))
@@ -126,6 +128,9 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
     for end in problem.goal:
         if goal is None and isinstance(end, JointGoal):
             goal = end.q
+    shown = [
+        show_run(problem, poses, run, detail) | {"objects": _moving_objects(parts, problem, run)} for run in viewed
+    ]
     return SceneData(
         name=problem.name,
         geometries=tuple(parts.geometries),
@@ -135,7 +140,7 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         start=packed(poses.of(problem.start[None])[0]),
         goal=None if goal is None else packed(poses.of(goal[None])[0]),
         targets=_targets(problem),
-        runs=tuple(show_run(problem, poses, run, detail) for run in viewed),
+        runs=tuple(shown),
         tool=_tool(problem.robot),
         bound=(bound.seconds, bound.words),
         note=_BARE.format(problem.robot.name) if bare else "",
@@ -216,13 +221,27 @@ def _add_visual(parts: _Parts, thing: pin.GeometryObject, link: str) -> None:
         parts.add("visual", (thing.name, link), thing.parentJoint, thing.placement, (drawn, colour))
 
 
-def _add_objects(parts: _Parts, problem: Problem) -> None:
+def _moving_objects(parts: _Parts, problem: Problem, run: ViewedRun) -> list[dict[str, Any]]:
+    """Return the objects that a task takes or releases: geometry, colour, and where they are from when on."""
+    found = []
+    for one in object_stays(problem, run.trajectory):
+        drawn = parts.geometry(one.shape, partial(_encode_shape, one.shape))
+        stays = [
+            {"begin": stay.begin, "body": stay.body, "pose": np.round(pin.SE3ToXYZQUAT(stay.X_BO), 9).tolist()}
+            for stay in one.stays
+        ]
+        look = {"geometry": drawn, "colour": list(_HELD), "name": one.name, "owner": one.name}
+        found.append(look | {"stays": stays})
+    return found
+
+
+def _add_objects(parts: _Parts, problem: Problem, moving: frozenset[str]) -> None:
     model = problem.robot.model
-    for held in problem.scene.attached:
+    for held in (held for held in problem.scene.attached if held.name not in moving):
         frame = model.frames[model.getFrameId(held.link)]
         drawn = parts.geometry(held.shape, partial(_encode_shape, held.shape))
         parts.add("attached", held.name, frame.parentJoint, frame.placement * held.X_LO, (drawn, _HELD))
-    for obstacle in problem.scene.obstacles:
+    for obstacle in (one for one in problem.scene.obstacles if one.name not in moving):
         drawn = parts.geometry(obstacle.shape, partial(_encode_shape, obstacle.shape))
         parts.add("obstacle", obstacle.name, 0, obstacle.X_WO, (drawn, obstacle_colour(obstacle.shape)))
 

@@ -18,6 +18,7 @@ from optiplan.geometry.shapes import shape_of_body
 Colour = tuple[float, float, float, float]
 MAX_TRIANGLES = 20_000  # of one surface; more than that makes the page heavy and looks the same
 _NARROW = 1 << 16  # vertices that two bytes can number
+_STEPS = (1 << 16) - 1  # of a coordinate, along the longest side of the surface: 15 µm for 1 m
 _log = logging.getLogger(__name__)
 
 
@@ -30,10 +31,21 @@ class Surface:
     colour: Colour | None = None
 
     def encoded(self) -> dict[str, Any]:
-        """JSON-ready: base64 of little-endian float32 vertices and of faces, uint16, or uint32 where `wide` says so."""
+        """JSON-ready: base64 of little-endian whole numbers.
+
+        A vertex v (m) is low + step · k with k (3,) in `vertices`, uint16; `faces` are uint16, or uint32 where `wide`.
+        """
         wide = len(self.vertices) > _NARROW
-        faces = packed(self.faces, "<u4" if wide else "<u2")
-        return {"kind": "mesh", "vertices": packed(self.vertices), "faces": faces, "wide": wide}
+        low = self.vertices.min(axis=0) if len(self.vertices) else np.zeros(3)
+        step = max(float((self.vertices - low).max(initial=0.0)), 1e-9) / _STEPS
+        return {
+            "kind": "mesh",
+            "low": low.tolist(),
+            "step": step,
+            "vertices": packed(np.round((self.vertices - low) / step), "<u2"),
+            "faces": packed(self.faces, "<u4" if wide else "<u2"),
+            "wide": wide,
+        }
 
 
 def packed(array: npt.NDArray[Any], dtype: str = "<f4") -> str:

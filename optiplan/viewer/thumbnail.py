@@ -34,7 +34,7 @@ class Thumbnail:
     """A picture, and how points of the world lie in it.
 
     Attributes:
-        png: PNG, transparent where nothing is, WIDTH by HEIGHT.
+        png: PNG, transparent where nothing is.
         axes: (2, 3), from points of the world, m, to px right and down.
         origin: (2,), px, of the world's origin.
     """
@@ -53,23 +53,31 @@ class Thumbnail:
         return np.asarray(points @ self.axes.T + self.origin)
 
 
-def thumbnail(problem: Problem, q: Array | None = None) -> Thumbnail:
-    """Picture of a problem's scene with its robot at q (n,), at the start unless given.
+def thumbnail(
+    problem: Problem, q: Array | None = None, size: tuple[int, int] = (WIDTH, HEIGHT), also: Array | None = None
+) -> Thumbnail:
+    """Picture of a problem's scene with its robot, seen from behind it, from the right and above, without perspective.
 
-    Seen from behind the robot, from the right and above, without perspective, framed by the robot and the obstacles;
-    half-spaces are left out.
+    Framed by the robot and the obstacles; half-spaces are left out.
+
+    Args:
+        problem: robot and scene.
+        q: (n,), of the robot; None: at the start.
+        size: of the picture, px.
+        also: points (k, 3), m, of the world that have to be within the frame.
     """
     triangles, colours = _triangles(problem, problem.start if q is None else q)
     away = np.array([np.cos(RISE) * np.cos(TURN), np.cos(RISE) * np.sin(TURN), np.sin(RISE)])
     right = np.cross([0.0, 0.0, 1.0], away) / np.cos(RISE)
     down = -np.cross(away, right)
-    flat = triangles.reshape(-1, 3) @ np.stack([right, down]).T
+    framed = triangles.reshape(-1, 3) if also is None else np.concatenate([triangles.reshape(-1, 3), also])
+    flat = framed @ np.stack([right, down]).T
     low, high = flat.min(axis=0, initial=-1e-3), flat.max(axis=0, initial=1e-3)
-    size = np.array([WIDTH, HEIGHT])
-    scale = float(((1.0 - 2.0 * MARGIN) * size / np.maximum(high - low, 1e-6)).min())
-    axes, origin = scale * np.stack([right, down]), 0.5 * size - 0.5 * scale * (low + high)
+    area = np.array(size)
+    scale = float(((1.0 - 2.0 * MARGIN) * area / np.maximum(high - low, 1e-6)).min())
+    axes, origin = scale * np.stack([right, down]), 0.5 * area - 0.5 * scale * (low + high)
     seen = np.concatenate([triangles @ axes.T + origin, (triangles @ away)[..., None]], axis=2)
-    return Thumbnail(_png(_drawn(seen, _shaded(triangles, colours))), axes, origin)
+    return Thumbnail(_png(_drawn(seen, _shaded(triangles, colours), size)), axes, origin)
 
 
 def _triangles(problem: Problem, q: Array) -> tuple[Array, Array]:
@@ -109,9 +117,10 @@ def _shaded(triangles: Array, colours: Array) -> Array:
     return np.asarray(np.clip(colours * (0.5 + 0.55 * light)[:, None], 0.0, 1.0), dtype=np.float64)
 
 
-def _drawn(triangles: Array, colours: Array) -> Array:
-    """Draw triangles (m, 3, 3) of px and depth (larger is nearer) into an image (HEIGHT, WIDTH, 4), nearest last."""
-    rows, columns = FINER * HEIGHT, FINER * WIDTH
+def _drawn(triangles: Array, colours: Array, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Array:
+    """Draw triangles (m, 3, 3) of px and depth (larger is nearer) into an image (height, width, 4), nearest last."""
+    width, height = size
+    rows, columns = FINER * height, FINER * width
     depth, image = np.full((rows, columns), -np.inf), np.zeros((rows, columns, 4))
     scaled = triangles * np.array([FINER, FINER, 1.0])
     low = np.maximum(np.floor(scaled[:, :, :2].min(axis=1) - 0.5).astype(int), 0)
@@ -129,7 +138,7 @@ def _drawn(triangles: Array, colours: Array) -> Array:
         nearer = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (z > part)
         part[nearer] = z[nearer]
         image[y0:y1, x0:x1][nearer] = [*colour, 1.0]
-    blocks = image.reshape(HEIGHT, FINER, WIDTH, FINER, 4)
+    blocks = image.reshape(height, FINER, width, FINER, 4)
     cover = blocks[..., 3:].sum(axis=(1, 3))
     mean = (blocks[..., :3] * blocks[..., 3:]).sum(axis=(1, 3)) / np.maximum(cover, 1e-9)
     return np.asarray(np.concatenate([mean, cover / FINER**2], axis=2), dtype=np.float64)

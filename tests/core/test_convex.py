@@ -17,7 +17,7 @@ from optiplan.arrays import Array
 from optiplan.geometry import coal_priming as _primed  # noqa: F401
 from optiplan.geometry import shapes
 from optiplan.geometry.convex_hulls import convex_hull
-from optiplan.geometry.mesh_bodies import triangle_mesh
+from optiplan.geometry.file_shapes import triangle_mesh
 
 pytestmark = pytest.mark.skipif(core is None, reason="the native core is not built")
 

@@ -5,15 +5,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from optiplan.geometry.shapes import (
-    SHAPES,
-    Shape,
-    ShapeSpec,
-    build_geometry,
-    shape_data,
-    shape_from_spec,
-    shape_of_body,
-)
+from optiplan.geometry.shape import Shape
+from optiplan.geometry.shapes import SHAPES, ShapeSpec, build_geometry, shape_data, shape_from_spec, shape_of_body
 
 EXAMPLES = {
     "box": [0.2, 0.4, 0.6],
@@ -31,7 +24,7 @@ def made(kind: str) -> Shape:
 
 
 def test_every_shape_has_an_example():
-    assert {*EXAMPLES, "mesh"} == set(SHAPES) == set(ShapeSpec.model_fields)
+    assert {*EXAMPLES, "mesh", "points", "octree"} == set(SHAPES) == set(ShapeSpec.model_fields)
 
 
 @OWN

@@ -29,7 +29,14 @@ BAD = [
         "joints, configuration",
         "exactly one of: joints, configuration",
     ),
-    (GOAL, "{region: 1}", 4, "goal.region", "unknown key 'region'", "joints, configuration, pose, any_of"),
+    (
+        GOAL,
+        "{region: 1}",
+        4,
+        "goal.region",
+        "unknown key 'region'",
+        "joints, configuration, velocity, acceleration, pose, any_of",
+    ),
     (GOAL, "{any_of: []}", 4, "goal.any_of", "a list of 0 values", "at least 1"),
     (GOAL, "{any_of: [{any_of: []}]}", 4, "goal.any_of[0].any_of", "unknown key 'any_of'", "joints"),
     (GOAL, "{pose: {rpy: [0, 0, 0]}}", 4, "goal.pose.position", "nothing", "required"),
@@ -126,7 +133,7 @@ def test_every_error_of_a_file_at_once(write):
 
 def test_schema_for_editors_knows_short_forms():
     schema = json.loads(json.dumps(problem_schema()))
-    assert set(schema["required"]) == {"version", "robot", "start", "goal"}
+    assert set(schema["required"]) == {"version", "robot", "start"}
     assert {"type": "string"} in schema["properties"]["planner"]["anyOf"]
     box = schema["$defs"]["ShapeSpec"]["properties"]["box"]["anyOf"][0]
     assert (box["minItems"], box["maxItems"]) == (3, 3)

@@ -85,7 +85,7 @@ def test_jerk_is_infinite_where_velocity_or_acceleration_jumps(degree):
     problem, _ = moving([0.2, 0.7], [1.0, 0.7])
     coefficients = np.zeros((1, degree + 1, 2))
     coefficients[0, degree, 1] = 0.1
-    joint, jerk, share = peak_jerk(Trajectory(problem.robot.joint_names, [0.0, 1.0], coefficients), problem.limits)
+    joint, jerk, share = peak_jerk(Trajectory(problem.robot.joint_names, [0.0, 1.0], coefficients), problem)
     assert (joint, jerk, share) == (1, np.inf, np.inf)
 
 

@@ -4,9 +4,9 @@ import time
 
 import pytest
 import sqlalchemy as sa
+from service_faults import PROBLEM, Plan, faults
+from service_process import HTTP, Program, postgres, postgres_folder, serving
 
-from benchmarks.service_faults import PROBLEM, Plan, faults
-from benchmarks.service_process import HTTP, Program, postgres, postgres_folder, serving
 from optiplan.cli.main import run as command
 from optiplan.errors import OptiPlanError
 from optiplan.service.execution.leases import take_lease
@@ -32,6 +32,16 @@ def test_kills_of_server_and_two_workers_on_postgresql(tmp_path):
         engine.dispose()
     assert found.faultless, found
     assert found.done == ended == 9
+
+
+@needs_postgres
+def test_two_workers_share_the_runs_of_one_postgresql(tmp_path):
+    with postgres() as database:
+        found = faults(tmp_path, database, Plan(rounds=0, jobs=24, workers=2))
+    assert found.faultless, found
+    assert found.done == 24
+    assert len(found.shares) == 2
+    assert min(found.shares.values()) >= 1
 
 
 def test_a_server_that_is_stopped_puts_its_run_back(tmp_path):

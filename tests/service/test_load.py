@@ -2,8 +2,8 @@
 
 import os
 
-from benchmarks.service_hostile import attack
-from benchmarks.service_load import load
+from service_hostile import attack
+from service_load import load
 
 
 def test_all_of_many_runs_are_done_once(server):

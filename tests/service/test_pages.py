@@ -1,15 +1,24 @@
 """The pages in a real browser: edit, drag, plan, watch, play, compare, cancel; without a word of complaint."""
 
 import shutil
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from optiplan.config.document import parse_yaml
+from optiplan.problem.load import problem_from_dict
 from tests.service.conftest import NO_WAY, QUICK
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 QUIET = ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"]
 PATIENCE = 90_000  # ms
+OBSTACLE = """
+scene:
+  obstacles:
+    - {name: ball, shape: {sphere: 0.09}, pose: {position: [0.3, -0.45, 0.35]}}
+"""
 pytestmark = pytest.mark.timeout(300)
 
 
@@ -44,24 +53,109 @@ def write(page, text):
     page.wait_for_function(f"optiplanStudio.state.problem.name === '{name}'")
 
 
-def drag_the_goal(page):
-    x, y = page.evaluate("optiplanStudio.scene.goalOnScreen()")
-    page.mouse.move(x, y)
+def drag(page, at, by, meanwhile=lambda: None):
+    """Drag what lies at a point of the page by so many pixels."""
+    page.mouse.move(*at)
     page.mouse.down()
-    page.mouse.move(x - 40, y - 20, steps=4)
-    page.wait_for_function("optiplanStudio.scene.ghosts.children.length > 1")
+    page.mouse.move(at[0] + by[0], at[1] + by[1], steps=4)
+    meanwhile()
     page.mouse.up()
-    page.wait_for_function("document.getElementById('text').value.includes('quaternion')")
-    page.wait_for_selector("#issues .fine")
-    assert "# From the lower right" in page.input_value("#text")  # what else is in the file stays
 
 
-def test_edit_drag_plan_watch_and_play(page, server, problems):
+CHANGED = "before => JSON.stringify(optiplanStudio.state.problem.goal.pose) !== JSON.stringify(before)"
+
+
+def open_studio(page, server):
     page.goto(f"{server.url}/studio")
     page.wait_for_selector("#issues .fine")
     page.wait_for_function("optiplanStudio.state.problem")
-    if page.viewport_size["width"] > 1000:
-        drag_the_goal(page)
+    page.locator("#pane").scroll_into_view_if_needed()
+    page.evaluate("document.getElementById('pane').scrollIntoView()")
+
+
+def test_the_goal_is_dragged_with_all_branches_as_ghosts(page, server):
+    open_studio(page, server)
+    began = page.evaluate("optiplanStudio.state.problem.goal.pose")
+    ghosts = "optiplanStudio.scene.ghosts.children.length > 1"
+    drag(page, page.evaluate("optiplanStudio.scene.goalOnScreen()"), (-40, -20), lambda: page.wait_for_function(ghosts))
+    page.wait_for_function(CHANGED, arg=began)
+    first = page.evaluate("optiplanStudio.state.problem.goal.pose")
+    assert np.linalg.norm(np.subtract(first["position"], began["position"])) > 0.03
+    assert "# From the lower right" in page.input_value("#text")  # what else is in the file stays
+    for handle, turned in (((0.17, 0, 0), False), ((0.07778, 0.07778, 0), True)):  # an arrow; a ring
+        drag(page, page.evaluate("at => optiplanStudio.scene.goalOnScreen(...at)", list(handle)), (18, 14))
+        page.wait_for_function(CHANGED, arg=first)
+        pose = page.evaluate("optiplanStudio.state.problem.goal.pose")
+        position, rotation = (np.linalg.norm(np.subtract(pose[key], first[key])) for key in ("position", "quaternion"))
+        assert (rotation > 0.02) == turned
+        assert (position > 5e-3) != turned
+        first = pose
+
+
+STATED = """before => {
+  const at = optiplanStudio.state.problem.scene.obstacles.find((one) => one.name === "ball").pose.position;
+  return Math.hypot(...at.map((x, k) => x - before[k])) > 0.01;
+}"""
+
+
+def test_an_obstacle_is_moved_and_the_file_saved(page, server, problems):
+    open_studio(page, server)
+    write(page, (problems / "01_reach.yaml").read_text() + OBSTACLE)
+    page.evaluate("document.getElementById('pane').scrollIntoView()")
+    ball = "optiplanStudio.scene.obstacles.children.find((one) => one.name === 'ball')"
+    for keys, still in (([], 2), (["Shift"], None)):
+        before = page.evaluate(f"{ball}.position.toArray()")
+        for key in keys:
+            page.keyboard.down(key)
+        drag(page, page.evaluate(f"optiplanStudio.scene.onScreen({ball})"), (-30, -25))
+        for key in keys:
+            page.keyboard.up(key)
+        page.wait_for_function(STATED, arg=before)
+        after = page.evaluate(f"{ball}.position.toArray()")
+        if still is None:
+            assert after[2] - before[2] > 0.01
+        else:
+            assert abs(after[still] - before[still]) < 2e-3
+    page.evaluate("scrollTo(0, 0)")
+    with page.expect_download() as saving:
+        page.click("#save")
+    text = Path(saving.value.path()).read_text()
+    assert text == page.input_value("#text")
+    assert "- {name: ball" in text
+    assert problem_from_dict(parse_yaml(text, Path("moved.yaml")).data).scene.obstacles[-1].name == "ball"
+
+
+def test_a_running_controller_is_watched_and_its_target_dragged(page, server):
+    page.goto(f"{server.url}/live")
+    page.wait_for_function("optiplanLive.scene.data")
+    page.select_option("#example", "01_reach")
+    page.wait_for_function("optiplanLive.scene.data.name === 'reach' || !optiplanLive.live.id")
+    page.click("#begin")
+    page.wait_for_function("optiplanLive.live.states > 5")
+    page.evaluate("document.getElementById('pane').scrollIntoView()")
+    began = page.evaluate("optiplanLive.live.last")
+    drag(page, page.evaluate("optiplanLive.scene.goalOnScreen()"), (-25, -30))
+    page.wait_for_function(
+        "began => Math.hypot(...optiplanLive.live.last.target.slice(0, 3).map((x, k) => x - began[k])) > 0.03",
+        arg=began["target"],
+    )
+    page.wait_for_function("optiplanLive.live.last.error.position < 1e-3")
+    after = page.evaluate("optiplanLive.live.last")
+    assert np.linalg.norm(np.subtract(after["tool"][:3], began["tool"][:3])) > 0.03
+    assert page.locator("#errors path").count() == 1
+    page.click("#home")
+    page.wait_for_function(
+        "began => Math.hypot(...optiplanLive.live.last.tool.slice(0, 3).map((x, k) => x - began[k])) < 1e-3",
+        arg=began["tool"],
+    )
+    page.reload()  # one that runs is watched again
+    page.wait_for_function("optiplanLive.live.states > 5")
+    page.click("#stop")
+    assert page.inner_text("#state") == "ended"
+
+
+def test_edit_drag_plan_watch_and_play(page, server, problems):
+    open_studio(page, server)
     text = (problems / "01_reach.yaml").read_text()
     page.fill("#text", text.replace("robot: panda", "robot: pandas"))
     page.wait_for_selector("#issues button")
@@ -102,3 +196,20 @@ def test_runs_are_listed_and_compared(page, server):
     page.click("#compare")
     page.wait_for_selector("canvas")
     assert "cubic" in page.content()  # on a narrow page the card is folded
+
+
+def test_a_bench_is_run_from_its_page(page, server):
+    page.goto(f"{server.url}/benches")
+    page.wait_for_selector("#planners option")
+    page.select_option("#problems", ["19_lspb"])
+    page.select_option("#planners", ["lspb", "quintic"])
+    page.fill("#name", f"page-{page.viewport_size['width']}")
+    page.fill("#seeds", "1")
+    page.fill("#budget", str(3.0 + page.viewport_size["width"] / 1000))
+    page.click("#submit")
+    bench = page.locator(".bench", has_text=f"page-{page.viewport_size['width']}")
+    bench.locator("button:text('Delete')").wait_for()
+    assert bench.locator(".badge.verified").count() == 2
+    bench.locator("a:text('Full report')").click()
+    page.wait_for_selector("svg polyline")
+    assert "lspb" in page.content()

@@ -5,13 +5,17 @@ import io
 import json
 import time
 import zipfile
+from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from optiplan.api.planning import plan
 from optiplan.problem.load import load_problem
 from optiplan.runs.run_folder import load_run
 from optiplan.runs.stored_verdict import judged
+from optiplan.service.execution.incumbents import ProvedIncumbents
 from tests.service.conftest import NO_WAY, QUICK
 
 
@@ -92,14 +96,27 @@ def test_events_of_a_run_end_with_its_end(server):
     assert events[-1] == {"type": "end", "status": "failed", "verified": False}
 
 
-def test_best_so_far_is_told_on_the_way(server, problems):
-    run = server.submit(problem=(problems / "01_reach.yaml").read_text())["id"]
+@pytest.mark.parametrize("planner", ["trajopt", "rrtconnect"])
+def test_best_so_far_is_verified_and_ends_with_the_answer(server, problems, planner):
+    run = server.submit(problem=(problems / "01_reach.yaml").read_text(), planner=planner)["id"]
     with server.http.stream("GET", f"/api/runs/{run}/events") as lines:
         events = [json.loads(line[5:]) for line in lines.iter_lines() if line.startswith("data:")]
     best = [event["duration"] for event in events if event["type"] == "best"]
     assert best
     assert best == sorted(best, reverse=True)
-    assert server.ended(run)["duration"] == pytest.approx(best[-1], rel=0.2)
+    assert server.ended(run)["duration"] == best[-1]
+
+
+def test_motions_that_the_verifier_refuses_are_not_told(problems):
+    problem = load_problem(problems / "01_reach.yaml")
+    trajectory, heard = plan(problem, planner="rrtconnect").trajectory, []
+    told = ProvedIncumbents(problem, SimpleNamespace(best=lambda seconds, duration: heard.append(duration)))
+    told.found(trajectory.scaled(0.1))
+    assert heard == []
+    told = ProvedIncumbents(problem, SimpleNamespace(best=lambda seconds, duration: heard.append(duration)))
+    told.found(trajectory)
+    told.rest([(1e3, trajectory.duration), (2e3, 0.5)])
+    assert heard == [trajectory.duration, 0.5]
 
 
 def test_a_running_run_is_cancelled_within_a_second(server):
@@ -180,3 +197,25 @@ def test_the_run_page_draws_what_was_planned(server):
     assert page.status_code == 200
     assert "free" in page.text
     assert "frame-ancestors" in page.headers["content-security-policy"]
+
+
+def test_pictures_show_the_scene_and_the_path_within_it(server, problems):
+    text = (problems / "01_reach.yaml").read_text()
+    run = server.submit(problem=text, planner="rrtconnect")["id"]
+    server.ended(run)
+    answer = server.http.get(f"/api/runs/{run}/thumbnail.svg")
+    assert answer.headers["content-type"] == "image/svg+xml"
+    root = ElementTree.fromstring(answer.text)
+    width, height = (float(x) for x in root.get("viewBox").split()[2:])
+    line = np.array([pair.split(",") for pair in root.find("{*}polyline").get("points").split()], float)
+    assert len(line) > 30
+    assert np.ptp(line, axis=0).max() > 20.0
+    assert (line >= 0.0).all()
+    assert (line <= [width, height]).all()
+    assert root.find("{*}image").get("href").startswith("data:image/png;base64,")
+    assert server.http.get(f"/api/runs/{run}/thumbnail.svg").content == answer.content
+    stored = server.http.post("/api/problems", json={"problem": text}).json()["hash"]
+    scene = server.http.get(f"/api/problems/{stored}/thumbnail.svg")
+    assert scene.status_code == 200
+    assert "polyline" not in scene.text
+    assert server.http.get(f"/api/problems/{'0' * 64}/thumbnail.svg").status_code == 404

@@ -10,7 +10,8 @@ from optiplan.viewer.surfaces import MAX_TRIANGLES, Surface, bounded, bvh_surfac
 
 
 def triangles(encoded: dict) -> np.ndarray:
-    vertices = np.frombuffer(base64.b64decode(encoded["vertices"]), "<f4").reshape(-1, 3)
+    steps = np.frombuffer(base64.b64decode(encoded["vertices"]), "<u2").reshape(-1, 3)
+    vertices = np.array(encoded["low"]) + encoded["step"] * steps
     return vertices[
         np.frombuffer(base64.b64decode(encoded["faces"]), "<u4" if encoded["wide"] else "<u2").reshape(-1, 3)
     ].astype(float)

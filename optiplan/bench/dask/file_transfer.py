@@ -18,7 +18,7 @@ from optiplan import cache
 from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchProblem
 from optiplan.errors import OptiPlanError
-from optiplan.problem.hashing import meshes_of
+from optiplan.problem.hashing import shape_files_of
 from optiplan.robot.robot import robot_names
 
 SCHEME = "travel://"
@@ -64,7 +64,7 @@ class Packer:
             )
         if data["robot"] not in robot_names():
             data["robot"] = self._robot(data["robot"])
-        for mesh in meshes_of(data):
+        for mesh in shape_files_of(data):
             path = Path(mesh["file"])
             mesh["file"] = self._bundle(str(path), path.parent, (path,)) + path.name
         return replace(problem, data=data)
@@ -123,13 +123,15 @@ def unpack(problem: BenchProblem) -> BenchProblem:
     """Return the problem with files in place of bundles, which are all cached."""
     data: dict[str, Any] = deepcopy(dict(problem.data))
     data["robot"] = _unpacked(data["robot"])
-    for mesh in meshes_of(data):
+    for mesh in shape_files_of(data):
         mesh["file"] = _unpacked(mesh["file"])
     return replace(problem, data=data)
 
 
 def _refs(data: Mapping[str, Any]) -> Iterator[str]:
-    yield from (ref for ref in (data["robot"], *(mesh["file"] for mesh in meshes_of(data))) if ref.startswith(SCHEME))
+    yield from (
+        ref for ref in (data["robot"], *(mesh["file"] for mesh in shape_files_of(data))) if ref.startswith(SCHEME)
+    )
 
 
 def _unpacked(ref: str) -> str:

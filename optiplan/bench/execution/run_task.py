@@ -22,7 +22,6 @@ from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.runs.pipeline import processor_time, reserve, run
 from optiplan.runs.run import Run
-from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
 
@@ -179,7 +178,7 @@ def goal_bound(problem: Problem) -> float | None:
     Obstacles are ignored, and so are goals that are stated as poses: which configurations reach these is found by runs.
     """
     listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
-    return float(lower_bounds(problem.start, np.array(listed), problem.limits).min()) if listed else None
+    return float(problem.lower_bounds(listed).min()) if listed else None
 
 
 def packed(trajectory: Trajectory | None) -> tuple[str | None, bytes | None]:

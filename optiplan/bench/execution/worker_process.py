@@ -86,8 +86,12 @@ class WorkerProcess:
         """Send a task, JSON-ready; discard earlier output."""
         self._drain()
         self._tail = b""
+        self.say(task)
+
+    def say(self, words: Mapping[str, Any]) -> None:
+        """Send words, JSON-ready, to a task that listens while it runs."""
         try:
-            self._connection.send_bytes(json.dumps(task, allow_nan=False).encode())
+            self._connection.send_bytes(json.dumps(words, allow_nan=False).encode())
         except OSError:
             self.gone = True
 

@@ -30,8 +30,14 @@ INK, LINE = "#1d2429", "#d5dade"
 FARTHEST = 100.0
 """End of a performance profile at most."""
 
-STEPS = 300
+STEPS = 200
 """Points of a curve at most: more cannot be seen."""
+
+_DECIMALS = re.compile(r"(\.\d)\d+")
+"""Of coordinates in a picture, pt: more than one cannot be seen."""
+
+_EDGE = 4.0
+"""Left free around a figure, px of 1/100 inch."""
 
 _STYLE: dict[str, Any] = {
     "text.parse_math": False,
@@ -100,6 +106,7 @@ def inline_svg(figure: Figure, analysis: Analysis, prefix: str = "") -> str:
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r' d="[^"]*"', lambda path: _DECIMALS.sub(r"\1", path[0]).replace("\n", ""), text)
     text = text.replace(INK, "currentColor").replace(LINE, "var(--line)")
     for k, colour in enumerate(COLOURS):
         text = text.replace(colour, f"var(--c{k})")
@@ -131,10 +138,24 @@ def _drawn(figure: Figure, analysis: Analysis) -> Iterator[Any]:
     rows = len(analysis.planners)
     style: Any = {**_STYLE, "svg.hashsalt": figure.name}
     with matplotlib.rc_context(style):
-        sheet = Sheet(figsize=(7.2, max(3.3, 0.225 * rows + 1.0)), layout="constrained")
+        sheet = Sheet(figsize=(7.2, max(3.3, 0.225 * rows + 1.0)))
         canvas = FigureCanvasSVG(sheet)
-        figure.draw(analysis, sheet.add_subplot())
+        ax = sheet.add_subplot()
+        figure.draw(analysis, ax)
+        _fill(sheet, ax)
         yield canvas
+
+
+def _fill(sheet: Any, ax: Any) -> None:
+    """Let the axes with their labels and legend fill the sheet; a fifth of the time of matplotlib's own layouts."""
+    own, whole = ax.get_window_extent(), ax.get_tightbbox()
+    width, height = sheet.bbox.width, sheet.bbox.height
+    sheet.subplots_adjust(
+        left=(own.x0 - whole.x0 + _EDGE) / width,
+        right=1.0 - (whole.x1 - own.x1 + _EDGE) / width,
+        bottom=(own.y0 - whole.y0 + _EDGE) / height,
+        top=1.0 - (whole.y1 - own.y1 + _EDGE) / height,
+    )
 
 
 def _ladder(analysis: Analysis, ax: Any) -> None:

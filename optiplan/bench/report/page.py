@@ -1,7 +1,9 @@
 """The page: one self-contained HTML file."""
 
+import base64
 import html
 import shlex
+import zlib
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
@@ -112,6 +114,14 @@ def framed(table: ReportTable) -> str:
     return f"{table.html()}<p class=files>{html.escape(table.caption)}: {links}</p>"
 
 
+def packed(text: str) -> str:
+    """HTML that is not seen at first, as an attribute that the page's script unpacks when it is asked for.
+
+    Deflate and base64 make a tenth of it, and a browser has no elements to lay out that nobody looks at.
+    """
+    return f'data-packed="{base64.b64encode(zlib.compress(text.encode(), 9)).decode("ascii")}"'
+
+
 def _tables(analysis: Analysis) -> list[ReportTable]:
     """Tables with a row a planner."""
     costs = [percentiles(analysis, field) for field in ("plan_time", "ratio")]
@@ -120,25 +130,25 @@ def _tables(analysis: Analysis) -> list[ReportTable]:
 
 def _views(store: Store, analysis: Analysis) -> str:
     """Tables and figures of all runs, and those of each set, hidden until it is asked for."""
-    text = _view(analysis, "", "")
+    text = f'<div class=view data-view="">{_view(analysis, "", "")}</div>'
     names = list(dict.fromkeys(analysis.runs.sets))
     if not 2 <= len(names) <= MOST_SETS:
         return text
     results = load_results(store)
     for k, name in enumerate(names):
-        text += _view(analyse_results(results.of_set(name), compared=False), name, f"set{k}-")
+        inside = _view(analyse_results(results.of_set(name), compared=False), name, f"set{k}-")
+        text += f'<div class=view data-view="{html.escape(name)}" hidden {packed(inside)}></div>'
     return text
 
 
 def _view(analysis: Analysis, set_name: str, prefix: str) -> str:
     first, *others = _tables(analysis)
     tables = "".join(f"<h3>{html.escape(one.caption)}</h3>{framed(one)}" for one in others)
-    hidden = " hidden" if prefix else ""
     of = f" of set {html.escape(set_name)}" if set_name else ""
     return (
-        f'<div class=view data-view="{html.escape(set_name)}"{hidden}><h2>Planners{of}</h2>{framed(first)}'
+        f"<h2>Planners{of}</h2>{framed(first)}"
         f"<h2>Figures{of}</h2><p class=note>Point at a planner's name, in a table, to single it out in the figures.</p>"
-        f"<div class=grid>{_figures(analysis, prefix)}</div><h2>Tables{of}</h2>{tables}</div>"
+        f"<div class=grid>{_figures(analysis, prefix)}</div><h2>Tables{of}</h2>{tables}"
     )
 
 
@@ -173,13 +183,24 @@ def _matrix(store: Store, analysis: Analysis, rows: Sequence[ProblemRow], addres
         return "<p class=note>No runs yet.</p>"
     every = sum(1 for k in range(len(analysis.runs.problems)) if (analysis.runs.problem == k).any())
     some = f"The {MOST_PROBLEMS} of {every} problems on which planners differ most. " if every > len(rows) else ""
-    return f"<p class=note>{some}{MATRIX}</p>{matrix_html(store, analysis, rows, address)}"
+    linked = sum(1 for row in rows if address(row.name))
+    why = "" if linked == len(rows) else _few_pages(linked, len(rows))
+    return f"<p class=note>{some}{MATRIX}{why}</p>{matrix_html(store, analysis, rows, address)}"
+
+
+def _few_pages(linked: int, rows: int) -> str:
+    """Why not every row of the matrix can be opened from a file, and how it can."""
+    return (
+        f" <b>{linked} of {rows} rows open with a click.</b> A page of all planners measures and proves every motion "
+        "again, which takes seconds and a megabyte or two a problem, so only the first rows have one beside this file. "
+        f"<code>optiplan bench report DIR --pages {rows}</code> writes all of them, <code>optiplan bench report DIR "
+        "--serve</code> makes each when it is asked for, and a tick in a cell gives the command that opens it."
+    )
 
 
 MATRIX = (
     "The scene with the robot at its start and the path of its tool; the time is that of the motion. Tick some of a "
-    "row to compare them. Pages of the first rows lie beside this file; <code>optiplan bench report DIR --serve</code> "
-    "has one for every row."
+    "row to compare them."
 )
 
 
@@ -201,7 +222,7 @@ def _problems(analysis: Analysis, names: Sequence[str]) -> str:
         number = runs.problems.index(name)
         table = framed(problem_table(analysis, number))
         of_set = html.escape(runs.sets[number])
-        text += f'<details data-set="{of_set}"><summary>{html.escape(name)}</summary>{table}</details>'
+        text += f'<details data-set="{of_set}" {packed(table)}><summary>{html.escape(name)}</summary></details>'
     return text
 
 
@@ -211,8 +232,8 @@ def _pairs(analysis: Analysis) -> str:
     text = ""
     for field, what in (("duration", "Duration of the motion"), ("plan_time", "Planning time")):
         text += f"<h3>{what}: median ratio, row / column</h3>{framed(ratio_table(analysis, field))}"
-    more = f"<details><summary>Every pair with its counts and tests</summary>{framed(pair_table(analysis))}</details>"
-    return text + more
+    every = packed(framed(pair_table(analysis)))
+    return f"{text}<details {every}><summary>Every pair with its counts and tests</summary></details>"
 
 
 def _failures(store: Store, found: list[Reason], link: Link) -> str:

@@ -1,6 +1,6 @@
 "use strict";
 // Sorting: numbers by size, words by alphabet, what is not there always last.
-for (const table of document.querySelectorAll("table.sortable")) {
+function sortable(table) {
   const heads = Array.from(table.tHead.rows[0].cells);
   const rows = Array.from(table.tBodies[0].rows);
   heads.forEach((head, column) => head.querySelector("button").addEventListener("click", () => {
@@ -20,17 +20,34 @@ for (const table of document.querySelectorAll("table.sortable")) {
   }));
 }
 // A planner pointed at is singled out in the figures.
-for (const name of document.querySelectorAll(".planner")) {
-  const lines = document.querySelectorAll(`figure svg [id$="-planner${name.dataset.planner}"]`);
+const linesOf = (k) => document.querySelectorAll(`figure svg [id$="-planner${k}"]`);
+function pointed(name) {
   name.addEventListener("mouseenter", () => {
     document.body.classList.add("single");
-    lines.forEach((line) => line.classList.add("chosen"));
+    for (const line of linesOf(name.dataset.planner)) line.classList.add("chosen");
   });
   name.addEventListener("mouseleave", () => {
     document.body.classList.remove("single");
-    lines.forEach((line) => line.classList.remove("chosen"));
+    for (const line of linesOf(name.dataset.planner)) line.classList.remove("chosen");
   });
 }
+// Makes new parts of the page work.
+function prepare(root) {
+  root.querySelectorAll("table.sortable").forEach(sortable);
+  root.querySelectorAll(".planner").forEach(pointed);
+  showPlanners();
+}
+// Parts that are not seen at first come packed: sets, problems, pairs.
+async function unpack(place) {
+  const text = place.dataset.packed;
+  if (!text) return;
+  delete place.dataset.packed;
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const plain = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  place.insertAdjacentHTML("beforeend", await new Response(plain).text());
+  prepare(place);
+}
+for (const place of document.querySelectorAll("details[data-packed]")) place.addEventListener("toggle", () => unpack(place));
 // Copying, also from a file, where the clipboard's own interface may be shut.
 for (const button of document.querySelectorAll(".copy")) {
   button.addEventListener("click", () => {
@@ -51,18 +68,24 @@ document.getElementById("theme").addEventListener("click", () => {
 const sets = document.getElementById("set");
 function showSet() {
   const chosen = sets ? sets.value : "";
-  for (const view of document.querySelectorAll("[data-view]")) view.hidden = view.dataset.view !== chosen;
+  for (const view of document.querySelectorAll("[data-view]")) {
+    view.hidden = view.dataset.view !== chosen;
+    if (!view.hidden) unpack(view);
+  }
   for (const part of document.querySelectorAll("[data-set]")) part.hidden = chosen !== "" && part.dataset.set !== chosen;
 }
 if (sets) sets.addEventListener("change", showSet);
-for (const box of document.querySelectorAll("[data-show]")) {
-  const k = box.dataset.show;
-  box.addEventListener("change", () => {
-    const parts = [...document.querySelectorAll(`[data-column="${k}"]`), ...document.querySelectorAll(`figure svg [id$="-planner${k}"]`)];
-    for (const name of document.querySelectorAll(`td .planner[data-planner="${k}"]`)) parts.push(name.closest("tr"));
-    for (const part of parts) part.classList.toggle("off", !box.checked);
-  });
+const shows = [...document.querySelectorAll("[data-show]")];
+function showPlanner(box) {
+  const k = box.dataset.show, parts = [...document.querySelectorAll(`[data-column="${k}"]`), ...linesOf(k)];
+  for (const name of document.querySelectorAll(`td .planner[data-planner="${k}"]`)) parts.push(name.closest("tr"));
+  for (const part of parts) part.classList.toggle("off", !box.checked);
 }
+function showPlanners() {
+  for (const box of shows) if (!box.checked) showPlanner(box);
+}
+for (const box of shows) box.addEventListener("change", () => showPlanner(box));
+prepare(document);
 // Comparison of what is ticked, of one problem at a time.
 const bar = document.getElementById("compare");
 for (const pick of document.querySelectorAll(".pick")) pick.addEventListener("change", () => compare(pick));

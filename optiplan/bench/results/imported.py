@@ -24,7 +24,6 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.trajectory.sample_file import Samples, read_samples, samples_from_dict
-from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
 
 EXTERNAL = "external"
@@ -151,7 +150,7 @@ def _judged(row: Row, problem: Problem, samples: Samples) -> Outcome:
     motion = samples.trajectory()
     report = verify(problem, motion)
     fits = motion.joint_names == problem.robot.joint_names
-    bound = lower_bound(problem.start, motion.end, problem.limits) if fits else None
+    bound = float(problem.lower_bounds([motion.end])[0]) if fits else None
     metrics = measure(problem, motion, report) if fits else None
     info = dict(row.info) | {"interpolation": samples.interpolation}
     run = Run(

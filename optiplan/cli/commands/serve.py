@@ -26,9 +26,11 @@ def serve(
         int | None, typer.Option(min=0, metavar="N", help="processes for the queue; default: cores less one")
     ] = None,
     interactive: Annotated[int, typer.Option(min=1, metavar="N", help="processes for callers who wait")] = 1,
+    live: Annotated[int, typer.Option(min=0, metavar="N", help="controllers that may run at a time, live views")] = 1,
     queue: Annotated[int, typer.Option(min=1, metavar="N", help="most runs that wait")] = 1000,
     memory: Annotated[float, typer.Option(min=300.0, metavar="MB", help="most memory of one process")] = 2000.0,
     keep_days: Annotated[float, typer.Option(min=0.0, metavar="DAYS", help="how long runs are kept")] = 30.0,
+    keep_gb: Annotated[float, typer.Option(min=0.0, metavar="GB", help="most that runs take; the oldest go")] = 10.0,
     log_level: Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")] = "info",
 ) -> int:
     """Serve the planner to browsers and programs: REST, OpenAPI at /openapi.json, pages at /.
@@ -54,9 +56,11 @@ def serve(
         folders=_folders(folder),
         solvers=_solvers(solvers),
         interactive=interactive,
+        live=live,
         queue=queue,
         memory=memory,
         keep_days=keep_days,
+        keep_bytes=int(1e9 * keep_gb),
     )
     return run_server(settings, _level(log_level))
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
-from optiplan.control.state import State
 from optiplan.errors import described, wrong_argument
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.state import State
 
 if TYPE_CHECKING:
     from optiplan.control.limits.joint_box import JointBox

@@ -11,7 +11,7 @@ from optiplan.arrays import Array
 from optiplan.control.braking import braking_accelerations, farthest, velocity_to_zero
 from optiplan.control.limits.base import ControlLimit
 from optiplan.control.limits.joint_limits import JointLimit, PositionLimit
-from optiplan.control.state import State
+from optiplan.trajectory.state import State
 
 ROUNDING = 1e-10
 """rad or m, of positions at their limits: what rounding may cost."""

@@ -8,10 +8,10 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import LimitRows, RowLimit, positive_vector
-from optiplan.control.state import State
 from optiplan.control.tasks.base import frame_of
 from optiplan.errors import wrong_argument
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.state import State
 
 _AHEAD = 0.97
 """Share of the speed that the box inside the ball of speeds has along the present motion; across it has the rest."""

@@ -6,9 +6,9 @@ import numpy as np
 
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import LimitRows, RowLimit, positive_vector
-from optiplan.control.state import State
 from optiplan.errors import wrong_argument
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.state import State
 
 
 class TorqueLimit(RowLimit):

@@ -8,10 +8,10 @@ from optiplan.arrays import Array
 from optiplan.control.braking_path import make_braking_path
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import KeptRowLimit, LimitRows, positive_vector
-from optiplan.control.state import State
 from optiplan.errors import wrong_argument
 from optiplan.kinematics.mecanum import WHEELS, Mecanum
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.state import State
 
 if TYPE_CHECKING:
     from optiplan.control.limits.joint_box import JointBox

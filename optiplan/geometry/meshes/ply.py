@@ -40,12 +40,7 @@ class _Element:
 
 def read_ply(content: bytes) -> Soup:
     """Polygons of a PLY file, ASCII or binary of either byte order."""
-    end = re.search(rb"(?:^|\n)end_header\r?\n", content[:100_000])
-    if not content.startswith(b"ply") or end is None:
-        raise MeshError("a PLY file without its header")
-    order, elements = _ply_header(content[: end.start()].decode("ascii", "replace").splitlines())
-    rows = _ply_ascii if order == "" else _ply_binary
-    tables = rows(content[end.end() :], elements, order)
+    tables = ply_tables(content)
     vertex, face = tables.get("vertex"), tables.get("face")
     if vertex is None or face is None or not {"x", "y", "z"} <= vertex.keys():
         raise MeshError("a PLY file without vertices x, y, z and faces")
@@ -54,6 +49,16 @@ def read_ply(content: bytes) -> Soup:
     if corners is None or "tristrips" in tables:
         raise MeshError("a PLY file whose faces have no vertex_indices")
     return plain(vertices, triangulate(vertices, [[int(index) for index in polygon] for polygon in corners]))
+
+
+def ply_tables(content: bytes) -> "dict[str, Table]":
+    """The elements of a PLY file by name, each as columns by name."""
+    end = re.search(rb"(?:^|\n)end_header\r?\n", content[:100_000])
+    if not content.startswith(b"ply") or end is None:
+        raise MeshError("a PLY file without its header")
+    order, elements = _ply_header(content[: end.start()].decode("ascii", "replace").splitlines())
+    rows = _ply_ascii if order == "" else _ply_binary
+    return rows(content[end.end() :], elements, order)
 
 
 def _ply_header(lines: Sequence[str]) -> tuple[str, list[_Element]]:

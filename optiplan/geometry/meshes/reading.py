@@ -1,4 +1,4 @@
-"""Mesh files as arrays, known by what is in them: read once, by a process of its own, and kept.
+"""Files of meshes, point clouds and octrees as arrays, known by what is in them: read once, apart, and kept.
 
 A mesh is looked up by the SHA-256 of its content: in memory, then in the cache on disk, and only a content that was
 never seen goes to the process of `mesh_worker`. So a file that changes is another mesh, whatever its name.
@@ -13,13 +13,25 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
+from typing import Literal
 
 import optiplan
 from optiplan import cache, files
-from optiplan.geometry.meshes.reading_process import READERS, pack, unpack
+from optiplan.geometry.meshes.reading_process import pack, unpack
 from optiplan.geometry.meshes.triangles import MeshError, Soup
 
 FORMATS = "STL, OBJ, DAE, PLY or GLB"
+POINT_FORMATS = "PLY, PCD or NPZ"
+OCTREE_FORMATS = "BT or OT, of OctoMap"
+
+Kind = Literal["mesh", "point cloud", "octree"]
+
+_KINDS: dict[Kind, tuple[str, str, str]] = {
+    "mesh": (FORMATS, "", ".stl .obj .dae .ply .glb"),
+    "point cloud": (POINT_FORMATS, "points", ".ply .pcd .npz"),
+    "octree": (OCTREE_FORMATS, "", ".bt .ot"),
+}
+"""What is read of each kind: the formats in words, what precedes the suffix among `READERS`, and the suffixes."""
 
 VERSION = 1
 """Counted up when a file is read to other arrays than before."""
@@ -38,32 +50,35 @@ _CPU = signal.SIGXCPU
 
 @dataclass(frozen=True)
 class MeshFile:
-    """A mesh file as it was read: `key` is the digest of its content and kind."""
+    """A file as it was read: `key` is the digest of its content and of what reads it."""
 
     path: Path
     key: str
     content: bytes
+    kind: Kind = "mesh"
 
     @property
-    def suffix(self) -> str:
-        """Its kind, with the dot, in lower case."""
-        return self.path.suffix.lower()
+    def reader(self) -> str:
+        """What reads it: one of `reading_process.READERS`."""
+        return _KINDS[self.kind][1] + self.path.suffix.lower()
 
 
-def open_mesh(path: Path) -> MeshFile:
-    """A mesh file with its content, not looked into.
+def open_mesh(path: Path, kind: Kind = "mesh") -> MeshFile:
+    """A file with its content, not looked into.
 
     Raises:
-        MeshError: no file that may be opened, or of a kind that is not read.
+        MeshError: no file that may be opened, or of a format that is not read.
     """
     try:
         content = files.read_bytes(path)
     except OSError as error:
-        raise MeshError(f"cannot read mesh {path}: {(error.strerror or str(error)).lower()}") from error
+        raise MeshError(f"cannot read {kind} {path}: {(error.strerror or str(error)).lower()}") from error
     suffix = path.suffix.lower()
-    if suffix not in READERS:
-        raise MeshError(f"cannot read mesh {path}: '{suffix}' is none of {FORMATS}")
-    return MeshFile(path, cache.digest([str(VERSION).encode(), suffix.encode(), content]), content)
+    formats, prefix, suffixes = _KINDS[kind]
+    if suffix not in suffixes.split():
+        raise MeshError(f"cannot read {kind} {path}: '{suffix}' is none of {formats}")
+    reader = prefix + suffix
+    return MeshFile(path, cache.digest([str(VERSION).encode(), reader.encode(), content]), content, kind)
 
 
 def read_mesh(file: MeshFile) -> Soup:
@@ -76,7 +91,7 @@ def read_mesh(file: MeshFile) -> Soup:
     with _lock:
         found = _kept[file.key]
     if isinstance(found, str):
-        raise MeshError(f"cannot read mesh {file.path}: {found}")
+        raise MeshError(f"cannot read {file.kind} {file.path}: {found}")
     return found
 
 
@@ -141,7 +156,7 @@ def _read_apart(meshes: Sequence[MeshFile]) -> Iterator[Soup | str]:
 
 def _run_worker(meshes: Sequence[MeshFile]) -> tuple[list[Soup | str], str]:
     """Answers as far as they came, and why no more did; empty if all did."""
-    jobs = b"".join(f"{mesh.suffix} {len(mesh.content)}\n".encode() + mesh.content for mesh in meshes)
+    jobs = b"".join(f"{mesh.reader} {len(mesh.content)}\n".encode() + mesh.content for mesh in meshes)
     # An editable install is found by a hook that a process without `site` does not have, so the package is named too.
     package = str(Path(optiplan.__file__).parents[1])
     places = [package, *(os.getcwd() if place == "" else place for place in sys.path)]

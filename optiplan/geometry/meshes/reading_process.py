@@ -1,8 +1,10 @@
-"""The process that reads meshes: contents in, arrays out, with limits of memory and of processor time.
+"""The process that reads meshes, point clouds and octrees: contents in, arrays out, with limits of memory and time.
 
 Standard input holds jobs: a line `SUFFIX SIZE`, then the content. Standard output holds as many answers, in their
 order: a line `mesh SIZE` and a packed `Soup`, or a line `error SIZE` and the reason. Whatever ends the process was the
 first job without an answer. A job names no file: there is nothing here that opens one.
+
+SUFFIX is that of the file, behind `points` where the points of a cloud are meant: a PLY file may hold either.
 """
 
 import resource
@@ -14,7 +16,9 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.geometry.meshes.collada import read_dae
 from optiplan.geometry.meshes.gltf import read_glb
+from optiplan.geometry.meshes.octomap import read_bt, read_ot
 from optiplan.geometry.meshes.ply import read_ply
+from optiplan.geometry.meshes.point_clouds import read_pcd, read_points_npz, read_points_ply
 from optiplan.geometry.meshes.stl_obj import read_obj, read_stl
 from optiplan.geometry.meshes.triangles import MeshError, Soup, Triangles
 
@@ -24,6 +28,11 @@ READERS: Mapping[str, Callable[[bytes], Soup]] = {
     ".dae": read_dae,
     ".ply": read_ply,
     ".glb": read_glb,
+    "points.ply": read_points_ply,
+    "points.pcd": read_pcd,
+    "points.npz": read_points_npz,
+    ".bt": read_bt,
+    ".ot": read_ot,
 }
 
 
@@ -49,14 +58,18 @@ def _answer(suffix: str, content: bytes) -> tuple[str, bytes]:
     if not content:
         return "error", b"an empty file"
     try:
-        return "mesh", pack(_settled(READERS[suffix](content)))
+        soup = READERS[suffix](content)
+        return "mesh", pack(soup if suffix.startswith("points") else _settled(soup))
     except MeshError as error:
         return "error", str(error).encode()
     except MemoryError:
         return "error", b"needs too much memory"
     except Exception as error:  # a broken file shows in whatever way it likes
         reason = " ".join(str(error).split())[:100]
-        return "error", f"not in the form that {suffix[1:].upper()} has ({reason or type(error).__name__})".encode()
+        return (
+            "error",
+            f"not in the form that {suffix.rpartition('.')[2].upper()} has ({reason or type(error).__name__})".encode(),
+        )
 
 
 def _settled(soup: Soup) -> Soup:

@@ -13,6 +13,9 @@ from typing import Any
 from optiplan import cache
 
 FLAGS = ("-O2", "-shared", "-fPIC")
+MOST_INSTRUCTIONS = 2000
+"""Of a function that is compiled on the way: gcc takes about a second for a thousand."""
+
 _VERSION = "1"  # counted up when code is generated in another way
 
 
@@ -55,6 +58,28 @@ def compiled(name: str, parts: list[bytes], build: Callable[[], Any]) -> Any:
     return _open(name, file) or function
 
 
+def as_machine_code(function: Any) -> Any:
+    """Return a function as machine code, without derivatives of its own; itself where that is not to be had.
+
+    The library lies in the cache under a hash of the function's own content. One of more than `MOST_INSTRUCTIONS` is
+    returned itself, if no library is there: the compiler would take seconds.
+    """
+    command = compiler()
+    if command is None:
+        return function
+    name, content = function.name(), function.serialize().encode()
+    tags = [_VERSION, platform.machine(), name, "-O1"]
+    file = f"terms/{name}-{cache.digest([*(tag.encode() for tag in tags), content])}.so"
+    found = _open(name, file)
+    if found is not None or function.n_instructions() > MOST_INSTRUCTIONS:
+        return found or function
+    library = _compile(function, command, derivative=False)
+    if library is None:
+        return function
+    cache.store(file, library)
+    return _open(name, file) or function
+
+
 def _open(name: str, file: str) -> Any | None:
     """The function of a cached library; None if there is none, or if it cannot be loaded and has to be made again."""
     import casadi
@@ -66,13 +91,14 @@ def _open(name: str, file: str) -> Any | None:
         return None
 
 
-def _compile(function: Any, command: list[str]) -> bytes | None:
-    """Shared library of a function and its Jacobian; None if the compiler refuses or the disk does."""
+def _compile(function: Any, command: list[str], derivative: bool = True) -> bytes | None:
+    """Shared library of a function, and its Jacobian if wanted; None if the compiler refuses or the disk does."""
     import casadi
 
     code = casadi.CodeGenerator(f"{function.name()}.c")
     code.add(function)
-    code.add(function.jacobian())
+    if derivative:
+        code.add(function.jacobian())
     try:
         with tempfile.TemporaryDirectory() as folder:
             source, library = Path(folder, "twin.c"), Path(folder, "twin.so")

@@ -44,7 +44,7 @@ class SymbolicRobot:
 
     def pose(self, frame: str) -> Any:
         """Pose of a frame: q -> X_WF (4, 4), homogeneous."""
-        return self._function("pose", frame, lambda q, v, a: ([q], [_homogeneous(*self._place(q, frame))]))
+        return self._function("pose", frame, lambda q, v, a: ([q], [_homogeneous(*self.frame_expression(q, frame))]))
 
     def jacobian(self, frame: str, reference: str = "local_world_aligned") -> Any:
         """Jacobian of a frame: q -> J (6, nv), linear rows (m) first; J v is the velocity of the frame at its origin.
@@ -60,7 +60,7 @@ class SymbolicRobot:
             raise UnknownChoiceError("reference", reference, list(REFERENCES))
         local = reference == "local"
         return self._function(
-            f"jacobian_{reference}", frame, lambda q, v, a: ([q], [self._frame_jacobian(q, frame, local)])
+            f"jacobian_{reference}", frame, lambda q, v, a: ([q], [self.jacobian_expression(q, frame, local)])
         )
 
     def centre_of_mass(self) -> Any:
@@ -76,7 +76,7 @@ class SymbolicRobot:
         gravity = np.array(self.model.gravity.linear)
 
         def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
-            return [q, v, a], [self._inverse_dynamics(q, v, a, gravity)]
+            return [q, v, a], [self.torque_expression(q, v, a, gravity)]
 
         return self._function("rnea", None, build)
 
@@ -85,7 +85,7 @@ class SymbolicRobot:
 
         def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
             casadi = _casadi()
-            tau = self._inverse_dynamics(q, casadi.SX.zeros(self.model.nv), a, np.zeros(3))
+            tau = self.torque_expression(q, casadi.SX.zeros(self.model.nv), a, np.zeros(3))
             return [q], [casadi.densify(casadi.jacobian(tau, a))]
 
         return self._function("mass_matrix", None, build)
@@ -99,12 +99,16 @@ class SymbolicRobot:
         label = "manipulability_" + "".join(str(row) for row in rows)
 
         def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
-            J = self._frame_jacobian(q, frame, local=False)[list(rows), :]
-            gram = J @ J.T if J.shape[0] <= J.shape[1] else J.T @ J
-            # Rounding may leave a singular determinant below zero, where the root would not be a number.
-            return [q], [_casadi().sqrt(_casadi().fmax(expressions.determinant(gram), 0.0))]
+            return [q], [self.manipulability_expression(q, frame, rows)]
 
         return self._function(label, frame, build)
+
+    def manipulability_expression(self, q: Any, frame: str, rows: tuple[int, ...] = ALL_ROWS) -> Any:
+        """Return Yoshikawa's measure at a symbolic configuration."""
+        J = self.jacobian_expression(q, frame)[list(rows), :]
+        gram = J @ J.T if J.shape[0] <= J.shape[1] else J.T @ J
+        # Rounding may leave a singular determinant below zero, where the root would not be a number.
+        return _casadi().sqrt(_casadi().fmax(expressions.determinant(gram), 0.0))
 
     def tangent(self) -> Any:
         """Rate of the configuration: q -> G (nq, nv) with dq/dt = G(q) v (angles may be kept as cos, sin)."""
@@ -170,17 +174,19 @@ class SymbolicRobot:
         positions = self._plain.A @ q + self._plain.b if self._follows else q
         return expressions.world_poses(self._tree, positions)
 
-    def _inverse_dynamics(self, q: Any, v: Any, a: Any, gravity: Array) -> Any:
-        """A^T tau(A q + b, A v, A a) of all joints: the generalised forces of the planned ones."""
+    def torque_expression(self, q: Any, v: Any, a: Any, gravity: Array) -> Any:
+        """Return A^T tau(A q + b, A v, A a) of all joints: the generalised forces of the planned ones."""
         if not self._follows:
             return expressions.inverse_dynamics(self._tree, q, v, a, gravity)
         A, b = self._plain.A, self._plain.b
         return A.T @ expressions.inverse_dynamics(self._tree, A @ q + b, A @ v, A @ a, gravity)
 
-    def _place(self, q: Any, frame: str) -> tuple[Any, Any]:
+    def frame_expression(self, q: Any, frame: str) -> tuple[Any, Any]:
+        """Return R_WF (3, 3) and p_WF (3,), m, at a symbolic configuration."""
         return expressions.frame_pose(self._poses(q), self._find(frame))
 
-    def _frame_jacobian(self, q: Any, frame: str, local: bool) -> Any:
+    def jacobian_expression(self, q: Any, frame: str, local: bool = False) -> Any:
+        """Return J (6, nv), linear rows first, in the world's axes or the frame's own."""
         poses = self._poses(q)
         R, p = expressions.frame_pose(poses, self._find(frame))
         J = expressions.frame_jacobian(self._tree, poses, int(self._find(frame).parentJoint), p)

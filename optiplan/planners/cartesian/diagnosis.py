@@ -1,6 +1,6 @@
 """Why a tool path cannot be followed any further: the place, the pose and the cause, as a `Failure`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from optiplan.planners.base import Budget, Failure, FailureKind
 from optiplan.planners.cartesian.differential_ik import Tracker
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness
+from optiplan.planners.common.refused_path import refused_path
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 from optiplan.trajectory import polynomial
@@ -53,6 +54,7 @@ class Ending:
 def first_ending(model: CollisionModel, tracker: Tracker, followed: Trajectory, budget: Budget) -> Failure | None:
     """The first thing on the way that keeps a robot from following a path to its end, or None.
 
+    Its witness has the path as it was followed, as a `motion`, where that can be shown (`refused_path`).
     Once the budget is over the answer means nothing.
 
     Args:
@@ -70,7 +72,8 @@ def first_ending(model: CollisionModel, tracker: Tracker, followed: Trajectory, 
     if not found:
         return None
     first = min(found, key=lambda ending: ending.s)
-    return first.failure(tracker.path.pose(first.s))
+    shown = refused_path([followed], 0, first.s, model.robot.limits)
+    return replace(first, more=first.more | shown).failure(tracker.path.pose(first.s))
 
 
 def stuck(tracker: Tracker, s: float, q: Array) -> Failure:
@@ -123,7 +126,7 @@ def _obstacle(model: CollisionModel, path: Trajectory, budget: Budget) -> Ending
 def _stuck(tracker: Tracker, s: float, q: Array) -> Ending:
     """Singular, out of reach, or a path that this arm lacks the joints for."""
     J = tracker.jacobian(q) / tracker.scale
-    twist = tracker.path.twist(s)[tracker.rows]
+    twist = tracker.twist(s)
     smallest = float(measures(J[None]).smallest[0])
     missing = twist - J @ (np.linalg.pinv(J, rcond=_NEAR) @ twist)
     more: dict[str, Any] = {"measure": smallest}

@@ -16,7 +16,6 @@ from optiplan.control.controller import Controller
 from optiplan.control.defaults import default_limits
 from optiplan.control.limits.clearance import ClearanceLimit
 from optiplan.control.limits.joint_limits import PositionLimit
-from optiplan.control.state import State
 from optiplan.control.step import ControlStep
 from optiplan.control.tasks.base import ControlTask
 from optiplan.control.tasks.frame_tasks import PoseTask
@@ -36,6 +35,7 @@ from optiplan.planners.sampling.shrunk_obstacles import thinned
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.from_samples import from_samples
+from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
 
 _KNOTS = 5
@@ -153,7 +153,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         if touch is not None:
             pair = touch.contact.pair
             detail = f"between two steps of the roll-out '{pair.name_a}' meets '{pair.name_b}' at {touch.t:.3f} s"
-            return Failure("collision", detail, touch.witness())
+            return Failure("collision", detail, touch.witness(motion))
         slower = within_torque(model.robot, limits, motion)
         return too_heavy(model.robot, limits, np.array([motion.start, motion.end])) if slower is None else slower
 

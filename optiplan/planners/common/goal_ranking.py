@@ -18,7 +18,6 @@ from optiplan.planners.common.goal_improvement import NearerEnds
 from optiplan.planners.common.gravity import Gravity
 from optiplan.problem.goals import SHARE, GoalOptions, goal_configurations
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
-from optiplan.trajectory.timing.lower_bound import lower_bounds
 
 _LOOKING = 0.25  # share of the budget after which colliding goal configurations only are a failure
 _STARTS = 40  # inverse kinematics runs for each configuration requested of `more`, at most
@@ -141,7 +140,7 @@ class GoalSampler:
     def _ranked(self, found: list[Array]) -> list[Array]:
         if not found:
             return []
-        bounds = lower_bounds(self._problem.start, np.array(found), self._problem.limits)
+        bounds = self._problem.lower_bounds(found)
         return [found[k] for k in np.argsort(bounds, kind="stable")]
 
     def _good(self, q: Array) -> bool:

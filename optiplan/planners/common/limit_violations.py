@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.planners.base import Failure
+from optiplan.problem.problem import Problem
 from optiplan.robot.limits import ORDERS, UNITS
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.trajectory import Trajectory
@@ -51,22 +52,24 @@ def excess(trajectory: Trajectory, limits: Limits) -> Excess | None:
     return where if most > _ROUNDING else None
 
 
-def acceleration_steps(trajectory: Trajectory, limits: Limits) -> bool:
-    """Return whether the acceleration of a joint with a jerk limit jumps, from and to rest included."""
-    ends = trajectory(np.array([0.0, trajectory.duration]), 2)
+def acceleration_steps(trajectory: Trajectory, problem: Problem) -> bool:
+    """Return whether the acceleration of a joint with a jerk limit jumps, also from and to that stated at the ends."""
+    limits, end = problem.limits, problem.end_states(trajectory.end)[0]
+    ends = trajectory(np.array([0.0, trajectory.duration]), 2) - [problem.start_acceleration, end.a]
     steps = np.abs(np.vstack([ends, trajectory.jumps(2)])).max(axis=0)
     return bool((np.isfinite(limits.jerk) & (steps > _ACCELERATION_STEP * limits.acceleration)).any())
 
 
 def beyond_limits(over: Excess, trajectory: Trajectory, shortest: float | None) -> Failure:
-    """Return a `limits` failure with the limit exceeded and the shortest duration (s) that respects it, if any."""
+    """Return a `limits` failure: the limit exceeded, the motion, and the shortest duration (s) that keeps it."""
     joint = trajectory.joint_names[over.joint]
     unit = UNITS.get(over.quantity, "rad")
     reached = f"'{joint}' would reach {over.quantity} {over.value:.4g} {unit}, beyond its limit {over.limit:.4g}"
     detail = f"{reached}, in {trajectory.duration:.6g} s; {_other_duration(shortest)}"
     q = trajectory(np.array([over.t]))[0].tolist()
     place = {"joint": joint, "quantity": over.quantity, "value": over.value, "limit": over.limit, "t": over.t, "q": q}
-    return Failure("limits", detail, place | ({} if shortest is None else {"shortest_duration": shortest}))
+    shown = {"motion": trajectory.to_dict()}
+    return Failure("limits", detail, place | shown | ({} if shortest is None else {"shortest_duration": shortest}))
 
 
 def beyond_torque(robot: Robot, limits: Limits, trajectory: Trajectory, shortest: float | None) -> Failure:

@@ -9,15 +9,18 @@ import numpy as np
 
 from optiplan.errors import Issue, PlannerAnswerError, described
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.trajectory import Trajectory
 
 
-def plan_through(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
-    """Plan the problem, or leg by leg between vias.
+def plan_through(
+    planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress, earlier: Trajectory | None = None
+) -> PlanResult:
+    """Plan the problem, or leg by leg between vias; where there is an `earlier` motion, from that.
 
     A planner that `passes_vias` plans the whole problem; for any other, see `leg_by_leg`. Path constraints are
-    `unsupported` by planners that do not say `holds_constraints`.
+    `unsupported` by planners that do not say `holds_constraints`, motion at the ends by those that do not say
+    have too few `end_derivatives`.
 
     Raises:
         PlannerAnswerError: a planner from outside returns what is no answer.
@@ -26,9 +29,25 @@ def plan_through(planner: Planner[Any], problem: Problem, budget: Budget, progre
         kinds = ", ".join(dict.fromkeys(one.KEY for one in problem.path_constraints))
         detail = f"this planner does not hold path constraints ({kinds})"
         return PlanResult(None, Failure("unsupported", detail))
+    if problem.moving and (refused := _too_lively(planner, problem)):
+        return PlanResult(None, refused)
     if not problem.vias or planner.passes_vias:
-        return _answer(planner, problem, budget, progress)
+        return _answer(planner, problem, budget, progress, earlier)
     return leg_by_leg(planner, problem, budget, progress)
+
+
+def _too_lively(planner: Planner[Any], problem: Problem) -> Failure | None:
+    """What the problem states of the motion at its ends that the planner does not handle."""
+    goals = [goal.state for goal in problem.goal if isinstance(goal, JointGoal)]
+    for where, states in (("start", [problem.start_state]), ("goal", goals)):
+        for order, name in ((1, "a velocity"), (2, "an acceleration")):
+            if order > planner.end_derivatives and any((state.v, state.a)[order - 1].any() for state in states):
+                able = (
+                    "begins and ends at rest" if planner.end_derivatives == 0 else "holds velocities at its ends only"
+                )
+                detail = f"this planner {able}, and the problem states {name} at the {where}"
+                return Failure("unsupported", detail, {"end": where, "q": problem.start.tolist()})
+    return None
 
 
 def leg_by_leg(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
@@ -45,8 +64,8 @@ def leg_by_leg(planner: Planner[Any], problem: Problem, budget: Budget, progress
     infos: list[dict[str, Any]] = []
     seconds: Counter[str] = Counter()
     for k, goal in enumerate(ends):
-        start = legs[-1].end if legs else problem.start
-        leg = replace(problem, start=start, goal=goal, vias=())
+        leg = replace(problem, goal=goal, vias=())
+        leg = leg.with_start(legs[-1].end) if legs else leg
         share = budget.share(1.0 / (len(ends) - k))
         result = _answer(planner, leg, share, _part_of(progress, k, len(ends)))
         seconds.update(result.timings)
@@ -58,9 +77,15 @@ def leg_by_leg(planner: Planner[Any], problem: Problem, budget: Budget, progress
     return PlanResult(joined(legs), None, seconds, {"legs": infos, "cut_short": cut_short})
 
 
-def _answer(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+def _answer(
+    planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress, earlier: Trajectory | None = None
+) -> PlanResult:
     """What the planner answers, if it is an answer."""
-    result: Any = planner.plan(problem, budget, progress)
+    result: Any
+    if earlier is None:
+        result = planner.plan(problem, budget, progress)
+    else:
+        result = planner.replan(problem, earlier, budget, progress)
     found = described(result)
     if isinstance(result, PlanResult):
         motion, failure = result.trajectory, result.failure

@@ -127,7 +127,7 @@ class PointToPoint(Planner[Options]):
                 refused.append(error)
                 continue
             if isinstance(found, Trajectory):
-                notes = {"note": STEPS} if acceleration_steps(found, problem.limits) else {}
+                notes = {"note": STEPS} if acceleration_steps(found, problem) else {}
                 return PlanResult(found, None, watch.seconds, {"goal": k, **notes})
             refused.append(found)
         if budget.over:

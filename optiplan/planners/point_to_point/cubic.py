@@ -17,6 +17,8 @@ class Cubic(PointToPoint[EndOptions]):
 
     Options = EndOptions
 
+    end_derivatives = 1
+
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The cubic from the start to a goal (n,)."""
         return polynomial_profile(Family("cubic", CUBIC, ("velocity",)), self.options, problem, goal)

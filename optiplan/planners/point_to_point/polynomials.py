@@ -6,29 +6,25 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
-from optiplan.planners.option_schema import OptionError, option
+from optiplan.planners.option_schema import option
 from optiplan.planners.point_to_point.base import Profile, ProfileOptions
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.paths.hermite import Hermite
 from optiplan.trajectory.profiles.laws import PolynomialLaw
 from optiplan.trajectory.profiles.synchronisation import RestToRest
+from optiplan.trajectory.state import State
 
 _MOST = 1e7  # of an end velocity, acceleration or jerk
 
 
 @dataclass(frozen=True)
 class EndOptions(ProfileOptions):
-    """Also velocities at the ends, which a problem cannot state yet: all are zero."""
+    """Also velocities at the ends, where they are said once more: the problem states them."""
 
-    start_velocity: tuple[float, ...] | None = option(None, "rad/s or m/s, one a joint; zeros, or not given.")
+    start_velocity: tuple[float, ...] | None = option(
+        None, "rad/s or m/s, one a joint; None is what the problem states, and only that can be verified."
+    )
     end_velocity: tuple[float, ...] | None = option(None, "the same at the goal.")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name, value in {"start_velocity": self.start_velocity, "end_velocity": self.end_velocity}.items():
-            if value is not None and any(v != 0.0 for v in value):
-                expected = "zeros: problems start and end at rest, and only such motions can be verified"
-                raise OptionError(name, str(list(value)), expected)
 
 
 @dataclass(frozen=True)
@@ -41,16 +37,17 @@ class Family:
 
 
 def polynomial_profile(family: Family, options: ProfileOptions, problem: Problem, goal: Array) -> Profile:
-    """From the problem's start to a goal (n,), with the options' `start_velocity`, `end_velocity` … where given.
+    """From the problem's start to a goal (n,), in the states of motion that the problem states at both.
+
+    Accelerations and jerks at the ends are those of the options, where given.
 
     Raises:
-        InputError: other than a number for each joint, accelerations that the jerk limit forbids, or joints that do not
-            rest at an end and are not synchronised.
+        InputError: other than a number for each joint, rates that are not the problem's (an acceleration may be another
+            where jerk is not limited), or joints that do not rest at an end and are not synchronised.
     """
     names = problem.robot.joint_names
-    start = np.array([problem.start, *(_rate(family, options, problem, f"start_{rate}") for rate in family.rates)])
-    end = np.array([goal, *(_rate(family, options, problem, f"end_{rate}") for rate in family.rates)])
-    start, end = (_checked(family, problem, states, name) for states, name in ((start, "start"), (end, "end")))
+    start = _state(family, options, problem, "start", problem.start_state)
+    end = _state(family, options, problem, "end", problem.end_states(goal)[0])
     if not (start[1:].any() or end[1:].any()):
         return RestToRest(problem.start, goal, problem.limits, names, lambda _: family.law, options.motion)
     if options.motion != "synchronised":
@@ -58,22 +55,33 @@ def polynomial_profile(family: Family, options: ProfileOptions, problem: Problem
     return Hermite(start, end, problem.limits, names)
 
 
-def _checked(family: Family, problem: Problem, states: Array, end: str) -> Array:
-    """States (order, n) of one end, if the verifier can accept them: an acceleration there is a jump of it.
+def _state(family: Family, options: ProfileOptions, problem: Problem, end: str, stated: State) -> Array:
+    """Position and rates (order, n) at one end, if the verifier can accept them.
 
     Raises:
-        InputError: a joint with a jerk limit has an acceleration.
+        InputError: see `polynomial_profile`.
     """
-    if len(states) > 2 and (states[2][np.isfinite(problem.limits.jerk)] != 0.0).any():
-        expected = "zeros for joints with a finite jerk limit; `limits: {jerk: none}` in the problem allows others"
-        raise _issue(family, f"{end}_acceleration", f"{states[2].tolist()}", expected)
-    return states
+    rows = [stated.q]
+    for name in family.rates:
+        asked = _rate(family, options, problem, f"{end}_{name}")
+        rate = {"velocity": stated.v, "acceleration": stated.a, "jerk": np.zeros(stated.n)}[name]
+        rows.append(rate if asked is None else asked)
+        held = {"velocity": stated.v == stated.v, "jerk": stated.v != stated.v}.get(
+            name, np.isfinite(problem.limits.jerk) | (stated.a != 0.0)
+        )
+        if (rows[-1] != rate)[held].any():
+            place = "start" if end == "start" else "goal"
+            expected = f"those of the problem, {rate.tolist()}: say `{place}: {{joints: …, {name}: …}}` there"
+            if name == "acceleration":
+                expected += ", or `limits: {jerk: none}`, with which accelerations may jump"
+            raise _issue(family, f"{end}_{name}", f"{rows[-1].tolist()}", expected)
+    return np.array(rows)
 
 
-def _rate(family: Family, options: ProfileOptions, problem: Problem, name: str) -> Array:
+def _rate(family: Family, options: ProfileOptions, problem: Problem, name: str) -> Array | None:
     value = getattr(options, name)
     if value is None:
-        return np.zeros(problem.robot.n)
+        return None
     if len(value) != problem.robot.n or not (np.abs(value) <= _MOST).all():
         raise _issue(family, name, f"{list(value)}", f"{problem.robot.n} numbers up to {_MOST:g}, one for each joint")
     return np.array(value)

@@ -35,6 +35,8 @@ class Quintic(PointToPoint[QuinticOptions]):
 
     Options = QuinticOptions
 
+    end_derivatives = 2
+
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The polynomial above from the start to a goal (n,), still of any duration T."""
         family = Family("quintic", QUINTIC, ("velocity", "acceleration"))

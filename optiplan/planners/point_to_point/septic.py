@@ -29,6 +29,8 @@ class Septic(PointToPoint[SepticOptions]):
 
     Options = SepticOptions
 
+    end_derivatives = 2
+
     def profile(self, problem: Problem, goal: Array) -> Profile:
         """The polynomial of degree seven from the start to a goal (n,)."""
         family = Family("septic", SEPTIC, ("velocity", "acceleration", "jerk"))

@@ -1,6 +1,6 @@
 """One screw: the joint path that the chosen scheme finds for it, or the place where it fails."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import screw
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness
+from optiplan.planners.common.refused_path import refused_path
 from optiplan.planners.sclerp.interpolation import on_screw, through
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion, ScrewStepper, SteppedPath
@@ -33,7 +34,7 @@ class _Why(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class ScrewTask:
     """From `start` (n,), rad or m, to X_WG; a redundant arm is led to `goal` (n,), and must end there if `exact`.
 
     `info`, JSON-ready, is filled in on the way: steps of the scheme, quadratic programs, knots of the path.
@@ -59,7 +60,7 @@ class Task:
         return self.failure(s, q, why, {"joint": name, "limit": bound})
 
 
-def attempt(model: CollisionModel, task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
+def attempt(model: CollisionModel, task: ScrewTask, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
     """Free joint path q(s) within limits, twice continuously differentiable, or where and why there is none.
 
     Under `qp` the tool is within 1e-6 m and rad of its screw for all s; the other schemes go where they go.
@@ -71,16 +72,24 @@ def attempt(model: CollisionModel, task: Task, options: SclerpOptions, budget: B
     crossing = limit_crossing(path, task.tool.robot.limits)
     if crossing is not None:
         s, joint = crossing
-        return task.at_limit(s / path.duration, path(np.array([s]))[0], joint)
+        refused = task.at_limit(s / path.duration, path(np.array([s]))[0], joint)
+        return _shown(refused, path, s, model)
     touch = first_contact(model, path, lambda: budget.over)
     if touch is None:
         return path
     pair = touch.contact.pair
     why = _Why("collision", "obstacle", f"'{pair.name_a}' meets '{pair.name_b}'")
-    return task.failure(touch.t / path.duration, touch.q, why, contact_witness(touch.q, touch.contact))
+    refused = task.failure(touch.t / path.duration, touch.q, why, contact_witness(touch.q, touch.contact))
+    return _shown(refused, path, touch.t, model)
 
 
-def _by_quadratic_programs(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
+def _shown(failure: Failure, path: Trajectory, s: float, model: CollisionModel) -> Failure:
+    """Return the failure with the path that was refused at s, as a motion."""
+    shown = refused_path([path], 0, s, model.robot.limits)
+    return replace(failure, witness={**failure.witness, **shown})
+
+
+def _by_quadratic_programs(task: ScrewTask, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
     stepper = ScrewStepper(task.tool, ScrewMotion(task.tool.pose(task.start), task.X_WG), options, task.goal)
     stepped = stepper.step_along(task.start, options.iterations, lambda: budget.over)
     task.info.update(iterations=len(stepped.s) - 1, programs=stepped.programs)
@@ -97,7 +106,7 @@ def _by_quadratic_programs(task: Task, options: SclerpOptions, budget: Budget) -
     return path
 
 
-def _stopped(task: Task, stepper: ScrewStepper, stepped: SteppedPath, options: SclerpOptions) -> Failure:
+def _stopped(task: ScrewTask, stepper: ScrewStepper, stepped: SteppedPath, options: SclerpOptions) -> Failure:
     s, q = float(stepped.s[-1]), stepped.Q[-1]
     if stepped.blocked is not None:
         return task.at_limit(s, q, stepped.blocked)
@@ -108,7 +117,7 @@ def _stopped(task: Task, stepper: ScrewStepper, stepped: SteppedPath, options: S
     return stuck(Tracker(tool.robot, tool.frame, ahead, Aim()), s, q)
 
 
-def _by_iteration(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
+def _by_iteration(task: ScrewTask, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
     try:
         found = iterate_scheme(task.tool, task.start, task.X_WG, options, lambda: budget.over)
     except np.linalg.LinAlgError:
@@ -123,12 +132,12 @@ def _by_iteration(task: Task, options: SclerpOptions, budget: Budget) -> Traject
     return task.at_limit(s, q, int(np.argmax(found.hits.sum(axis=0) * found.hits[-1])))
 
 
-def _used_up(task: Task, s: float, q: Array, options: SclerpOptions) -> Failure:
+def _used_up(task: ScrewTask, s: float, q: Array, options: SclerpOptions) -> Failure:
     words = f"{options.iterations} steps of the scheme '{options.scheme}' do not lead to the goal"
     return task.failure(s, q, _Why("no-path", "iterations", words), {})
 
 
-def _share(task: Task, found: SchemeResult) -> float:
+def _share(task: ScrewTask, found: SchemeResult) -> float:
     """Return the share of the way made from start to goal, by the length of the twist that is left; 0 to 1."""
     left, whole = (
         float(np.linalg.norm(pin.log6(task.tool.pose(q).actInv(task.X_WG)))) for q in (found.Q[-1], found.Q[0])

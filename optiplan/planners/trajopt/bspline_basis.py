@@ -1,5 +1,6 @@
 """The curve that is optimised: a clamped B-spline q(u), u in [0, 1], run through in T seconds (t = u T)."""
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +12,10 @@ DEGREE = 4
 """Degree of the spline: its acceleration is smooth and its jerk continuous and linear in each span."""
 
 FIXED = 3
-"""Control points held at each end: equal ones make position, velocity (0) and acceleration (0) there."""
+"""Control points held at each end: they are its position, velocity and acceleration; equal ones at rest."""
+
+REACH = DEGREE + 1
+"""Neighbouring control points that a point of the curve depends on."""
 
 
 def bunched_breakpoints(spans: int, bunching: float) -> Array:
@@ -38,6 +42,8 @@ class SplineBasis:
         knots: (K + DEGREE + 1,) in [0, 1].
         derivative: matrices D_0 (the identity) to D_3, D_r of shape (K - r, K): control points of the r-th derivative
             with respect to u.
+        bounded: the rows of D_1 to D_3 that some free control point enters; the others are the given motion at the ends
+            (zeros at rest).
     """
 
     def __init__(self, breakpoints: Array) -> None:
@@ -51,6 +57,26 @@ class SplineBasis:
             count = self.size - order + 1
             width = knots[degree + 1 : degree + count] - knots[1:count]
             self.derivative.append(degree * np.diff(self.derivative[-1], axis=0) / width[:, None])
+        self.bounded = [rows[rows[:, self.free].any(axis=1)] for rows in self.derivative[1:]]
+
+    @property
+    def variables(self) -> int:
+        """Number M of control points that are not held."""
+        return self.size - 2 * FIXED
+
+    def by_variables(self, matrix: Array) -> Array:
+        """Return what a matrix (R, K) of the control points is for the variables: (R, M)."""
+        return matrix[:, self.free]
+
+    def moving(self, control: Array) -> Array:
+        """Return the variables (M, n) of control points (K, n)."""
+        return control[self.free]
+
+    def moved(self, control: Array, change: Array) -> Array:
+        """Return control points (K, n) with their variables changed by `change` (M, n)."""
+        result = control.copy()
+        result[self.free] += change
+        return result
 
     @cached_property
     def jerk_gram(self) -> Array:
@@ -66,14 +92,42 @@ class SplineBasis:
         knots = self.knots[order : len(self.knots) - order]
         return np.asarray(BSpline.design_matrix(np.clip(u, 0.0, 1.0), knots, degree) @ self.derivative[order])
 
-    def fit(self, u: Array, points: Array) -> Array:
-        """Fit control points (K, n) of the least-squares spline through points (N, n) at u (N,), at rest at both ends.
+    def ends(self, start: Array, end: Array) -> Array:
+        """Control points (6, n), three at each end, of q, dq/du and d²q/du² there: `start` and `end`, (3, n) each."""
+        first = np.array([rows[0, :FIXED] for rows in self.derivative[:FIXED]])
+        last = np.array([rows[-1, -FIXED:] for rows in self.derivative[:FIXED]])
+        return np.vstack([np.linalg.solve(first, start), np.linalg.solve(last, end)])
 
-        A small weight on the third derivative determines control points that no sample does.
+    @cached_property
+    def _end_shapes(self) -> Array:
+        """Control points (K, 6) of curves near the quintic polynomials of which one of the six values at the ends is 1.
+
+        These are q, dq/du and d²q/du² at u = 0, then at u = 1.
+        """
+        u = np.linspace(0.0, 1.0, 8 * self.size)
+        values = np.array(
+            [[math.perm(k, i) * at ** max(k - i, 0) for k in range(6)] for at in (0, 1) for i in range(3)]
+        )
+        shapes = np.linalg.inv(values)  # (6, 6): coefficients of each polynomial in a column
+        return self.fit(u, u[:, None] ** np.arange(6) @ shapes, self.ends(np.eye(6)[:3], np.eye(6)[3:]))
+
+    def moved_ends(self, control: Array, start: Array, end: Array) -> Array:
+        """The control points (K, n) of the curve that is bent smoothly to new ends, (3, n) each; see `ends`."""
+        rows = [self.derivative[order][at] for at in (0, -1) for order in range(FIXED)]
+        moved = control + self._end_shapes @ (np.vstack([start, end]) - np.array(rows) @ control)
+        ends = self.ends(start, end)
+        moved[:FIXED], moved[-FIXED:] = ends[:FIXED], ends[FIXED:]
+        return np.asarray(moved)
+
+    def fit(self, u: Array, points: Array, ends: Array | None = None) -> Array:
+        """Fit control points (K, n) of the least-squares spline through points (N, n) at u (N,).
+
+        At rest at both ends, or with the control points `ends` (6, n) there. A small weight on the third derivative
+        determines control points that no sample does.
         """
         basis = self.at(u)
         control = np.empty((self.size, points.shape[1]))
-        control[:FIXED], control[-FIXED:] = points[0], points[-1]
+        control[:FIXED], control[-FIXED:] = (points[0], points[-1]) if ends is None else (ends[:FIXED], ends[FIXED:])
         smooth = 1e-4 * self.derivative[3] / np.abs(self.derivative[3]).max()
         rows = np.vstack([basis, smooth])
         right = np.vstack([points, np.zeros((len(smooth), points.shape[1]))])
@@ -84,7 +138,7 @@ class SplineBasis:
     def shortest_duration(self, control: Array, bounds: tuple[Array, Array, Array]) -> float:
         """Return the least T, s, at which velocity, acceleration and jerk control points respect the bounds (n,)."""
         ratios = [
-            float((np.abs(self.derivative[order] @ control) / bounds[order - 1]).max()) ** (1.0 / order)
-            for order in (1, 2, 3)
+            float((np.abs(rows @ control) / bounds[order]).max()) ** (1.0 / (order + 1))
+            for order, rows in enumerate(self.bounded)
         ]
         return float(max(ratios))

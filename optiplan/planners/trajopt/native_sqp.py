@@ -10,8 +10,10 @@ from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.planners.trajopt import sqp
 from optiplan.planners.trajopt.native_step import GAP, native_spline
-from optiplan.planners.trajopt.sqp import Descended
-from optiplan.planners.trajopt.transcription import CUTOFF, Transcription
+from optiplan.planners.trajopt.sqp import Descended, GoOn
+from optiplan.planners.trajopt.terms.contacts import CENTIMETRE, CONTACT_PENALTY, CUTOFF
+from optiplan.planners.trajopt.terms.torques import TORQUE_PENALTY
+from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.robot.native_tree import native_tree
 
 
@@ -31,28 +33,35 @@ class NativeSqp:
             self._sqp = core.Sqp.among_bodies(spline, world, torque, CUTOFF, wishes, _settings())
         else:
             tree = native_tree(model.robot.model)
-            self._sqp = core.Sqp.among_others(spline, tree, torque, transcription.near, _settings())
+            self._sqp = core.Sqp.among_others(spline, tree, torque, transcription.contacts.near, _settings())
 
     def set_samples(self, u: Array) -> None:
         """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
         self.transcription.set_samples(u)
-        self._sqp.set_samples(self.transcription.u, *self.transcription.at)
+        samples = self.transcription.samples
+        self._sqp.set_samples(samples.u, *samples.at)
 
-    def optimise(
-        self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
+    def optimise(  # noqa: PLR0913
+        self,
+        control: Array,
+        iterations: int,
+        stop: Callable[[], bool],
+        best: float = inf,
+        longest: float = inf,
+        go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see `sqp.optimise`."""
         control, duration, _, missing, nearest, steps = self._sqp.optimise(
-            np.ascontiguousarray(control), iterations, stop, best, longest
+            np.ascontiguousarray(control), iterations, stop, best, longest, go_on
         )
         return Descended(control, duration, missing, nearest, steps)
 
 
 def _settings() -> dict[str, float]:
     return {
-        "contact_penalty": sqp.CONTACT_PENALTY,
-        "torque_penalty": sqp.TORQUE_PENALTY,
-        "centimetre": sqp.CENTIMETRE,
+        "contact_penalty": CONTACT_PENALTY,
+        "torque_penalty": TORQUE_PENALTY,
+        "centimetre": CENTIMETRE,
         "first_radius": sqp.FIRST_RADIUS,
         "least_radius": sqp.LEAST_RADIUS,
         "shrink": sqp.SHRINK,

@@ -9,7 +9,8 @@ import qpsolvers
 import scipy.sparse as sp
 
 from optiplan.arrays import Array
-from optiplan.planners.trajopt.transcription import SoftRows, Transcription
+from optiplan.planners.trajopt.terms.term import SoftRows
+from optiplan.planners.trajopt.transcription import Transcription
 
 REGULARISATION = 5e-3
 """Cost of the squared change of each control point, in the program's own variables: it makes it strictly convex."""
@@ -50,16 +51,18 @@ class Step(NamedTuple):
 
 
 class _Objective(NamedTuple):
-    """1/2 x' `quadratic` x + `linear`' x, of which `hessian` is the part shared with the merit."""
+    """1/2 x' `quadratic` x + `linear`' x, of which `hessian`, and `twice` by T, are shared with the merit."""
 
     quadratic: sp.csc_matrix
     linear: Array
     hessian: sp.csc_matrix
+    twice: float
 
     def cost(self, x: Array, count: int) -> float:
         """Return the model's change of the merit over T at the given slacks, without the regularisation."""
         moved, slack = x[:count], np.maximum(x[count + 1 :], 0.0)
         smooth = self.linear[: count + 1] @ x[: count + 1] + 0.5 * moved @ (self.hessian @ moved)
+        smooth += 0.5 * self.twice * x[count] ** 2
         return float(smooth + self.linear[count + 1 :] @ slack)
 
 
@@ -77,9 +80,9 @@ class Subproblem:
     def __init__(self, transcription: Transcription, solver: str) -> None:
         self.transcription, self.solver = transcription, solver
         basis, bounds = transcription.basis, transcription.rates
-        self._rows = np.vstack(basis.derivative[1:])  # (R, K)
-        self._free_rows = self._rows[:, basis.free]  # (R, M)
-        self._order = np.concatenate([np.full(len(basis.derivative[r]), r) for r in (1, 2, 3)])  # (R,)
+        self._rows = np.vstack(basis.bounded)  # (R, K)
+        self._free_rows = basis.by_variables(self._rows)  # (R, M)
+        self._order = np.repeat([1, 2, 3], [len(rows) for rows in basis.bounded])  # (R,)
         self._limit = np.array(bounds)[self._order - 1]  # (R, n)
         self._met = np.zeros((2, *self._limit.shape), dtype=bool)  # rows exceeded by an earlier solution
 
@@ -95,8 +98,8 @@ class Subproblem:
             radius: of the trust region, in shares of v_j `span`.
             span: s.
         """
-        free, limits = self.transcription.basis.free, self.transcription.limits
-        moving = control[free]
+        basis, limits = self.transcription.basis, self.transcription.limits
+        moving = basis.moving(control)
         scale, count = np.tile(limits.velocity * span, len(moving)), moving.size
         within = [part._replace(rows=_within_reach(part.rows, scale * radius, duration)) for part in soft]
         soft_rows, soft_right, prices = _soft(within, scale, duration)
@@ -117,9 +120,8 @@ class Subproblem:
             x = solution.x
             if not solution.found or x is None:
                 return None
-            change = np.zeros_like(control)
-            change[free] = (x[:count] * scale).reshape(moving.shape)
-            after = share + (self._rows @ change) / (self._limit * duration ** self._order[:, None])
+            change = (x[:count] * scale).reshape(moving.shape)
+            after = share + (self._free_rows @ change) / (self._limit * duration ** self._order[:, None])
             allowed = 1.0 + self._order[:, None] * x[count] + EXCEEDED
             beyond = (np.stack([after, -after]) > allowed) & ~wanted
             if not beyond.any():
@@ -128,16 +130,20 @@ class Subproblem:
             self._met |= beyond
         now = sum(part.cost() for part in soft) / duration
         promise = duration * (now - program.cost(x, count))
-        return Step(control + change, duration * (1.0 + float(x[count])), float(promise))
+        return Step(basis.moved(control, change), duration * (1.0 + float(x[count])), float(promise))
 
     def _program(self, control: Array, duration: float, scale: Array, prices: Array) -> "_Objective":
-        """Return the objective: time, jerk and the slacks' prices, over T, with a small regularisation."""
-        jerk, weight = self.transcription.jerk_cost(control, duration), self.transcription.objective.time
-        hessian = jerk.hessian.multiply(scale[:, None]).multiply(scale[None, :]) / duration
+        """Return the objective: time, costs and the slacks' prices, over T, with a small regularisation."""
+        costs = self.transcription.cost_model(self.transcription.curve(control, duration))
+        weight = self.transcription.objective.time
+        hessian = costs.hessian().multiply(scale[:, None]).multiply(scale[None, :]) / duration
         curvature = hessian + REGULARISATION * sp.eye(len(scale))
-        quadratic = sp.block_diag([curvature, 1e-6 * sp.eye(len(prices) + 1)], format="csc")
-        linear = np.concatenate([jerk.gradient * scale / duration, [weight + jerk.by_duration], prices / duration])
-        return _Objective(quadratic, linear, hessian)
+        twice = costs.twice_by_duration * duration
+        flat = 1e-6 * np.ones(len(prices) + 1)
+        flat[0] += twice
+        quadratic = sp.block_diag([curvature, sp.diags(flat)], format="csc")
+        linear = np.concatenate([costs.gradient * scale / duration, [weight + costs.by_duration], prices / duration])
+        return _Objective(quadratic, linear, hessian, twice)
 
     def _hard(self, wanted: npt.NDArray[np.bool_], share: Array, scale: Array, duration: float) -> tuple[Array, Array]:
         """Return rows (k, M n + 1), right sides (k,) of the wanted (2, R, n) derivative control points, both signs."""

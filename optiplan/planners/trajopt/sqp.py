@@ -1,6 +1,6 @@
 """Sequential quadratic programming with an l1 exact penalty, a trust region and a watchdog."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from typing import NamedTuple, Protocol
@@ -8,15 +8,9 @@ from typing import NamedTuple, Protocol
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.native_step import StepSolver
 from optiplan.planners.trajopt.qp import Penalty, Step
-from optiplan.planners.trajopt.transcription import SoftRows, Transcription
-
-CONTACT_PENALTY = 0.5
-"""Cost of a missing centimetre of clearance at one sample, as a share of the duration that the curve begins with."""
-
-TORQUE_PENALTY = 2.0
-"""Cost of a torque that exceeds its limit by the limit itself at one sample, likewise."""
-
-CENTIMETRE = 0.01
+from optiplan.planners.trajopt.terms.contacts import CENTIMETRE
+from optiplan.planners.trajopt.terms.term import SoftRows, Term
+from optiplan.planners.trajopt.transcription import Transcription
 
 FIRST_RADIUS, LEAST_RADIUS = 0.1, 3e-5
 """Trust region on every control point, as a share of what its joint can travel at full speed in that duration."""
@@ -29,7 +23,7 @@ MAX_VIOLATION = 0.05
 STUCK = 0.01
 """Clearance violation, m, likewise, above which a curve whose violation no longer decreases is given up."""
 
-STALLED, HALVED = 8, 0.5
+STALLED, HALVED = 5, 0.5
 """Steps within which the clearance violation of a stuck curve must fall to this share."""
 
 SLOW, WORSE = 30, 1.5
@@ -37,6 +31,11 @@ SLOW, WORSE = 30, 1.5
 
 GROWN = 2.0
 """Times its first duration that a curve may take then: those that wind around things seldom become good."""
+
+
+GoOn = Callable[[Array, float], bool]
+"""(control (K, n), duration) of the first curve of a descent on which all rows hold, where they did not on the initial
+one -> whether to descend from it; asked once."""
 
 
 class Descended(NamedTuple):
@@ -63,8 +62,14 @@ class Descender(Protocol):
     def set_samples(self, u: Array) -> None:
         """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
 
-    def optimise(
-        self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
+    def optimise(  # noqa: PLR0913
+        self,
+        control: Array,
+        iterations: int,
+        stop: Callable[[], bool],
+        best: float = inf,
+        longest: float = inf,
+        go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see the function `optimise`."""
 
@@ -79,65 +84,86 @@ class Sqp:
         """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
         self.subproblem.transcription.set_samples(u)
 
-    def optimise(
-        self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
+    def optimise(  # noqa: PLR0913
+        self,
+        control: Array,
+        iterations: int,
+        stop: Callable[[], bool],
+        best: float = inf,
+        longest: float = inf,
+        go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see the function `optimise`."""
-        point, steps = optimise(self.subproblem, control, iterations, stop, best, longest)
-        nearest = float(point.contacts.value.min(initial=inf))
-        return Descended(point.control, point.duration, point.contacts.violation(), nearest, steps)
+        point, steps = optimise(self.subproblem, control, iterations, stop, best, longest, go_on)
+        return Descended(point.control, point.duration, point.missing, point.nearest, steps)
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A curve with its linearised inequalities and its merit: weighted time and jerk plus penalties.
+    """A curve with its linearised inequalities and its merit: its cost plus penalties.
 
     Attributes:
         control: (K, n), rad or m.
         duration: s.
+        terms: of the transcription.
+        rows: of each of them.
         span: s, scale of prices and trust region: the duration of the initial curve.
     """
 
     control: Array
     duration: float
-    contacts: SoftRows
-    torques: SoftRows
+    terms: tuple[Term, ...]
+    rows: tuple[SoftRows, ...]
     merit: float
     span: float
 
     @property
     def soft(self) -> list[Penalty]:
-        """Return the rows with the penalty of each kind."""
-        return penalties(self.contacts, self.torques, self.span)
+        """Return the rows with the penalty of each term."""
+        return penalties(self.terms, self.rows, self.span)
 
     @property
     def feasible(self) -> bool:
-        """Return whether the violations of clearance (0.1 mm over all samples) and torque are negligible."""
-        return self.contacts.violation() < 1e-4 and self.torques.violation() < 0.01
+        """Return whether the violations of all terms are negligible."""
+        return all(rows.violation() < term.negligible for term, rows in zip(self.terms, self.rows, strict=True))
+
+    @property
+    def missing(self) -> float:
+        """Violation summed over the samples of the terms that decide whether to go on; as much clearance, m."""
+        return CENTIMETRE * sum(rows.violation() / term.unit for term, rows in self._deciding())
+
+    @property
+    def nearest(self) -> float:
+        """Least value of a row of these terms; as much clearance, m."""
+        return min((CENTIMETRE / term.unit * float(rows.value.min(initial=inf)) for term, rows in self._deciding()))
+
+    def _deciding(self) -> list[tuple[Term, SoftRows]]:
+        return [(term, rows) for term, rows in zip(self.terms, self.rows, strict=True) if term.decides]
 
 
-def penalties(contacts: SoftRows, torques: SoftRows, span: float) -> list[Penalty]:
+def penalties(terms: Sequence[Term], rows: Sequence[SoftRows], span: float) -> list[Penalty]:
     """Return the penalties of violations, in s, in a motion of about `span` s."""
-    return [Penalty(contacts, CONTACT_PENALTY * span, CENTIMETRE), Penalty(torques, TORQUE_PENALTY * span, 1.0)]
+    return [Penalty(found, term.price * span, term.unit) for term, found in zip(terms, rows, strict=True)]
 
 
 def evaluate(transcription: Transcription, control: Array, duration: float, span: float | None = None) -> Point:
     """Evaluate the curve at a duration that its derivative control points allow; `span` is that by default."""
     duration = max(duration, transcription.basis.shortest_duration(control, transcription.rates))
     span = span or duration
-    contacts, torques = transcription.contacts(control), transcription.torques(control, duration)
-    merit = transcription.objective.time * duration + transcription.jerk_cost(control, duration).cost
-    merit += sum(part.cost() for part in penalties(contacts, torques, span))
-    return Point(control, duration, contacts, torques, merit, span)
+    curve, terms = transcription.curve(control, duration), transcription.terms
+    rows = tuple(term.rows(curve) for term in terms)
+    merit = transcription.cost(curve) + sum(part.cost() for part in penalties(terms, rows, span))
+    return Point(control, duration, terms, rows, merit, span)
 
 
-def optimise(  # noqa: PLR0913
+def optimise(  # noqa: C901, PLR0913
     subproblem: StepSolver,
     control: Array,
     iterations: int,
     stop: Callable[[], bool],
     best: float = inf,
     longest: float = inf,
+    go_on: GoOn | None = None,
 ) -> tuple[Point, int]:
     """Descend from control points (K, n) until a step gains less than 0.2 %; return the point and the steps taken.
 
@@ -146,15 +172,17 @@ def optimise(  # noqa: PLR0913
     Chamberlain et al., Mathematical Programming Study 16, 1982): curved constraints make good steps look bad, and the
     second step often repairs it. Where it does not, both are undone and the trust region shrinks to 35 %. A curve
     whose clearance violation has hardly decreased in several steps is given up, and so is one that after 30 steps takes
-    longer than `longest`, s, or costs more than 1.5 times the `best` motion known, s.
+    longer than `longest`, s, or costs more than 1.5 times the `best` motion known, s. `go_on` may end it at the first
+    curve on which all rows hold.
     """
     transcription = subproblem.transcription
     point, taken, radius = evaluate(transcription, control, 0.0), 0, FIRST_RADIUS
     missing: list[float] = []
+    ask = None if point.feasible else go_on
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
         if taken >= SLOW and (point.merit > WORSE * best or point.duration > longest):
             break
-        missing.append(point.contacts.violation())
+        missing.append(point.missing)
         step = subproblem.solve(point.control, point.duration, point.soft, radius, point.span)
         taken += 1
         if step is None:
@@ -169,8 +197,7 @@ def optimise(  # noqa: PLR0913
         gain = point.merit - trial.merit
         if gain <= 0.1 * step.promise:
             radius *= SHRINK
-            if transcription.watch(trial.torques):
-                point = replace(point, torques=transcription.torques(point.control, point.duration))
+            point = _watching(transcription, point, trial)
             continue
         settled = gain < 0.002 * point.duration and trial.feasible
         point = trial
@@ -178,6 +205,10 @@ def optimise(  # noqa: PLR0913
             radius *= 2.0
         if settled:
             break
+        if ask is not None and point.feasible:
+            if not ask(point.control, point.duration):
+                break
+            ask = None
     return point, taken
 
 
@@ -193,7 +224,18 @@ def _second(subproblem: StepSolver, trial: Point, radius: float) -> Point:
     return again if again.merit < trial.merit else trial
 
 
+def _watching(transcription: Transcription, point: Point, trial: Point) -> Point:
+    """Return the point with the rows that a rejected trial point showed to matter."""
+    new = [term.watch(rows) for term, rows in zip(point.terms, trial.rows, strict=True)]
+    if not any(new):
+        return point
+    curve = transcription.curve(point.control, point.duration)
+    fresh = zip(point.terms, point.rows, new, strict=True)
+    return replace(point, rows=tuple(term.rows(curve) if again else rows for term, rows, again in fresh))
+
+
 def _follow(transcription: Transcription, point: Point, step: Step) -> Point:
-    # Where no torque binds, the derivative control points alone determine the least T.
-    duration = step.duration if len(point.torques.value) else 0.0
+    # Where nothing else asks for time, the derivative control points alone determine the least T.
+    timed = any(rows.by_duration.any() for rows in point.rows) or any(cost.timed for cost in transcription.costs)
+    duration = step.duration if timed else 0.0
     return evaluate(transcription, step.control, duration, point.span)

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.planners.base import Budget, Candidate, Planner, PlanResult, Progress
+from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.via_legs import leg_by_leg
 from optiplan.planners.vias.rounded import Rounded, RoundedOptions
+from optiplan.problem.constraints.statements import WHOLE
 from optiplan.problem.problem import Problem
 
 _LEGS = 0.5
@@ -25,23 +26,30 @@ _CORNERS = [
 def through_vias(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
     """Plan leg by leg, then along straight lines with corners of several sizes, and return the best of these motions.
 
+    Path constraints, which hold all along, are held by the legs; straight lines with corners know nothing of them.
+
     Args:
         planner: plans the legs.
         problem: with vias.
         budget: half of it is for the legs.
         progress: called with the stages.
     """
+    if any(tuple(one.during) != WHOLE for one in problem.path_constraints):
+        detail = "this planner holds constraints on a part of the motion only where there are no vias"
+        return PlanResult(failure=Failure("unsupported", detail))
     began = time.perf_counter()
     legs = leg_by_leg(planner, problem, budget.share(_LEGS), progress)
+    objective = problem.objective_parts()
     seconds, candidates, best = Counter(legs.timings), list[Candidate](), np.inf
     found = [Candidate(legs.trajectory, time.perf_counter() - began)] if legs.trajectory is not None else []
     for k in range(len(_CORNERS) + 1):
         for candidate in found:
-            cost = problem.objective.cost(candidate.trajectory)
+            cost = objective.cost(candidate.trajectory)
             if cost < best:
                 best = cost
                 candidates.append(candidate)
-        if k == len(_CORNERS) or budget.over:
+        # Rounded lines begin and end at rest, and hold no constraint.
+        if k == len(_CORNERS) or budget.over or problem.moving or problem.path_constraints:
             break
         progress("rounded corners", k / len(_CORNERS))
         rounded = Rounded(_CORNERS[k]).plan(problem, budget, lambda stage, share: None)

@@ -11,6 +11,7 @@ from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progres
 from optiplan.planners.common.context import Work
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness, out_of_time, too_heavy
+from optiplan.planners.common.refused_path import refused_path
 from optiplan.planners.common.via_legs import joined
 from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.planners.vias.via_chains import distinct, ranked_chains
@@ -80,7 +81,7 @@ class Rounded(Planner[RoundedOptions]):
         deviation, refused = self.options.deviation, None
         for _ in range(_HALVINGS + 1):
             sections = self._sections(work.problem, chain, deviation)
-            refused = next((failure for path in sections if (failure := _refused(work, path)) is not None), None)
+            refused = _refused(work, sections)
             if refused is None or work.budget.over:
                 break
             deviation = max(0.5 * deviation, _SHARPEST)
@@ -104,11 +105,14 @@ class Rounded(Planner[RoundedOptions]):
         return sections
 
 
-def _refused(work: Work, path: Trajectory) -> Failure | None:
-    """Why a path is not free; its place on it is not told, because its parameter means nothing to anybody."""
-    touch = first_contact(work.model, path, lambda: work.budget.over)
-    if touch is None:
-        return None
-    pair = touch.contact.pair
-    detail = f"the rounded path is not free: '{pair.name_a}' meets '{pair.name_b}'"
-    return Failure("collision", detail, contact_witness(touch.q, touch.contact))
+def _refused(work: Work, sections: list[Trajectory]) -> Failure | None:
+    """Why a path in sections is not free; its parameter is not told, because that means nothing to anybody."""
+    for k, section in enumerate(sections):
+        touch = first_contact(work.model, section, lambda: work.budget.over)
+        if touch is None:
+            continue
+        pair = touch.contact.pair
+        detail = f"the rounded path is not free: '{pair.name_a}' meets '{pair.name_b}'"
+        shown = refused_path(sections, k, touch.t, work.problem.limits)
+        return Failure("collision", detail, contact_witness(touch.q, touch.contact) | shown)
+    return None

@@ -2,21 +2,27 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.problem.constraints.base import circle_of
 from optiplan.problem.constraints.statements import (
+    FixedOrientation,
+    JointCoupling,
+    LookAt,
+    OnArc,
+    OnCircle,
     OnLine,
     OnPlane,
+    OnScrew,
     OrientationCone,
-    PairClearance,
     PathConstraint,
     PositionBox,
     RelativePose,
-    ToolSpeed,
+    frame_of,
 )
 from optiplan.robot.robot import Robot
 
@@ -25,20 +31,24 @@ ROUNDING = 1e-9
 
 Feature = Literal["point", "axis", "rotation"]
 
+Growth = Callable[[Array, Array, Array], Array]
+
 
 @dataclass(frozen=True, eq=False)
 class Measure:
-    """A convex function of the coordinates of a frame's pose, that must not exceed a limit.
+    """A function of the coordinates of a frame's pose that must not exceed a limit.
 
     Attributes:
         quantity: what it is, for people.
         unit: m or rad, of what `told` gives.
         limit: of the value.
-        feature: which coordinates it is a function of: the origin (3,) of the frame (`point`), a unit vector fixed to
-            it (`axis`), or its rotation matrix, nine numbers (`rotation`). No step of these changes the value by more
-            than the length of the step.
+        feature: which coordinates it is a convex function of: the origin (3,) of the frame (`point`), a unit vector
+            fixed to it (`axis`), or its rotation matrix, nine numbers (`rotation`). No step of these changes the value
+            by more than the length of the step.
         value: of poses (N, 4, 4): (N,).
         told: the value, or the limit, in the words of the constraint: metres as they are, chords as angles.
+        growth: of a function that is not convex: by how much it grows at most from poses (N, 4, 4) on when the origin
+            travels by at most (N,) m and the frame turns by at most (N,) rad.
     """
 
     quantity: str
@@ -47,44 +57,28 @@ class Measure:
     feature: Feature
     value: Callable[[Array], Array]
     told: Callable[[float], float] = float
+    growth: Growth | None = None
 
 
 def measures(one: PathConstraint) -> list[Measure]:
-    """Return what a constraint of poses measures; nothing for those of speeds and of pairs.
+    """Return what a constraint of poses measures; nothing for those of speeds, joints and pairs.
 
     An angle between unit vectors a and b is told by its chord, |a - b| = 2 sin(angle / 2), and one between rotations by
     |R - S|_F = 2 sqrt(2) sin(angle / 2): convex in the coordinates, as angles are not.
     """
-    if isinstance(one, OrientationCone):
-        return [_cone(one)]
-    if isinstance(one, PositionBox):
-        inverse, half = np.linalg.inv(one.X_WC.homogeneous), 0.5 * np.asarray(one.size)
-
-        def outside(X: Array) -> Array:
-            local = X[:, :3, 3] @ inverse[:3, :3].T + inverse[:3, 3]
-            return np.asarray((np.abs(local) - half).max(axis=1))
-
-        return [Measure("out of the box", "m", 0.0, "point", outside)]
-    if isinstance(one, OnPlane):
-        return [
-            Measure("off the plane", "m", one.within, "point", lambda X: np.abs(X[:, :3, 3] @ one.normal - one.offset))
-        ]
-    if isinstance(one, OnLine):
-        return [Measure("off the line", "m", one.within, "point", lambda X: _to_segment(X[:, :3, 3], one))]
-    return _relative(one) if isinstance(one, RelativePose) else []
+    make = _KINDS.get(type(one))
+    return [] if make is None else make(one)
 
 
 def broken(one: PathConstraint, robot: Robot, q: Array) -> list[str]:
     """Return in words what a configuration q (n,) violates, with both values."""
+    if isinstance(one, JointCoupling):
+        return _uncoupled(one, robot, q)
     own = measures(one)
-    if not own or isinstance(one, ToolSpeed | PairClearance):
+    if not own:
         return []
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    X = data.oMf[robot.frame_id(one.frame)]
-    if isinstance(one, RelativePose):
-        X = data.oMf[robot.frame_id(one.to)].inverse() * X
-    values = [(each, float(each.value(X.homogeneous[None])[0])) for each in own]
+    X = FramePoses.of(robot, one)(q[None])
+    values = [(each, float(each.value(X)[0])) for each in own]
     return [
         f"{each.quantity} by {each.told(value):.4g} {each.unit} of {each.told(each.limit):.4g} {each.unit} allowed"
         for each, value in values
@@ -92,11 +86,137 @@ def broken(one: PathConstraint, robot: Robot, q: Array) -> list[str]:
     ]
 
 
-def _cone(one: OrientationCone) -> Measure:
+def _uncoupled(one: JointCoupling, robot: Robot, q: Array) -> list[str]:
+    names = list(robot.joint_names)
+    off = abs(sum(weight * float(q[names.index(name)]) for name, weight in one.joints.items()) - one.equals)
+    return [] if off <= one.within + ROUNDING else [f"uncoupled by {off:.4g} of {one.within:.4g} allowed"]
+
+
+class FramePoses:
+    """Poses of a frame in the world, or in another frame."""
+
+    def __init__(self, robot: Robot, frame: str, base: str | None = None) -> None:
+        self._model, self._data = robot.model, robot.model.createData()
+        self._frame = robot.frame_id(frame)
+        self._base = None if base is None else robot.frame_id(base)
+
+    @classmethod
+    def of(cls, robot: Robot, one: PathConstraint) -> "FramePoses":
+        """Return the poses that a constraint of one is about."""
+        frame = frame_of(one)
+        if frame is None:
+            raise TypeError(f"{one.KEY} is not about a frame")
+        return cls(robot, frame, one.to if isinstance(one, RelativePose) else None)
+
+    def __call__(self, Q: Array) -> Array:
+        """Return X (N, 4, 4) at configurations Q (N, n)."""
+        found = np.empty((len(Q), 4, 4))
+        for k, q in enumerate(Q):
+            pin.framesForwardKinematics(self._model, self._data, q)
+            X = self._data.oMf[self._frame]
+            found[k] = (X if self._base is None else self._data.oMf[self._base].inverse() * X).homogeneous
+        return found
+
+
+def _cone(one: OrientationCone) -> list[Measure]:
     def chord(X: Array) -> Array:
         return np.asarray(np.linalg.norm(X[:, :3, :3] @ one.axis - one.toward, axis=1))
 
-    return Measure("tilted", "rad", 2.0 * np.sin(0.5 * min(one.within, np.pi)), "axis", chord, _of_chord)
+    return [Measure("tilted", "rad", _chord(one.within), "axis", chord, _of_chord)]
+
+
+def _box(one: PositionBox) -> list[Measure]:
+    inverse, half = np.linalg.inv(one.X_WC.homogeneous), 0.5 * np.asarray(one.size)
+
+    def outside(X: Array) -> Array:
+        local = X[:, :3, 3] @ inverse[:3, :3].T + inverse[:3, 3]
+        return np.asarray((np.abs(local) - half).max(axis=1))
+
+    return [Measure("out of the box", "m", 0.0, "point", outside)]
+
+
+def _plane(one: OnPlane) -> list[Measure]:
+    return [Measure("off the plane", "m", one.within, "point", lambda X: np.abs(X[:, :3, 3] @ one.normal - one.offset))]
+
+
+def _line(one: OnLine) -> list[Measure]:
+    return [Measure("off the line", "m", one.within, "point", lambda X: _to_segment(X[:, :3, 3], one))]
+
+
+def _circle(one: OnCircle) -> list[Measure]:
+    def off(X: Array) -> Array:
+        return _to_circle(X[:, :3, 3] - one.centre, one.normal, one.radius)
+
+    return [Measure("off the circle", "m", one.within, "point", off, growth=_travel)]
+
+
+def _arc(one: OnArc) -> list[Measure]:
+    centre, normal, radius, angle = circle_of(one.start, one.through, one.end)
+    x = (one.start - centre) / radius
+    y = np.cross(normal, x)
+
+    def off(X: Array) -> Array:
+        p = X[:, :3, 3]
+        inside = np.arctan2((p - centre) @ y, (p - centre) @ x) % (2.0 * np.pi) <= angle
+        ends = np.minimum(*(np.linalg.norm(p - end, axis=1) for end in (one.start, one.end)))
+        return np.where(inside, _to_circle(p - centre, normal, radius), ends)
+
+    return [Measure("off the arc", "m", one.within, "point", off, growth=_travel)]
+
+
+def _screw(one: OnScrew) -> list[Measure]:
+    """Return the distance from the pose of the screw that is turned as the frame is, as a share of the tolerances.
+
+    That pose is on the screw whatever the turn, so the distance bounds that from the screw; with the same turn it grows
+    by no more than the frame moves.
+    """
+    R, p = np.asarray(one.X_WF.rotation), np.asarray(one.X_WF.translation) - one.point
+
+    def share(X: Array) -> Array:
+        D = X[:, :3, :3] @ R.T
+        skew = np.stack([D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], axis=1)
+        sine = 0.5 * skew @ one.axis
+        cosine = 0.5 * (np.trace(D, axis1=1, axis2=2) - one.axis @ (D @ one.axis).T)
+        turn = np.arctan2(sine, cosine)
+        slid = (X[:, :3, 3] - one.point - p) @ one.axis
+        if one.pitch != 0.0:  # of several turns the one that slides as far
+            turn = turn + 2.0 * np.pi * np.round((slid / one.pitch - turn) / (2.0 * np.pi))
+        rotation = np.array([pin.exp3(one.axis * t) for t in turn])
+        wanted = one.point + rotation @ p + one.pitch * turn[:, None] * one.axis
+        off = np.linalg.norm(X[:, :3, 3] - wanted, axis=1) / one.position
+        chord = np.linalg.norm((X[:, :3, :3] - rotation @ R).reshape(len(X), 9), axis=1) / np.sqrt(2.0)
+        return np.asarray(np.maximum(off, chord / _chord(one.orientation)))
+
+    def growth(X: Array, travel: Array, turn: Array) -> Array:
+        return np.asarray(np.maximum(travel / one.position, turn / _chord(one.orientation)))
+
+    return [Measure("off the screw", "of its tolerance", 1.0, "point", share, growth=growth)]
+
+
+def _fixed(one: FixedOrientation) -> list[Measure]:
+    R = np.asarray(one.R_WF)
+
+    def turned(X: Array) -> Array:
+        return np.asarray(np.linalg.norm((X[:, :3, :3] - R).reshape(len(X), 9), axis=1))
+
+    return [Measure("turned", "rad", np.sqrt(2.0) * _chord(one.within), "rotation", turned, _of_chord_of_rotation)]
+
+
+def _look(one: LookAt) -> list[Measure]:
+    def sight(X: Array) -> tuple[Array, Array]:
+        ray = one.target - X[:, :3, 3]
+        distance = np.linalg.norm(ray, axis=1)
+        axis = X[:, :3, :3] @ one.axis
+        across = np.linalg.norm(np.cross(axis, ray), axis=1)
+        return np.arctan2(across, np.einsum("ni,ni->n", axis, ray)), distance
+
+    def growth(X: Array, travel: Array, turn: Array) -> Array:
+        """A target at distance d is seen at most asin(travel / d) elsewhere."""
+        distance = sight(X)[1]
+        share = np.divide(travel, distance, out=np.ones_like(travel), where=distance > travel)
+        return np.asarray(turn + np.where(distance > travel, np.arcsin(share), np.pi))
+
+    return [Measure("looking aside", "rad", one.within, "axis", lambda X: sight(X)[0], growth=growth)]
 
 
 def _relative(one: RelativePose) -> list[Measure]:
@@ -105,10 +225,10 @@ def _relative(one: RelativePose) -> list[Measure]:
     def turned(X: Array) -> Array:
         return np.asarray(np.linalg.norm((X[:, :3, :3] - R).reshape(len(X), 9), axis=1))
 
-    limit = 2.0 * np.sqrt(2.0) * np.sin(0.5 * min(one.orientation, np.pi))
+    limit = np.sqrt(2.0) * _chord(one.orientation)
     return [
         Measure("off its position", "m", one.position, "point", lambda X: np.linalg.norm(X[:, :3, 3] - p, axis=1)),
-        Measure("turned", "rad", limit, "rotation", turned, lambda value: _of_chord(value / np.sqrt(2.0))),
+        Measure("turned", "rad", limit, "rotation", turned, _of_chord_of_rotation),
     ]
 
 
@@ -120,5 +240,39 @@ def _to_segment(points: Array, one: OnLine) -> Array:
     return np.asarray(np.linalg.norm(points - one.start - share[:, None] * along, axis=1))
 
 
+def _to_circle(p: Array, normal: Array, radius: float) -> Array:
+    """Distances (N,), m, of points (N, 3) from a circle about the origin."""
+    height = p @ normal
+    across = np.linalg.norm(p - height[:, None] * normal, axis=1)
+    return np.asarray(np.hypot(across - radius, height))
+
+
+def _travel(X: Array, travel: Array, turn: Array) -> Array:
+    """Return how far a distance from a fixed set of points grows: as far as the point travels."""
+    return travel
+
+
+def _chord(angle: float) -> float:
+    return 2.0 * float(np.sin(0.5 * min(angle, np.pi)))
+
+
 def _of_chord(value: float) -> float:
     return 2.0 * float(np.arcsin(min(1.0, max(0.0, 0.5 * value))))
+
+
+def _of_chord_of_rotation(value: float) -> float:
+    return _of_chord(value / np.sqrt(2.0))
+
+
+_KINDS: dict[type[Any], Callable[[Any], list[Measure]]] = {
+    OrientationCone: _cone,
+    PositionBox: _box,
+    OnPlane: _plane,
+    OnLine: _line,
+    OnCircle: _circle,
+    OnArc: _arc,
+    OnScrew: _screw,
+    FixedOrientation: _fixed,
+    LookAt: _look,
+    RelativePose: _relative,
+}

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from optiplan.geometry.mesh_bodies import triangle_mesh
+from optiplan.geometry.file_shapes import triangle_mesh
 from optiplan.geometry.meshes.reading import MeshFile, open_mesh, prepare, read_mesh
 
 Place = tuple[str, int]

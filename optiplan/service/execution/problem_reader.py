@@ -13,7 +13,7 @@ from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import reading
 from optiplan.planners.registry import PLANNERS, make_planner
 from optiplan.problem.from_data import read_problem
-from optiplan.problem.hashing import meshes_of
+from optiplan.problem.hashing import shape_files_of
 from optiplan.problem.problem import Problem
 from optiplan.resources import robots_dir
 from optiplan.robot.robot import Robot, load_robot, robot_names
@@ -39,10 +39,13 @@ class ProblemReader:
         base: folder that files named in problems are relative to.
         folders: the only ones, besides the robots that come along, from which files are read.
         bodies: most obstacles and held objects of one problem.
+
+    Attributes:
+        folders: all that files are read from.
     """
 
     def __init__(self, base: Path, folders: list[Path], bodies: int) -> None:
-        self._base, self._folders, self._bodies = base, [*folders, robots_dir()], bodies
+        self._base, self.folders, self._bodies = base, [*folders, robots_dir()], bodies
         self._robots: dict[str, Robot] = {}
         self._names = set(robot_names())
         self._problems: dict[str, Problem] = {}
@@ -59,7 +62,7 @@ class ProblemReader:
         asked = [request["problem"], request.get("name"), request.get("start"), request.get("goal")]
         key = hashlib.sha256(json.dumps(asked).encode("utf-8", "surrogatepass")).hexdigest()
         problem = self._problems.pop(key, None) or self._load(request)
-        if _name(problem) in self._names and not any(meshes_of(problem.source)):
+        if _name(problem) in self._names and not any(shape_files_of(problem.source)):
             self._problems[key] = problem  # the last one used is the last to go
             if len(self._problems) > KEPT:
                 del self._problems[next(iter(self._problems))]
@@ -80,7 +83,15 @@ class ProblemReader:
         except UnknownChoiceError as error:
             field = "planner" if error.kind == "planner" else f"planner.{error.found}"
             raise InputError(
-                [Issue("request", None, field, f"unknown {error.kind}", choices(error.found, error.choices))]
+                [
+                    Issue(
+                        "request",
+                        None,
+                        field,
+                        f"unknown {error.kind} '{error.found}'",
+                        choices(error.found, error.choices),
+                    )
+                ]
             ) from None
         return PlannerChoice(name, options, problem.seed if given is None else given)
 
@@ -92,7 +103,7 @@ class ProblemReader:
         if isinstance(document.data, dict):
             document = replace(document, data=document.data | instead)
             self._count(document)
-        with reading(self._folders):
+        with reading(self.folders):
             return Problem.of(read_problem(document, self._base, self.robot).whole())
 
     def _parsed(self, text: str, path: Path) -> Document:

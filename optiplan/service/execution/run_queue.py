@@ -136,7 +136,7 @@ class RunQueue:
             record = self._runs.begin(run, self._lease.name)
             if record is None:
                 return
-            self._runs.tell(run, {"type": "status", "status": "running"})
+            self._runs.tell(run, {"type": "status", "status": "running", "by": self._lease.name})
             end = self._solve(record, cancel)
             if end.status == "cancelled" and self._stop.is_set():  # this process was cancelled, not the run
                 self._runs.release(run, self._lease.name)

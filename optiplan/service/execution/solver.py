@@ -52,7 +52,7 @@ def main() -> None:
             send({"phase": "done"}, {})
             continue
         before = surroundings()
-        answer, files = _answer(tasks, request, Progress(send))
+        answer, files = _answer(tasks, request, Progress(send, connection))
         for stream in (sys.stdout, sys.stderr):
             with suppress(Exception):
                 stream.flush()
@@ -91,10 +91,10 @@ def _answer(tasks: Any, request: Mapping[str, Any], progress: "Progress") -> tup
 
 
 class Progress:
-    """Tells of stages, of motions that a planner found on the way and that are not proved yet, and of the answer."""
+    """Tells of stages, of motions that were found and proved on the way, of states, and of the answer; and listens."""
 
-    def __init__(self, send: Callable[[Message, Mapping[str, bytes]], None]) -> None:
-        self._send = send
+    def __init__(self, send: Callable[[Message, Mapping[str, bytes]], None], connection: Connection) -> None:
+        self._send, self._connection = send, connection
         self._stage, self._told, self._began = "", 0.0, time.perf_counter()
 
     def __call__(self, stage: str, fraction: float) -> None:
@@ -105,9 +105,23 @@ class Progress:
         self._stage, self._told = stage, now
         self._send({"phase": "stage", "stage": stage, "fraction": float(fraction)}, {})
 
-    def found(self, duration: float) -> None:
-        """Tell of a motion of this duration, s."""
-        self._send({"phase": "best", "seconds": time.perf_counter() - self._began, "duration": duration}, {})
+    def best(self, seconds: float, duration: float) -> None:
+        """Tell of a verified motion of this duration, s, proved so many seconds after the beginning."""
+        self._send({"phase": "best", "seconds": seconds, "duration": duration}, {})
+
+    def state(self, state: Message) -> None:
+        """Tell the state of something that runs."""
+        self._send({**state, "phase": "state"}, {})
+
+    def heard(self, patience: float) -> list[Message]:
+        """What was said meanwhile to a task that listens, after waiting at most that long, s, for the first word."""
+        found: list[Message] = []
+        while self._connection.poll(0.0 if found else patience):
+            try:
+                found.append(json.loads(self._connection.recv_bytes()))
+            except EOFError:  # nobody is there any more
+                return [{"stop": True}]
+        return found
 
     def answered(self, answer: Message, files: Mapping[str, bytes]) -> None:
         """Tell what somebody waits for, before the rest is made."""

@@ -21,11 +21,14 @@ START = 120.0
 SPOILT_BY = 0.75
 """Share of the allowed memory above which a process is exchanged once its job is done."""
 
-Lane = Literal["queue", "plan", "look"]
-"""Who waits for the answer: the queue; a caller who wants a plan; a caller who wants a problem read or drawn."""
+Lane = Literal["queue", "plan", "look", "live"]
+"""Who waits for the answer: the queue; who wants a plan; who wants a problem read or drawn; a live view."""
 
-NICE: dict[Lane, int] = {"queue": 5, "plan": 0, "look": 1}
+NICE: dict[Lane, int] = {"queue": 5, "plan": 0, "look": 1, "live": 0}
 """How far processes step back: the server itself, then callers who wait, come before the queue."""
+
+AT_NEED: tuple[Lane, ...] = ("live",)
+"""Lanes whose processes are there for the length of a job only."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,7 @@ class SolverJob:
         until: instant of `time.monotonic` at which it ends wherever it is.
         told: called with each message on the way.
         answered: called with what the caller waits for, where the request is `early`, before the job is done.
+        said: words for a task that listens while it runs.
         cancel: ends it at once.
     """
 
@@ -61,6 +65,7 @@ class SolverJob:
     until: float = math.inf
     told: Callable[[Mapping[str, Any]], None] = lambda message: None
     answered: Callable[[SolverAnswer], None] = lambda answer: None
+    said: "queue.SimpleQueue[Mapping[str, Any]]" = field(default_factory=queue.SimpleQueue)
     cancel: threading.Event = field(default_factory=threading.Event)
     future: "Future[SolverAnswer]" = field(default_factory=Future)
 
@@ -117,7 +122,8 @@ class _Slot(threading.Thread):
         super().__init__(name=f"solver-{lane}", daemon=True)
         self._settings, self._lane, self._jobs, self._stop_event = settings, lane, jobs, stop
         self._worker: WorkerProcess | None = None
-        self.warm = False
+        self._at_need = lane in AT_NEED
+        self.warm = self._at_need
 
     def memory(self) -> float:
         """Resident memory of the process and what it started, MB."""
@@ -128,8 +134,9 @@ class _Slot(threading.Thread):
         """Serve jobs until the pool is closed."""
         while not self._stop_event.is_set():
             try:
-                worker = self._ready()
+                worker = None if self._at_need else self._ready()
                 job = self._jobs.get(timeout=POLL)
+                worker = self._ready() if self._at_need else worker
             except queue.Empty:
                 continue
             except OSError:  # no process can be started now
@@ -140,6 +147,8 @@ class _Slot(threading.Thread):
             else:
                 answer = self._carry_out(worker, job)
             job.future.set_result(answer)
+            if self._at_need:
+                self._end()
         self._end()
 
     def _ready(self) -> WorkerProcess | None:
@@ -147,7 +156,7 @@ class _Slot(threading.Thread):
         if self._worker is not None and (self._worker.exit_seen()):
             self._end()
         if self._worker is None:
-            self.warm = False
+            self.warm = self._at_need
             self._worker = worker = WorkerProcess(MODULE)
             began = time.monotonic()
             while not (worker.pid or worker.gone or self._stop_event.is_set() or time.monotonic() - began > START):
@@ -171,6 +180,8 @@ class _Slot(threading.Thread):
         worker.begin(job.request)
         deadline = min(time.monotonic() + job.wall, job.until)
         while True:
+            while not job.said.empty():
+                worker.say(job.said.get_nowait())
             message = worker.message(POLL)
             files = {} if message is None else _cut(message)
             if message is not None and message["phase"] == "answered":
@@ -203,7 +214,7 @@ class _Slot(threading.Thread):
         return None
 
     def _end(self) -> None:
-        self.warm = False
+        self.warm = self._at_need
         if self._worker is not None:
             self._worker.kill()
             self._worker = None

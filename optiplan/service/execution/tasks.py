@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic_core import to_json
 
 from optiplan.files import reading
 from optiplan.planners.base import Budget
@@ -15,6 +16,7 @@ from optiplan.resources import problems_dir
 from optiplan.runs import pipeline
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RATE, RUN, TRAJECTORY
+from optiplan.service.execution.incumbents import ProvedIncumbents
 from optiplan.service.execution.problem_reader import PlannerChoice, ProblemReader
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
@@ -52,10 +54,13 @@ class Tasks:
             detail = "the files that the problem names were changed after it was submitted"
             return {"failure": {"kind": "input", "detail": detail, "witness": {}}, "timings": {}}, {}
         budget, given = Budget(request["budget"]), problem.with_seed(choice.seed)
-        run = pipeline.attempt(given, choice.planner, choice.options, budget, progress)
+        told = progress if request.get("early") else ProvedIncumbents(given, progress)
+        run = pipeline.attempt(given, choice.planner, choice.options, budget, told)
         about, motion = _about(run) | _identity(problem, choice), motion_file(run)
         if request.get("early"):
             progress.answered(about, motion)
+        else:
+            told.rest(run.improvements)
         return about, {**motion, **record_file(run)}
 
     def page(self, request: Mapping[str, Any], progress: Any) -> Answer:
@@ -71,6 +76,30 @@ class Tasks:
             label = str(record.get("planner", "run"))
             shown.append(ViewedRun(label, motion, record.get("report"), record.get("failure")))
         return {}, {"page.html": render_page(build_scene(problem, shown)).encode()}
+
+    def picture(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """A small picture of a problem, with the motion of a `trajectory.json` where there is one."""
+        from optiplan.service.execution.pictures import scene_picture
+
+        motion = Trajectory.from_dict(json.loads(request["motion"])) if request.get("motion") else None
+        return {}, {"picture.svg": scene_picture(self._reader.read(request), motion).encode()}
+
+    def live(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """Run a controller until it is told to stop."""
+        from optiplan.service.execution.live import LiveLoop, live_about
+
+        loop = LiveLoop(self._reader.read(request), request.get("engine"))
+        progress.answered(dict(live_about(loop)), {})
+        loop.run(progress)
+        return {"seconds": loop.t}, {}
+
+    def bench_report(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """The report of a bench, of the texts of its runs."""
+        from optiplan.service.execution.bench_report import bench_report
+
+        with reading(self._reader.folders):
+            page = bench_report(request["suite"], request["runs"], progress)
+        return {}, {"report.html": page.encode()}
 
     def scene(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """What the studio draws: the scene as data, and what can be moved."""
@@ -101,8 +130,7 @@ def motion_file(run: Run) -> dict[str, bytes]:
     """The content of `trajectory.json`, as a run folder has it; nothing without a motion."""
     if run.trajectory is None:
         return {}
-    motion = json.dumps(run.trajectory.to_dict(rate=RATE), allow_nan=False, separators=(",", ":"))
-    return {TRAJECTORY: (motion + "\n").encode()}
+    return {TRAJECTORY: to_json(run.trajectory.to_dict(rate=RATE)) + b"\n"}  # numbers are finite, as of any trajectory
 
 
 def _identity(problem: Problem, choice: PlannerChoice) -> dict[str, Any]:

@@ -1,13 +1,7 @@
 "use strict";
 // The list of runs and problems; looks again while anything is queued or running.
 (() => {
-  const byId = (id) => document.getElementById(id), chosen = new Set();
-
-  function make(tag, properties = {}, ...children) {
-    const element = Object.assign(document.createElement(tag), properties);
-    element.append(...children);
-    return element;
-  }
+  const { byId, make, get } = Page, chosen = new Set();
   const when = (seconds) => new Date(1000 * seconds).toLocaleString();
   const word = (run) => (run.status === "done" ? (run.verified ? "verified" : "not verified") : run.status);
   const look = (run) => (run.status === "done" ? (run.verified ? "verified" : "refused") : run.status);
@@ -19,12 +13,12 @@
 
   function card(run) {
     const ended = !["queued", "running"].includes(run.status), name = run.name + " · " + run.planner;
-    const picture = run.status === "done"
-      ? make("img", { src: `api/runs/${run.id}/thumbnail.svg`, alt: "Joint positions over time", loading: "lazy" })
+    const picture = ended
+      ? make("img", { src: `api/runs/${run.id}/thumbnail.svg?${run.finished}`, alt: "The scene and the path of the tool", loading: "lazy" })
       : make("div", { className: "blank" });
     const title = ended && run.status !== "cancelled" ? make("a", { href: "runs/" + run.id, textContent: name }) : make("span", { textContent: name });
     const facts = [run.robot, run.duration === null ? null : run.duration.toFixed(3) + " s", run.ratio === null ? null : run.ratio.toFixed(3) + " × bound",
-      run.timings && run.timings.plan ? "planned in " + run.timings.plan.toFixed(2) + " s" : null, when(run.submitted)];
+      run.timings && run.timings.plan ? "planned in " + run.timings.plan.toFixed(2) + " s" : null, run.seed ? "seed " + run.seed : null, when(run.submitted)];
     const box = make("input", { type: "checkbox", checked: chosen.has(run.id), disabled: run.status !== "done" });
     box.addEventListener("change", () => { chosen[box.checked ? "add" : "delete"](run.id); byId("compare").disabled = chosen.size < 2; });
     const button = ended
@@ -37,15 +31,20 @@
     return make("div", { className: "run" }, ...parts, tools);
   }
 
+  function problemCard(problem) {
+    const picture = make("img", { src: `api/problems/${problem.hash}/thumbnail.svg`, alt: "The scene", loading: "lazy" });
+    const button = make("button", { type: "button", textContent: "Delete", onclick: () => send("DELETE", "api/problems/" + problem.hash) });
+    const links = make("span", { className: "links" }, make("a", { href: "studio#" + problem.hash, textContent: "Studio" }), make("a", { href: "live#" + problem.hash, textContent: "Live" }));
+    return make("div", { className: "run" }, make("div", { className: "head" }, make("a", { href: "studio#" + problem.hash, textContent: problem.name })), picture,
+      make("div", { className: "facts", textContent: [problem.robot, when(problem.created)].join(" · ") }), make("div", { className: "tools" }, links, button));
+  }
+
   async function show() {
-    const { runs, counts } = await (await fetch("api/runs?limit=60")).json();
+    const { runs, counts } = await get("api/runs?limit=60");
     byId("runs").replaceChildren(...(runs.length ? runs.map(card) : [make("p", { className: "none", textContent: "No runs yet: plan one in the studio." })]));
     byId("counts").textContent = Object.entries(counts).map(([state, count]) => `${count} ${state}`).join(" · ");
-    const problems = await (await fetch("api/problems")).json();
-    byId("problems").replaceChildren(...problems.map((problem) => make("tr", {},
-      make("td", {}, make("a", { href: "studio#" + problem.hash, textContent: problem.name })), make("td", { textContent: problem.robot }),
-      make("td", { textContent: when(problem.created) }),
-      make("td", {}, make("button", { type: "button", textContent: "Delete", onclick: () => send("DELETE", "api/problems/" + problem.hash) })))));
+    const problems = await get("api/problems");
+    byId("problems").replaceChildren(...(problems.length ? problems.map(problemCard) : [make("p", { className: "none", textContent: "None stored: the studio has a button for that." })]));
     if (counts.queued || counts.running) setTimeout(show, 1000);
   }
 

@@ -1,36 +1,8 @@
 "use strict";
 // The studio: the text is the truth; the scene shows what it says, and writes into it.
 (() => {
-  const byId = (id) => document.getElementById(id), text = byId("text");
+  const { byId, make, post, get, latest } = Page, text = byId("text");
   const state = { valid: "", problem: null, q: [], start: [], run: null, events: null, asked: 0, points: [] };
-
-  function make(tag, properties = {}, ...children) {
-    const element = Object.assign(document.createElement(tag), properties);
-    element.append(...children);
-    return element;
-  }
-
-  async function post(path, data) {
-    const answer = await fetch(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(data) });
-    return { status: answer.status, data: await answer.json() };
-  }
-
-  // Of many wishes in a row only the last is asked for, one at a time.
-  function latest(work) {
-    let busy = false, wish = null;
-    return async (...given) => {
-      wish = given;
-      if (busy) return;
-      busy = true;
-      try {
-        while (wish) {
-          const now = wish;
-          wish = null;
-          await work(...now);
-        }
-      } finally { busy = false; }
-    };
-  }
 
   const scene = new StudioScene.Scene(byId("pane"), {
     goal(pose, ended) {
@@ -151,14 +123,12 @@
     const x = (t) => (318 * t) / last + 1, y = (d) => 48 - (40 * (d - least)) / Math.max(1e-9, most - least);
     let path = "";
     state.points.forEach(([t, d], k) => { path += k ? ` H${x(t)} V${y(d)}` : `M${x(t)} ${y(d)}`; });
-    const line = document.createElementNS("http://www.w3.org/2000/svg", "path");
-    for (const [name, value] of Object.entries({ d: path + " H319", fill: "none", stroke: "#1769aa", "stroke-width": "2" })) line.setAttribute(name, value);
-    svg.append(line);
+    Page.drawn(svg, path + " H319", "#1769aa");
   }
 
   async function finished() {
     byId("cancel").disabled = true;
-    const run = await (await fetch("api/runs/" + state.run)).json();
+    const run = await get("api/runs/" + state.run);
     const word = run.status === "done" ? (run.verified ? "verified" : "refused") : run.status;
     const said = run.failure ? `${run.failure.kind}: ${run.failure.detail}` : run.duration ? `${run.duration.toFixed(4)} s` + (run.ratio ? `, ${run.ratio.toFixed(3)} × the bound` : "") : "";
     tell(word, said);
@@ -190,16 +160,14 @@
   });
 
   async function begin() {
-    const examples = await (await fetch("api/examples")).json(), planners = await (await fetch("api/planners")).json();
+    const [examples, planners] = await Promise.all([get("api/examples"), get("api/planners")]);
     byId("example").append(...Object.keys(examples).map((name) => make("option", { value: name, textContent: name })));
     byId("planner").append(...planners.map(({ name }) => make("option", { value: name, textContent: name })));
     byId("example").addEventListener("change", () => { text.value = examples[byId("example").value] || text.value; state.start = []; check(); });
-    const hash = location.hash.slice(1);
-    const stored = /^[0-9a-f]{64}$/.test(hash) ? await fetch("api/problems/" + hash) : null;
-    const problem = stored && stored.ok ? (await stored.json()).problem : examples["02_shelf"];
-    text.value = typeof problem === "string" ? problem : JSON.stringify(problem, null, 2);
+    text.value = (await Page.named()) || examples["02_shelf"];
     check();
   }
+  byId("joints").open = innerWidth > 760; // else it hides the scene
   byId("joints").addEventListener("toggle", () => scene.resize());
   window.optiplanStudio = { scene, state };
   begin();

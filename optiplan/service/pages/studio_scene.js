@@ -2,7 +2,7 @@
 // The live scene: a robot to be posed, ghosts of all branches, a goal and obstacles to be dragged. Metres, z up.
 const StudioScene = (() => {
   const THREE = MeshCat.THREE, { makeGeometry, rgb, place } = OptiPlanShapes;
-  const GOAL = 0x2374c6, GOOD = 0x2374c6, BAD = 0xd3261f, STEP = 1e-3;
+  const GOOD = 0x2374c6, BAD = 0xd3261f, STEP = 1e-3;
   const round = (x) => Math.round(x / STEP) * STEP;
 
   function floats(text) {
@@ -14,7 +14,7 @@ const StudioScene = (() => {
   class Scene {
     constructor(pane, events) {
       this.pane = pane;
-      this.events = events; // goal(pose, ended), obstacle(name, position)
+      this.events = events; // goal(pose, ended); obstacle(name, position), where obstacles can be moved
       this.viewer = new MeshCat.Viewer(pane, false);
       this.viewer.set_3d_pane_size = () => this.resize();
       for (const path of ["/Lights", "/Axes"]) this.viewer.handle_command({ type: "delete", path });
@@ -38,7 +38,7 @@ const StudioScene = (() => {
 
     resize() {
       const width = Math.max(1, this.pane.clientWidth), height = Math.max(1, this.pane.clientHeight), { camera, renderer } = this.viewer;
-      const card = document.getElementById("joints"), aside = width > 620 && card.open ? 0.5 * card.offsetWidth : 0;
+      const card = document.getElementById("joints"), aside = card && width > 620 && card.open ? 0.5 * card.offsetWidth : 0;
       camera.aspect = width / height;
       camera.setViewOffset(width, height, aside, 0, width, height); // the middle of what the card leaves free
       camera.updateProjectionMatrix();
@@ -60,10 +60,7 @@ const StudioScene = (() => {
       }
       this.robot = this.figure((part) => new THREE.MeshStandardMaterial({ color: rgb(part.colour), roughness: 0.62 }));
       this.ghosts = new THREE.Group();
-      this.handle = new THREE.Group();
-      this.ball = new THREE.Mesh(new THREE.SphereGeometry(0.03, 24, 16), new THREE.MeshBasicMaterial({ color: GOAL, depthTest: false, transparent: true, opacity: 0.85 }));
-      this.ball.renderOrder = 9;
-      this.handle.add(this.ball, new THREE.AxesHelper(0.14));
+      this.handle = GoalFrame.make();
       place(this.handle, data.targets.length ? data.targets[0] : tool);
       this.root.add(this.obstacles, this.robot, this.ghosts, this.handle);
       const start = floats(data.start);
@@ -117,7 +114,7 @@ const StudioScene = (() => {
     }
 
     frame() {
-      const box = new THREE.Box3().setFromObject(this.robot).expandByObject(this.ball), one = new THREE.Box3(), { camera, controls } = this.viewer;
+      const box = new THREE.Box3().setFromObject(this.robot).expandByObject(this.handle.ball), one = new THREE.Box3(), { camera, controls } = this.viewer;
       const reach = box.getSize(new THREE.Vector3()).length();
       for (const mesh of this.obstacles.children) {
         one.setFromObject(mesh);
@@ -136,52 +133,74 @@ const StudioScene = (() => {
       return [...this.handle.position.toArray(), ...this.handle.quaternion.toArray()];
     }
 
-    // Where on the screen the goal is, for tests and for people who ask the console.
-    goalOnScreen() {
+    aim(pose) {
+      if (this.held) return;
+      place(this.handle, pose);
+      this.viewer.set_dirty();
+    }
+
+    // Where on the screen the goal is, or a point of its frame, m; for tests and for people who ask the console.
+    goalOnScreen(x = 0, y = 0, z = 0) {
+      return this.onScreen(this.handle, x, y, z);
+    }
+
+    onScreen(object, x = 0, y = 0, z = 0) {
       this.viewer.scene.updateMatrixWorld(true);
-      const at = this.root.localToWorld(this.handle.position.clone()).project(this.viewer.camera), area = this.pane.getBoundingClientRect();
+      const at = object.localToWorld(new THREE.Vector3(x, y, z)).project(this.viewer.camera), area = this.pane.getBoundingClientRect();
       return [area.left + 0.5 * (1 + at.x) * area.width, area.top + 0.5 * (1 - at.y) * area.height];
     }
 
+    // An obstacle moves level, with shift up and down.
+    carry(object, rays, upright) {
+      const at = object.getWorldPosition(new THREE.Vector3()), up = new THREE.Vector3(0, 1, 0), hit = new THREE.Vector3();
+      const sight = this.viewer.camera.getWorldDirection(new THREE.Vector3()).setY(0).normalize();
+      const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(upright ? sight : up, at), begin = rays.ray.intersectPlane(plane, new THREE.Vector3());
+      return begin && ((now) => {
+        if (!now.ray.intersectPlane(plane, hit)) return false;
+        object.position.copy(this.root.worldToLocal(at.clone().add(hit).sub(begin)));
+        return true;
+      });
+    }
+
     listen() {
-      const rays = new THREE.Raycaster(), plane = new THREE.Plane(), hit = new THREE.Vector3();
-      let held = null;
+      const rays = new THREE.Raycaster();
+      this.held = null;
       const aim = (event) => {
         const area = this.pane.getBoundingClientRect();
         rays.setFromCamera(new THREE.Vector2((2 * (event.clientX - area.left)) / area.width - 1, 1 - (2 * (event.clientY - area.top)) / area.height), this.viewer.camera);
       };
-      const grab = (object, event) => {
-        const at = object.getWorldPosition(new THREE.Vector3()), up = new THREE.Vector3(0, 1, 0), sight = this.viewer.camera.getWorldDirection(new THREE.Vector3());
-        const level = object !== this.handle && !event.shiftKey;
-        plane.setFromNormalAndCoplanarPoint(level ? up : object === this.handle ? sight : sight.setY(0).normalize(), at);
-        if (!rays.ray.intersectPlane(plane, hit)) return;
-        held = { object, offset: at.sub(hit.clone()) };
-        this.viewer.controls.enabled = false;
-        this.pane.setPointerCapture(event.pointerId);
+      const movable = () => {
+        const found = rays.intersectObjects([...this.obstacles.children, this.robot], true)[0];
+        return found && this.events.obstacle && this.obstacles.children.includes(found.object) && !found.object.userData.fixed ? found.object : null;
       };
       this.pane.addEventListener("pointerdown", (event) => {
         if (!this.data || event.button !== 0) return;
         aim(event);
-        if (rays.intersectObject(this.ball).length) grab(this.handle, event);
-        else {
-          const found = rays.intersectObjects([...this.obstacles.children, this.robot], true)[0];
-          if (found && this.obstacles.children.includes(found.object) && !found.object.userData.fixed) grab(found.object, event);
-        }
-        if (held) event.stopPropagation();
+        const part = GoalFrame.met(this.handle, rays), object = part ? this.handle : movable();
+        if (!object) return;
+        const move = part ? GoalFrame.drag(this.handle, part, rays, this.viewer.camera) : this.carry(object, rays, event.shiftKey);
+        if (!move) return;
+        this.held = { object, move, moved: false };
+        this.viewer.controls.enabled = false;
+        this.pane.setPointerCapture(event.pointerId);
+        event.stopPropagation();
       }, true);
       this.pane.addEventListener("pointermove", (event) => {
-        if (!held) return;
+        if (!this.data) return;
         aim(event);
-        if (!rays.ray.intersectPlane(plane, hit)) return;
-        held.object.position.copy(this.root.worldToLocal(hit.clone().add(held.offset)));
-        held.moved = true;
-        if (held.object === this.handle) this.events.goal(this.goal(), false);
+        if (!this.held) {
+          if (event.pointerType === "mouse" && !event.buttons) this.pane.style.cursor = GoalFrame.met(this.handle, rays) || movable() ? "grab" : "";
+          return;
+        }
+        if (!this.held.move(rays)) return;
+        this.held.moved = true;
+        if (this.held.object === this.handle) this.events.goal(this.goal(), false);
         this.viewer.set_dirty();
       });
       const drop = () => {
-        if (!held) return;
-        const { object, moved } = held;
-        held = null;
+        if (!this.held) return;
+        const { object, moved } = this.held;
+        this.held = null;
         this.viewer.controls.enabled = true;
         if (!moved) return;
         if (object === this.handle) this.events.goal(this.goal(), true);

@@ -74,7 +74,7 @@ class EventFeed:
     response_class=EventSourceResponse,
 )
 async def events(run: RunPath, service: Service, request: Request) -> EventSourceResponse:
-    """Watch a run: `status`, `stage` (with fraction), `best` (seconds, duration; not proved yet), `end`."""
+    """Watch a run: `status`, `stage` (with fraction), `best` (seconds, duration of a verified motion), `end`."""
     record = await service.run(run)
     feed: EventFeed = request.app.state.feed
 

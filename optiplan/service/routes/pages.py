@@ -1,6 +1,5 @@
 """Routes of pages for people, and of the client that a cell takes along."""
 
-import json
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
@@ -9,17 +8,14 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
-from optiplan.runs.run_folder import TRAJECTORY
 from optiplan.service.refusals import not_found
-from optiplan.service.routes.answers import RunPath, Service
-from optiplan.service.routes.thumbnails import joint_curves
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.service.routes.answers import HashPath, RunPath, Service
 from optiplan.viewer.safety import PAGE_POLICY
 
 router = APIRouter(include_in_schema=False)
 
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".py": "text/x-python"}
-PAGES = {"": "home.html", "studio": "studio.html"}
+PAGES = {"": "home.html", "studio": "studio.html", "live": "live.html", "benches": "benches.html"}
 
 
 @router.get("/runs/{run}")
@@ -37,11 +33,15 @@ async def comparison(run: Annotated[list[str], Query(min_length=1, max_length=8)
 
 
 @router.get("/api/runs/{run}/thumbnail.svg")
-async def thumbnail(run: RunPath, service: Service) -> Response:
-    """The joints over time, as a small picture."""
-    content = await service.content(await service.run(run), TRAJECTORY)
-    drawn = await service.read(lambda: joint_curves(Trajectory.from_dict(json.loads(content))))
-    return Response(drawn, media_type="image/svg+xml", headers={"Cache-Control": "private, max-age=86400"})
+async def run_picture(run: RunPath, service: Service) -> Response:
+    """The scene of a run, with its motion, as a small picture."""
+    return _picture(await service.pictures.of_run(await service.run(run)))
+
+
+@router.get("/api/problems/{hash}/thumbnail.svg")
+async def problem_picture(hash: HashPath, service: Service) -> Response:
+    """The scene of a stored problem as a small picture."""
+    return _picture(await service.pictures.of_problem(hash))
 
 
 @router.get("/pages/viewer.js")
@@ -76,6 +76,10 @@ async def page(name: str = "") -> Response:
     if name not in PAGES:
         raise not_found("page", name)
     return _file("optiplan.service.pages", PAGES[name])
+
+
+def _picture(drawn: bytes) -> Response:
+    return Response(drawn, media_type="image/svg+xml", headers={"Cache-Control": "private, max-age=86400"})
 
 
 def _file(package: str, name: str) -> Response:

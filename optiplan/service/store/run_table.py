@@ -20,6 +20,9 @@ Record = dict[str, Any]
 RETRIED = ("timeout", "out-of-memory", "crashed", "deadline", "storage")
 """Failures that are not the planner's answer: the same submission tries again."""
 
+AT_ONCE = 500
+"""Ids in one query."""
+
 _OUTCOME = (*("verified", "duration", "ratio", "failure", "timings", "contents"), *("started", "finished", "holder"))
 
 
@@ -82,6 +85,14 @@ class RunTable:
         with self._engine.connect() as connection:
             row = connection.execute(sa.select(runs).where(runs.c.id == run)).mappings().first()
         return None if row is None else dict(row)
+
+    def of_ids(self, ids: Sequence[str]) -> dict[str, Record]:
+        """The runs of some ids, by id; without those that there are not."""
+        found: dict[str, Record] = {}
+        for begin in range(0, len(ids), AT_ONCE):
+            part = ids[begin : begin + AT_ONCE]
+            found |= {record["id"]: record for record in self._all(sa.select(runs).where(runs.c.id.in_(part)))}
+        return found
 
     def newest(self, count: int, before: float | None = None) -> list[Record]:
         """At most `count` runs, the last submitted first; only those submitted before a time."""

@@ -11,7 +11,7 @@ from sqlalchemy.engine import Engine
 
 from optiplan.errors import OptiPlanError
 
-LAYOUT = 1
+LAYOUT = 2
 """Version of the tables; a database of a newer one is refused, an older one is brought up to it by `MIGRATIONS`."""
 
 metadata = sa.MetaData()
@@ -73,8 +73,18 @@ events = sa.Table(
 )
 """What happened in a run, in order."""
 
-MIGRATIONS: dict[int, tuple[str, ...]] = {}
-"""Statements that bring a database to a layout from the one before it."""
+benches = sa.Table(
+    "optiplan_benches",
+    metadata,
+    sa.Column("id", sa.String(64), primary_key=True),
+    sa.Column("name", sa.Text, nullable=False),
+    sa.Column("created", sa.Float, nullable=False, index=True),
+    sa.Column("content", sa.JSON, nullable=False),
+)
+"""Benches: `content` has the problems, planners, seeds, budget, and `runs` as [problem, planner, seed, id]."""
+
+MIGRATIONS: dict[int, tuple[str, ...]] = {2: ()}
+"""Statements that bring a database to a layout from the one before it; tables that are new are made without."""
 
 
 def open_database(url: str) -> Engine:

@@ -11,7 +11,6 @@ from optiplan.control.controller import Controller
 from optiplan.control.defaults import default_limits
 from optiplan.control.limits.base import ControlLimit
 from optiplan.control.limits.clearance import ClearanceLimit
-from optiplan.control.state import State
 from optiplan.control.tasks.base import ControlTask
 from optiplan.control.tasks.frame_tasks import PoseTask
 from optiplan.control.tasks.joint_tasks import PostureTask
@@ -20,6 +19,7 @@ from optiplan.simulation.controllers.base import Command, JointTarget
 from optiplan.simulation.controllers.joints import ComputedTorque
 from optiplan.simulation.plants.base import Input
 from optiplan.simulation.references.base import ToolTarget
+from optiplan.trajectory.state import State
 
 
 @dataclass(frozen=True)

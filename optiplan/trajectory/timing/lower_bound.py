@@ -1,9 +1,13 @@
-"""Lower bounds of the duration of a motion from rest to rest: each joint's own fastest S-curve."""
+"""Lower bounds of the duration of a motion: each joint's own fastest S-curve, or profile between moving states."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.robot.limits import Limits
+from optiplan.trajectory.profiles.state_to_state import joint_times_between
+from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.s_curve import phases
 
 
@@ -22,6 +26,27 @@ def lower_bounds(start: Array, goals: Array, limits: Limits) -> Array:
     """
     times: Array = joint_times(np.abs(goals - start), limits).max(axis=1)
     return times
+
+
+def moving_bounds(start: State, ends: Sequence[State], limits: Limits) -> Array:
+    """Shortest duration conceivable from a state to each of others, obstacles and position limits ignored: (k,), s.
+
+    The slowest joint's own minimum time: the S-curve of joints at rest at both ends, Ruckig's profile of others; a
+    joint for which Ruckig finds none counts as nothing.
+    """
+    return np.array([_moving_bound(start, end, limits) for end in ends])
+
+
+def _moving_bound(start: State, end: State, limits: Limits) -> float:
+    moving = (start.v != 0.0) | (start.a != 0.0) | (end.v != 0.0) | (end.a != 0.0)
+    rest = np.where(moving, 0.0, joint_times(np.abs(end.q - start.q)[None], limits)[0])
+    times = [rest.max(initial=0.0)]
+    for j in np.flatnonzero(moving):
+        one = slice(j, j + 1)
+        here, there = (State.of(state.q[one], state.v[one], state.a[one]) for state in (start, end))
+        found = joint_times_between(here, there, limits.of_joints([int(j)]))
+        times.append(0.0 if found is None else float(found[0]))
+    return float(max(times))
 
 
 def joint_times(distances: Array, limits: Limits) -> Array:

@@ -7,8 +7,12 @@ import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.shapes import Shape, shape_of_body
+from optiplan.geometry.shape import Shape
+from optiplan.geometry.shapes import shape_of_body
 from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
+
+_MANY = 200
+"""Vertices of a mesh above which it is worth finding those of its hull."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +95,11 @@ def support(shape: Shape | None, vertices: Array, n: Array) -> Array:
 
 
 def vertices_of(shape: coal.CollisionGeometry) -> Array:
-    """Vertices (k, 3), m, of polyhedra and meshes; none for other shapes."""
+    """Vertices (k, 3), m, of polyhedra and of the hulls of meshes; none for other shapes."""
     if isinstance(shape, coal.ConvexBase):
         return np.array(shape.points())
     if isinstance(shape, coal.BVHModelBase):
-        return np.array(shape.vertices())
+        return _outer(np.array(shape.vertices()))
     return np.empty((0, 3))
 
 
@@ -111,3 +115,19 @@ def _ball(shape: coal.CollisionGeometry, vertices: Array) -> tuple[Array, float]
     shape.computeLocalAABB()
     low, high = np.array(shape.aabb_local.min_), np.array(shape.aabb_local.max_)
     return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+
+
+def _outer(points: Array) -> Array:
+    """Those of points (k, 3) that no support function needs to miss: the corners of their hull, where they are many.
+
+    Qhull leaves out corners that stand less than some 1e-14 of the extent out of the hull of the others: nothing beside
+    what the certificate subtracts for rounding.
+    """
+    if len(points) < _MANY:
+        return points
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except QhullError:  # all in a plane
+        return points

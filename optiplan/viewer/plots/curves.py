@@ -8,12 +8,12 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
 from optiplan.trajectory.trajectory import Extrema, Trajectory
+from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema
 
 LEAST = 600
 """Samples of a motion, at the least; drawn curves show no corners then."""
-LEAST_IN_PIECE = 4
-"""Samples of a polynomial piece, at the least, both ends included."""
 
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 """Quantities of a joint by the order of the derivative."""
@@ -33,6 +33,7 @@ class MotionCurves:
         speed: (k,) |v_WT|, m/s.
         turning: (k,) |w_WT|, rad/s.
         extrema: of each order 0 to 3 the exact minima and maxima over all time.
+        torque_extrema: those of the torque, refined between the samples (`refined_extrema`).
     """
 
     t: Array
@@ -42,33 +43,37 @@ class MotionCurves:
     speed: Array
     turning: Array
     extrema: tuple[Extrema, ...]
+    torque_extrema: Extrema
 
 
 def motion_curves(problem: Problem, trajectory: Trajectory, least: int = LEAST) -> MotionCurves:
     """Sample a motion of a problem's robot at `least` times or more, evenly within every polynomial piece."""
     robot = problem.robot
-    t, states = piecewise_states(trajectory, least)
-    q, v, a, _ = states
-    X_WT, J = ToolKinematics(robot).evaluate(q)
-    twist = np.einsum("kij,kj->ki", J, v)
-    data = robot.model.createData()
-    torque = np.array([pin.rnea(robot.model, data, *state).copy() for state in zip(q, v, a, strict=True)])
+    samples = PieceSamples.of(trajectory, least)
+    t, states = samples.t, samples.states()
+    X_WT, J = ToolKinematics(robot).evaluate(states[0])
+    twist = np.einsum("kij,kj->ki", J, states[1])
+    drives = Drives(problem, trajectory)
+    torque = drives.torques(samples)
     speed, turning = (np.linalg.norm(part, axis=1) for part in (twist[:, :3], twist[:, 3:]))
     extrema = tuple(trajectory.extrema_at(order) for order in range(4))
-    return MotionCurves(t, states, torque, X_WT, speed, turning, extrema)
+    peaks = refined_extrema(samples, torque, drives.torques)
+    return MotionCurves(t, states, torque, X_WT, speed, turning, extrema, peaks)
 
 
-def piecewise_states(trajectory: Trajectory, least: int = LEAST) -> tuple[Array, tuple[Array, ...]]:
-    """Times (k,), s, and positions to jerks (k, n) at them, with both ends of every piece evaluated in that piece."""
-    widths = np.diff(trajectory.breakpoints)
-    counts = np.maximum(LEAST_IN_PIECE, np.ceil(least * widths / trajectory.duration).astype(int) + 1)
-    piece = np.repeat(np.arange(len(widths)), counts)
-    local = np.concatenate([np.linspace(0.0, h, count) for h, count in zip(widths, counts, strict=True)])
-    states = []
-    for order in range(4):
-        c = trajectory.derivatives(order)[piece]  # (k, d + 1, n)
-        value = c[:, -1]
-        for power in range(c.shape[1] - 2, -1, -1):
-            value = value * local[:, None] + c[:, power]
-        states.append(value)
-    return trajectory.breakpoints[piece] + local, tuple(states)
+class Drives:
+    """Torques of the joints' drives by inverse dynamics; in a task with the load of each part."""
+
+    def __init__(self, problem: Problem, trajectory: Trajectory) -> None:
+        whole = not problem.task or mismatch(problem, trajectory)
+        parts = [ScenePart(problem, 0.0, trajectory.duration)] if whole else scene_parts(problem, trajectory)
+        self._ends = [part.end for part in parts[:-1]]
+        self._models = [part.problem.robot.model for part in parts]
+        self._data = [model.createData() for model in self._models]
+
+    def torques(self, samples: PieceSamples) -> Array:
+        """(k, n), N m or N, at k times."""
+        breaks = samples.trajectory.breakpoints
+        which = np.searchsorted(self._ends, 0.5 * (breaks[samples.piece] + breaks[samples.piece + 1]))
+        rows = zip(which, *samples.states()[:3], strict=True)
+        return np.array([pin.rnea(self._models[k], self._data[k], *state).copy() for k, *state in rows])

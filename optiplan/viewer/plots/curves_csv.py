@@ -32,7 +32,7 @@ def write_curves(runs: Sequence[PlottedRun], path: Path) -> None:
 
 
 def write_limits(runs: Sequence[PlottedRun], path: Path) -> None:
-    """Write limits (nothing where there is none), exact extrema and their times; extrema of torques are sampled."""
+    """Write limits (nothing where there is none), exact extrema (of torques: refined samples) and their times."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(LIMITS)
@@ -47,11 +47,7 @@ def write_limits(runs: Sequence[PlottedRun], path: Path) -> None:
 def _extremes(run: PlottedRun, quantity: str, joint: int) -> list[float]:
     """Least value and when, largest value and when."""
     curves = run.curves
-    if quantity == "torque":
-        torque = curves.torque[:, joint]
-        low, high = int(torque.argmin()), int(torque.argmax())
-        return [float(x) for x in (torque[low], curves.t[low], torque[high], curves.t[high])]
-    e = curves.extrema[ORDERS.index(quantity)]
+    e = curves.torque_extrema if quantity == "torque" else curves.extrema[ORDERS.index(quantity)]
     return [float(x[joint]) for x in (e.low, e.t_low, e.high, e.t_high)]
 
 

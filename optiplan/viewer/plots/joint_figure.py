@@ -1,7 +1,7 @@
 """Joints against time: position, velocity, acceleration, jerk and torque, with their limits.
 
 One run has all joints in one panel a quantity; several runs have a panel for each quantity and joint.
-Dots are the exact extrema over all time; torques have none, they are sampled.
+Dots are the exact extrema over all time; those of torques, rings, are refined samples.
 """
 
 from collections.abc import Sequence
@@ -67,17 +67,17 @@ def _apart(runs: Sequence[PlottedRun], joints: Sequence[int], share: bool) -> An
 
 
 def _draw(panel: Any, run: PlottedRun, what: tuple[str, int, bool], style: dict[str, Any], label: str) -> None:
-    """A curve of one joint, and dots at its exact extrema."""
+    """A curve of one joint, with dots at its exact extrema, rings at those of a torque."""
     quantity, joint, share = what
     curves = run.curves
     values = curves.torque if quantity == "torque" else curves.joints[ORDERS.index(quantity)]
     panel.plot(curves.t, _shared(run, quantity, joint, share, values[:, joint]), label=label, **style)
-    if quantity == "torque":
-        return
-    e = curves.extrema[ORDERS.index(quantity)]
+    e = curves.torque_extrema if quantity == "torque" else curves.extrema[ORDERS.index(quantity)]
     ends = np.array([e.low[joint], e.high[joint]])
     times = [e.t_low[joint], e.t_high[joint]]
-    panel.plot(times, _shared(run, quantity, joint, share, ends), ".", color=style["color"], markersize=4.5)
+    ring = {"marker": "o", "markersize": 3.0, "fillstyle": "none", "markeredgewidth": 0.8}
+    mark = ring if quantity == "torque" else {"marker": ".", "markersize": 4.5}
+    panel.plot(times, _shared(run, quantity, joint, share, ends), linestyle="", color=style["color"], **mark)
 
 
 def bounds(run: PlottedRun, quantity: str, joint: int) -> tuple[float, float]:

@@ -148,7 +148,7 @@ const OptiPlanCurves = (() => {
         ...(one.step ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}), ...(one.fill ? { fill: () => css(one.fill), fillTo: Math.max(0, low) } : {}),
       });
       this.plot = new uPlot({
-        width: Math.max(60, width), height: Math.max(40, height), padding: [6, 8, 0, 0], legend: { show: false },
+        width: Math.max(60, width), height: Math.max(40, height), padding: [6, 18, 0, 0], legend: { show: false },
         series: [{}, ...this.series.map(line)],
         scales: { x: { time: false, range: [0, end] }, y },
         axes: [{ ...axis, size: 22, gap: 2, values: (_, ticks) => ticks.map((v) => String(+v.toFixed(6)) + (v === ticks[ticks.length - 1] ? " s" : "")) },

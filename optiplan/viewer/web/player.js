@@ -47,6 +47,7 @@
   app.layers = new OptiPlanLayers.Layers(byId("layers"), () => { fillLegend(); app.changed(); });
   app.comparison = new OptiPlanComparison.Comparison(app);
   app.dock = new OptiPlanDock.Dock(app, byId("dock"));
+  app.steps = new OptiPlanSteps.Steps(clock);
 
   // Which runs are drawn: those that are ticked, or the one that is pointed at.
   function show() {
@@ -56,6 +57,7 @@
     scene.runs.forEach((run, k) => {
       const path = alone === null ? app.shown[k] !== false : k === alone, robot = alone === null ? path && app.robots[k] !== false : path;
       run.figure.bodies.slice(1).forEach((body) => { body.visible = robot; });
+      run.objects.group.visible = robot;
       if (run.path) run.path.visible = path;
       if (run.ellipsoids) run.ellipsoids.group.visible = robot;
     });
@@ -75,6 +77,7 @@
       after.fromArray(run.poses, b + 3);
       body.quaternion.slerpQuaternions(before, after, part);
     }
+    run.objects.show(t);
     if (run.ellipsoids) run.ellipsoids.show(Math.round(x));
   }
 
@@ -104,6 +107,7 @@
     byId("selected").replaceChildren(run.label, OptiPlanVerdict.badge(run));
     OptiPlanVerdict.fill(byId("checked"), run, jump);
     OptiPlanTimeline.mark(clock, run, jump);
+    app.steps.fill(run, OptiPlanTimeline.place);
     app.comparison.mark();
     app.dock.fill();
     fillHead(run);

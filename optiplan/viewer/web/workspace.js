@@ -3,7 +3,7 @@
 const OptiPlanWorkspace = (() => {
   const THREE = MeshCat.THREE, { floats } = OptiPlanPacked, { makeGeometry, rgb, named, place, palette, triad } = OptiPlanShapes;
   const { Labels } = OptiPlanBodies;
-  const STEPS = 32767, MISSED = "#d6403a", FILL = 0.82, SMALL = 0.34;
+  const MISSED = "#d6403a", FILL = 0.82, SMALL = 0.34;
   const LAYERS = { robot: "robots", reached: "reached", missed: "not reached", axes: "axes", sphere: "reach sphere" };
   const VIRIDIS = [[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
   const $ = (id) => document.getElementById(id);
@@ -30,14 +30,13 @@ const OptiPlanWorkspace = (() => {
     }
 
     addRobot(robot) {
-      const shown = { data: robot, points: floats(robot.points), counts: floats(robot.counts), values: {}, stand: floats(robot.stand) };
+      const shown = { data: robot, points: floats(robot.points), counts: floats(robot.counts), values: {}, rows: floats(robot.rows), q: floats(robot.q) };
       for (const name in robot.values) shown.values[name] = floats(robot.values[name]);
-      if (robot.stands) Object.assign(shown, { rows: floats(robot.rows), q: floats(robot.q), stands: new Int16Array(floats(robot.stands).buffer) });
       shown.top = Object.fromEntries(Object.entries(shown.values).map(([name, value]) => [name, value.reduce((high, v) => Math.max(high, v), 0) || 1]));
       shown.figure = this.figure(robot);
       shown.figure.position.x = robot.offset;
       this.layers.robot.add(shown.figure);
-      this.pose(shown, shown.stand);
+      this.pose(shown, robot.usual);
       const box = new THREE.BoxGeometry(1, 1, 1), count = shown.points.length / 3;
       const reached = new THREE.MeshStandardMaterial({ roughness: 0.8 }), missed = new THREE.MeshBasicMaterial({ color: named(MISSED), transparent: true, opacity: 0.5 });
       shown.reached = new THREE.InstancedMesh(box, reached, count);
@@ -54,7 +53,7 @@ const OptiPlanWorkspace = (() => {
 
     figure(robot) {
       const geometries = robot.geometries.map(makeGeometry), figure = new THREE.Group();
-      figure.bodies = Array.from({ length: robot.bodies + 1 }, () => new THREE.Group());
+      figure.bodies = Array.from({ length: robot.tree.parents.length + 1 }, () => new THREE.Group());
       figure.add(...figure.bodies);
       for (const part of robot.parts) {
         if (part.set === "collision") continue;
@@ -67,8 +66,18 @@ const OptiPlanWorkspace = (() => {
       return figure;
     }
 
-    pose({ figure, data }, poses, offset = 0) {
-      for (let j = 0; j < data.bodies; j++) place(figure.bodies[j + 1], poses, offset + 7 * j);
+    // Lets a robot stand at the positions `q` of its planned joints: X_WJ = X_WP X_PJ exp([S] p_j), p = A q + b.
+    pose({ figure, data: { tree } }, q) {
+      const slide = new THREE.Vector3(), axis = new THREE.Vector3(), turn = new THREE.Quaternion();
+      tree.parents.forEach((parent, j) => {
+        const body = figure.bodies[j + 1], above = figure.bodies[parent];
+        const p = tree.coupling[j].reduce((sum, factor, i) => sum + factor * q[i], tree.offset[j]);
+        place(body, tree.placements[j]);
+        body.position.add(slide.fromArray(tree.screws[j]).multiplyScalar(p).applyQuaternion(body.quaternion));
+        body.quaternion.multiply(turn.setFromAxisAngle(axis.fromArray(tree.screws[j], 3), p));
+        body.position.applyQuaternion(above.quaternion).add(above.position);
+        body.quaternion.premultiply(above.quaternion);
+      });
     }
 
     // Axes of the robot's world through its origin, with figures along them, m.
@@ -178,10 +187,8 @@ const OptiPlanWorkspace = (() => {
     point(found) {
       this.ring.visible = Boolean(found);
       for (const robot of this.robots) {
-        const row = found && found[0] === robot && robot.rows ? robot.rows[found[1]] : -1, count = 7 * robot.data.bodies;
-        if (row < 0) { this.pose(robot, robot.stand); continue; }
-        const poses = Float32Array.from(robot.stands.subarray(row * count, (row + 1) * count), (v, k) => (v * (k % 7 < 3 ? robot.data.far : 1)) / STEPS);
-        this.pose(robot, poses);
+        const row = found && found[0] === robot ? robot.rows[found[1]] : -1, n = robot.data.joints.length;
+        this.pose(robot, row < 0 ? robot.data.usual : robot.q.subarray(row * n, (row + 1) * n));
       }
       if (found) {
         const [robot, k] = found;
@@ -204,7 +211,7 @@ const OptiPlanWorkspace = (() => {
     if (!found) { $("readout").textContent = "Point at a voxel for its numbers; the robot then stands as in the most dexterous sample there."; return; }
     const [robot, k] = found, rows = [["centre x, y, z, m", [0, 1, 2].map((i) => robot.points[3 * k + i].toFixed(3)).join(", ")], ["samples", String(robot.counts[k])]];
     for (const name in robot.values) rows.push([page.data.labels[name], robot.values[name][k] < 0 ? "not reached" : robot.values[name][k].toPrecision(4)]);
-    const row = robot.rows ? robot.rows[k] : -1;
+    const row = robot.rows[k];
     if (row >= 0) robot.data.joints.forEach((joint, j) => rows.push([joint, robot.q[row * robot.data.joints.length + j].toFixed(3)]));
     const name = document.createElement("b"), list = document.createElement("dl");
     name.textContent = `${robot.data.name}, ${robot.data.tool}`;

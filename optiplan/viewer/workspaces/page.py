@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.robot.mimic_joints import coupling, screws
 from optiplan.robot.robot import Robot
 from optiplan.viewer.assets import asset, scripts, styles
 from optiplan.viewer.page import meshcat_licences, meshcat_script
@@ -23,10 +24,6 @@ from optiplan.workspace.sampling import Workspace
 SCRIPTS = ("packed.js", "scene/shapes.js", "scene/stage.js", "scene/camera.js", "scene/bodies.js", "workspace.js")
 APART = 2.3
 """Distance of two robots that stand side by side, in units of the mean of their reaches."""
-MOST_STANDS = 160_000
-"""Poses of bodies at most, of stands of all robots together: seven numbers of two bytes each."""
-STEPS = 32767
-"""Of a number that is stored in two bytes: positions by the farthest of them, quaternions by 1."""
 
 
 def render_workspaces(found: Sequence[Workspace]) -> str:
@@ -35,12 +32,9 @@ def render_workspaces(found: Sequence[Workspace]) -> str:
     A voxel that is pointed at tells its numbers, and the robot stands as it does in the most dexterous sample there.
     """
     names = ", ".join(one.robot.name for one in found)
-    poses = sum((one.robot.model.njoints - 1) * int((one.voxels.counts > 0).sum()) for one in found)
     data = {
         "labels": LABELS,
-        "robots": [
-            _robot(one, offset, poses <= MOST_STANDS) for one, offset in zip(found, _offsets(found), strict=True)
-        ],
+        "robots": [_robot(one, offset) for one, offset in zip(found, _offsets(found), strict=True)],
     }
     return Template(asset("workspace.html")).substitute(
         title=html.escape(f"Workspace of {names}"),
@@ -79,10 +73,12 @@ def _offsets(found: Sequence[Workspace]) -> list[float]:
     return offsets
 
 
-def _robot(one: Workspace, offset: float, with_stands: bool) -> dict[str, Any]:
+def _robot(one: Workspace, offset: float) -> dict[str, Any]:
     robot, voxels = one.robot, one.voxels
     geometries, parts = robot_parts(robot)
-    shown: dict[str, Any] = {
+    Q = best_samples(one)
+    known = np.isfinite(Q).all(axis=1)
+    return {
         "name": robot.name,
         "tool": robot.tool_frame,
         "caption": caption(one),
@@ -95,12 +91,12 @@ def _robot(one: Workspace, offset: float, with_stands: bool) -> dict[str, Any]:
         "values": {name: packed(value) for name, value in mapped_values(one).items()},
         "geometries": geometries,
         "parts": parts,
-        "bodies": robot.model.njoints - 1,
-        "stand": packed(_poses(robot, _usual(robot)[None])),
+        "tree": _tree(robot),
+        "joints": list(robot.joint_names),
+        "usual": _usual(robot).tolist(),
+        "rows": packed(np.where(known, np.cumsum(known) - 1, -1)),
+        "q": packed(Q[known]),
     }
-    if with_stands:
-        shown |= _stands(robot, best_samples(one))
-    return shown
 
 
 def _usual(robot: Robot) -> Array:
@@ -112,27 +108,18 @@ def _usual(robot: Robot) -> Array:
     return np.asarray(np.clip(np.zeros(robot.n), lower, upper))
 
 
-def _stands(robot: Robot, Q: Array) -> dict[str, Any]:
-    """Poses at the configurations that are known, two bytes a number: of each voxel its row, -1 where none is."""
-    known = np.isfinite(Q).all(axis=1)
-    poses = _poses(robot, Q[known])
-    scale = np.ones(7)
-    scale[:3] = max(float(np.abs(poses[..., :3]).max(initial=0.0)), 1e-6)
-    rows = np.where(known, np.cumsum(known) - 1, -1)
+def _tree(robot: Robot) -> dict[str, Any]:
+    """What poses the page's bodies: X_WJ = X_WP X_PJ exp([S] p_j), with the positions p = A q + b of all J joints.
+
+    `parents` (J,) with 0 the world, `placements` X_PJ (J, 7), m and quaternion xyzw, `screws` S (J, 6) linear first,
+    `coupling` A (J, n), `offset` b (J,).
+    """
+    model = robot.model
+    A, b = coupling(model)
     return {
-        "rows": packed(rows),
-        "stands": packed(np.round(STEPS * poses / scale), "<i2"),
-        "far": float(scale[0]),
-        "q": packed(Q[known]),
-        "joints": list(robot.joint_names),
+        "parents": [int(parent) for parent in list(model.parents)[1:]],
+        "placements": [pin.SE3ToXYZQUAT(X).tolist() for X in list(model.jointPlacements)[1:]],
+        "screws": screws(model).tolist(),
+        "coupling": A.tolist(),
+        "offset": b.tolist(),
     }
-
-
-def _poses(robot: Robot, Q: Array) -> Array:
-    """Poses of the joints (k, bodies, 7), m and quaternion xyzw, at configurations Q (k, n)."""
-    data = robot.model.createData()
-    poses = np.empty((len(Q), robot.model.njoints - 1, 7))
-    for k, q in enumerate(Q):
-        pin.forwardKinematics(robot.model, data, q)
-        poses[k] = [pin.SE3ToXYZQUAT(X) for X in list(data.oMi)[1:]]
-    return poses

@@ -132,6 +132,9 @@ def test_line_into_a_joint_limit():
     assert failure.witness["fraction"] == pytest.approx(2.0 * np.pi - 6.0, abs=1e-6)
     assert failure.witness["limit"] == pytest.approx(2.0 * np.pi)
     check_witness(failure, "joint limit")
+    motion = Trajectory.from_dict(failure.witness["motion"])  # to look at: up to the limit and beyond
+    assert motion(np.array([failure.witness["t"]]))[0] == pytest.approx(failure.witness["q"], abs=1e-6)
+    assert motion.end[5] > 2.0 * np.pi
 
 
 def test_change_of_branch_before_the_start():

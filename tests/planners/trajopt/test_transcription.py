@@ -12,7 +12,9 @@ from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpo
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.qp import Subproblem
 from optiplan.planners.trajopt.sqp import evaluate, optimise
-from optiplan.planners.trajopt.transcription import CUTOFF, Margins, SoftRows, Transcription, _pushed_one_way
+from optiplan.planners.trajopt.terms.contacts import CUTOFF, Margins, _pushed_one_way
+from optiplan.planners.trajopt.terms.term import CostModel, SoftRows
+from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.problem import JointGoal, Objective, Problem
 from optiplan.robot.robot import load_robot
 
@@ -59,6 +61,18 @@ def moved(control: np.ndarray, transcription: Transcription, change: np.ndarray)
     return result
 
 
+def contacts(made: Transcription, control: np.ndarray) -> SoftRows:
+    return made.contacts.rows(made.curve(control, 1.0))
+
+
+def torques(made: Transcription, control: np.ndarray, duration: float) -> SoftRows:
+    return made.torques.rows(made.curve(control, duration))
+
+
+def jerk(made: Transcription, control: np.ndarray, duration: float) -> CostModel:
+    return made.cost_model(made.curve(control, duration))
+
+
 def direction(transcription: Transcription, n: int, seed: int) -> np.ndarray:
     free = transcription.basis.size - 6
     return np.random.default_rng(seed).normal(size=free * n) * 1e-4
@@ -67,9 +81,9 @@ def direction(transcription: Transcription, n: int, seed: int) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(3))
 def test_contact_rows_equal_differences(transcription: Transcription, control: np.ndarray, seed: int) -> None:
     change = direction(transcription, 7, seed)
-    here = transcription.contacts(control)
-    plus = transcription.contacts(moved(control, transcription, change))
-    minus = transcription.contacts(moved(control, transcription, -change))
+    here = contacts(transcription, control)
+    plus = contacts(transcription, moved(control, transcription, change))
+    minus = contacts(transcription, moved(control, transcription, -change))
     assert len(here.value) == len(plus.value) == len(minus.value) > 10
     expected = 0.5 * (plus.value - minus.value)
     error = np.abs(here.by_control @ change - expected)
@@ -80,9 +94,9 @@ def test_contact_rows_equal_differences(transcription: Transcription, control: n
 @pytest.mark.parametrize("seed", range(3))
 def test_torque_rows_equal_differences(transcription: Transcription, control: np.ndarray, seed: int) -> None:
     change, T, dT = direction(transcription, 7, seed) * 0.01, 1.1, 1e-6
-    here = transcription.torques(control, T)
-    plus = transcription.torques(moved(control, transcription, change), T + dT)
-    minus = transcription.torques(moved(control, transcription, -change), T - dT)
+    here = torques(transcription, control, T)
+    plus = torques(transcription, moved(control, transcription, change), T + dT)
+    minus = torques(transcription, moved(control, transcription, -change), T - dT)
     assert len(here.value) == len(plus.value) == len(minus.value) > 10
     expected = 0.5 * (plus.value - minus.value)
     predicted = here.by_control @ change + here.by_duration * dT
@@ -91,24 +105,24 @@ def test_torque_rows_equal_differences(transcription: Transcription, control: np
 
 def test_jerk_cost_equals_differences(transcription: Transcription, control: np.ndarray) -> None:
     change, T, dT = direction(transcription, 7, 0), 1.1, 1e-6
-    here = transcription.jerk_cost(control, T)
-    plus = transcription.jerk_cost(moved(control, transcription, change), T)
-    minus = transcription.jerk_cost(moved(control, transcription, -change), T)
-    assert here.gradient @ change == pytest.approx(0.5 * (plus.cost - minus.cost), rel=1e-6)
-    assert change @ (here.hessian @ change) == pytest.approx(plus.cost + minus.cost - 2 * here.cost, rel=1e-4)
-    later, earlier = (transcription.jerk_cost(control, T + s * dT).cost for s in (1, -1))
+    here = jerk(transcription, control, T)
+    plus = jerk(transcription, moved(control, transcription, change), T)
+    minus = jerk(transcription, moved(control, transcription, -change), T)
+    assert here.gradient @ change == pytest.approx(0.5 * (plus.value - minus.value), rel=1e-6)
+    assert change @ (here.hessian() @ change) == pytest.approx(plus.value + minus.value - 2 * here.value, rel=1e-4)
+    later, earlier = (jerk(transcription, control, T + s * dT).value for s in (1, -1))
     assert here.by_duration == pytest.approx((later - earlier) / (2 * dT), rel=1e-6)
 
 
 def test_watched_torques_get_rows(transcription: Transcription, control: np.ndarray) -> None:
-    transcription.set_samples(transcription.u)
-    before = len(transcription.torques(control, 5.0).value)
-    fast = transcription.torques(control, 0.5)
+    transcription.set_samples(transcription.samples.u)
+    before = len(torques(transcription, control, 5.0).value)
+    fast = torques(transcription, control, 0.5)
     assert fast.violation() > 0.0
-    assert transcription.watch(fast)
-    assert not transcription.watch(fast)
-    assert len(transcription.torques(control, 5.0).value) > before
-    transcription.set_samples(transcription.u)
+    assert transcription.torques.watch(fast)
+    assert not transcription.torques.watch(fast)
+    assert len(torques(transcription, control, 5.0).value) > before
+    transcription.set_samples(transcription.samples.u)
 
 
 def test_violation_takes_the_worst_row_of_each_sample() -> None:
@@ -151,8 +165,8 @@ def test_a_small_step_keeps_its_promise(transcription: Transcription, control: n
 def test_optimise_reaches_a_curve_without_violation(transcription: Transcription, control: np.ndarray) -> None:
     point, steps = optimise(Subproblem(transcription, "piqp"), control, 60, lambda: False)
     assert 0 < steps <= 60
-    assert point.contacts.violation() < 1e-3
-    assert point.torques.violation() < 0.02
+    assert point.missing < 1e-3
+    assert point.rows[1].violation() < 0.02
     assert point.merit < evaluate(transcription, control, 0.0).merit
     limits = transcription.limits
     assert (point.control >= limits.lower - 1e-9).all()

@@ -102,7 +102,7 @@ Witness World::nearest_points(const Placement &at, int pair, double cutoff) cons
     const Witness outer =
         optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], cutoff);
     if (outer.distance > SETTLED) return outer;
-    const Witness nearer = distance(at, pair, INF);
+    const Witness nearer = distance(at, pair, cutoff);
     return nearer.distance > 0.0 ? nearer : outer;
 }
 

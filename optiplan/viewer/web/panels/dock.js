@@ -3,6 +3,7 @@
 const OptiPlanDock = (() => {
   const { floats, doubles } = OptiPlanPacked, { Plot, make, shared, digits } = OptiPlanCurves, { millimetres } = OptiPlanFacts;
   const MOST = 300; // mm: larger clearances are not shown
+  const SAMPLED = "sampled, refined";
   const WORST = "nearest to its limit"; // instead of a joint, with several runs
 
   // The curves of a run as arrays: { t, quantities: [{ name, unit, of, kind, series: [{ name, t, y, low, high, extrema }] }] }
@@ -132,7 +133,7 @@ const OptiPlanDock = (() => {
       const unit = this.chosen(), bands = this.run.near ? this.run.near.contacts : [];
       if (this.several) return this.overlaySpec(unit);
       const most = unit.series.map((one) => Math.max(0, ...one.extrema.map(([, v]) => Math.abs(shared({ ...one, y: [v], extrema: [] })?.y[0] ?? 0)))).reduce((a, b) => Math.max(a, b), 0);
-      const said = `${unit.kind}${most ? `; at most ${(100 * most).toPrecision(3)} % of a limit` : ""}`;
+      const said = `${unit.kind === "sampled" ? SAMPLED : unit.kind}${most ? `; at most ${(100 * most).toPrecision(3)} % of a limit` : ""}${this.run.untimed ? "; at a constant rate: the path was refused before it was timed" : ""}`;
       return { title: unit.name, unit: unit.unit, series: unit.series, share: this.share, said, bands, onHover: unit.of === "joints" ? (name) => this.app.joint(name) : null };
     }
 

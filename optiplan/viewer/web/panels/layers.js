@@ -42,7 +42,7 @@ const OptiPlanLayers = (() => {
     const layer = (name) => (on) => { scene.layers[name].visible = on; scene.dirty(); };
     const ghosts = wish.get("ghosts") !== "0";
     if (scene.layers.obstacle.children.length) {
-      layers.add("obstacles", "Obstacles", true, layer("obstacle"));
+      layers.add("obstacles", "Obstacles", true, (on) => { for (const run of scene.runs) run.objects.group.visible = on; layer("obstacle")(on); });
       layers.add("through", "See-through", wish.has("through"), (on) => {
         for (const mesh of scene.solid) scene.painter.paint(mesh, { through: on });
         scene.dirty();

@@ -112,9 +112,12 @@ const OptiPlanScene = (() => {
     }
 
     addRun(run, k) {
-      const rank = this.ranks.get(k) || 0, colour = runColour(rank), tint = rank === 0 ? 0 : 0.55;
+      const rank = this.ranks.get(k) || 0, colour = runColour(rank);
       const mixed = new THREE.Color(colour).toArray(), behind = { polygonOffset: true, polygonOffsetFactor: 0.5 * k, polygonOffsetUnits: k };
-      const material = (part) => this.surface(part.colour.map((c, i) => (i < 3 ? c + tint * (mixed[i] - c) : c)), k ? behind : {});
+      const material = (part) => {
+        const tint = rank === 0 || part.body === 0 ? 0 : 0.55; // what is bolted down is nobody's
+        return this.surface(part.colour.map((c, i) => (i < 3 ? c + tint * (mixed[i] - c) : c)), k ? behind : {});
+      };
       const figure = this.figure(material, ROBOT_SETS);
       this.root.add(figure);
       figure.bodies[0].visible = k === 0; // what is bolted down is the same in every figure
@@ -122,6 +125,7 @@ const OptiPlanScene = (() => {
       const shown = { data: run, figure, poses, samples: run.samples || 1, duration: run.duration || 0, colour, path: null, witness: new THREE.Group() };
       this.layers.witness.add(shown.witness);
       this.pose(figure, poses);
+      shown.objects = new OptiPlanObjects.Objects(this, shown, material);
       if (run.path) {
         shown.tool = floats(run.path);
         shown.tools = [shown.tool, ...(run.other_paths || []).map(floats)];
@@ -178,7 +182,7 @@ const OptiPlanScene = (() => {
         }
         this.pose(run.figure, run.poses);
       }
-      const still = [this.runs[0].figure.bodies[0], ...this.layers.obstacle.children];
+      const still = [this.runs[0].figure.bodies[0], ...this.layers.obstacle.children, ...this.runs[0].objects.group.children];
       if (box.isEmpty()) box.setFromObject(still[0]);
       this.low = still.filter((mesh) => !mesh.userData.plane).reduce((low, mesh) => Math.min(low, one.setFromObject(mesh).min.y), box.min.y);
       const around = box.clone().expandByScalar(0.12 * box.getSize(new THREE.Vector3()).length());
@@ -201,7 +205,7 @@ const OptiPlanScene = (() => {
       this.stage = new OptiPlanStage.Stage(this.viewer, this.root, this.box, this.low);
       const centre = scene.worldToLocal(this.stage.centre.clone());
       for (const mesh of this.layers.obstacle.children) if (mesh.userData.plane) OptiPlanStage.spreadPlane(mesh, centre, 1.2 * this.stage.radius);
-      this.solid = this.layers.obstacle.children.filter((mesh) => !mesh.userData.plane);
+      this.solid = [...this.layers.obstacle.children.filter((mesh) => !mesh.userData.plane), ...this.runs.flatMap((run) => run.objects.meshes)];
       controls.enableDamping = false;
     }
 
@@ -244,7 +248,8 @@ const OptiPlanScene = (() => {
     // All meshes of a body that has this name in reports: obstacles, and of the runs' robots those that are shown.
     owned(name, run = null) {
       const found = this.layers.obstacle.children.filter((mesh) => mesh.userData.owner === name);
-      for (const one of run ? [run] : this.runs) one.figure.traverse((o) => { if (o.isMesh && o.userData.owner === name) found.push(o); });
+      for (const one of run ? [run] : this.runs) for (const mesh of one.objects.meshes) if (mesh.userData.owner === name) found.push(mesh);
+      for (const one of run ? [run] : this.runs) one.figure.traverse((o) => { if (o.isMesh && o.userData.owner === name && !found.includes(o)) found.push(o); });
       return found;
     }
 
@@ -262,7 +267,7 @@ const OptiPlanScene = (() => {
     // The body under a place of the picture: its name, or null.
     bodyAt(x, y) {
       const rays = new THREE.Raycaster(), seen = [...(this.layers.obstacle.visible ? this.layers.obstacle.children : [])];
-      for (const run of this.runs) run.figure.traverse((o) => { if (o.isMesh && o.visible && o.parent.visible) seen.push(o); });
+      for (const run of this.runs) for (const part of [run.figure, run.objects.group]) part.traverse((o) => { if (o.isMesh && o.visible && o.parent.visible) seen.push(o); });
       rays.setFromCamera({ x: (2 * x) / this.width - 1, y: 1 - (2 * y) / this.height }, this.viewer.camera);
       const hit = rays.intersectObjects(seen, false).find(({ object }) => object.visible);
       return hit ? hit.object.userData.owner : null;

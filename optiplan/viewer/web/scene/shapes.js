@@ -1,18 +1,18 @@
 "use strict";
 // Turns the shapes, colours and poses of a page's data into those of three.js; lengths in metres, in the frame of the shape.
 const OptiPlanShapes = (() => {
-  const THREE = MeshCat.THREE, { floats, indices } = OptiPlanPacked;
+  const THREE = MeshCat.THREE, { vertices, indices } = OptiPlanPacked;
   const CREASE = 0.87; // rad: sharper edges than that stay edges
 
   // Smooth shading within `crease` radians, sharp edges beyond: normals are averaged over near-parallel neighbours only,
   // whichever way these are wound: meshes of robots are often sheets back to back, or wound at random.
-  function creased(vertices, faces, crease) {
+  function creased(points, faces, crease) {
     const count = faces.length / 3, normals = new Float32Array(faces.length), around = new Map();
     const a = new THREE.Vector3(), b = new THREE.Vector3(), c = new THREE.Vector3();
     for (let f = 0; f < count; f++) {
-      a.fromArray(vertices, 3 * faces[3 * f]);
-      b.fromArray(vertices, 3 * faces[3 * f + 1]).sub(a);
-      c.fromArray(vertices, 3 * faces[3 * f + 2]).sub(a);
+      a.fromArray(points, 3 * faces[3 * f]);
+      b.fromArray(points, 3 * faces[3 * f + 1]).sub(a);
+      c.fromArray(points, 3 * faces[3 * f + 2]).sub(a);
       b.cross(c).toArray(normals, 3 * f); // length: twice the area, the weight of the average
       for (let k = 0; k < 3; k++) {
         const v = faces[3 * f + k];
@@ -31,7 +31,7 @@ const OptiPlanShapes = (() => {
         if (Math.abs(along) >= limit * size * b.length()) c.addScaledVector(b, Math.sign(along) || 1);
       }
       c.normalize().toArray(normal, 3 * i);
-      for (let k = 0; k < 3; k++) position[3 * i + k] = vertices[3 * faces[i] + k];
+      for (let k = 0; k < 3; k++) position[3 * i + k] = points[3 * faces[i] + k];
     }
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
@@ -57,7 +57,7 @@ const OptiPlanShapes = (() => {
       case "cylinder": return new THREE.CylinderGeometry(shape.radius, shape.radius, shape.length, 48).rotateX(Math.PI / 2);
       case "capsule": return capsule(shape.radius, shape.length);
       case "plane": return new THREE.PlaneGeometry(2, 2); // turned and sized by Scene.spreadPlane
-      default: return creased(floats(shape.vertices), indices(shape), CREASE);
+      default: return creased(vertices(shape), indices(shape), CREASE);
     }
   }
   const rgb = ([r, g, b]) => new THREE.Color(r, g, b).convertSRGBToLinear();

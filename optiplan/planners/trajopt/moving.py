@@ -1,0 +1,202 @@
+"""Plan from or to states of motion: curves that begin and end in them, or a stop, a way from rest to rest, a run-up."""
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.native_model import planning_model
+from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
+from optiplan.planners.common.continuous_collision import Touch, first_contact
+from optiplan.planners.common.failures import out_of_time
+from optiplan.planners.common.goal_ranking import ranked_goals
+from optiplan.planners.common.limit_violations import excess
+from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.common.via_legs import joined
+from optiplan.planners.trajopt.initial_guess import with_bump
+from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, torque_ratio, with_reserve
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
+from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.stopping_rule import Patience
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory.profiles.state_to_state import BetweenStates, fastest_run_up, fastest_stop
+from optiplan.trajectory.state import State
+from optiplan.trajectory.trajectory import Trajectory
+
+_DIRECT, _DETOUR = 1.0 / 3.0, 0.7
+"""Share of the budget for curves from the direct profiles, and of what is left for the way from rest to rest."""
+
+_NO_GAIN = 1e-6
+"""Share of the cost below which a motion counts as no better."""
+
+
+def plan_moving(planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+    """Plan a problem that states motion at its start or at goals.
+
+    Each joint's fastest profile between the states is the motion itself where it is free, and the first guess of a
+    curve otherwise. Where these lead to nothing, the robot stops as soon as it can, goes to where a run-up to the goal
+    begins, as `planner` finds it, and runs up; that motion is an answer, and the first guess of another curve. Then
+    curves with a bump are tried while `Patience` allows.
+    """
+    return _MovingRun(planner, problem, budget, progress).result()
+
+
+class _MovingRun:
+    """State of one call."""
+
+    def __init__(self, planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress) -> None:
+        self.planner, self.problem, self.budget, self.progress = planner, problem, budget, progress
+        self.options, self.watch = planner.options, Stopwatch()
+        self.began = time.perf_counter()
+        self.info: dict[str, Any] = {"attempts": [], "cut_short": False}
+        self.candidates: list[Candidate] = []
+        self.best, self.bound = np.inf, 0.0
+        self.curve: tuple[Attempt, MovingOptimiser] | None = None
+        self.touching: tuple[Touch, Trajectory] | None = None
+        self.patience = Patience(budget, self.options.good_enough)
+        with self.watch.stage("set-up"):
+            self.model = planning_model(problem.robot, problem.scene)
+            self.optimiser = Optimiser(with_reserve(problem), self.model, self.options)
+
+    def result(self) -> PlanResult:
+        """Search and return the best motion, or the failure."""
+        failure = self._search()
+        self.info["cut_short"] |= self.budget.over
+        if self.candidates:
+            *earlier, last = self.candidates
+            return PlanResult(last.trajectory, None, self.watch.seconds, self.info, tuple(earlier), last.seconds)
+        if self.budget.cancelled or failure is None:
+            failure = out_of_time(self.budget, "looking for a trajectory")
+        return PlanResult(None, failure, self.watch.seconds, self.info)
+
+    def _search(self) -> Failure | None:
+        with self.watch.stage("goals"):
+            goals = ranked_goals(self.problem, self.model, self.budget)
+        if isinstance(goals, Failure):
+            return goals
+        bounds = self.problem.lower_bounds(goals)
+        self.bound = self.problem.objective.time * float(bounds.min())
+        early = self.budget.share(_DIRECT)
+        for q in goals[: self.options.straight_goals]:
+            for end in self.problem.end_states(q):
+                if not early.over and self._worth():
+                    self._direct(end, early)
+        failure = None
+        if not self.candidates and not self.budget.over:
+            failure = self._detour()
+        self._bumps()
+        return None if self.candidates else failure
+
+    def _direct(self, end: State, budget: Budget) -> None:
+        """Try the profiles from state to state, and the curve that they lead to."""
+        names, limits = self.problem.robot.joint_names, self.problem.limits
+        start = self.problem.start_state
+        profile = BetweenStates(start, end, limits, names).trajectory()
+        if self._good(profile) is None:
+            self._offer(profile)
+        if self._worth():
+            self._optimised("direct", profile, EndStates(start, end), budget)
+
+    def _good(self, motion: Trajectory) -> Failure | None:
+        """Why a motion cannot be an answer."""
+        over = excess(motion, self.problem.limits)
+        if over is not None:
+            joint = motion.joint_names[over.joint]
+            detail = f"'{joint}' would reach {over.quantity} {over.value:.4g}, beyond its limit {over.limit:.4g}"
+            return Failure("limits", detail, {"t": over.t, "joint": joint, "q": motion(over.t).tolist()})
+        if torque_ratio(self.problem, motion) > 1.0:
+            return Failure("limits", "it would take more torque than there is", {"q": motion.start.tolist()})
+        with self.watch.stage("collision"):
+            touch = first_contact(self.model, motion, lambda: self.budget.over)
+        if touch is None:
+            return None
+        pair = touch.contact.pair
+        detail = f"'{pair.name_a}' meets '{pair.name_b}' after {touch.t:.3f} s"
+        return Failure("collision", detail, touch.witness(motion))
+
+    def _detour(self) -> Failure | None:
+        """Stop, go from rest to rest, run up; then optimise from that."""
+        problem, names, limits = self.problem, self.problem.robot.joint_names, self.problem.limits
+        stop = fastest_stop(problem.start_state, limits, names)
+        if stop is not None and (why := self._good(stop)) is not None:
+            return replace(why, detail=f"no curve was found, and stopping at once is no way out: {why.detail}")
+        run_ups: list[tuple[Array, Trajectory | None]] = []
+        goals: list[JointGoal | PoseGoal] = []
+        failure: Failure | None = None
+        for goal in problem.goal:
+            if isinstance(goal, PoseGoal) or not goal.moving:
+                goals.append(goal)
+                continue
+            run_up = fastest_run_up(goal.state, limits, names)
+            failure = None if run_up is None else self._good(run_up)
+            if failure is None and run_up is not None:
+                goals.append(JointGoal(run_up.start))
+                run_ups.append((run_up.start, run_up))
+        if not goals:
+            assert failure is not None
+            return replace(failure, detail=f"no curve was found, and a run-up is no way in: {failure.detail}")
+        still = replace(problem, goal=tuple(goals)).with_start(problem.start if stop is None else stop.end)
+        with self.watch.stage("from rest to rest"):
+            found = self.planner.plan(still, self.budget.share(_DETOUR), self.progress)
+        if found.trajectory is None:
+            return found.failure
+        run_up = next((one for q, one in run_ups if np.abs(q - found.trajectory.end).max() < 1e-6), None)
+        parts = [part for part in (stop, found.trajectory, run_up) if part is not None]
+        whole = joined(parts)
+        self._offer(whole)
+        end = whole.state(whole.duration)
+        self._optimised("detour", whole, EndStates(problem.start_state, end), self.budget)
+        return None
+
+    def _bumps(self) -> None:
+        """Optimise from the best curve with a bump, while that can be expected to gain."""
+        rng = np.random.default_rng(self.problem.seed)
+        for _ in range(self.options.seeds):
+            if self.curve is None or not self._worth():
+                return
+            attempt, optimiser = self.curve
+            T = attempt.trajectory.duration
+            control = with_bump(optimiser.basis, attempt.control, T, self.problem.limits, rng)
+            self._run("bump", optimiser, control, T, self.budget)
+
+    def _optimised(self, kind: str, motion: Trajectory, ends: EndStates, budget: Budget) -> None:
+        optimiser = MovingOptimiser(self.problem, self.optimiser, ends)
+        self._run(kind, optimiser, optimiser.along(motion), motion.duration, budget)
+
+    def _run(self, kind: str, optimiser: MovingOptimiser, control: Array, duration: float, budget: Budget) -> None:
+        """Optimise a curve and offer it, if it is free."""
+        self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
+        before = self.optimiser.steps
+        with self.watch.stage("optimisation"):
+            attempt = optimiser.run(control, duration, budget)
+        steps = self.optimiser.steps - before
+        self.patience.work(steps=steps)
+        free = attempt is not None and attempt.free
+        entry: dict[str, Any] = {"seed": kind, "free": free, "iterations": steps}
+        self.info["attempts"].append(entry)
+        if attempt is not None:
+            entry["duration"] = attempt.trajectory.duration
+            if attempt.touches:
+                self.touching = attempt.touches[0], attempt.trajectory
+            elif not attempt.broken and self._offer(attempt.trajectory):
+                self.curve = attempt, optimiser
+        cost = self.problem.cost(attempt.trajectory) if attempt is not None and free else None
+        self.patience.record(cost)
+
+    def _offer(self, trajectory: Trajectory) -> bool:
+        """Keep a free motion if it is better than the best; return whether it is."""
+        cost = self.problem.cost(trajectory)
+        if cost >= self.best * (1.0 - _NO_GAIN) or tuple(self.optimiser.constraints.broken(trajectory)):
+            return False
+        self.best = cost
+        self.candidates.append(Candidate(trajectory, time.perf_counter() - self.began))
+        announce(self.progress, trajectory)
+        return True
+
+    def _worth(self) -> bool:
+        """Return whether the budget and `Patience` allow another attempt."""
+        if self.budget.over:
+            return False
+        return not self.candidates or self.patience.worth_another(self.best, self.bound)

@@ -1,0 +1,169 @@
+"""Optimise curves whose ends move: the first and last three control points depend on the duration."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.base import Budget
+from optiplan.planners.common.continuous_collision import contacts_along
+from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis
+from optiplan.planners.trajopt.optimizer import ACTIVE, Attempt, Optimiser, around
+from optiplan.planners.trajopt.sqp import MAX_VIOLATION, STUCK, Descended, Descender
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.state import State
+from optiplan.trajectory.timing.time_scaling import speed_ratio
+from optiplan.trajectory.timing.torque_scaling import RESERVE, torque_scale, torque_share
+from optiplan.trajectory.trajectory import Trajectory
+
+SETTLED = 2e-3
+"""Share of the duration by which two durations in a row may differ in the end."""
+
+ROUNDS = 8
+"""Times that a curve is optimised with its ends as of the last duration."""
+
+EXACT = 1e-8
+"""Share by which a limit may be passed: rounding."""
+
+STRETCHES = 12
+"""Times that the duration of a curve is corrected until it keeps its limits."""
+
+
+@dataclass(frozen=True, eq=False)
+class EndStates:
+    """The states at both ends of a curve q(u), t = u T."""
+
+    start: State
+    end: State
+
+    def by_share(self, duration: float) -> tuple[Array, Array]:
+        """q, dq/du = T v and d²q/du² = T² a at both ends of a curve that takes this duration, s: (3, n) each."""
+        scale = duration ** np.arange(3)[:, None]
+        first, last = (np.array([state.q, state.v, state.a]) * scale for state in (self.start, self.end))
+        return first, last
+
+    def held(self, basis: SplineBasis, control: Array, duration: float) -> Array:
+        """The control points (K, n) of the curve bent to its ends as of this duration, s."""
+        return basis.moved_ends(control, *self.by_share(duration))
+
+
+def with_reserve(problem: Problem) -> Problem:
+    """The problem with the torque limits that curves are optimised with: slowing them down is no cure afterwards."""
+    return replace(problem, limits=replace(problem.limits, torque=(1.0 - 2.0 * RESERVE) * problem.limits.torque))
+
+
+class MovingOptimiser:
+    """Optimise curves between two states of motion, by the optimiser of curves between two configurations.
+
+    With the control points at the ends as of a duration T', the least duration of the others is g(T'), an ordinary
+    program. A duration T is possible exactly where T >= g(T), so that the least one is the fixed point T = g(T), which
+    the iteration T_{k+1} = g(T_k) finds: the motion at the ends makes up less of a longer motion, and g changes by at
+    most 2/3 of its argument. Its differences are extrapolated (Aitken). In the end the duration is corrected on the
+    exact extrema of the curve, its ends being those of the very duration.
+    """
+
+    def __init__(self, problem: Problem, optimiser: Optimiser, ends: EndStates) -> None:
+        self.problem, self.optimiser, self.ends = problem, optimiser, ends
+        self.basis = optimiser.basis
+
+    def along(self, motion: Trajectory) -> Array:
+        """Control points (K, n) of the spline near a motion."""
+        u = np.linspace(0.0, 1.0, 4 * self.basis.size)
+        return self.basis.fit(u, motion(u * motion.duration), self.basis.ends(*self.ends.by_share(motion.duration)))
+
+    def run(self, control: Array, duration: float, budget: Budget, margin: float | None = None) -> Attempt | None:
+        """Optimise from control points (K, n) and a duration, s; check between the samples, add samples, repeat.
+
+        None as of `Optimiser.run`.
+        """
+        own, options = self.optimiser, self.optimiser.options
+        control = self.ends.held(self.basis, control, duration)
+        descender, u = own.descender(control, margin, own.constraints.begin()), own.instants(control)
+        attempt, before = None, own.steps
+        for _ in range(options.refinements + 1):
+            descender.set_samples(u)
+            found = self._fixed_point(descender, control, duration, options.iterations + before, lambda: budget.over)
+            control, duration = found.control, found.duration
+            if budget.cancelled or found.missing > MAX_VIOLATION:
+                return None
+            trajectory = self.timed(control, duration)
+            if trajectory is None:
+                return None
+            touches = tuple(contacts_along(own.model, trajectory, lambda: budget.cancelled))
+            broken, steps = tuple(own.constraints.broken(trajectory)), own.steps - before
+            close = found.nearest < ACTIVE
+            attempt = Attempt(control, trajectory, touches, broken, close, steps)
+            if budget.cancelled:
+                return None
+            if not (touches or broken) or steps >= options.iterations or budget.over or found.missing > STUCK:
+                break
+            own.constraints.raise_prices(broken)
+            times = [touch.t / trajectory.duration for touch in touches] + [one.share for one in broken]
+            u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
+        return attempt
+
+    def _fixed_point(
+        self, descender: Descender, control: Array, duration: float, most: int, stop: Callable[[], bool]
+    ) -> Descended:
+        """Optimise again and again with the ends as of the last duration, until it stays."""
+        own, times = self.optimiser, [duration]
+        for k in range(ROUNDS):
+            control = self.ends.held(self.basis, control, times[-1])
+            found = descender.optimise(control, max(1, most - own.steps), stop)
+            own.steps += found.steps
+            control = found.control
+            settled = abs(found.duration - times[-1]) <= SETTLED * found.duration
+            times.append(found.duration)
+            if settled or stop() or own.steps >= most:
+                break
+            if k % 3 == 2:
+                times.append(_extrapolated(*times[-3:]))
+        return found
+
+    def timed(self, control: Array, duration: float) -> Trajectory | None:
+        """Return the curve in the least duration near this one within limits and torques; None where there is none."""
+        problem, limits, T = self.problem, self.problem.limits, duration
+        best: Trajectory | None = None
+        for _ in range(STRETCHES):
+            points = self.ends.held(self.basis, control, T)
+            curve = Trajectory.from_bspline(problem.robot.joint_names, self.basis.knots * T, points, DEGREE)
+            speed, torque = speed_ratio(curve, limits), torque_ratio(problem, curve)
+            good = max(speed, torque) <= 1.0 + EXACT and _inside(curve, limits.lower, limits.upper)
+            if not np.isfinite(torque) or (best is not None and not good):
+                break
+            if good:
+                best = curve
+                if speed >= 1.0 - SETTLED:
+                    break
+                T *= speed
+            else:
+                T *= max(speed, torque) * (1.0 + SETTLED)
+        return best
+
+
+def torque_ratio(problem: Problem, motion: Trajectory) -> float:
+    """Return `torque_scale` of a motion, or 1 where it takes no more than its ends do, which are given.
+
+    The states at the ends may be nearer to the limit than the reserve of the scale.
+    """
+    robot, limit = problem.robot, problem.limits.torque
+    scale = torque_scale(robot, limit, motion)
+    if scale <= 1.0:
+        return scale
+    at_ends = torque_share(robot, limit, motion, np.array([0.0, motion.duration]))
+    within = at_ends <= 1.0 and torque_share(robot, limit, motion) <= max(at_ends, 1.0 - RESERVE) + EXACT
+    return 1.0 if within else scale
+
+
+def _inside(curve: Trajectory, lower: Array, upper: Array) -> bool:
+    """Whether the positions keep their limits, but for rounding."""
+    low, high = curve.extrema(0)
+    return bool((low >= lower - EXACT).all() and (high <= upper + EXACT).all())
+
+
+def _extrapolated(a: float, b: float, c: float) -> float:
+    """Aitken's limit of a sequence of which these are three, not far beyond the last."""
+    curvature = (c - b) - (b - a)
+    limit = c if curvature == 0.0 else c - (c - b) ** 2 / curvature
+    return float(np.clip(limit, c - 2.0 * abs(c - b), c + 2.0 * abs(c - b)))

@@ -1,0 +1,153 @@
+"""Clearance of all pairs of bodies."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from optiplan.arrays import Array, Index
+from optiplan.collision.model import CollisionModel, Contacts
+from optiplan.collision.named_pairs import NamedPairs
+from optiplan.planners.trajopt.terms.term import Curve, Instants, SoftRows, within
+from optiplan.problem.constraints.statements import PairClearance
+from optiplan.problem.problem import Problem
+
+CUTOFF = 0.04
+"""Pairs nearer than this, m, get a row in the quadratic program."""
+
+CONTACT_PENALTY = 0.5
+"""Price of a missing centimetre of clearance at one sample."""
+
+CENTIMETRE = 0.01
+
+_KEPT = 0.6
+"""Share of a pair's clearance at an end that is aimed at near this end, where the pair is nearer than the margin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """Desired clearance along the curve (soft), for each pair at most what its ends allow.
+
+    For a pair nearer than the margin at one end, the margin rises linearly to the clearance at the other end; for one
+    near at both ends it stays as small.
+
+    Attributes:
+        middle: m, of pairs that are far apart at both ends.
+        start: (P,) clearance of each pair at the start, m, as far as it is known: at least `CUTOFF` beyond that.
+        end: (P,) the same at the end.
+    """
+
+    middle: float
+    start: Array
+    end: Array
+
+    @classmethod
+    def between(cls, model: CollisionModel, ends: Array, middle: float) -> "Margins":
+        """Return the margins of a curve between two configurations, `ends` (2, n)."""
+        clearance = np.full((2, len(model.pairs)), CUTOFF)
+        found = model.near(ends, CUTOFF)
+        clearance[found.rows, found.pairs] = np.maximum(found.distance, 0.0)
+        return cls(middle, clearance[0], clearance[1])
+
+    def at(self, u: Array, pairs: Index) -> Array:
+        """Return margins (K,), m, of pairs (K,) at fractions u (K,) of the duration."""
+        ends = (1.0 - u) * self.start[pairs] + u * self.end[pairs]
+        return np.minimum(self.middle, _KEPT * ends)
+
+
+class ContactTerm:
+    """Rows d + grad d . (B dC) - margin, from coal's witness points, exact shapes.
+
+    Holds at: samples; contacts between them are found by continuous collision checking, which adds samples.
+    """
+
+    name = "clearance"
+    price, unit, negligible, decides = CONTACT_PENALTY, CENTIMETRE, 1e-4, True
+
+    def __init__(self, model: CollisionModel, margins: Margins) -> None:
+        self.model, self.margins = model, margins
+        self._u = np.zeros(0)
+
+    def begin(self, samples: Instants) -> None:
+        """Take the instants of the samples, on which margins depend."""
+        self._u = samples.u
+
+    def rows(self, curve: Curve) -> SoftRows:
+        """Return the rows of all pairs nearer than the cutoff."""
+        sample, value, gradient = self.near(curve.samples.at[0] @ curve.control)
+        return SoftRows(sample, value, curve.samples.spread(gradient, sample), np.zeros(len(value)))
+
+    def near(self, Q: Array) -> tuple[Index, Array, Array]:
+        """Sample (K,), clearance beyond the margin (K,), m, its gradient (K, n), of pairs near at Q (N, n)."""
+        found = _pushed_one_way(self.model.near(Q, CUTOFF))
+        value = found.distance - self.margins.at(self._u[found.rows], found.pairs)
+        return found.rows, value, self.model.gradients(Q, found)
+
+    def watch(self, rows: SoftRows) -> bool:
+        """Return False: all near pairs have rows."""
+        return False
+
+
+CLEARANCE_RESERVE = 1e-3
+"""m kept of a clearance that is asked for, for what happens between samples."""
+
+
+class NamedClearanceTerm:
+    """Rows d - at_least of a few pairs that are asked to stay apart. Holds at: samples."""
+
+    name = "clearance"
+    price, unit, negligible, decides = CONTACT_PENALTY, CENTIMETRE, CLEARANCE_RESERVE, False
+
+    def __init__(self, problem: Problem, wanted: PairClearance) -> None:
+        self.model = NamedPairs(problem.robot, problem.scene, wanted.pairs)
+        self.wanted = wanted
+        self._inside: Index = np.zeros(0, dtype=np.intp)
+
+    def begin(self, samples: Instants) -> None:
+        """Take the samples in the constraint's part of the motion."""
+        self._inside = np.flatnonzero(within(samples.u, self.wanted.during))
+
+    def rows(self, curve: Curve) -> SoftRows:
+        """Return the rows of the pairs nearer than the cutoff beyond the clearance asked for."""
+        least = self.wanted.at_least
+        Q = curve.samples.at[0][self._inside] @ curve.control
+        found = _pushed_one_way(self.model.near(Q, least + CUTOFF))
+        sample = self._inside[found.rows]
+        order = np.argsort(sample, kind="stable")
+        value, gradient = found.distance - least - CLEARANCE_RESERVE, self.model.gradients(Q, found)
+        by_control = curve.samples.spread(gradient, sample)
+        return SoftRows(sample[order], value[order], by_control[order], np.zeros(len(order)))
+
+    def watch(self, rows: SoftRows) -> bool:
+        """Return False: all near pairs have rows."""
+        return False
+
+    def least(self, motion: Sequence[Array]) -> Array:
+        """Return the least clearance beyond that asked for, m, of each state (N, n): (N,), at most a centimetre."""
+        found = self.model.near(motion[0], self.wanted.at_least + CENTIMETRE)
+        least = np.full(len(motion[0]), CENTIMETRE)
+        np.minimum.at(least, found.rows, found.distance - self.wanted.at_least)
+        return least
+
+    def slower(self, least: float) -> float:
+        """Return 1: no clearance grows with time."""
+        return 1.0
+
+
+def _pushed_one_way(contacts: Contacts) -> Contacts:
+    """Give a pair that penetrates at consecutive samples the mean of its normals at all of them.
+
+    In deep penetration the nearest way out changes sides from sample to sample, and pushing a
+    curve both ways at once leaves it in place. Where bodies are apart the normals are unchanged.
+    """
+    inside = np.flatnonzero(contacts.distance < 0.0)
+    inside = inside[np.lexsort((contacts.rows[inside], contacts.pairs[inside]))]
+    pairs, rows = contacts.pairs[inside], contacts.rows[inside]
+    breaks = np.flatnonzero((np.diff(pairs) != 0) | (np.diff(rows) > 1)) + 1
+    normals = contacts.normals.copy()
+    for run in np.split(inside, breaks):
+        mean = normals[run].sum(axis=0)
+        length = float(np.linalg.norm(mean))
+        if length > 0.0:
+            normals[run] = mean / length
+    return replace(contacts, normals=normals)

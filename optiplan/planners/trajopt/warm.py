@@ -1,0 +1,170 @@
+"""Begin at an earlier motion: cut it where the robot is now, bend it to the new ends, optimise it in the new scene."""
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.native_model import planning_model
+from optiplan.kinematics.ik.levenberg_marquardt import Descent
+from optiplan.planners.base import Budget, Candidate, PlanResult, Progress, announce
+from optiplan.planners.common.continuous_collision import first_contact
+from optiplan.planners.common.gravity import Gravity
+from optiplan.planners.common.limit_violations import excess
+from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, torque_ratio, with_reserve
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
+from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory.state import State
+from optiplan.trajectory.trajectory import Trajectory
+
+MOST_STEPS = 40
+"""Of an attempt from the earlier motion: where it takes more, a search is the better use of the time."""
+
+CLOSE = 0.2, 1.0
+"""Shares of the option's margin tried in turn: the earlier motion was near bodies where that saved time."""
+
+AS_GOOD = 1.1
+"""Cost of the new motion to that of the rest of the earlier one, with the time that the ends have moved by added, up to
+which no other way is looked for."""
+
+_SHARE = 0.9
+"""Of a pose goal's tolerances, within which its configuration is found."""
+
+_SAMPLES, _ITERATIONS = 400, 60
+
+_SAME = 1e-7
+"""rad or m, and per second and second²: states nearer than this are one."""
+
+_NEWTON = 5
+"""Steps to the instant at which a motion passes the new start."""
+
+
+class WarmStart:
+    """A curve from an earlier motion.
+
+    Attributes:
+        ahead: what is left of the earlier motion, where that is an answer as it stands; None elsewhere.
+        attempt: the free curve that it led to; None: none.
+        good: whether that is as good as the earlier motion was.
+        info: as of an entry of `attempts` in a planner's `info`.
+        seconds: taken.
+    """
+
+    def __init__(
+        self, problem: Problem, earlier: Trajectory, options: TrajOptOptions, budget: Budget, progress: Progress
+    ) -> None:
+        began = time.perf_counter()
+        self.problem, self.earlier, self.budget = problem, _ahead(problem, earlier), budget
+        self.model = planning_model(problem.robot, problem.scene)
+        stated = with_reserve(problem) if problem.moving else problem
+        self.optimiser = Optimiser(stated, self.model, replace(options, iterations=min(MOST_STEPS, options.iterations)))
+        self.attempt: Attempt | None = None
+        self.good = False
+        end = self._end()
+        self.ahead = self.earlier if end is not None and self._still_good(end) else None
+        if end is not None:
+            progress("optimisation from the earlier motion", 0.0)
+            for share in CLOSE:
+                found = self._optimised(end, share * options.margin)
+                if found is not None and found.free:
+                    self.attempt = found
+                    break
+        if self.attempt is not None and end is not None:
+            announce(progress, self.attempt.trajectory)
+            cost = problem.cost
+            moved = np.abs([self.earlier.start - problem.start, self.earlier.end - end.q]) / problem.limits.velocity
+            expected = cost(self.earlier) + problem.objective.time * float(moved.max(axis=1).sum())
+            self.good = cost(self.attempt.trajectory) <= AS_GOOD * expected
+        self.seconds = time.perf_counter() - began
+        self.info: dict[str, Any] = {"seed": "warm", "free": self.attempt is not None}
+        self.info["iterations"] = self.optimiser.steps
+        if self.attempt is not None:
+            self.info["duration"] = self.attempt.trajectory.duration
+
+    @property
+    def best(self) -> Trajectory | None:
+        """The better of the curve and what is left of the earlier motion."""
+        found = [] if self.attempt is None else [self.attempt.trajectory]
+        found += [] if self.ahead is None else [self.ahead]
+        return min(found, key=self.problem.cost, default=None)
+
+    def result(self) -> PlanResult:
+        """The best as an answer."""
+        info = {"attempts": [self.info], "cut_short": self.budget.over}
+        return PlanResult(self.best, None, {"from the earlier motion": self.seconds}, info, (), self.seconds)
+
+    def with_search(self, found: PlanResult) -> PlanResult:
+        """The better of that and what a search found after it."""
+        info = {**found.info, "attempts": [self.info, *found.info.get("attempts", ())]}
+        timings = {"from the earlier motion": self.seconds, **found.timings}
+        later = [replace(one, seconds=one.seconds + self.seconds) for one in found.earlier]
+        seconds = None if found.seconds is None else found.seconds + self.seconds
+        found = replace(found, info=info, timings=timings, earlier=tuple(later), seconds=seconds)
+        if self.best is None:
+            return found
+        cost, own = self.problem.cost, Candidate(self.best, self.seconds)
+        if found.trajectory is None or cost(found.trajectory) >= cost(own.trajectory):
+            return replace(found, trajectory=own.trajectory, failure=None, earlier=(), seconds=own.seconds)
+        better = [one for one in later if cost(one.trajectory) < cost(own.trajectory)]
+        return replace(found, earlier=(own, *better))
+
+    def _optimised(self, end: State, margin: float) -> Attempt | None:
+        start, earlier, basis = self.problem.start_state, self.earlier, self.optimiser.basis
+        u = np.linspace(0.0, 1.0, _SAMPLES)
+        curves = MovingOptimiser(self.problem, self.optimiser, EndStates(start, end))
+        control = basis.fit(u, earlier(u * earlier.duration), basis.ends(*_ends_by_share(earlier)))
+        if any(rate.any() for rate in (start.v, start.a, end.v, end.a)):
+            return curves.run(control, earlier.duration, self.budget, margin)
+        return self.optimiser.run(curves.ends.held(basis, control, earlier.duration), self.budget, margin)
+
+    def _still_good(self, end: State) -> bool:
+        """Whether the rest of the earlier motion leads from the start to this end, and is free and within limits."""
+        motion, limits = self.earlier, self.problem.limits
+        here, there = motion.state(0.0), motion.state(motion.duration)
+        same = [
+            np.abs(getattr(found, rate) - getattr(stated, rate)).max() <= _SAME
+            for found, stated in ((here, self.problem.start_state), (there, end))
+            for rate in ("q", "v", "a")
+        ]
+        if not all(same) or excess(motion, limits) is not None or torque_ratio(self.problem, motion) > 1.0:
+            return False
+        if self.optimiser.constraints.broken(motion):
+            return False
+        return first_contact(self.model, motion, lambda: self.budget.over) is None
+
+    def _end(self) -> State | None:
+        """The state at the goal's configuration nearest to the earlier end; None where none is free."""
+        q0, speed = self.earlier.end, self.problem.limits.velocity
+        ends = [q for goal in self.problem.goal if (q := self._configuration(goal, q0)) is not None]
+        gravity = Gravity(self.problem.robot, self.problem.limits.torque)
+        for q in sorted(ends, key=lambda q: float((np.abs(q - q0) / speed).max())):
+            if not self.model.collides(q) and not gravity.too_much(q):
+                return self.problem.end_states(q)[0]
+        return None
+
+    def _configuration(self, goal: JointGoal | PoseGoal, near: Array) -> Array | None:
+        if isinstance(goal, JointGoal):
+            return goal.q
+        descent = Descent(self.problem.robot, goal.frame, goal.orientation < np.pi)
+        descent.aim(goal.X_WG)
+        return descent.settle(descent.inside(near), _SHARE * goal.position, _SHARE * goal.orientation, _ITERATIONS)
+
+
+def _ends_by_share(motion: Trajectory) -> tuple[Array, Array]:
+    states = motion.state(0.0), motion.state(motion.duration)
+    return EndStates(*states).by_share(motion.duration)
+
+
+def _ahead(problem: Problem, earlier: Trajectory) -> Trajectory:
+    """Return what is left of a motion from where it passes nearest to the new start."""
+    t = np.linspace(0.0, earlier.duration, _SAMPLES)
+    away = (np.abs(earlier(t) - problem.start) / problem.limits.velocity).max(axis=1)
+    here = float(t[int(np.argmin(away[:-1]))])
+    for _ in range(_NEWTON):
+        v = earlier(here, 1)
+        here += float((problem.start - earlier(here)) @ v) / max(float(v @ v), 1e-12)
+        here = float(np.clip(here, 0.0, t[-2]))
+    return earlier.part(here, earlier.duration)

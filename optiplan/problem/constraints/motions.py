@@ -1,0 +1,174 @@
+"""Path constraints on speeds, joints and distances."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from optiplan.problem.constraints.base import WHOLE, During, Statement
+
+
+@dataclass(frozen=True, eq=False)
+class ToolSpeed(Statement):
+    """A frame moves and turns no faster than this.
+
+    Attributes:
+        frame: a link or fixed frame of the robot.
+        linear: of its origin, m/s; infinite: any.
+        angular: rad/s; infinite: any.
+        during: part of the motion.
+    """
+
+    KEY: ClassVar[str] = "tool_speed"
+
+    frame: str
+    linear: float = np.inf
+    angular: float = np.inf
+    during: During = WHOLE
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
+        """Return the constraint of a validated entry of a file."""
+        return cls(frame, *_rates(data), during)
+
+    def said(self) -> dict[str, Any]:
+        """Return its values as a problem file says them."""
+        return {name: getattr(self, name) for name in ("linear", "angular") if np.isfinite(getattr(self, name))}
+
+
+@dataclass(frozen=True, eq=False)
+class ToolAcceleration(Statement):
+    """A frame is accelerated no more than this.
+
+    Attributes:
+        frame: a link or fixed frame of the robot.
+        linear: of its origin, m/s²; infinite: any.
+        angular: rad/s²; infinite: any.
+        during: part of the motion.
+    """
+
+    KEY: ClassVar[str] = "tool_acceleration"
+
+    frame: str
+    linear: float = np.inf
+    angular: float = np.inf
+    during: During = WHOLE
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
+        """Return the constraint of a validated entry of a file."""
+        return cls(frame, *_rates(data), during)
+
+    def said(self) -> dict[str, Any]:
+        """Return its values as a problem file says them."""
+        return {name: getattr(self, name) for name in ("linear", "angular") if np.isfinite(getattr(self, name))}
+
+
+@dataclass(frozen=True, eq=False)
+class PairClearance(Statement):
+    """Pairs of bodies, by name, stay farther apart than this.
+
+    Attributes:
+        pairs: of links, obstacles and attached objects.
+        at_least: m.
+        during: part of the motion.
+    """
+
+    KEY: ClassVar[str] = "clearance"
+
+    pairs: tuple[tuple[str, str], ...]
+    at_least: float
+    during: During = WHOLE
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
+        """Return the constraint of a validated entry of a file."""
+        return cls(tuple((a, b) for a, b in data["pairs"]), data["at_least"], during)
+
+    def said(self) -> dict[str, Any]:
+        """Return its values as a problem file says them."""
+        return {"pairs": [list(pair) for pair in self.pairs], "at_least": self.at_least}
+
+
+@dataclass(frozen=True, eq=False)
+class ManipulabilityAbove(Statement):
+    """Yoshikawa's measure of a frame's Jacobian, sqrt(det(J J^T)), stays above a value: away from singularities.
+
+    Attributes:
+        frame: a link or fixed frame of the robot.
+        at_least: of m and rad, as J has them.
+        during: part of the motion.
+    """
+
+    KEY: ClassVar[str] = "manipulability"
+
+    frame: str
+    at_least: float
+    during: During = WHOLE
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
+        """Return the constraint of a validated entry of a file."""
+        return cls(frame, data["at_least"], during)
+
+    def said(self) -> dict[str, Any]:
+        """Return its values as a problem file says them."""
+        return {"at_least": self.at_least}
+
+
+@dataclass(frozen=True, eq=False)
+class JointCoupling(Statement):
+    """A sum of joint positions keeps its value: |sum_j c_j q_j - equals| <= within.
+
+    Attributes:
+        joints: c_j by the name of the joint.
+        equals: rad or m.
+        within: rad or m.
+        during: part of the motion.
+    """
+
+    KEY: ClassVar[str] = "coupling"
+
+    joints: Mapping[str, float]
+    equals: float
+    within: float
+    during: During = WHOLE
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
+        """Return the constraint of a validated entry of a file."""
+        return cls(dict(data["joints"]), data["equals"], data["within"], during)
+
+    def said(self) -> dict[str, Any]:
+        """Return its values as a problem file says them."""
+        return {"joints": dict(self.joints), "equals": self.equals, "within": self.within}
+
+
+@dataclass(frozen=True, eq=False)
+class WheelSpeed(Statement):
+    """The mecanum wheels of the robot turn no faster than this.
+
+    Attributes:
+        at_most: rad/s.
+        during: part of the motion.
+    """
+
+    KEY: ClassVar[str] = "wheel_speed"
+
+    at_most: float
+    during: During = WHOLE
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
+        """Return the constraint of a validated entry of a file."""
+        return cls(data["at_most"], during)
+
+    def said(self) -> dict[str, Any]:
+        """Return its values as a problem file says them."""
+        return {"at_most": self.at_most}
+
+
+def _rates(data: Mapping[str, Any]) -> tuple[float, float]:
+    linear, angular = (np.inf if data.get(name) is None else float(data[name]) for name in ("linear", "angular"))
+    return linear, angular

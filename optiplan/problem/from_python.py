@@ -1,0 +1,82 @@
+"""Read a problem from the arguments of `op.Problem`, by way of the data that a file would hold."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from optiplan.config.document import Document, plain
+from optiplan.errors import InputError, described, wrong_argument
+from optiplan.files import reading
+from optiplan.problem import to_data
+from optiplan.problem.builder import RobotLoader
+from optiplan.problem.from_data import Parts, read_problem
+from optiplan.problem.task.builder import task_data
+from optiplan.robot.reference import UNKNOWN
+from optiplan.robot.robot import Robot, load_robot
+
+_HERE = "<problem>"
+"""Stands for the file of a problem that has none."""
+
+SAID = {
+    "start": ("start", to_data.start_data),
+    "goal": ("goal", to_data.goal_data),
+    "task": ("task", task_data),
+    "vias": ("via", to_data.via_data),
+    "scene": ("scene", to_data.scene_data),
+    "limits": ("limits", to_data.limits_data),
+    "objective": ("objective", to_data.objective_data),
+    "path_constraints": ("path_constraints", to_data.path_constraint_data),
+    "base": ("base", to_data.base_data),
+    "gravity": ("gravity", to_data.gravity_data),
+}
+"""Parts of a problem: key of the file, and how the part stands there."""
+
+
+def read_arguments(robot: Any, given: Mapping[str, Any], labels: Mapping[str, Any]) -> Parts:
+    """Return the parts of a problem built in Python."""
+    if not isinstance(robot, Robot | str | Path | Mapping):
+        expected = "op.load_robot(…), op.Robot.from_urdf(…), the name of a robot or the path of a robot.yaml"
+        raise wrong_argument("Problem", "robot", described(robot), expected)
+    data = {SAID[part][0]: SAID[part][1](value) for part, value in given.items()}
+    data |= {"version": 1, "name": labels["name"], "seed": labels["seed"], "robot": robot}
+    data["planner"] = to_data.planner_data(labels["planner"], labels["options"])
+    if isinstance(robot, str | Path) and Path(robot).suffix.lower() == ".urdf":
+        data["robot"] = {"urdf": robot}
+    if not isinstance(robot, Robot):
+        return read_data(data)
+    by = robot.reference
+    if by == UNKNOWN:
+        raise wrong_argument("Problem", "robot", "a robot that was put together by hand", "one that was loaded")
+    data |= {"robot": by.robot, "locked": by.locked} | ({} if by.group is None else {"group": by.group})
+    if robot.tool_frame != by.tool_frame:
+        for pose in to_data.poses(data):
+            pose.setdefault("frame", robot.tool_frame)
+    return read_data(data, robot)
+
+
+def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Parts:
+    """Return the parts of a problem of plain data, with this robot, if one is given.
+
+    Raises:
+        InputError: as for a file.
+    """
+    loader = load_robot if robot is None else _loader(robot)
+    try:
+        with reading(None):
+            return read_problem(Document(Path(_HERE), plain(data), {}), Path.cwd(), loader).whole()
+    except InputError as error:
+        raise error.about(_HERE, "op.Problem") from None
+
+
+def _loader(robot: Robot) -> RobotLoader:
+    """Return what loads this robot, or other groups of its joints."""
+
+    def load(
+        ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
+    ) -> Robot:
+        if group in (robot.reference.group, None):
+            return robot
+        return replace(load_robot(ref, base, locked, group), tool_frame=robot.tool_frame)
+
+    return load

@@ -1,0 +1,202 @@
+"""Benches: every problem meets every planner with every seed, as runs of the queue, and what came of that as tables."""
+
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+from optiplan.runs.run_folder import RUN, TRAJECTORY
+from optiplan.service.models import BenchPlannerInput, BenchRequest, ProblemInput, Submission
+from optiplan.service.refusals import Refusal, busy, not_found
+from optiplan.service.requests import digest_of
+from optiplan.service.store.bench_table import BenchTable
+from optiplan.service.store.run_table import ENDED, Record
+
+if TYPE_CHECKING:
+    from optiplan.service.planner_service import PlannerService
+
+MOST = 2000
+"""Runs of one bench."""
+DRAWING = 120.0
+"""s that a report may take."""
+
+
+class Benches:
+    """The benches of a service."""
+
+    def __init__(self, service: "PlannerService", table: BenchTable) -> None:
+        self._service, self._table = service, table
+
+    async def submit(self, given: BenchRequest) -> Record:
+        """Queue the runs of a bench; those that there are of the same submissions are not made again.
+
+        Raises:
+            Refusal: a problem or planner is wrong, two have one name, or there are more runs than may wait.
+        """
+        problems = [ProblemInput(problem=one, name=None, start=None, goal=None) for one in given.problems]
+        checked = [await self._service.check(one) for one in problems]
+        labels = [planner.shown for planner in given.planners]
+        for what, names in (("problem", [str(one["name"]) for one in checked]), ("planner", labels)):
+            if twice := {name for name in names if names.count(name) > 1}:
+                raise Refusal(422, f"found the {what} '{min(twice)}' twice; expected names of their own")
+        self._check_room(len(problems) * len(labels) * len(given.seeds))
+        asked = [
+            (str(about["name"]), planner.shown, Submission(**_submission(one, planner, given), seed=seed))
+            for one, about in zip(problems, checked, strict=True)
+            for planner in given.planners
+            for seed in given.seeds
+        ]
+        for *_, submission in asked[:: len(given.seeds)]:  # before any is queued
+            await self._service.check(submission)
+        runs = []
+        for problem, label, submission in asked:
+            record = await self._service.submit(submission)
+            runs.append([problem, label, submission.seed, record["id"]])
+        bench = digest_of([given.name, runs])[:32]
+        content = {
+            "budget": given.budget,
+            "seeds": list(given.seeds),
+            "problems": [{"name": about["name"], "hash": about["hash"]} for about in checked],
+            "planners": [vars(planner) | {"label": planner.shown} for planner in given.planners],
+            "runs": runs,
+        }
+        await self._service.write(lambda: self._table.add(bench, given.name, content))
+        return await self.one(bench)
+
+    async def one(self, bench: str) -> Record:
+        """A bench, with how far it is and what came of it, as `BenchAnswer` says.
+
+        Raises:
+            Refusal: there is none of this id.
+        """
+        row = await self._row(bench)
+        ids = [run for _, _, _, run in row["content"]["runs"]]
+        records = await self._service.read(lambda: self._service.runs.of_ids(ids))
+        return _answer(row, records)
+
+    async def all(self) -> list[Record]:
+        """The last benches."""
+        rows = await self._service.read(lambda: self._table.newest(50))
+        return [await self.one(row["id"]) for row in rows]
+
+    async def cancel(self, bench: str) -> None:
+        """Cancel what of a bench has not ended.
+
+        Raises:
+            Refusal: there is none of this id.
+        """
+        runs = (await self._row(bench))["content"]["runs"]
+
+        def cancel() -> None:
+            for *_, run in runs:
+                self._service.queue.cancel(run)
+
+        await self._service.write(cancel)
+
+    async def delete(self, bench: str) -> None:
+        """Forget a bench; its runs stay.
+
+        Raises:
+            Refusal: there is none of this id.
+        """
+        if not await self._service.write(lambda: self._table.delete(bench)):
+            raise not_found("bench", bench)
+
+    async def report(self, bench: str) -> bytes:
+        """The page that `optiplan bench report` makes of these runs.
+
+        Raises:
+            Refusal: there is none of this id, or no run of it has ended.
+        """
+        row = await self._row(bench)
+        content, shown = row["content"], []
+        ids = [run for *_, run in content["runs"]]
+        records = await self._service.read(lambda: self._service.runs.of_ids(ids))
+        for problem, label, seed, run in content["runs"]:
+            record = records.get(run)
+            if record is None or RUN not in (record["contents"] or {}):
+                continue
+            motion = await self._service.content(record, TRAJECTORY) if TRAJECTORY in record["contents"] else b""
+            told = (await self._service.content(record, RUN)).decode()
+            shown.append({"id": run, "key": [problem, label, seed], "run": told, "trajectory": motion.decode()})
+        if not shown:
+            raise Refusal(404, f"no run of the bench '{bench}' has ended with an answer")
+        asked = {"suite": {"name": row["name"], **content}, "runs": shown}
+        answer = await self._service.ask(asked, "bench_report", DRAWING)
+        return answer.files["report.html"]
+
+    async def _row(self, bench: str) -> Record:
+        row = await self._service.read(lambda: self._table.get(bench))
+        if row is None:
+            raise not_found("bench", bench)
+        return row
+
+    def _check_room(self, count: int) -> None:
+        if count > MOST:
+            raise Refusal(422, f"found {count} runs; expected at most {MOST} in one bench")
+        waiting = self._service.runs.waiting()
+        if waiting + count > self._service.settings.queue:
+            raise busy(f"{waiting} runs are queued; {count} more are too many for this server", 60.0)
+
+
+def _submission(problem: ProblemInput, planner: BenchPlannerInput, bench: BenchRequest) -> Record:
+    return {
+        **vars(problem),
+        "planner": planner.name,
+        "options": planner.options,
+        "budget": bench.budget,
+        "deadline": None,
+    }
+
+
+def _answer(row: Mapping[str, Any], records: Mapping[str, Record]) -> Record:
+    content = row["content"]
+    cells: dict[tuple[str, str], list[str]] = {}
+    for problem, label, _, run in content["runs"]:
+        cells.setdefault((problem, label), []).append(run)
+    counts: dict[str, int] = {}
+    for *_, run in content["runs"]:
+        status = str(records[run]["status"]) if run in records else "deleted"
+        counts[status] = counts.get(status, 0) + 1
+    open_ = sum(counts.get(status, 0) for status in ("queued", "running"))
+    return {
+        "id": row["id"],
+        "name": row["name"],
+        "created": row["created"],
+        "status": "running" if open_ else "done",
+        "counts": counts,
+        "budget": content["budget"],
+        "seeds": content["seeds"],
+        "problems": content["problems"],
+        "planners": [_summary(label, records, content["runs"]) for label in _labels(content)],
+        "cells": [
+            {
+                "problem": problem,
+                "planner": label,
+                "runs": runs,
+                **_figures([records[run] for run in runs if run in records]),
+            }
+            for (problem, label), runs in cells.items()
+        ],
+    }
+
+
+def _labels(content: Mapping[str, Any]) -> list[str]:
+    return [planner["label"] for planner in content["planners"]]
+
+
+def _summary(label: str, records: Mapping[str, Record], runs: Sequence[Sequence[Any]]) -> Record:
+    return {"planner": label, **_figures([records[run] for _, own, _, run in runs if own == label and run in records])}
+
+
+def _figures(found: Sequence[Record]) -> Record:
+    """Figures of some runs: how many have ended, are verified, and of these medians and the best."""
+    good = [one for one in found if one["verified"]]
+    planned = [one["timings"]["plan"] for one in good if one["timings"]]
+    ratios = [one["ratio"] for one in good if one["ratio"] is not None]
+    return {
+        "ended": sum(one["status"] in ENDED for one in found),
+        "verified": len(good),
+        "plan_time": median(planned) if planned else None,
+        "ratio": median(ratios) if ratios else None,
+        "duration": min((one["duration"] for one in good), default=None),
+    }

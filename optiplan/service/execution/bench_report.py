@@ -1,0 +1,111 @@
+"""The report of a bench: the records of its runs as results of a suite, and the page that is made of those."""
+
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+from optiplan.bench.execution.code_version import own_code, own_digest, planner_code
+from optiplan.bench.execution.machine import machine
+from optiplan.bench.execution.run_task import packed
+from optiplan.bench.report.analysis import analyse
+from optiplan.bench.report.failures import reasons
+from optiplan.bench.report.matrix import matrix_rows
+from optiplan.bench.report.page import Links, render
+from optiplan.bench.results.database import Store
+from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row, failure
+from optiplan.bench.suite.suite import hash_of_parts
+from optiplan.planners.base import Progress
+from optiplan.runs.run import versions
+from optiplan.trajectory.trajectory import Trajectory
+
+SET = "bench"
+
+
+def bench_report(suite: Mapping[str, Any], runs: Sequence[Mapping[str, Any]], progress: Progress) -> str:
+    """The page.
+
+    Args:
+        suite: `name`, `budget`, `seeds`, `problems` (name, hash), `planners` (label, name, options).
+        runs: `key` (problem, planner, seed), `id`, and the texts of `run` (run.json) and `trajectory`, empty without.
+        progress: told what is drawn.
+    """
+    records = [(one, json.loads(one["run"])) for one in runs]
+    sources = {one["key"][0]: record["problem"] for one, record in records}
+    problems = tuple(
+        BenchProblem(one["name"], SET, None, one["hash"], sources[one["name"]], {})
+        for one in suite["problems"]
+        if one["name"] in sources
+    )
+    planners = tuple(BenchPlanner(one["label"], one["name"], one["options"] or {}) for one in suite["planners"])
+    with tempfile.TemporaryDirectory() as folder:
+        store = Store.create(Path(folder) / "results", _meta(suite, problems, planners))
+        with store:
+            store.fill(problems, planners)
+            store.begin("the service", machine(), versions())
+            for one, record in records:
+                store.add(_outcome(one, record))
+            store.end("complete")
+        with Store(Path(folder) / "results") as stored:
+            analysis = analyse(stored)
+            rows = matrix_rows(stored, analysis, progress)
+            ids: dict[str, list[str]] = {}
+            for one in runs:
+                if one["key"][2] == suite["seeds"][0]:
+                    ids.setdefault(one["key"][0], []).append(one["id"])
+            of_key = {tuple(one["key"]): one["id"] for one in runs}
+            links = Links(
+                lambda run: f"/runs/{of_key[run.problem, run.planner, run.seed]}",
+                lambda name: "/compare?" + urlencode([("run", run) for run in ids.get(name, [])[:8]]),
+            )
+            return render(stored, analysis, (reasons(stored), rows), links)
+
+
+def _meta(
+    suite: Mapping[str, Any], problems: Sequence[BenchProblem], planners: Sequence[BenchPlanner]
+) -> dict[str, Any]:
+    parts = {
+        "planners": {planner.label: [planner.name, dict(planner.options)] for planner in planners},
+        "seeds": suite["seeds"],
+        "repetitions": 1,
+        "budget": suite["budget"],
+        "limits": None,
+        "metrics": None,
+        "problems": {problem.id: [problem.hash, problem.set_name, None] for problem in problems},
+    }
+    codes = {planner.label: planner_code(planner.name, planner.options) for planner in planners}
+    text = json.dumps({key: suite[key] for key in ("name", "budget", "seeds", "planners")}, indent=1)
+    meta = {"name": suite["name"], "suite": text, "suite_hash": hash_of_parts(parts), "parts": parts}
+    return meta | {"code": {"optiplan": own_code(), "digest": own_digest(), "planners": codes}}
+
+
+def _outcome(one: Mapping[str, Any], record: Mapping[str, Any]) -> Outcome:
+    """The row of a run, of its record."""
+    problem, label, seed = one["key"]
+    motion = Trajectory.from_dict(json.loads(one["trajectory"])) if one["trajectory"] else None
+    digest, blob = packed(motion)
+    timings, failed = record["timings"], record["failure"]
+    row = {
+        "planned": motion is not None or bool(record["info"].get("path_found")),
+        "timed": motion is not None,
+        "verified": record["verified"],
+        "plan_time": timings.get("plan"),
+        "verify_time": timings.get("verify"),
+        "plan_cpu": timings.get("plan_cpu"),
+        "duration": record["duration"],
+        "lower_bound": record["lower_bound"],
+        "metrics": record["metrics"] or {},
+        "timings": timings,
+        "info": record["info"],
+        "improvements": record["improvements"],
+        "cut_short": bool(record["info"].get("cut_short")),
+        "trajectory": digest,
+    }
+    if failed is not None:
+        row |= failure(failed["kind"], failed["detail"], failed["witness"])
+    elif not record["verified"]:
+        refused = [check for check in record["report"]["checks"] if not check["passed"]]
+        row |= failure("not-verified", ", ".join(check["name"] for check in refused))
+    return Outcome(Row(problem, label, seed, 0, SET, None, **row), blob)

@@ -1,0 +1,71 @@
+"use strict";
+// Benches: what is compared is chosen, and tables grow while runs end.
+(() => {
+  const { byId, make, post, get } = Page;
+  let texts = {}, hashes = {};
+
+  const chosen = (id) => [...byId(id).selectedOptions].map((option) => option.value);
+  const number = (x, digits) => (x === null ? "–" : x.toFixed(digits));
+
+  function row(tag, cells) {
+    return make("tr", {}, ...cells.map((cell) => (cell instanceof Node ? cell : make(tag, { textContent: cell }))));
+  }
+
+  function cell(found, seeds) {
+    const good = found.verified === found.ended ? "verified" : found.verified ? "running" : "failed";
+    const look = found.ended < seeds ? "queued" : good, address = found.runs.length > 1 ? "compare?" + found.runs.slice(0, 8).map((run) => "run=" + run).join("&") : "runs/" + found.runs[0];
+    const count = make("span", { className: "badge " + look, textContent: `${found.verified} of ${seeds}` });
+    const text = found.duration === null ? "" : ` ${found.duration.toFixed(3)} s`;
+    return make("td", {}, found.ended === seeds && found.verified ? make("a", { href: address, title: "Look at these runs" }, count, text) : make("span", {}, count, text));
+  }
+
+  function panel(bench) {
+    const seeds = bench.seeds.length, labels = bench.planners.map((one) => one.planner), total = seeds * bench.problems.length;
+    const ended = bench.planners.reduce((sum, one) => sum + one.ended, 0), all = total * labels.length;
+    const tables = make("div", { className: "tableaux" }, make("table", {}, make("thead", {}, row("th", ["", ...labels])), make("tbody", {},
+      row("td", ["verified", ...bench.planners.map((one) => `${one.verified} of ${total}`)]),
+      row("td", ["planning, median", ...bench.planners.map((one) => (one.plan_time === null ? "–" : number(one.plan_time, 3) + " s"))]),
+      row("td", ["duration / bound, median", ...bench.planners.map((one) => number(one.ratio, 3))]),
+      ...bench.problems.map(({ name, hash }) => row("td", [name, ...labels.map((label) => cell(bench.cells.find((one) => one.problem === name && one.planner === label), seeds))])))));
+    const report = ended ? [make("a", { href: `api/benches/${bench.id}/report.html`, textContent: "Full report" })] : [];
+    const button = bench.status === "running"
+      ? make("button", { type: "button", textContent: "Cancel", onclick: () => send("POST", bench.id + "/cancel") })
+      : make("button", { type: "button", textContent: "Delete", onclick: () => send("DELETE", bench.id) });
+    const head = make("div", { className: "head" }, make("b", { textContent: bench.name }), make("progress", { value: ended, max: all, hidden: bench.status === "done", ariaLabel: "Runs that have ended" }),
+      make("span", { className: "none", textContent: `${ended} of ${all} runs, ${bench.budget} s each, ${new Date(1000 * bench.created).toLocaleString()}` }), ...report, button);
+    return make("section", { className: "panel bench", id: "bench-" + bench.id }, head, tables);
+  }
+
+  async function send(method, path) {
+    await fetch("api/benches/" + path, { method });
+    await show();
+  }
+
+  let waiting = 0;
+  async function show() {
+    const benches = await get("api/benches");
+    byId("benches").replaceChildren(...(benches.length ? benches.map(panel) : [make("p", { className: "none", textContent: "No benches yet." })]));
+    clearTimeout(waiting);
+    if (benches.some((one) => one.status === "running")) waiting = setTimeout(show, 1000);
+  }
+
+  byId("submit").addEventListener("click", async () => {
+    const seeds = Array.from({ length: Number(byId("seeds").value) }, (_, k) => k), budget = Number(byId("budget").value);
+    const asked = { name: byId("name").value, problems: chosen("problems").map((name) => hashes[name] || texts[name]), planners: chosen("planners"), seeds, budget };
+    byId("told").textContent = "…";
+    const { status, data } = await post("api/benches", asked);
+    byId("told").textContent = status === 202 ? "" : data.error;
+    await show();
+  });
+
+  async function open() {
+    const [examples, planners, stored] = await Promise.all([get("api/examples"), get("api/planners"), get("api/problems")]);
+    texts = examples;
+    hashes = Object.fromEntries(stored.map((one) => [`${one.name} (stored)`, one.hash]));
+    const option = (name, selected) => make("option", { value: name, textContent: name, selected });
+    byId("problems").append(...Object.keys(hashes).map((name) => option(name)), ...Object.keys(texts).map((name) => option(name, name === "01_reach" || name === "02_shelf")));
+    byId("planners").append(...planners.map(({ name }) => option(name, name === "trajopt" || name === "rrtconnect")));
+    await show();
+  }
+  open();
+})();

@@ -1,0 +1,116 @@
+"use strict";
+// A controller that runs on the server: its states are drawn as they come, and the frame that is dragged is its target.
+(() => {
+  const { byId, make, post, get, latest } = Page, WINDOW = 12;
+  const live = { id: null, events: null, last: null, first: null, states: 0, past: [] };
+  let examples = {};
+
+  const aim = latest(async (pose) => {
+    if (!live.id) return;
+    const { status } = await post(`api/live/${live.id}/target`, { pose });
+    if (status === 404) ended("it has ended");
+  });
+  const scene = new StudioScene.Scene(byId("pane"), { goal: (pose) => aim(pose) });
+
+  function say(word, reason, look = word) {
+    byId("state").className = "badge " + look;
+    byId("state").textContent = word;
+    byId("reason").textContent = reason;
+  }
+
+  async function show(problem) {
+    const { status, data } = await post("api/scene", { problem });
+    if (status !== 200) { say("refused", data.error, "failed"); return false; }
+    scene.show({ ...data.scene, targets: [] }, data.tool);
+    return true;
+  }
+
+  async function begin() {
+    byId("begin").disabled = true;
+    try {
+      if (live.id) await stop();
+      const problem = examples[byId("example").value];
+      if (!(await show(problem))) return;
+      say("starting", "a process is made ready");
+      const asked = { problem };
+      if (byId("engine").value) asked.engine = byId("engine").value;
+      let answer = await post("api/live", asked);
+      for (let k = 0; k < 10 && answer.status === 429; k++) { // the last one is about to end
+        await new Promise((done) => setTimeout(done, 500));
+        answer = await post("api/live", asked);
+      }
+      if (answer.status !== 201) { say("refused", answer.data.error, "failed"); return; }
+      watch(answer.data.id);
+    } finally { byId("begin").disabled = false; }
+  }
+
+  function watch(id) {
+    Object.assign(live, { id, first: null, states: 0, past: [], events: new EventSource(`api/live/${id}/events`) });
+    byId("stop").disabled = byId("home").disabled = false;
+    live.events.addEventListener("state", (event) => draw(JSON.parse(event.data)));
+    live.events.addEventListener("end", (event) => ended(JSON.parse(event.data).reason));
+    live.events.addEventListener("error", () => { if (live.events && live.events.readyState === EventSource.CLOSED) ended("the server is gone"); });
+  }
+
+  function ended(reason) {
+    if (live.events) live.events.close();
+    Object.assign(live, { id: null, events: null });
+    byId("stop").disabled = byId("home").disabled = true;
+    say("ended", reason);
+  }
+
+  async function stop() {
+    const { id } = live;
+    ended("stopped");
+    await fetch("api/live/" + id, { method: "DELETE" });
+  }
+
+  function draw(state) {
+    live.last = state;
+    live.first = live.first || state.target;
+    live.states++;
+    scene.pose(state.poses);
+    scene.aim(state.target);
+    say(state.status, state.reason, { tracking: "verified", stopping: "failed", stopped: "failed" }[state.status] || "running");
+    const mm = (x) => (1000 * x).toFixed(2) + " mm", off = state.error.position;
+    byId("error").textContent = mm(off);
+    byId("rotation").textContent = ((180 / Math.PI) * state.error.rotation).toFixed(2) + "°";
+    byId("nearest").textContent = state.nearest ? `${mm(state.nearest.distance)}, ${state.nearest.pair.join(" and ")}` : "none near";
+    byId("active").textContent = state.active.length ? state.active.join(", ") : "nothing";
+    byId("seconds").textContent = (1000 * state.step_seconds).toFixed(2) + " ms";
+    byId("time").textContent = state.t.toFixed(1) + " s" + (state.lost > 0.05 ? `, ${state.lost.toFixed(1)} s left out: the machine is busy` : "");
+    live.past.push([state.t, off, state.nearest ? state.nearest.distance : null]);
+    while (live.past[0][0] < state.t - WINDOW) live.past.shift();
+    strip("errors", 1, "#1769aa", "most", (values) => "at most " + mm(Math.max(...values)));
+    strip("distances", 2, "#2e8b3d", "least", (values) => (values.length ? "at least " + mm(Math.min(...values)) : "nothing near"));
+  }
+
+  // The last seconds of one value; gaps where there is none.
+  function strip(id, column, colour, word, words) {
+    const svg = byId(id), rows = live.past.filter((row) => row[column] !== null), values = rows.map((row) => row[column]);
+    byId(word).textContent = words(values);
+    svg.replaceChildren();
+    if (rows.length < 2) return;
+    const end = live.past.at(-1)[0], top = Math.max(...values, 1e-6);
+    const points = rows.map((row) => `${(300 * (row[0] - end + WINDOW)) / WINDOW} ${57 - (54 * row[column]) / top}`);
+    Page.drawn(svg, "M" + points.join(" L"), colour);
+  }
+
+  async function open() {
+    examples = await get("api/examples");
+    const named = await Page.named(), [running] = await get("api/live");
+    if (named) examples = { "the stored problem": named, ...examples };
+    byId("example").append(...Object.keys(examples).map((name) => make("option", { value: name, textContent: name })));
+    if (!named) byId("example").value = "02_shelf";
+    byId("example").addEventListener("change", () => { if (!live.id) show(examples[byId("example").value]); });
+    const found = running ? await fetch("api/live/" + running.id) : null; // one that runs is watched by all who come
+    if (found && found.ok && (await show((await found.json()).problem))) watch(running.id);
+    else await show(examples[byId("example").value]);
+  }
+
+  byId("begin").addEventListener("click", begin);
+  byId("stop").addEventListener("click", stop);
+  byId("home").addEventListener("click", () => aim(live.first));
+  window.optiplanLive = { scene, live };
+  open();
+})();

@@ -1,0 +1,149 @@
+"""Checks of path constraints on joints, wheels, accelerations and manipulability."""
+
+from math import factorial
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.kinematics.manipulability import ToolKinematics
+from optiplan.problem.constraints.expression import Expression
+from optiplan.problem.constraints.statements import (
+    WHOLE,
+    JointCoupling,
+    ManipulabilityAbove,
+    PathConstraint,
+    ToolAcceleration,
+)
+from optiplan.problem.problem import Problem
+from optiplan.trajectory import polynomial
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.report import Check
+
+RATE = 1000.0
+"""Hz, at which sampled quantities are looked at …"""
+
+LEAST = 200
+"""… and at so many instants at least."""
+
+RATE_SHARE = 1e-3
+"""Share of a limit of speed or acceleration by which it may be passed, as of `constraint_check.SPEED_SHARE`."""
+
+ROUNDING = 1e-9
+
+
+def joint_coupling(problem: Problem, trajectory: Trajectory, one: JointCoupling) -> Check:
+    """Check |sum_j c_j q_j - equals| <= within, by the exact extrema of a polynomial."""
+    part, begin = part_of(trajectory, one.during)
+    names = list(problem.robot.joint_names)
+    weights = np.zeros(len(names))
+    for name, weight in one.joints.items():
+        weights[names.index(name)] = weight
+    sum_ = Trajectory(("sum",), part.breakpoints, (part.coefficients @ weights)[:, :, None])
+    found = sum_.extrema_at(0)
+    ends = [
+        (float(found.low[0]) - one.equals, float(found.t_low[0])),
+        (float(found.high[0]) - one.equals, float(found.t_high[0])),
+    ]
+    worst, when = max((abs(value), begin + time) for value, time in ends)
+    place = " + ".join(f"{weight:g} {name}" for name, weight in one.joints.items())
+    passed = worst <= one.within + ROUNDING
+    return Check(_name(one), "exact", passed, worst, one.within, "rad", when, place, _words(passed, one))
+
+
+def manipulability(problem: Problem, trajectory: Trajectory, one: ManipulabilityAbove) -> Check:
+    """Check Yoshikawa's measure of the frame's Jacobian at samples."""
+    times = _times(trajectory, one)
+    J = ToolKinematics(problem.robot, one.frame).evaluate(trajectory(times))[1]
+    value = np.prod(np.linalg.svd(J, compute_uv=False), axis=1)
+    k = int(np.argmin(value))
+    passed = bool(value[k] >= one.at_least - ROUNDING)
+    witness = {"q": trajectory(float(times[k])).tolist()}
+    detail = _sampled(passed, len(times), one)
+    time = float(times[k])
+    return Check(_name(one), "sampled", passed, float(value[k]), one.at_least, "", time, one.frame, detail, witness)
+
+
+def tool_acceleration(problem: Problem, trajectory: Trajectory, one: ToolAcceleration) -> list[Check]:
+    """Check the acceleration of the frame's origin and its angular acceleration at samples."""
+    times, model = _times(trajectory, one), problem.robot.model
+    data, frame = model.createData(), problem.robot.frame_id(one.frame)
+    found = np.empty((len(times), 6))
+    for k, state in enumerate(zip(*(trajectory(times, order) for order in range(3)), strict=True)):
+        pin.forwardKinematics(model, data, *state)
+        pin.updateFramePlacement(model, data, frame)
+        found[k] = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED).vector
+    limits = [
+        ("acceleration", one.linear, "m/s²", slice(0, 3)),
+        ("angular acceleration", one.angular, "rad/s²", slice(3, 6)),
+    ]
+    checks = []
+    for quantity, limit, unit, part in limits:
+        if np.isfinite(limit):
+            value = np.linalg.norm(found[:, part], axis=1)
+            k = int(np.argmax(value))
+            passed, place = bool(value[k] <= limit * (1.0 + RATE_SHARE)), f"{one.frame}: {quantity}"
+            witness = {"q": trajectory(float(times[k])).tolist()}
+            detail = _sampled(passed, len(times), one)
+            time, worst = float(times[k]), float(value[k])
+            checks.append(Check(_name(one), "sampled", passed, worst, limit, unit, time, place, detail, witness))
+    return checks
+
+
+def expression(problem: Problem, trajectory: Trajectory, one: Expression) -> Check:
+    """Check a user's own expression at samples."""
+    times = _times(trajectory, one)
+    value, _ = one.batched(problem.robot)([trajectory(times, order) for order in range(3)])
+    violation = one.violations(value)
+    wrong = ~np.isfinite(violation)
+    k = int(np.flatnonzero(wrong)[0]) if wrong.any() else int(np.argmax(violation))
+    passed = not wrong.any() and bool(violation[k] <= ROUNDING)
+    detail = "not finite" if wrong.any() else _sampled(passed, len(times), one)
+    below = np.isfinite(one.lower) and (
+        not np.isfinite(one.upper) or value[k].min() - one.lower <= one.upper - value[k].max()
+    )
+    worst, limit = (value[k].min(), one.lower) if below else (value[k].max(), one.upper)
+    witness = {"q": trajectory(float(times[k])).tolist()}
+    name = f"{one.name} constraint"
+    return Check(name, "sampled", passed, float(worst), float(limit), "", float(times[k]), one.name, detail, witness)
+
+
+def _times(trajectory: Trajectory, one: PathConstraint) -> Array:
+    low, high = (share * trajectory.duration for share in one.during)
+    even = np.linspace(low, high, max(LEAST, int(np.ceil((high - low) * RATE))))
+    knots = trajectory.breakpoints
+    return np.unique(np.concatenate([even, knots[(knots > low) & (knots < high)]]))
+
+
+def _name(one: PathConstraint) -> str:
+    return f"{one.KEY.replace('_', ' ')} constraint"
+
+
+def _words(passed: bool, one: PathConstraint) -> str:
+    return ("holds at all times" if passed else "beyond its limit") + _of_the_motion(one)
+
+
+def _sampled(passed: bool, count: int, one: PathConstraint) -> str:
+    return f"{'holds' if passed else 'beyond its limit'} at {count} samples" + _of_the_motion(one)
+
+
+def _of_the_motion(one: PathConstraint) -> str:
+    return "" if tuple(one.during) == WHOLE else f" of {one.during[0]:g} to {one.during[1]:g} of the motion"
+
+
+def part_of(trajectory: Trajectory, during: tuple[float, float]) -> tuple[Trajectory, float]:
+    """Return a part of a motion, and when it begins, s."""
+    low, high = (share * trajectory.duration for share in during)
+    if (low, high) == (0.0, trajectory.duration):
+        return trajectory, 0.0
+    inner = trajectory.breakpoints[(trajectory.breakpoints > low) & (trajectory.breakpoints < high)]
+    breakpoints = np.concatenate([[low], inner, [high]])
+    size = trajectory.coefficients.shape[1]
+    middle = 0.5 * (breakpoints[1:] + breakpoints[:-1])
+    piece = np.searchsorted(trajectory.breakpoints[1:-1], middle, side="right")
+    shift = breakpoints[:-1] - trajectory.breakpoints[piece]
+    taylor = np.zeros((len(piece), size, trajectory.n))
+    for order in range(size):
+        c = np.swapaxes(trajectory.derivatives(order)[piece], 1, 2)
+        taylor[:, order] = polynomial.evaluate(c, shift[:, None]) / factorial(order)
+    return Trajectory(trajectory.joint_names, breakpoints - low, taylor), float(low)

@@ -1,0 +1,136 @@
+"""From an earlier motion: it is cut, bent and optimised; where that leads to nothing as good, a search follows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.planners.base import Budget
+from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.planner import TrajOpt
+from optiplan.planners.trajopt.warm import WarmStart
+from optiplan.runs.pipeline import run
+from tests.planners import cases
+
+
+def silent(stage, fraction):
+    pass
+
+
+def plan(problem, earlier=None, budget=4.0):
+    return run(problem, "trajopt", {}, Budget(budget), silent, earlier)
+
+
+@pytest.fixture(scope="module")
+def first():
+    problem = cases.wall()
+    return problem, plan(problem).trajectory
+
+
+def moved(problem, **by):
+    name = problem.scene.names[0]
+    return replace(problem, scene=problem.scene.moved(name, **by))
+
+
+@pytest.mark.parametrize("by", [{"z": 0.05}, {"x": -0.05}, {"y": 0.05}, {"z": -0.05}])
+def test_after_a_change_of_scene(first, by):
+    problem, earlier = first
+    found = plan(moved(problem, **by), earlier)
+    assert found.verified
+    assert [each["seed"] for each in found.info["attempts"]] == ["warm"], "no search was needed"
+    assert found.info["attempts"][0]["iterations"] < 30
+    assert found.duration < 1.1 * earlier.duration
+
+
+def test_after_a_change_of_goal_and_start(first):
+    problem, earlier = first
+    goal, start = problem.goal[0].q + 0.04, problem.start - 0.03
+    found = plan(replace(problem, goal=(op.JointGoal(goal),), start=start), earlier)
+    assert found.verified
+    assert [each["seed"] for each in found.info["attempts"]] == ["warm"]
+    assert found.trajectory.end == pytest.approx(goal, abs=1e-6)
+
+
+def test_a_pose_that_moved():
+    problem = cases.pose()
+    earlier = plan(problem).trajectory
+    there = problem.goal[0].X_WG.copy()
+    there.translation = there.translation + np.array([0.03, -0.03, 0.02])
+    found = plan(replace(problem, goal=(replace(problem.goal[0], X_WG=there),)), earlier)
+    assert found.verified
+    assert [each["seed"] for each in found.info["attempts"]] == ["warm"]
+    assert np.abs(found.trajectory.end - earlier.end).max() < 0.3, "the arm stays in its branch"
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4, 0.7])
+def test_on_the_way(first, share):
+    problem, earlier = first
+    state = earlier.state(share * earlier.duration)
+    found = plan(moved(problem, z=0.03).with_start(state), earlier)
+    assert found.verified
+    for order, value in enumerate((state.q, state.v, state.a)):
+        assert found.trajectory(0.0, order) == pytest.approx(value, abs=1e-6)
+    assert found.duration <= 1.1 * (1.0 - share) * earlier.duration + 0.02
+
+
+def test_what_is_left_of_the_motion_is_an_answer(first):
+    problem, earlier = first
+    state = earlier.state(0.31 * earlier.duration)
+    warm = WarmStart(problem.with_start(state), earlier, TrajOptOptions(), Budget(4.0), silent)
+    assert warm.ahead is not None
+    assert warm.ahead.duration == pytest.approx(0.69 * earlier.duration, rel=1e-6)
+    across = moved(problem, z=0.5).with_start(state)
+    assert WarmStart(across, earlier, TrajOptOptions(), Budget(4.0), silent).ahead is None
+
+
+def test_a_search_follows_where_the_earlier_motion_leads_to_nothing(first):
+    """The arm was to go left; now it goes right, and the earlier motion is of no use."""
+    problem, earlier = first
+    other = cases.LEFT * np.array([-1.0, 1, 1, 1, 1, 1, 1])
+    found = plan(replace(problem, goal=(op.JointGoal(other),)), earlier)
+    assert found.verified
+    plain = plan(replace(problem, goal=(op.JointGoal(other),)))
+    assert found.duration < 1.05 * plain.duration
+
+
+def test_a_motion_of_other_joints_is_no_help(first):
+    planar = op.plan(op.load_problem("12_planar"), budget=1.0)
+    found = op.plan(op.load_problem("01_reach"), budget=2.0, warm_start=planar)
+    assert found.verified
+    assert found.info["warm_start"] == "refused"
+
+
+def test_the_same_twice(first):
+    problem, earlier = first
+    changed = moved(problem, z=0.04)
+    one, two = (TrajOpt().replan(changed, earlier, Budget(20.0), silent).trajectory for _ in range(2))
+    assert (one.coefficients == two.coefficients).all()
+
+
+def test_replanner():
+    replanner = op.Replanner(op.load_problem("12_planar"), options={"seeds": 2})
+    first = replanner.plan(budget=3.0)
+    again = replanner.plan(scene=replanner.problem.scene.moved("peg", x=0.02), start=first.trajectory.start, budget=3.0)
+    assert again.verified
+    assert again.info["attempts"][0]["seed"] == "warm"
+    on = replanner.plan(start=again.trajectory.state(0.2), budget=3.0)
+    assert on.verified
+    assert replanner.run is on
+    assert replanner.problem.moving
+    with pytest.raises(op.InputError, match="start"):
+        replanner.plan(start=[9.0, 9.0])
+    with pytest.raises(op.InputError, match="Replanner"):
+        op.Replanner("12_planar")
+
+
+def test_parts_of_a_motion():
+    motion = op.plan(op.load_problem("12_planar"), "scurve", budget=1.0).trajectory or plan(cases.planar()).trajectory
+    begin, end = 0.21 * motion.duration, 0.83 * motion.duration
+    part = motion.part(begin, end)
+    t = np.linspace(0.0, part.duration, 100)
+    for order in range(4):
+        assert part(t[:-1], order) == pytest.approx(motion(t[:-1] + begin, order), abs=1e-8)
+    assert motion.part(0.0, motion.duration).coefficients == pytest.approx(motion.coefficients)
+    with pytest.raises(ValueError, match="increasing"):
+        motion.part(0.5, 0.5)

@@ -1,0 +1,117 @@
+"""Benches over HTTP: problems by planners by seeds, as runs of the queue."""
+
+import time
+
+import pytest
+
+from tests.service.conftest import NO_WAY, QUICK
+
+
+def finished(server, bench):
+    end = time.monotonic() + 60.0
+    while (found := server.http.get(f"/api/benches/{bench}").json())["status"] == "running":
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    return found
+
+
+@pytest.fixture(scope="module")
+def bench(server):
+    planners = ["quintic", {"name": "rrtconnect", "label": "rrt"}, "cubic"]
+    given = {"name": "small", "problems": [QUICK, NO_WAY], "planners": planners, "seeds": [7, 8], "budget": 1.0}
+    answer = server.http.post("/api/benches", json=given)
+    assert answer.status_code == 202, answer.text
+    assert sum(answer.json()["counts"].values()) == 12
+    again = server.http.post("/api/benches", json=given).json()
+    assert again["id"] == answer.json()["id"]
+    return finished(server, answer.json()["id"])
+
+
+def test_every_problem_meets_every_planner_with_every_seed(server, bench):
+    assert bench["status"] == "done"
+    cells = {(cell["problem"], cell["planner"]): cell for cell in bench["cells"]}
+    assert set(cells) == {
+        (problem, planner) for problem in ("free", "shut-in") for planner in ("quintic", "rrt", "cubic")
+    }
+    good = cells["free", "quintic"]
+    assert (good["ended"], good["verified"]) == (2, 2)
+    assert good["ratio"] >= 1.0
+    assert cells["shut-in", "rrt"]["verified"] == 0
+    planner = next(one for one in bench["planners"] if one["planner"] == "quintic")
+    assert (planner["ended"], planner["verified"]) == (4, 2)
+    run = server.http.get(f"/api/runs/{good['runs'][1]}").json()
+    assert (run["planner"], run["seed"], run["name"], run["budget"]) == ("quintic", 8, "free", 1.0)
+    assert bench["id"] in [one["id"] for one in server.http.get("/api/benches").json()]
+
+
+def test_the_report_is_that_of_a_suite(server, bench):
+    answer = server.http.get(f"/api/benches/{bench['id']}/report.html")
+    assert answer.status_code == 200, answer.text
+    page = answer.text
+    for word in ("small", "quintic", "rrt", "shut-in", "<polyline", "/compare?run="):
+        assert word in page
+    assert "script-src" in answer.headers["content-security-policy"]
+
+
+def test_a_bench_is_cancelled_and_forgotten_but_not_its_runs(server):
+    given = {
+        "name": "long",
+        "problems": [NO_WAY],
+        "planners": ["rrtconnect"],
+        "seeds": list(range(20, 30)),
+        "budget": 30.0,
+    }
+    bench = server.http.post("/api/benches", json=given).json()
+    assert server.http.post(f"/api/benches/{bench['id']}/cancel").status_code == 200
+    found = finished(server, bench["id"])
+    assert found["counts"]["cancelled"] >= 9
+    assert server.http.delete(f"/api/benches/{bench['id']}").status_code == 204
+    assert server.http.get(f"/api/benches/{bench['id']}").status_code == 404
+    assert server.http.delete(f"/api/benches/{bench['id']}").status_code == 404
+    assert server.http.get(f"/api/runs/{bench['cells'][0]['runs'][0]}").status_code == 200
+
+
+def test_runs_that_were_deleted_are_counted_as_such(server):
+    given = {"name": "gone", "problems": [QUICK], "planners": ["quintic"], "seeds": [41, 42]}
+    bench = finished(server, server.http.post("/api/benches", json=given).json()["id"])
+    assert server.http.delete(f"/api/runs/{bench['cells'][0]['runs'][0]}").status_code == 204
+    found = server.http.get(f"/api/benches/{bench['id']}").json()
+    assert found["counts"] == {"done": 1, "deleted": 1}
+    assert server.http.get(f"/api/benches/{bench['id']}/report.html").status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("change", "status", "word"),
+    [
+        ({"planners": ["nobody"]}, 422, "nobody"),
+        ({"planners": ["quintic", {"name": "trajopt", "options": {"nonsense": 1}}]}, 422, "nonsense"),
+        ({"planners": ["quintic", "quintic"]}, 422, "twice"),
+        ({"problems": [QUICK, QUICK]}, 422, "twice"),
+        ({"problems": []}, 422, "problems"),
+        ({"problems": ["version: 1\nrobot: none\n"]}, 422, "none"),
+        ({"problems": ["0" * 64]}, 404, "problem"),
+        ({"seeds": list(range(100)), "problems": [{"version": 1}]}, 422, "robot"),
+        ({"budget": 1e9}, 422, "budget"),
+    ],
+)
+def test_what_is_wrong_with_a_bench_is_said(server, change, status, word):
+    given = {"problems": [QUICK], "planners": ["quintic"], **change}
+    answer = server.http.post("/api/benches", json=given)
+    assert answer.status_code == status, answer.text
+    assert word in answer.text
+
+
+def test_more_than_may_wait_is_refused_before_any_is_queued(server, monkeypatch):
+    monkeypatch.setattr("optiplan.service.benches.MOST", 3)
+    before = server.http.get("/api/runs?limit=1").json()["counts"]
+    given = {"problems": [QUICK], "planners": ["quintic"], "seeds": [901, 902, 903, 904]}
+    assert server.http.post("/api/benches", json=given).status_code == 422
+    monkeypatch.setattr("optiplan.service.benches.MOST", 2000)
+    object.__setattr__(server.service.settings, "queue", 3)
+    try:
+        answer = server.http.post("/api/benches", json=given)
+    finally:
+        object.__setattr__(server.service.settings, "queue", 1000)
+    assert answer.status_code == 429
+    assert "Retry-After" in answer.headers
+    assert server.http.get("/api/runs?limit=1").json()["counts"] == before
