@@ -29,8 +29,9 @@ if TYPE_CHECKING:
     from optiplan.control.limits.clearance import ClearanceLimit
     from optiplan.control.limits.half_space import HalfSpaceLimit
     from optiplan.control.limits.joint_limits import AccelerationLimit, JerkLimit, PositionLimit, VelocityLimit
-    from optiplan.control.limits.tool_speed import ToolSpeedLimit, WheelSpeedLimit
+    from optiplan.control.limits.tool_speed import ToolSpeedLimit
     from optiplan.control.limits.torque import TorqueLimit
+    from optiplan.control.limits.wheel_speed import WheelSpeedLimit
     from optiplan.control.step import ControlStep
     from optiplan.control.tasks.frame_tasks import OrientationTask, PoseTask, PositionTask
     from optiplan.control.tasks.joint_tasks import BaseMotionTask, DampingTask, JointCouplingTask, PostureTask
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
+    from optiplan.problem.task.builder import Task
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
     from optiplan.service.client import Client
@@ -85,8 +87,9 @@ _ROOMS = {
     "control.limits.clearance": ("ClearanceLimit",),
     "control.limits.half_space": ("HalfSpaceLimit",),
     "control.limits.joint_limits": ("AccelerationLimit", "JerkLimit", "PositionLimit", "VelocityLimit"),
-    "control.limits.tool_speed": ("ToolSpeedLimit", "WheelSpeedLimit"),
+    "control.limits.tool_speed": ("ToolSpeedLimit",),
     "control.limits.torque": ("TorqueLimit",),
+    "control.limits.wheel_speed": ("WheelSpeedLimit",),
     "trajectory.state": ("State",),
     "control.step": ("ControlStep",),
     "control.tasks.frame_tasks": ("OrientationTask", "PoseTask", "PositionTask"),
@@ -120,6 +123,7 @@ _ROOMS = {
     "problem.objectives.objective": ("Objective",),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
+    "problem.task.builder": ("Task",),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
     "simulation.log": ("Log",),
@@ -196,6 +200,7 @@ __all__ = [
     "Simulation",
     "Sphere",
     "State",
+    "Task",
     "ToolAcceleration",
     "ToolSpeed",
     "ToolSpeedLimit",

@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
+from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.objectives.objective import UNITS
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import mismatch, scene_parts
@@ -54,6 +55,7 @@ class Metrics:
         objective: parts of the problem's objective by name: value with its unit, weight, and cost, s.
         manipulability: smallest Yoshikawa measure of the tool's Jacobian (lengths in m): of all six rows, or with fewer
             than six joints of the three of the velocity. Sampled, then refined around the smallest sample.
+        wheel_rates: largest |rate| of each mecanum wheel, rad/s, by name; None for a robot without. Sampled.
     """
 
     tool_path: float
@@ -68,6 +70,7 @@ class Metrics:
     lowest_clearance: float | None
     manipulability: float
     objective: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    wheel_rates: Mapping[str, float] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready data, but for values that are not finite."""
@@ -97,6 +100,7 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
         lowest_clearance=lowest,
         manipulability=least_manipulability(robot, trajectory),
         objective=objective_of(problem, trajectory),
+        wheel_rates=peak_wheel_rates(robot, trajectory),
     )
 
 
@@ -176,6 +180,17 @@ def peak_jerk(trajectory: Trajectory, problem: Problem) -> tuple[int, float, flo
     joint, limited = int(np.argmax(jerk)), np.isfinite(limits.jerk)
     share = float((jerk[limited] / limits.jerk[limited]).max()) if limited.any() else None
     return joint, float(jerk[joint]), share
+
+
+def peak_wheel_rates(robot: Robot, trajectory: Trajectory) -> dict[str, float] | None:
+    """Return the largest |rate| of each wheel, rad/s; None for a robot without wheels.
+
+    Holds at: 8 samples a panel, at whose ends the pieces begin and end.
+    """
+    a, b = _panels(trajectory)
+    t = np.append((a[:, None] + (b - a)[:, None] * np.linspace(0.0, 0.875, 8)).ravel(), b[-1])
+    rates = wheel_rates_along(robot, trajectory(t), trajectory(t, 1))
+    return None if rates is None else dict(zip(WHEELS, np.abs(rates).max(axis=0).tolist(), strict=True))
 
 
 def least_manipulability(robot: Robot, trajectory: Trajectory) -> float:

@@ -13,11 +13,10 @@ from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner, options_set
 from optiplan.planners.task.planner import plan_task
 from optiplan.problem.problem import Problem
+from optiplan.runs.common_bound import bound_of
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
-from optiplan.trajectory.segments import RESTING
-from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
 
 _PROVING, _MOST_PROVING = 0.05, 0.25
@@ -106,23 +105,6 @@ def proved(
         info={**result.info, **slowed},
         improvements=() if selection is None else selection.improvements,
     )
-
-
-def bound_of(problem: Problem, trajectory: Trajectory) -> float:
-    """Return the lower bound, s, of a motion's duration: of its end, or of all that a task must do at rest.
-
-    Of a task: the sum over the stretches between the steps before and after which the robot stands still, each from
-    rest to rest; what grippers and dwelling take is counted whole.
-    """
-    if not problem.task:
-        return float(problem.lower_bounds([trajectory.end])[0])
-    total, begin = 0.0, 0.0
-    for segment in trajectory.segments:
-        if segment.kind in RESTING:
-            total += lower_bound(trajectory(begin), trajectory(segment.begin), problem.limits)
-            total += segment.end - segment.begin
-            begin = segment.end
-    return total + lower_bound(trajectory(begin), trajectory.end, problem.limits)
 
 
 def chosen(

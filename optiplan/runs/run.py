@@ -12,6 +12,7 @@ from typing import Any
 import optiplan
 from optiplan._core import variant
 from optiplan.errors import path_argument, wrong_argument
+from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
 from optiplan.runs.export import Exported, export
@@ -157,6 +158,14 @@ class Run:
         cells = "".join(f"<tr><th>{key}</th><td>{escape(value)}</td></tr>" for key, value in rows.items() if value)
         curves = "" if self.trajectory is None else self.trajectory._repr_html_()
         return f"<p><b>{escape(self._verdict())}</b></p><table>{cells}</table>{curves}"
+
+    def more_samples(self, rate: float) -> dict[str, Any]:
+        """Return the rates of mecanum wheels, `wheels` (k, 4), rad/s, at the times of `trajectory.json`."""
+        if self.trajectory is None or self.problem.robot.mecanum is None:
+            return {}
+        t = self.trajectory.sample_times(rate)
+        rates = wheel_rates_along(self.problem.robot, self.trajectory(t), self.trajectory(t, 1))
+        return {"wheel_names": list(WHEELS), "wheels": [] if rates is None else rates.tolist()}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `run.json`: everything but the motion, JSON-ready but for numpy numbers."""

@@ -256,6 +256,10 @@ class Trajectory:
         segments = tuple(segment.scaled(1.0 / rate) for segment in self.segments)
         return Trajectory(self.joint_names, self.breakpoints / rate, self.coefficients * powers[:, None], segments)
 
+    def sample_times(self, rate: float) -> Array:
+        """Return equally spaced times (k,), s, from the start to the end, at least `rate` a second, Hz."""
+        return np.linspace(0.0, self.duration, int(np.ceil(min(self.duration * rate, _MOST_SAMPLES - 1))) + 1)
+
     def to_dict(self, rate: float | None = None) -> dict[str, Any]:
         """JSON-ready form that `from_dict` reproduces without loss.
 
@@ -268,7 +272,7 @@ class Trajectory:
         if self.segments:
             data |= segment_data(self.segments)
         if rate is not None:
-            t = np.linspace(0.0, self.duration, int(np.ceil(min(self.duration * rate, _MOST_SAMPLES - 1))) + 1)
+            t = self.sample_times(rate)
             data |= {"t": t.tolist()} | {key: self(t, k).tolist() for k, key in enumerate("qva")}
         return data
 

@@ -77,7 +77,11 @@ def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
             said.append(f"{step.action.body} is {done} from {begin:.3f} s")
         if isinstance(step.action, Attach) and step.action.mass:
             weights.append(f"{step.action.body} of {step.action.mass:g} kg")
-    pairs = sorted({f"{' – '.join(sorted(pair))} in step {s.number}" for s in problem.task for pair in s.allowed})
+    allowed: dict[str, list[int]] = {}
+    for step in problem.task:
+        for pair in step.allowed:
+            allowed.setdefault(" – ".join(sorted(pair)), []).append(step.number)
+    pairs = [f"{pair} in step {', '.join(map(str, numbers))}" for pair, numbers in sorted(allowed.items())]
     touch = sorted(
         {
             " – ".join(sorted((s.action.body, link)))

@@ -1,6 +1,6 @@
 """Where the objects of a task are, from when on: in the world, or in what holds them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import pinocchio as pin
@@ -37,15 +37,15 @@ def moved_by(task: Sequence[TaskStep]) -> frozenset[str]:
     return frozenset(step.action.body for step in task if isinstance(step.action, Attach | Detach))
 
 
-def object_stays(problem: Problem, trajectory: Trajectory | None) -> list[MovingObject]:
-    """Return the objects that a task takes or releases, along a motion; without one they stay where they are."""
+def object_stays(problem: Problem, trajectory: Trajectory | None, names: Iterable[str]) -> list[MovingObject]:
+    """Return objects along a motion, by name; without one they stay where they are."""
     scenes: list[tuple[float, Scene]] = [(0.0, problem.scene)]
     if trajectory is not None and problem.task and not mismatch(problem, trajectory):
         for _, scene, begin, _ in steps_in_time(problem, trajectory):
             if scene is not scenes[-1][1]:
                 scenes.append((begin, scene))
     found = []
-    for name in sorted(moved_by(problem.task)):
+    for name in sorted(names):
         stays = [(_stay(problem.robot, scene, name), begin) for begin, scene in scenes]
         kept = [
             Stay(begin, body, X)

@@ -26,6 +26,7 @@ SCENE_SCRIPTS = tuple(
         "outlines",
         "bodies",
         "objects",
+        "arrangement",
         "rod",
         "failure",
         "scene",

@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, measures, scaled
+from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import ORDERS, Limits
 from optiplan.robot.robot import Robot
@@ -33,6 +34,7 @@ def curves_of(problem: Problem, trajectory: Trajectory, least: int) -> dict[str,
     t = t + _APART * trajectory.duration * np.append(0.0, np.diff(t) <= 0.0)
     samples = PieceSamples.of(trajectory, least)
     quantities = [*_derivatives(problem, found), _torque(problem, found), *_tools(problem, samples)]
+    quantities += _wheels(problem, samples)
     for quantity in quantities:
         quantity["y"] = packed(quantity["y"][kept])
     return {"t": packed(t), "quantities": quantities}
@@ -81,6 +83,21 @@ def _tools(problem: Problem, samples: PieceSamples) -> list[dict[str, Any]]:
         data = _quantity(name, unit, list(frames), values[:, own]) | {"low": free, "high": free, "of": "tools"}
         shown.append(data | {"extrema": [[both[shows]] for both in extrema[own]], "kind": "sampled"})
     return shown
+
+
+def _wheels(problem: Problem, samples: PieceSamples) -> list[dict[str, Any]]:
+    """Rates of the mecanum wheels of a robot that has them."""
+
+    def at(inside: PieceSamples) -> Array | None:
+        return wheel_rates_along(problem.robot, *inside.states()[:2])
+
+    rates = at(samples)
+    if rates is None:
+        return []
+    free = [None] * len(WHEELS)
+    data = _quantity("wheels", "rad/s", [name.replace("_", " ") for name in WHEELS], rates)
+    found = refined_extrema(samples, rates, lambda inside: np.asarray(at(inside)))
+    return [data | {"low": free, "high": free, "of": "wheels", "extrema": _extrema(found), "kind": "sampled"}]
 
 
 def _quantity(name: str, unit: str, names: Sequence[str], values: Array) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.robot import Robot
 from optiplan.runs.common_bound import common_bound
+from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.moving_objects import moved_by, object_stays
 from optiplan.viewer.run_curves import short_names
 from optiplan.viewer.runs import Detail, Poses, RunLike, ViewedRun, motion_of, show_run
@@ -25,6 +26,21 @@ from optiplan.viewer.surfaces import Colour, encode, packed, visual_surfaces
 _PLAIN: Colour = (0.93, 0.94, 0.95, 1.0)
 _COLLISION: Colour = (0.45, 0.62, 0.78, 1.0)
 _HELD: Colour = (0.90, 0.62, 0.25, 1.0)
+_NAMED: dict[str, Colour] = {
+    "red": (0.80, 0.28, 0.26, 1.0),
+    "green": (0.33, 0.62, 0.36, 1.0),
+    "blue": (0.25, 0.47, 0.80, 1.0),
+    "yellow": (0.90, 0.75, 0.25, 1.0),
+}
+"""Colours of objects whose names begin with such a word."""
+_OBJECTS: tuple[Colour, ...] = (
+    _HELD,
+    (0.30, 0.52, 0.80, 1.0),
+    (0.80, 0.33, 0.31, 1.0),
+    (0.36, 0.62, 0.38, 1.0),
+    (0.58, 0.42, 0.70, 1.0),
+)
+"""Of what a task takes and releases, in turn."""
 _FURNITURE: Colour = (0.70, 0.63, 0.54, 1.0)
 _THING: Colour = (0.42, 0.60, 0.60, 1.0)
 _BARE = "Robot '{}' has no bodies. Its joint and tool frames are drawn instead, and the lines between them."
@@ -49,6 +65,7 @@ class SceneData:
         runs: motions to play, see `runs.show_run`.
         bound: lower bound of the problem, s, by which durations are divided, and what it is the least of.
         tool: body and pose in it of the robot's tool frame.
+        several: whether the runs are of several problems; then every run has its own obstacles.
         note: remark on the picture; empty for none.
     """
 
@@ -63,6 +80,7 @@ class SceneData:
     runs: tuple[dict[str, Any], ...]
     bound: tuple[float | None, str]
     tool: dict[str, Any] | None = None
+    several: bool = False
     note: str = ""
 
     def to_dict(self) -> dict[str, Any]:
@@ -117,10 +135,12 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         if run.trajectory is not None and len(run.trajectory.joint_names) != problem.robot.n:
             found, n = len(run.trajectory.joint_names), problem.robot.n
             raise OptiPlanError(f"run '{run.label}' moves {found} joints; robot '{problem.robot.name}' has {n}")
-    parts, poses = _Parts(), Poses(problem)
+    parts = _Parts()
+    several = len({(run.problem or problem).hash for run in viewed}) > 1
+    moving = frozenset(problem.scene.names) if several else moved_by(problem.task)
     bare = not problem.robot.visual.geometryObjects and not problem.robot.geometry.geometryObjects
     (_add_frames if bare else _add_robot)(parts, problem.robot)
-    _add_objects(parts, problem, moved_by(problem.task))
+    _add_objects(parts, problem, moving)
     ends = [run.trajectory for run in viewed if run.trajectory is not None]
     bound = common_bound(problem, _reached(viewed))
     detail = Detail.of(sum(motion_of(problem, run) is not None for run in viewed))
@@ -128,11 +148,14 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
     for end in problem.goal:
         if goal is None and isinstance(end, JointGoal):
             goal = end.q
-    shown = [
-        show_run(problem, poses, run, detail) | {"objects": _moving_objects(parts, problem, run)} for run in viewed
-    ]
+    poses, shown = Poses(problem), []
+    for run in viewed:
+        own = run.problem or problem
+        names = own.scene.names if several else sorted(moving)
+        seen = show_run(own, Poses(own) if several else poses, run, detail)
+        shown.append(seen | {"objects": _moving_objects(parts, (own, names, moved_by(own.task)), run.trajectory)})
     return SceneData(
-        name=problem.name,
+        name=", ".join(dict.fromkeys((run.problem or problem).name for run in viewed)) if several else problem.name,
         geometries=tuple(parts.geometries),
         parts=tuple(parts.parts),
         bodies=problem.robot.model.njoints - 1,
@@ -142,7 +165,8 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         targets=_targets(problem),
         runs=tuple(shown),
         tool=_tool(problem.robot),
-        bound=(bound.seconds, bound.words),
+        bound=(None, "the runs are of several problems") if several else (bound.seconds, bound.words),
+        several=several,
         note=_BARE.format(problem.robot.name) if bare else "",
     )
 
@@ -221,16 +245,27 @@ def _add_visual(parts: _Parts, thing: pin.GeometryObject, link: str) -> None:
         parts.add("visual", (thing.name, link), thing.parentJoint, thing.placement, (drawn, colour))
 
 
-def _moving_objects(parts: _Parts, problem: Problem, run: ViewedRun) -> list[dict[str, Any]]:
-    """Return the objects that a task takes or releases: geometry, colour, and where they are from when on."""
+def _moving_objects(
+    parts: _Parts, of: tuple[Problem, Sequence[str], frozenset[str]], trajectory: Trajectory | None
+) -> list[dict[str, Any]]:
+    """Return objects of a run by name: geometry, colour, and where they are from when on.
+
+    `of` has its problem, the names, and those of them that its task takes or releases.
+    """
+    problem, names, taken = of
     found = []
-    for one in object_stays(problem, run.trajectory):
+    for one in object_stays(problem, trajectory, names):
         drawn = parts.geometry(one.shape, partial(_encode_shape, one.shape))
         stays = [
             {"begin": stay.begin, "body": stay.body, "pose": np.round(pin.SE3ToXYZQUAT(stay.X_BO), 9).tolist()}
             for stay in one.stays
         ]
-        look = {"geometry": drawn, "colour": list(_HELD), "name": one.name, "owner": one.name}
+        held = {held.name for held in problem.scene.attached}
+        colour = _NAMED.get(one.name.partition("_")[0])
+        if one.name in taken and colour is None:
+            colour = _OBJECTS[sorted(taken).index(one.name) % len(_OBJECTS)]
+        colour = colour or (_HELD if one.name in held else obstacle_colour(one.shape))
+        look = {"geometry": drawn, "colour": list(colour), "name": one.name, "owner": one.name}
         found.append(look | {"stays": stays})
     return found
 

@@ -11,6 +11,13 @@ from optiplan.planners.base import Failure
 from optiplan.runs.run import Run
 from optiplan.verify.report import Check, Report
 
+BOUNDS = {
+    "problem": "lower bound",
+    "end": "bound of this end configuration",
+    "stops": "bound of the places where it stops",
+}
+"""What a lower bound is about, by `Run.lower_bound_of`."""
+
 
 def show_run(console: Console, run: Run, full: bool = False) -> None:
     """Print a run: verdict, quality of the motion, scope of the verdict, and timings."""
@@ -87,7 +94,7 @@ def _quality(run: Run) -> str:
     words = f"duration [bold]{run.duration:.3f} s[/]"
     if run.lower_bound is None:
         return words
-    whose = "lower bound" if run.lower_bound_of == "problem" else "bound of this end configuration"
+    whose = BOUNDS[run.lower_bound_of]
     ratio = "" if run.ratio is None else f"[bold]{run.ratio:.3f}[/] × the "
     return f"{words} · {ratio}{whose}, {run.lower_bound:.3f} s"
 

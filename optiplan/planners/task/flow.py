@@ -29,8 +29,14 @@ from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path_by_law
 from optiplan.trajectory.trajectory import Trajectory
 
-_SHARES = (0.4, 0.2, 0.08)
-"""Of the length of a move, that are replaced at a junction; smaller ones where the larger are not free."""
+_SHARES = (0.5, 0.25, 0.1)
+"""Of the length of a move, that are replaced at a junction; where both ends take a half, it is one polynomial."""
+
+_ENOUGH = 0.05
+"""Share of the time with stops that is to be gained; junctions of other sizes are tried as long as it is less."""
+
+_HOPELESS = 0.02
+"""Share of the time with stops; a motion in one go that is slower by more is not tried with other junctions."""
 
 _POINTS = 40
 """Of the spline that stands for a move."""
@@ -89,28 +95,38 @@ def _joined(group: list[Stretch], budget: Budget) -> list[Stretch]:
     """Return a group as one stretch, or as several where some junction is not free, or not quicker."""
     if len(group) == 1 or budget.over:
         return group
-    sizes = [0] * (len(group) - 1)
-    while not budget.over:
-        path = _Path.of(group, sizes)
-        if path is None:
+    stopping = sum(stretch.ends[-1] for stretch in group)
+    best: Stretch | None = None
+    for first in range(len(_SHARES)):
+        found = _in_one_go(group, first, budget)
+        if found is not None and found.ends[-1] < (stopping if best is None else best.ends[-1]):
+            best = found
+        slow = found is not None and found.ends[-1] > (1.0 + _HOPELESS) * stopping
+        if budget.over or slow or (best is not None and best.ends[-1] < (1.0 - _ENOUGH) * stopping):
             break
-        touched = path.junction_that_touches(budget)
-        if touched is None:
-            found = path.timed(budget)
-            stopping = sum(stretch.ends[-1] for stretch in group)
-            if found is not None and found.ends[-1] < stopping:
-                return [found]
-            break
-        sizes[touched] += 1
-        if sizes[touched] == len(_SHARES):
-            return [*_joined(group[: touched + 1], budget), *_joined(group[touched + 1 :], budget)]
+    if best is not None:
+        return [best]
     if len(group) == 2:
         return group
     return [*_joined(group[:2], budget), *_joined(group[2:], budget)]
 
 
+def _in_one_go(group: list[Stretch], first: int, budget: Budget) -> Stretch | None:
+    """Return a group as one motion, with junctions of the first free size from `first` on; None where one is not."""
+    sizes = [first] * (len(group) - 1)
+    while not budget.over and max(sizes) < len(_SHARES):
+        path = _Path.of(group, sizes)
+        if path is None:
+            return None
+        touched = path.junction_that_touches(budget)
+        if touched is None:
+            return path.timed(budget)
+        sizes[touched] += 1
+    return None
+
+
 @dataclass(frozen=True, eq=False)
-class _Element:
+class _PathElement:
     """A move or a line in the path: its curve over a parameter, and how long it stops for, s."""
 
     done: Done
@@ -134,7 +150,7 @@ class _Path:
         parts: the curve of each, changed at its junctions; over parameters from 0.
     """
 
-    elements: list[_Element]
+    elements: list[_PathElement]
     parts: list[Trajectory]
 
     @classmethod
@@ -207,7 +223,7 @@ class _Path:
         return Stretch(tuple(element.done for element in self.elements), motion, (*ends, motion.duration))
 
 
-def _element(done: Done) -> _Element:
+def _element(done: Done) -> _PathElement:
     """Return a step's curve over a parameter in which the fastest joint runs about at its speed limit."""
     assert done.curve is not None
     assert done.stage is not None
@@ -217,21 +233,21 @@ def _element(done: Done) -> _Element:
     steps = np.linalg.norm(np.diff(Q, axis=0) / speed, axis=1)
     length = float(steps.sum())
     if done.is_line:
-        return _Element(done, done.curve.scaled(max(length, 1e-6)))
+        return _PathElement(done, done.curve.scaled(max(length, 1e-6)))
     way = np.concatenate([[0.0], np.cumsum(steps)])
     kept = np.concatenate([[True], np.diff(way) > 1e-9 * max(length, 1e-9)])
     times = np.interp(np.linspace(0.0, length, _POINTS), way[kept], t[kept])
     points = done.curve(times)
     points[0], points[-1] = Q[0], Q[-1]
     spline = CubicSpline(np.linspace(0.0, length, _POINTS), points)
-    return _Element(done, _of_spline(done.curve.joint_names, spline))
+    return _PathElement(done, _of_spline(done.curve.joint_names, spline))
 
 
 def _of_spline(names: tuple[str, ...], spline: CubicSpline) -> Trajectory:
     return Trajectory(names, spline.x, np.swapaxes(spline.c[::-1], 0, 1))
 
 
-def _meeting(before: _Element, after: _Element, share: float) -> Array | None:
+def _meeting(before: _PathElement, after: _PathElement, share: float) -> Array | None:
     """Return the state (3, n) in which two elements meet: that of the line, or of two moves their mean direction."""
     if before.done.is_line:
         return before.state(before.length)
@@ -251,10 +267,13 @@ def _meeting(before: _Element, after: _Element, share: float) -> Array | None:
     return np.stack([point, speed * direction / size, np.zeros(len(point))])
 
 
-def _between(element: _Element, meets: tuple[Array | None, Array | None], cuts: tuple[float, float]) -> Trajectory:
+def _between(element: _PathElement, meets: tuple[Array | None, Array | None], cuts: tuple[float, float]) -> Trajectory:
     """Return the curve of a move with the parts next to its junctions replaced, over a parameter from 0."""
     assert element.done.stage is not None
     speed = element.done.stage.problem.limits.velocity
+    if meets[0] is not None and meets[1] is not None and sum(cuts) >= 1.0:
+        piece, width = _gap(meets[0], meets[1], speed)
+        return Trajectory(element.curve.joint_names, np.array([0.0, width]), piece[None])
     begin, end = cuts[0] * element.length, (1.0 - cuts[1]) * element.length
     inner = element.curve.breakpoints[(element.curve.breakpoints > begin) & (element.curve.breakpoints < end)]
     edges = np.concatenate([[begin], inner, [end]])

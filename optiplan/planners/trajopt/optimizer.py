@@ -112,8 +112,8 @@ class Optimiser:
         terms = self.constraints.begin() + (() if self.end is None else self.end.terms)
         descender, u = self.descender(control, margin, terms), self.instants(control)
         iterations, attempt = 0, None
-        begins = self.basis.shortest_duration(control, self.problem.limits.rates)
-        longest = np.inf if patient or terms or self._costs else GROWN * begins
+        least = self.basis.shortest_duration(control, self.problem.limits.rates)
+        longest = np.inf if patient or terms or self._costs else GROWN * least
         looked: Attempt | None = None
 
         def go_on(control: Array, duration: float) -> bool:
@@ -178,7 +178,7 @@ class Optimiser:
     def _length(self, control: Array) -> float:
         """Return the path length, m, of the joint origin that the curve carries farthest."""
         Q = self.basis.at(np.linspace(0.0, 1.0, self.options.samples)) @ control
-        steps = np.diff(self.model.bounds.kinematics.poses(Q)[:, :, :3, 3], axis=0)
+        steps = np.diff(self.model.bounds.kinematics.poses(self.model.full(Q))[:, :, :3, 3], axis=0)
         return float(np.linalg.norm(steps, axis=2).sum(axis=0).max())
 
     def timed(self, control: Array, duration: float) -> Trajectory | None:

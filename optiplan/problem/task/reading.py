@@ -18,11 +18,11 @@ from optiplan.problem.schema import (
     AttachSpec,
     DetachSpec,
     GripperSpec,
-    LineSpec,
     MoveSpec,
     PoseGoalSpec,
     RetreatSpec,
     StartSpec,
+    StraightLineSpec,
     TaskStepSpec,
     ViaSpec,
 )
@@ -133,7 +133,7 @@ class TaskReader:
     def _pose(self, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
         return self.compiler.pose_goal(self.robot, place, spec)
 
-    def _line(self, place: Place, spec: LineSpec) -> Iterator[StraightLine]:
+    def _line(self, place: Place, spec: StraightLineSpec) -> Iterator[StraightLine]:
         joints = self._joints(place, spec.group)
         speed = np.inf if spec.speed is None else spec.speed
         if spec.pose is not None:

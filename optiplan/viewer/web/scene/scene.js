@@ -125,7 +125,7 @@ const OptiPlanScene = (() => {
       const shown = { data: run, figure, poses, samples: run.samples || 1, duration: run.duration || 0, colour, path: null, witness: new THREE.Group() };
       this.layers.witness.add(shown.witness);
       this.pose(figure, poses);
-      shown.objects = new OptiPlanObjects.Objects(this, shown, material);
+      shown.objects = new OptiPlanObjects.Objects(this, shown, (part) => this.surface(part.colour, k ? behind : {}));
       if (run.path) {
         shown.tool = floats(run.path);
         shown.tools = [shown.tool, ...(run.other_paths || []).map(floats)];
