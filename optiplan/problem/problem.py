@@ -132,15 +132,9 @@ class Problem:
         labels |= {"planner": "trajopt" if planner is None else planner, "options": {} if options is None else options}
         needed = "start" if goal is None and task is not None else "goal"
         if isinstance(limits, Limits):
-            rest: dict[str, Any] = {
-                "scene": scene or Scene(),
-                "vias": tuple(vias),
-                "objective": objective or Objective(),
-            }
-            rest |= {
-                "path_constraints": tuple(path_constraints),
-                "task": () if task is None else tuple(cast(Sequence[TaskStep], task)),
-            }
+            rest: dict[str, Any] = {"scene": scene or Scene(), "vias": tuple(vias)}
+            rest |= {"objective": objective or Objective(), "path_constraints": tuple(path_constraints)}
+            rest |= {"task": () if task is None else tuple(cast(Sequence[TaskStep], task))}
             v, a = (np.zeros(robot.n) if rate is None else rate for rate in rates)  # type: ignore[union-attr]
             rest |= {"start_velocity": v, "start_acceleration": a}
             self._set({"robot": robot, **given, **labels, **rest, "source": {}, "hash": ""})
