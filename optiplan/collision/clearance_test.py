@@ -47,13 +47,11 @@ class _Margins:
     """Margins of the pairs of one set of bodies."""
 
     def __init__(self, model: CollisionModel, geometry: pin.GeometryModel) -> None:
-        self._model, self._geometry = model.robot.model, geometry
-        self._data, self._queries = model.robot.model.createData(), geometry.createData()
+        self._model, self._geometry = model.model, geometry
+        self._data, self._queries = model.model.createData(), geometry.createData()
         exact_queries(self._queries)
         self._requests = list(self._queries.collisionRequests)
-        self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
-            model.robot.model, geometry, self._queries
-        )
+        self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(model.model, geometry, self._queries)
         # The box around a half-space is not grown by its margins, so those pairs are asked one by one.
         self._planes = model.bounds.plane_pairs.tolist()
 

@@ -10,6 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, Index
 from optiplan.collision.containment import Containment
 from optiplan.collision.geometry_model import geometry_of
+from optiplan.collision.moving_obstacles import displacements, with_obstacle_joints
 from optiplan.collision.standing_links import overlapping
 from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
@@ -79,19 +80,25 @@ class CollisionModel:
         geometry: the bodies; `names[i]` is the link, attachment or obstacle of body i.
         pairs: the pairs that must stay apart.
         outline: the same bodies with hulls in the place of meshes.
+        motions: of the obstacles that move.
+        model: the robot's, with three sliding joints for every obstacle that moves (`moving_obstacles`). Where a
+            configuration (n,) of the robot alone is given, obstacles are where they are at first.
     """
 
     def __init__(self, robot: Robot, scene: Scene) -> None:
         self.robot, self.scene = robot, scene
+        self.motions = tuple(body.motion for body in scene.obstacles if body.motion is not None)
+        self.model, self._carriers = with_obstacle_joints(robot.model, scene.moving)
+        self._moved = displacements(self.motions, np.zeros(1))[0]
         bodies = self._bodies()
         self.names = tuple(name for name, _ in bodies)
         self.geometry = geometry_of([body for _, body in bodies])
         self.pairs = self._list_pairs()
         for pair in self.pairs:
             self.geometry.addCollisionPair(pin.CollisionPair(pair.a, pair.b))
-        self.bounds = PairBounds(robot.model, self.geometry, [(p.a, p.b) for p in self.pairs])
-        self._data = robot.model.createData()
-        self.outline = Outline(robot.model, self.geometry)
+        self.bounds = PairBounds(self.model, self.geometry, [(p.a, p.b) for p in self.pairs])
+        self._data = self.model.createData()
+        self.outline = Outline(self.model, self.geometry)
 
     @cached_property
     def _geometry_data(self) -> pin.GeometryData:
@@ -106,9 +113,25 @@ class CollisionModel:
 
     @cached_property
     def _broad_phase(self) -> pin.BroadPhaseManager_DynamicAABBTreeCollisionManager:
-        return pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
-            self.robot.model, self.geometry, self._geometry_data
-        )
+        return pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(self.model, self.geometry, self._geometry_data)
+
+    def at_times(self, Q: Array, t: Array) -> Array:
+        """Configurations Q (N, n) with the obstacles as at times t (N,), s: (N, n + 3 m)."""
+        return np.hstack([Q, displacements(self.motions, t)])
+
+    def obstacle_rates(self, t: Array) -> Array:
+        """Velocities (N, 3 m), m/s, of the joints of moving obstacles at times t (N,), s."""
+        return displacements(self.motions, t, 1)
+
+    def full(self, Q: Array) -> Array:
+        """Configurations (…, n) with the obstacles as at first, (…, n + 3 m); those that have them as they are."""
+        if Q.shape[-1] == self.model.nq:
+            return Q
+        return np.concatenate([Q, np.broadcast_to(self._moved, (*Q.shape[:-1], len(self._moved)))], axis=-1)
+
+    def widened(self, D: Array) -> Array:
+        """Half widths D (N, n) with those of obstacles that stay where they are, (N, n + 3 m)."""
+        return np.hstack([D, np.zeros((len(D), self.model.nq - D.shape[1]))])
 
     def collides(self, q: Array) -> bool:
         """Whether any pair touches at q (n,); meshes are asked where their hulls touch.
@@ -117,11 +140,11 @@ class CollisionModel:
         """
         if self._flat:
             return bool(
-                pin.computeCollisions(self.robot.model, self._data, self.geometry, self._geometry_data, q, True)
+                pin.computeCollisions(self.model, self._data, self.geometry, self._geometry_data, self.full(q), True)
             )
-        if self.outline.pairs and not self.outline.collides(self._data, q):
+        if self.outline.pairs and not self.outline.collides(self._data, self.full(q)):
             return False
-        return bool(pin.computeCollisions(self.robot.model, self._data, self._broad_phase, q, True))
+        return bool(pin.computeCollisions(self.model, self._data, self._broad_phase, self.full(q), True))
 
     def contained(self, q: Array) -> tuple[str, str] | None:
         """Names of a body and of the mesh that it is inside of, at q (n,), where nothing touches; None without one.
@@ -139,7 +162,7 @@ class CollisionModel:
 
     def place(self, q: Array) -> None:
         """Move all bodies to q (n,), for `pair_distance`."""
-        pin.updateGeometryPlacements(self.robot.model, self._data, self.geometry, self._geometry_data, q)
+        pin.updateGeometryPlacements(self.model, self._data, self.geometry, self._geometry_data, self.full(q))
         self.outline.place(self._data)
 
     def pair_distance(self, pair: int) -> Contact:
@@ -170,7 +193,7 @@ class CollisionModel:
             return None
         if self.outline.pairs:
             return self._nearest(q)
-        nearest = pin.computeDistances(self.robot.model, self._data, self.geometry, self._geometry_data, q)
+        nearest = pin.computeDistances(self.model, self._data, self.geometry, self._geometry_data, self.full(q))
         return self._read(int(nearest))
 
     def _nearest(self, q: Array) -> Contact:
@@ -229,7 +252,7 @@ class CollisionModel:
     def distances_at(self, placed: pin.Data, which: Index) -> Array:
         """Distances (K,), m, of chosen pairs where `placed` has the joints; meshes as in `near`."""
         geometry, data = self.geometry, self._geometry_data
-        pin.updateGeometryPlacements(self.robot.model, placed, geometry, data)
+        pin.updateGeometryPlacements(self.model, placed, geometry, data)
         self.outline.place(placed)
         self._answers = results = [self._nearest_points(pair) for pair in which.tolist()]
         return np.array([result.min_distance for result in results])
@@ -257,11 +280,11 @@ class CollisionModel:
 
     def lower_bounds(self, Q: Array) -> Array:
         """Lower bounds, m, of the distance of every pair at Q (N, n), from bounding volumes alone: (N, P)."""
-        return self.bounds.distances(Q)
+        return self.bounds.distances(self.full(Q))
 
     def travel(self, Q: Array, D: Array) -> Array:
         """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j: Q and D (N, n), result (N, P)."""
-        return self.bounds.travel(Q, D)
+        return self.bounds.travel(self.full(Q), self.widened(D))
 
     def gradients(self, Q: Array, contacts: Contacts) -> Array:
         """Gradient (K, n) of the distances of contacts at Q (N, n) with respect to the configuration, m/rad or m/m.
@@ -270,7 +293,9 @@ class CollisionModel:
         Jacobian of the point; by the envelope theorem the motion of the witness points on the surfaces adds nothing
         (away from parallel faces, where the distance has a kink).
         """
-        return self.bounds.witness_gradients(Q[contacts.rows], contacts.pairs, contacts.points, contacts.normals)
+        at = self.full(Q)[contacts.rows]
+        found = self.bounds.witness_gradients(at, contacts.pairs, contacts.points, contacts.normals)
+        return found[:, : Q.shape[1]]
 
     def _read(self, pair: int) -> Contact:
         result = self._geometry_data.distanceResults[pair]
@@ -287,7 +312,7 @@ class CollisionModel:
             place = (frame.parentJoint, frame.placement * held.X_LO)
             found.append((held.name, _body(f"{held.name}#{len(found)}", *place, build_geometry(held.shape))))
         for obstacle in self.scene.obstacles:
-            place = (0, obstacle.X_WO)
+            place = (self._carriers.get(obstacle.name, 0), obstacle.X_WO)
             found.append(
                 (obstacle.name, _body(f"{obstacle.name}#{len(found)}", *place, build_geometry(obstacle.shape)))
             )
@@ -308,6 +333,8 @@ class CollisionModel:
         excused = {name for pair in self.scene.allowed for name in pair}
         kept = [(a, b) for a, b in found if not self._allowed(a, b, excused)]
         standing = [(a, b) for a in still for b in obstacles if not self._allowed(a, b, excused)]
+        kept += [(a, b) for a, b in standing if parents[b] != 0]
+        standing = [(a, b) for a, b in standing if parents[b] == 0]
         kept += overlapping(self.geometry, np.array(standing, dtype=np.intp).reshape(-1, 2))
         return tuple(Pair(k, a, b, self.names[a], self.names[b]) for k, (a, b) in enumerate(kept))
 

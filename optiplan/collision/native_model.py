@@ -45,13 +45,13 @@ class NativeCollisionModel(CollisionModel):
 
     def collides(self, q: Array) -> bool:
         """See `CollisionModel.collides`."""
-        return super().collides(q) if self.world is None else self.world.collides(_packed(q))
+        return super().collides(q) if self.world is None else self.world.collides(_packed(self.full(q)))
 
     def clearance(self, q: Array) -> Contact | None:
         """See `CollisionModel.clearance`."""
         if self.world is None:
             return super().clearance(q)
-        found = self.world.nearest(_packed(q[None]))
+        found = self.world.nearest(_packed(self.full(q[None])))
         if found is None:
             return None
         _, pairs, distances, vectors, _ = found
@@ -61,7 +61,7 @@ class NativeCollisionModel(CollisionModel):
         """See `CollisionModel.contacts`."""
         if self.world is None:
             return super().contacts(q, cutoff)
-        _, pairs, distances, vectors, _ = self.world.near(_packed(q[None]), cutoff)
+        _, pairs, distances, vectors, _ = self.world.near(_packed(self.full(q[None])), cutoff)
         found = zip(pairs.tolist(), distances.tolist(), vectors, strict=True)
         return [Contact(self.pairs[pair], distance, *triple) for pair, distance, triple in found]
 
@@ -69,23 +69,26 @@ class NativeCollisionModel(CollisionModel):
         """See `CollisionModel.near`."""
         if self.world is None:
             return super().near(Q, cutoff)
-        rows, pairs, distances, vectors, _ = self.world.near(_packed(Q), cutoff)
+        rows, pairs, distances, vectors, _ = self.world.near(_packed(self.full(Q)), cutoff)
         return Contacts(rows, pairs, distances, vectors[:, :2], vectors[:, 2])
 
     def lower_bounds(self, Q: Array) -> Array:
         """See `CollisionModel.lower_bounds`."""
-        return super().lower_bounds(Q) if self.world is None else self.world.lower_bounds(_packed(Q))
+        return super().lower_bounds(Q) if self.world is None else self.world.lower_bounds(_packed(self.full(Q)))
 
     def travel(self, Q: Array, D: Array) -> Array:
         """See `CollisionModel.travel`."""
-        return super().travel(Q, D) if self.world is None else self.world.travel(_packed(Q), _packed(D))
+        if self.world is None:
+            return super().travel(Q, D)
+        return self.world.travel(_packed(self.full(Q)), _packed(self.widened(D)))
 
     def gradients(self, Q: Array, contacts: Contacts) -> Array:
         """See `CollisionModel.gradients`."""
         if self.world is None:
             return super().gradients(Q, contacts)
         points, normals = np.ascontiguousarray(contacts.points), np.ascontiguousarray(contacts.normals)
-        return self.world.gradients(_packed(Q), contacts.rows, contacts.pairs, points, normals)
+        found = self.world.gradients(_packed(self.full(Q)), contacts.rows, contacts.pairs, points, normals)
+        return found[:, : Q.shape[1]]
 
 
 def _packed(values: Array) -> Array:
@@ -109,4 +112,4 @@ def _world(model: CollisionModel, shapes: "list[list[Shape]]") -> "World":
             core.Body.of(int(body.parentJoint), body.placement.homogeneous, shapes[k], box, float(bounds.radius[k]))
         )
     pairs = np.array([(pair.a, pair.b) for pair in model.pairs], dtype=np.int64).reshape(-1, 2)
-    return core.World.of(native_tree(model.robot.model), bodies, pairs)
+    return core.World.of(native_tree(model.model), bodies, pairs)

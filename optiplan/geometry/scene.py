@@ -10,6 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, is_finite
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.file_shapes import Mesh, Octree, PointCloud
+from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere, build_geometry
 
@@ -31,7 +32,7 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Obstacle:
-    """A shape that stands still at `X_WO`, the pose of the object in the world.
+    """A shape at `X_WO`, the pose of the object in the world, where it stands, or from where it moves as stated.
 
     `stated` is that pose as it was written down (`position`, and `rpy` or `quaternion`), so that a file can say it in
     the same words; None where nobody did.
@@ -41,6 +42,32 @@ class Obstacle:
     shape: Shape
     X_WO: pin.SE3
     stated: Mapping[str, Any] | None = None
+    motion: ObstacleMotion | None = None
+
+    def moving(self, polynomial: Sequence[Sequence[float]], until: float | None = None) -> "Obstacle":
+        """The same shape on a stated trajectory: its position is that of its pose plus a polynomial of time.
+
+        Time counts from the start of the robot's motion.
+
+        Args:
+            polynomial: for x, y and z of the world the coefficients of t^0, t^1 …, m/s^k.
+            until: s, after which it stands; None: never.
+
+        Raises:
+            InputError: not three lists of finite numbers, or a time that is not above 0.
+
+        Example:
+            >>> import optiplan as op
+            >>> op.Box("cart", size=(0.3, 0.2, 0.2), position=(0.5, -0.6, 0.3)).moving([[0], [0, 0.2], [0]], until=3.0)
+            Obstacle: cart, Box(size=(0.3, 0.2, 0.2)), at [0.5, -0.6, 0.3] m, moving
+        """
+        rows = [list(row) for row in polynomial] if _three_rows(polynomial) else []
+        if not rows or not all(is_finite(value) for row in rows for value in row):
+            expected = "coefficients of x, y and z: three lists of finite numbers"
+            raise wrong_argument("Obstacle.moving", "polynomial", described(polynomial), expected)
+        if until is not None and not (is_finite(until) and until > 0.0):
+            raise wrong_argument("Obstacle.moving", "until", described(until), "a time above 0, s")
+        return replace(self, motion=ObstacleMotion.of_data(rows, until))
 
     def attached_to(
         self,
@@ -70,7 +97,7 @@ class Obstacle:
 
     def __repr__(self) -> str:
         """Name, shape and place in one line."""
-        return f"Obstacle: {self.name}, {self.shape}, at {_at(self.X_WO)}"
+        return f"Obstacle: {self.name}, {self.shape}, at {_at(self.X_WO)}{', moving' if self.motion else ''}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -149,6 +176,20 @@ class Scene:
         object.__setattr__(self, "allowed", frozenset(map(_pair, _listed(allowed, "allowed", "pairs of names"))))
 
     @property
+    def moving(self) -> tuple[Obstacle, ...]:
+        """The obstacles that move."""
+        return tuple(body for body in self.obstacles if body.motion is not None)
+
+    @property
+    def standing(self) -> "Scene":
+        """The scene without the obstacles that move; itself where there are none."""
+        return self.without(*(body.name for body in self.moving)) if self.moving else self
+
+    def later(self, t: float) -> "Scene":
+        """The scene as it is t seconds from now, in which what moves goes on from where it is then."""
+        return replace(self, obstacles=tuple(_later(body, t) for body in self.obstacles))
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of everything in the scene, obstacles first."""
         bodies: list[Obstacle | Attachment] = [*self.obstacles, *self.attached]
@@ -216,6 +257,26 @@ class Scene:
 
 
 Body = TypeVar("Body", Obstacle, Attachment)
+
+
+def _later(body: Obstacle, t: float) -> Obstacle:
+    if body.motion is None:
+        return body
+    ahead = body.motion.until - t
+    motion = ObstacleMotion(body.motion.from_times(np.array([t]))[0], ahead)
+    if ahead > 0.0:
+        return replace(body, motion=motion)
+    X = pin.SE3(body.X_WO.rotation, body.X_WO.translation + motion.coefficients[:, 0])
+    return replace(body, X_WO=X, stated=None, motion=None)
+
+
+def _three_rows(polynomial: Any) -> bool:
+    """Whether these are three lists of something."""
+    try:
+        rows = [list(row) for row in polynomial]
+    except TypeError:
+        return False
+    return len(rows) == 3
 
 
 def _moved(body: Body, by: Array) -> Body:

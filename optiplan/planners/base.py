@@ -178,6 +178,8 @@ class Planner(ABC, Generic[OptionsT]):
             that have any.
         end_derivatives: what `plan` handles of a motion stated at the start or at goals: 0 none, 1 velocities, 2 also
             accelerations; it is not called for problems that state more.
+        times_obstacles: whether `plan` knows when obstacles are where; otherwise it is called among those that stand
+            still, and its motion waits or goes slower until the others have passed.
 
     Example:
         >>> import optiplan as op
@@ -192,6 +194,7 @@ class Planner(ABC, Generic[OptionsT]):
     passes_vias: bool = False
     holds_constraints: bool = False
     end_derivatives: int = 0
+    times_obstacles: bool = False
 
     def __init__(self, options: OptionsT | None = None) -> None:
         self.options: OptionsT = self.Options() if options is None else options

@@ -219,7 +219,9 @@ def _spline() -> PlannerClass:
     return Spline
 
 
-@_listed("taskspace", "Cartesian", "what the task-space controller does by itself to get to the goal, rolled out")
+@_listed(
+    "taskspace", "Cartesian", "the task-space controller rolled out, led along a sampled path where it stands still"
+)
 def _taskspace() -> PlannerClass:
     from optiplan.planners.cartesian.taskspace import TaskSpace
 
@@ -295,6 +297,7 @@ class _StandIn(Planner[Any]):
         self.planner = planner
         self.passes_vias = bool(getattr(planner, "passes_vias", False))
         self.end_derivatives = int(getattr(planner, "end_derivatives", 0))
+        self.times_obstacles = bool(getattr(planner, "times_obstacles", False))
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """What the object answers."""

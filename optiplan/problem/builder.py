@@ -15,6 +15,7 @@ from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import is_file
 from optiplan.geometry.file_shapes import FileShape
 from optiplan.geometry.meshes.reading import open_mesh
+from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.poses import pose_from_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
@@ -240,7 +241,8 @@ class Compiler:
         for part in self.draft.obstacles:
             shape = self._shape((*part.place, "shape"), part.value.shape)
             if shape is not None:
-                obstacles.append(Obstacle(part.value.name, shape, *stated_pose(part.value.pose)))
+                motion = None if part.value.motion is None else ObstacleMotion.of_data(**dict(part.value.motion))
+                obstacles.append(Obstacle(part.value.name, shape, *stated_pose(part.value.pose), motion))
         for held in self.draft.attached:
             shape = self._shape((*held.place, "shape"), held.value.shape)
             touch = frozenset(held.value.touch)

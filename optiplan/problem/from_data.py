@@ -101,6 +101,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     if robot is not None:
         ends = compiler.start(robot), compiler.goal(robot), compiler.vias(robot)
         steps = TaskReader(compiler, robot, scene).steps()
+        issues += _standing(document, scene) if steps else []
         places = _Places(*ends, steps, compiler.constraints(robot, scene))
     issues += _goal_or_task(document)
     issues += compiler.issues
@@ -111,7 +112,9 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     if robot is not None and not any(
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
     ):
-        issues += _collisions(document, CollisionModel(robot, scene), compiler.draft, places)
+        model = CollisionModel(robot, scene)
+        later = CollisionModel(robot, scene.standing) if scene.moving else model  # what moves may be elsewhere by then
+        issues += _collisions(document, (model, later), compiler.draft, places)
     if issues or spec is None or robot is None or limits is None or places.start is None:
         return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
     source, digest = source_of(spec, document.path.stem.strip("<>"), base, robot)
@@ -156,6 +159,15 @@ def _goal_or_task(document: Document) -> list[Issue]:
     beside = [key for key in ("goal", "via") if data.get(key)]
     where = {"goal": "a step of the task", "via": "`via` of a step of the task"}
     return [document.issue((key,), f"`{key}` beside a task", where[key]) for key in beside]
+
+
+def _standing(document: Document, scene: Scene) -> list[Issue]:
+    """Report obstacles that move beside a task: when its steps are done is not known beforehand."""
+    return [
+        document.issue(("scene", "obstacles", k), f"'{body.name}', which moves, beside a task", "obstacles that stand")
+        for k, body in enumerate(scene.obstacles)
+        if body.motion is not None
+    ]
 
 
 def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:
@@ -228,11 +240,12 @@ def _name(part: LocatedValue[PathConstraint]) -> str:
 
 def _collisions(
     document: Document,
-    model: CollisionModel,
+    models: tuple[CollisionModel, CollisionModel],
     draft: Draft,
     places: _Places,
 ) -> list[Issue]:
-    """Report a start, a via, or a goal with all alternatives in collision."""
+    """Report a start, or by the second model a via, or a goal with all alternatives, in collision."""
+    model, later = models
     issues = []
     cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
     if places.start is not None and draft.start is not None:
@@ -241,13 +254,13 @@ def _collisions(
             place = (*draft.start.place, draft.start.value.kind)
             issues.append(document.issue(place, f"the start is in collision: {found}", cure))
     for via in places.vias:
-        found = _touching(model, via.value.at.q) if isinstance(via.value.at, JointGoal) else ""
+        found = _touching(later, via.value.at.q) if isinstance(via.value.at, JointGoal) else ""
         if found:
             issues.append(document.issue(via.place, f"the via is in collision: {found}", cure))
     hits: list[tuple[Place, str]] = []
     for part in places.goal:
         if isinstance(part.value, JointGoal):
-            found = _touching(model, part.value.q)
+            found = _touching(later, part.value.q)
             if found:
                 hits.append((part.place, found))
     if len(hits) == len(draft.goal):

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 
 from optiplan.config.document import Number, Strict, Whole
 from optiplan.config.values import (
+    Coordinate,
     Direction,
     ExactlyOne,
     FileName,
@@ -37,12 +38,34 @@ def _named(value: Any) -> Any:
     return {"name": value} if isinstance(value, str) else value
 
 
+Polynomial = Annotated[tuple[Coordinate, ...], Field(min_length=1, max_length=10)]
+"""Coefficients in ascending powers."""
+
+
+class MotionSpec(Strict):
+    """A displacement, added to the position of the pose: one polynomial of time for each of x, y and z of the world.
+
+    `polynomial` has their coefficients in ascending powers, m/s^k; time counts from the start of the robot's motion.
+    After `until`, s, the obstacle stands.
+    """
+
+    polynomial: Annotated[tuple[Polynomial, ...], Field(min_length=3, max_length=3)]
+    until: Length | None = None
+
+
 class ObstacleSpec(Strict):
-    """A shape that stands still; `pose` in the world."""
+    """A shape that stands still at `pose` in the world, or moves from there as stated."""
 
     name: Name
     shape: ShapeSpec
     pose: PoseSpec = PoseSpec()
+    motion: MotionSpec | None = None
+
+    @model_validator(mode="after")
+    def _bounded_motion(self) -> Self:
+        if self.motion is not None and SHAPES[self.shape.kind].endless:
+            raise ValueError(f"found a {self.shape.kind} that moves; expected a shape that ends somewhere")
+        return self
 
 
 def _bounded(shape: ShapeSpec) -> ShapeSpec:

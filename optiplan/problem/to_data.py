@@ -9,7 +9,7 @@ import pinocchio as pin
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.poses import pose_from_data, pose_to_data
-from optiplan.geometry.scene import Attachment, Scene
+from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shapes import shape_data
 from optiplan.problem.constraints.statements import KINDS, constraint_data
 from optiplan.problem.objectives.objective import Objective
@@ -66,7 +66,7 @@ def scene_data(scene: Any) -> Any:
             raise wrong_argument("Problem", "scene", described(scene), "op.Scene([…]) or a list of obstacles")
         scene = Scene(scene)
     obstacles = [
-        {"name": body.name, "shape": shape_data(body.shape), "pose": _pose(body.X_WO, body.stated)}
+        {"name": body.name, "shape": shape_data(body.shape), "pose": _pose(body.X_WO, body.stated), **_motion(body)}
         for body in scene.obstacles
     ]
     attached = [
@@ -82,6 +82,10 @@ def scene_data(scene: Any) -> Any:
     ]
     allowed = sorted(sorted(pair) for pair in scene.allowed)
     return {"obstacles": obstacles, "attached": attached, "allowed_collisions": allowed}
+
+
+def _motion(body: Obstacle) -> dict[str, Any]:
+    return {} if body.motion is None else {"motion": body.motion.to_data()}
 
 
 def _weight(held: Attachment) -> dict[str, Any]:

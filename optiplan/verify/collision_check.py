@@ -7,6 +7,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import BEYOND, GAP
+from optiplan.trajectory.obstacle_columns import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.certificate import Proof, certify
 from optiplan.verify.report import Check, VerifyPolicy
@@ -30,7 +31,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     `worst` is the clearance proved; where none is proved, the smallest distance met.
     """
     model = CollisionModel(checked_robot(problem, policy), problem.scene)
-    proof = certify(model, trajectory, policy)
+    proof = certify(model, with_obstacles(trajectory, model.motions), policy)
     near = proof.nearest
     witness: dict[str, Any] = {
         "pairs": len(model.pairs),
@@ -49,7 +50,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     verdict = replace(verdict, worst=witness["proved_clearance"])
     if near is None:
         return verdict
-    witness |= {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q.tolist()}
+    witness |= {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q[: trajectory.n].tolist()}
     worst = proof.clearance if proof.proved else near.distance
     return replace(verdict, worst=worst, time=near.time, place=" – ".join(near.pair), witness=witness)
 

@@ -25,6 +25,7 @@ from optiplan.problem.constraints.statements import (
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
 from optiplan.trajectory import polynomial
+from optiplan.trajectory.obstacle_columns import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion
@@ -270,7 +271,7 @@ def _wheels(robot: Robot) -> Evaluate:
 def _clearance(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: PairClearance) -> Check:
     """Check that named pairs stay apart, by the certificate."""
     model = NamedPairs(problem.robot, problem.scene, one.pairs)
-    part, begin = part_of(trajectory, one.during)
+    part, begin = part_of(with_obstacles(trajectory, model.motions), one.during)
     proof = certify(model, part, replace(policy, clearance=one.at_least))
     near = proof.nearest
     known = {frozenset((pair.name_a, pair.name_b)) for pair in model.pairs}
@@ -282,6 +283,10 @@ def _clearance(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, o
     place = ", ".join(" – ".join(pair) for pair in one.pairs) if near is None else " – ".join(near.pair)
     worst = proof.clearance if proof.proved else None if near is None else near.distance
     time = None if near is None else begin + near.time
-    witness = {} if near is None else {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q.tolist()}
+    witness = (
+        {}
+        if near is None
+        else {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q[: trajectory.n].tolist()}
+    )
     finite = worst if worst is not None and np.isfinite(worst) else None
     return Check("clearance constraint", "continuous", passed, finite, one.at_least, "m", time, place, detail, witness)

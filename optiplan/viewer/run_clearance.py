@@ -9,6 +9,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel, Contact
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
+from optiplan.trajectory.obstacle_columns import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.collision_check import checked_robot
 from optiplan.verify.continuous.certificate import certify
@@ -91,7 +92,7 @@ def _measured(part: ScenePart, motion: Trajectory, duration: float, even: int) -
     model = CollisionModel(checked_robot(part.problem, policy), part.problem.scene)
     if not model.pairs:
         return None
-    record = ClearanceRecord()
+    motion, record = with_obstacles(motion, model.motions), ClearanceRecord()
     proof = certify(model, motion, policy, record)
     bound = record.bound(motion.duration, len(model.pairs)) if proof.proved else None
     own = max(4, int(np.ceil(even * motion.duration / duration)))

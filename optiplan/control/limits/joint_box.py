@@ -31,12 +31,12 @@ class JointBrakes:
     @property
     def acceleration_list(self) -> list[float]:
         """The same as floats."""
-        return list(map(float, self.acceleration))
+        return [float(value) for value in self.acceleration]
 
     @property
     def change_list(self) -> list[float]:
         """The same as floats."""
-        return list(map(float, self.change))
+        return [float(value) for value in self.change]
 
 
 class JointBox:

@@ -5,7 +5,7 @@ travel to both ends. Where it does not, the interval is subdivided into as many 
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from optiplan.collision.model import CollisionModel, Contact
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.planners.common.failures import contact_witness
+from optiplan.trajectory.obstacle_columns import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -62,6 +63,12 @@ def contacts_along(
     proved free nor found in contact counts as a contact, and so does any interval left when `stop` returns True:
     callers check their budget before they rely on a contact.
     """
+    for touch in _contacts(model, with_obstacles(trajectory, model.motions), stop):
+        yield replace(touch, q=touch.q[: trajectory.n])
+
+
+def _contacts(model: CollisionModel, trajectory: Trajectory, stop: Callable[[], bool]) -> Iterator[Touch]:
+    """Look for contacts of a motion of all joints, also those of obstacles."""
     if isinstance(model, NativeCollisionModel) and model.world is not None:
         yield from _natively(model, model.world, trajectory, stop)
         return

@@ -9,6 +9,7 @@ import numpy as np
 
 from optiplan.errors import Issue, PlannerAnswerError, described
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
+from optiplan.planners.common.moving_scene import among_moving
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -20,7 +21,7 @@ def plan_through(
 
     A planner that `passes_vias` plans the whole problem; for any other, see `leg_by_leg`. Path constraints are
     `unsupported` by planners that do not say `holds_constraints`, motion at the ends by those that do not say
-    have too few `end_derivatives`.
+    have too few `end_derivatives`. Where obstacles move, see `moving_scene`, unless the planner `times_obstacles`.
 
     Raises:
         PlannerAnswerError: a planner from outside returns what is no answer.
@@ -31,6 +32,8 @@ def plan_through(
         return PlanResult(None, Failure("unsupported", detail))
     if problem.moving and (refused := _too_lively(planner, problem)):
         return PlanResult(None, refused)
+    if problem.scene.moving and not planner.times_obstacles:
+        return among_moving(planner, problem, budget, progress)
     if not problem.vias or planner.passes_vias:
         return _answer(planner, problem, budget, progress, earlier)
     return leg_by_leg(planner, problem, budget, progress)

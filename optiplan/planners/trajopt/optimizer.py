@@ -174,7 +174,7 @@ class Optimiser:
     def _length(self, control: Array) -> float:
         """Return the path length, m, of the joint origin that the curve carries farthest."""
         Q = self.basis.at(np.linspace(0.0, 1.0, self.options.samples)) @ control
-        steps = np.diff(self.model.bounds.kinematics.poses(Q)[:, :, :3, 3], axis=0)
+        steps = np.diff(self.model.bounds.kinematics.poses(self.model.full(Q))[:, :, :3, 3], axis=0)
         return float(np.linalg.norm(steps, axis=2).sum(axis=0).max())
 
     def timed(self, control: Array, duration: float) -> Trajectory | None:

@@ -12,12 +12,14 @@ from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResu
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
+from optiplan.planners.common.moving_scene import among_moving
 from optiplan.planners.common.path_timing import timed_path, within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import through_thinner
+from optiplan.planners.trajopt.among_moving import plan_among_moving
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.moving import plan_moving
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
@@ -70,9 +72,13 @@ class TrajOpt(Planner[TrajOptOptions]):
     passes_vias = True
     holds_constraints = True
     end_derivatives = 2
+    times_obstacles = True
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
+        if problem.scene.moving:
+            alone = among_moving if problem.vias else plan_among_moving
+            return alone(self, problem, budget, progress)
         if problem.vias:
             return through_vias(self, problem, budget, progress)
         if problem.moving:
@@ -81,7 +87,7 @@ class TrajOpt(Planner[TrajOptOptions]):
 
     def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
         """Plan from an earlier motion; look for another way where that leads to nothing as good. See `warm`."""
-        if problem.vias:
+        if problem.vias or problem.scene.moving:
             return self.plan(problem, budget, progress)
         warm = WarmStart(problem, earlier, self.options, budget, progress)
         if warm.good or (warm.best is not None and budget.over):

@@ -7,7 +7,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.trajopt.bspline_basis import SplineBasis
-from optiplan.planners.trajopt.terms.contacts import ContactTerm, Margins
+from optiplan.planners.trajopt.terms.contacts import ContactTerm, Margins, TimedContactTerm
 from optiplan.planners.trajopt.terms.jerk import JerkCost
 from optiplan.planners.trajopt.terms.term import Cost, CostModel, Curve, Instants, Term
 from optiplan.planners.trajopt.terms.torques import TorqueTerm
@@ -37,13 +37,13 @@ class Transcription:
         self.limits = problem.limits
         self.rates = problem.limits.rates
         self.objective = problem.objective
-        self.contacts = ContactTerm(model, margins)
+        self.contacts = TimedContactTerm(model, margins) if model.motions else ContactTerm(model, margins)
         self.torques = TorqueTerm(problem.robot, problem.limits.torque)
         self.terms: tuple[Term, ...] = (self.contacts, self.torques, *extra)
         self.jerk = (JerkCost(self.objective.jerk, basis),) if self.objective.jerk else ()
         self.further = tuple(costs)
         self.costs: tuple[Cost, ...] = (*self.jerk, *costs)
-        self.plain = not (extra or costs)
+        self.plain = not (extra or costs or model.motions)
         self.set_samples(np.array([0.5]))
 
     def set_samples(self, u: Array) -> None:

@@ -80,7 +80,8 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
         else:
             found.append((scene, scene_during(scene, step), begin, end, [step]))
     return [
-        ScenePart(part_problem(problem, during), begin, end, _words(steps)) for _, during, begin, end, steps in found
+        ScenePart(part_problem(problem, during.later(begin)), begin, end, _words(steps))
+        for _, during, begin, end, steps in found
     ]
 
 

@@ -36,7 +36,7 @@ class Bodies:
     """
 
     def __init__(self, model: CollisionModel) -> None:
-        robot, bodies = model.robot.model, list(model.geometry.geometryObjects)
+        robot, bodies = model.model, list(model.geometry.geometryObjects)
         self.kinematics = BatchKinematics(robot)
         self.shapes = [body.geometry for body in bodies]
         self._solids = [shape_of_body(shape) for shape in self.shapes]

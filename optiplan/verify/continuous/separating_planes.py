@@ -48,7 +48,7 @@ class PairDistances:
     """
 
     def __init__(self, model: CollisionModel, bodies: Bodies) -> None:
-        self._robot, self._geometry, self._bodies = model.robot.model, model.geometry, bodies
+        self._robot, self._geometry, self._bodies = model.model, model.geometry, bodies
         self._data, criterion = self._robot.createData(), coal.GJKConvergenceCriterion
         # At coal's own 1e-6 the normal of a cylinder can cost the plane 0.2 mm; polyhedra end exactly anyway.
         self._placed = self._requests(criterion.Default, 1e-10)

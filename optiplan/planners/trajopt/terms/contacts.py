@@ -88,6 +88,21 @@ class ContactTerm:
         return False
 
 
+class TimedContactTerm(ContactTerm):
+    """The same rows among obstacles that move: at sample u they are where they are at the time u T.
+
+    With w the velocity of the obstacles' joints, d(distance)/dT = grad d . w u at fixed control points.
+    """
+
+    def rows(self, curve: Curve) -> SoftRows:
+        """Return the rows of all pairs nearer than the cutoff."""
+        n, t = curve.control.shape[1], self._u * curve.duration
+        sample, value, gradient = self.near(self.model.at_times(curve.samples.at[0] @ curve.control, t))
+        rates = self.model.obstacle_rates(t[sample]) * self._u[sample, None]
+        by_duration = np.einsum("kj,kj->k", gradient[:, n:], rates)
+        return SoftRows(sample, value, curve.samples.spread(gradient[:, :n], sample), by_duration)
+
+
 CLEARANCE_RESERVE = 1e-3
 """m kept of a clearance that is asked for, for what happens between samples."""
 

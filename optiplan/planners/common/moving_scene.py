@@ -1,0 +1,120 @@
+"""Obstacles that move: a motion among those that stand still waits, or goes slower, until the others have passed."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import planning_model
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
+from optiplan.planners.common.continuous_collision import Touch, first_contact
+from optiplan.planners.common.path_timing import within_torque
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.trajectory import Trajectory
+
+_STATIC = 0.6
+"""Share of the budget for the motion among what stands still."""
+
+_HORIZON = 10.0
+"""s: longest wait where an obstacle's motion never ends."""
+
+_WAITS = 60
+_SLOWER = (1.0, 1.3, 1.7, 2.2, 3.0)
+_HALVINGS = 6
+
+
+class Delayed(NamedTuple):
+    """A motion that begins `wait` seconds later and takes `slower` times as long."""
+
+    motion: Trajectory
+    wait: float
+    slower: float
+
+
+def among_moving(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+    """Plan among what stands still, then wait or slow down until nothing that moves is met.
+
+    A robot that moves at the start cannot wait, nor one that moves at either end be slowed down.
+    """
+    found = planner.plan(without_moving(problem), budget.share(_STATIC), progress)
+    if found.trajectory is None:
+        return found
+    motions = [*(one.trajectory for one in reversed(found.earlier)), found.trajectory][::-1]
+    with_time = delayed(problem, motions, planning_model(problem.robot, problem.scene), budget)
+    if isinstance(with_time, Failure):
+        return PlanResult(None, with_time, found.timings, found.info)
+    info = {**found.info, "waited": with_time.wait, "slower": with_time.slower}
+    return PlanResult(with_time.motion, None, found.timings, info)
+
+
+def without_moving(problem: Problem) -> Problem:
+    """The problem among what stands still."""
+    return replace(problem, scene=problem.scene.standing)
+
+
+def delayed(
+    problem: Problem, motions: Sequence[Trajectory], model: CollisionModel, budget: Budget
+) -> Delayed | Failure:
+    """Return the motion that arrives first of these, waiting or slower, or the contact of the first without delay."""
+    touch: Touch | None = None
+    for one in _in_order(problem, motions):
+        met = first_contact(model, one.motion, lambda: budget.over)
+        if met is None:
+            return _sooner(problem, one, motions, model)
+        if budget.over:
+            break
+        touch = touch or met
+    if touch is None:
+        return Failure("budget", f"{budget.seconds:.3g} s ended while waiting times were tried")
+    pair = touch.contact.pair
+    detail = (
+        f"'{pair.name_a}' meets '{pair.name_b}' at {touch.t:.3f} s, and neither waiting up to "
+        f"{_horizon(problem):.3g} s nor going {max(_SLOWER):g} times slower avoids what moves"
+    )
+    return Failure("collision", detail, touch.witness(motions[0]))
+
+
+def _in_order(problem: Problem, motions: Sequence[Trajectory]) -> Iterator[Delayed]:
+    """All motions with all delays that the ends allow, the one that arrives first at first."""
+    waits = [0.0] if problem.moving_start else np.linspace(0.0, _horizon(problem), _WAITS).tolist()
+    slower = (1.0,) if problem.moving else _SLOWER
+    ways = [
+        (wait + factor * motion.duration, k, wait, factor)
+        for (k, motion), wait, factor in product(enumerate(motions), waits, slower)
+    ]
+    for _, k, wait, factor in sorted(ways):
+        yield _delay(problem, motions[k], wait, factor)
+
+
+def _sooner(problem: Problem, good: Delayed, motions: Sequence[Trajectory], model: CollisionModel) -> Delayed:
+    """Shorten a wait by bisection."""
+    low = max(0.0, good.wait - _horizon(problem) / (_WAITS - 1))
+    motion = next(one for one in motions if np.isclose(one.duration * good.slower + good.wait, good.motion.duration))
+    for _ in range(_HALVINGS if good.wait else 0):
+        tried = _delay(problem, motion, 0.5 * (low + good.wait), good.slower)
+        if first_contact(model, tried.motion) is None:
+            good = tried
+        else:
+            low = tried.wait
+    return good
+
+
+def _delay(problem: Problem, motion: Trajectory, wait: float, slower: float) -> Delayed:
+    """The motion, slower, after a wait."""
+    scaled = motion if slower == 1.0 else motion.scaled(slower * motion.duration)
+    scaled = (within_torque(problem.robot, problem.limits, scaled) or scaled) if slower != 1.0 else scaled
+    if wait == 0.0:
+        return Delayed(scaled, wait, slower)
+    still = np.zeros((1, *scaled.coefficients.shape[1:]))
+    still[0, 0] = scaled.start
+    edges = np.concatenate([[0.0], scaled.breakpoints + wait])
+    return Delayed(Trajectory(scaled.joint_names, edges, np.concatenate([still, scaled.coefficients])), wait, slower)
+
+
+def _horizon(problem: Problem) -> float:
+    """The longest wait, s: until nothing moves any more."""
+    ends = [body.motion.until for body in problem.scene.moving if body.motion is not None]
+    return min(_HORIZON, max(ends))

@@ -1,0 +1,124 @@
+"""Curves among obstacles that move: contacts at sample u are those at the time u T, which T may change."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from optiplan.collision.native_model import planning_model
+from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
+from optiplan.planners.common.moving_scene import delayed, without_moving
+from optiplan.planners.trajopt.bspline_basis import DEGREE
+from optiplan.planners.trajopt.initial_guess import with_bump
+from optiplan.planners.trajopt.moving_ends import (
+    EXACT,
+    STRETCHES,
+    EndStates,
+    MovingOptimiser,
+    torque_ratio,
+    with_reserve,
+)
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
+from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.timing.time_scaling import speed_ratio
+from optiplan.trajectory.trajectory import Trajectory
+
+_STATIC, _DELAYS = 0.3, 0.3
+"""Shares of the budget for the motion among what stands still, and of the rest for waiting and going slower."""
+
+_BUMPS = 6
+"""Further curves, from the best with a bump."""
+
+_CLOSE = 1.01
+"""Cost to that of the motion among what stands still, up to which no further curve is tried."""
+
+
+class TimedOptimiser(MovingOptimiser):
+    """Optimise curves whose duration is part of the answer: they are not made faster afterwards."""
+
+    def timed(self, control: Any, duration: float) -> Trajectory | None:
+        """Return the curve in the least duration from this one on within limits and torques; None without one."""
+        limits, T = self.problem.limits, duration
+        for _ in range(STRETCHES):
+            points = self.ends.held(self.basis, control, T)
+            curve = Trajectory.from_bspline(self.problem.robot.joint_names, self.basis.knots * T, points, DEGREE)
+            ratio = max(speed_ratio(curve, limits), torque_ratio(self.problem, curve))
+            if ratio <= 1.0 + EXACT:
+                return curve
+            if not np.isfinite(ratio):
+                return None
+            T *= ratio * (1.0 + 1e-9)
+        return None
+
+
+def plan_among_moving(
+    planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress
+) -> PlanResult:
+    """Plan among what stands still, wait or slow down until nothing that moves is met, and optimise curves in time.
+
+    The curves begin at the motion among what stands still, at the one that waits, and at the best with a bump.
+    """
+    began = time.perf_counter()
+    static = planner.plan(without_moving(problem), budget.share(_STATIC), progress)
+    if static.trajectory is None:
+        return static
+    model = planning_model(problem.robot, problem.scene)
+    waiting = delayed(problem, [static.trajectory], model, budget.share(_DELAYS))
+    info: dict[str, Any] = {"attempts": [*static.info.get("attempts", ())], "cut_short": False}
+    found: list[Candidate] = []
+    cost = problem.cost
+
+    def offer(motion: Trajectory) -> None:
+        if not found or cost(motion) < cost(found[-1].trajectory):
+            found.append(Candidate(motion, time.perf_counter() - began))
+            announce(progress, motion)
+
+    if not isinstance(waiting, Failure):
+        offer(waiting.motion)
+        info |= {"waited": waiting.wait, "slower": waiting.slower}
+    least = cost(static.trajectory)
+    seeds = [static.trajectory] if isinstance(waiting, Failure) else [static.trajectory, waiting.motion]
+    if not (found and cost(found[-1].trajectory) <= _CLOSE * least):
+        _curves(problem, Optimiser(with_reserve(problem), model, planner.options), seeds, (budget, offer, info))
+    info["cut_short"] |= budget.over
+    timings = {**static.timings, "in time": time.perf_counter() - began - sum(static.timings.values())}
+    if found:
+        *earlier, last = found
+        return PlanResult(last.trajectory, None, timings, info, tuple(earlier), last.seconds)
+    return PlanResult(None, waiting if isinstance(waiting, Failure) else None, timings, info)
+
+
+def _curves(
+    problem: Problem,
+    optimiser: Optimiser,
+    seeds: list[Trajectory],
+    within: tuple[Budget, Callable[[Trajectory], None], dict[str, Any]],
+) -> None:
+    """Optimise in time from these motions, then from the best with a bump; offer what is free.
+
+    It ends early with a curve that costs hardly more than the first motion.
+    """
+    budget, offer, info = within
+    enough = _CLOSE * problem.cost(seeds[0])
+    end = seeds[0].state(seeds[0].duration)
+    curves = TimedOptimiser(problem, optimiser, EndStates(problem.start_state, end))
+    best: Attempt | None = None
+    rng = np.random.default_rng(problem.seed)
+    guesses = [(curves.along(motion), motion.duration) for motion in seeds]
+    for k in range(len(seeds) + _BUMPS):
+        if budget.over or (best is not None and problem.cost(best.trajectory) <= enough):
+            return
+        if k >= len(seeds):
+            base, T = guesses[0] if best is None else (best.control, best.trajectory.duration)
+            guesses.append((with_bump(optimiser.basis, base, T, problem.limits, rng), T))
+        before = optimiser.steps
+        attempt = curves.run(*guesses[k], budget)
+        free = attempt is not None and attempt.free
+        entry = {"seed": "in time", "free": free, "iterations": optimiser.steps - before}
+        info["attempts"].append(entry | ({} if attempt is None else {"duration": attempt.trajectory.duration}))
+        if attempt is not None and free:
+            offer(attempt.trajectory)
+            if best is None or attempt.trajectory.duration < best.trajectory.duration:
+                best = attempt
