@@ -144,13 +144,8 @@ class Problem:
             if own:
                 given["path_constraints"] = [one for one in path_constraints if one not in own]
             given["start"] = start if all(rate is None for rate in rates) else to_data.moving_start(start, *rates)
-            self._take(
-                read_arguments(
-                    robot,
-                    {k: value for k, value in (given | stands).items() if value is not None or k == needed},
-                    labels,
-                )
-            )
+            said = {k: value for k, value in (given | stands).items() if value is not None or k == needed}
+            self._take(read_arguments(robot, said, labels))
             if own:
                 made = self._with_expressions(own)
                 self._set({"path_constraints": made.path_constraints, "hash": made.hash})
