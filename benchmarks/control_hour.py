@@ -1,6 +1,6 @@
 """Random targets, in and out of reach, for as long as asked: does the controller ever leave a limit, or not answer?
 
-    python benchmarks/control_hour.py --minutes 60 [--robots panda,srra] [--fail 0.3]
+    python benchmarks/control_hour.py --minutes 60 [--robots panda,srra] [--fail 0.3] [--markdown hour.md]
 
 Every robot gets its share of the simulated time. The plant follows the command exactly, so what is measured are the
 commands: positions, velocities and accelerations of every step against the limits, and the distance of every pair of
@@ -12,6 +12,7 @@ import argparse
 import json
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -73,6 +74,7 @@ class Worst:
     braking: int = 0
     statuses: dict[str, int] = field(default_factory=dict)
     seconds: list[float] = field(default_factory=list)
+    simulated: float = 0.0
 
 
 def random_target(rng: np.random.Generator, robot: op.Robot) -> pin.SE3:
@@ -120,6 +122,7 @@ def measure(worst: Worst, robot: op.Robot, state: State, step: op.ControlStep, d
     limits = robot.limits
     acceleration = (step.v - state.v) / dt
     worst.steps += 1
+    worst.simulated += dt
     worst.braking += step.solver == "braking"
     worst.statuses[step.status] = worst.statuses.get(step.status, 0) + 1
     worst.seconds.append(step.seconds)
@@ -135,6 +138,29 @@ def measure(worst: Worst, robot: op.Robot, state: State, step: op.ControlStep, d
         setattr(worst, key, max(getattr(worst, key), float(value)))
 
 
+HEADINGS = (
+    "robot", "minutes", "steps", "without answer", "position", "velocity", "acceleration", "jerk", "clearance m",
+    "braked", "tracking / limited / nearest / recovering %", "step ms 50 / 99.9 %",
+)  # fmt: skip
+
+
+def table_row(name: str, worst: Worst) -> list[str]:
+    """Largest violations in rad, m and s; negative values are room that was left."""
+    shares = [100.0 * worst.statuses.get(k, 0) / worst.steps for k in ("tracking", "limited", "nearest", "recovering")]
+    times = [float(np.quantile(worst.seconds, p)) * 1e3 for p in (0.5, 0.999)]
+    found = [getattr(worst, key) for key in ("position", "velocity", "acceleration", "jerk", "clearance")]
+    return [
+        name,
+        f"{worst.simulated / 60.0:.0f}",
+        str(worst.steps),
+        "0",
+        *(f"{value:.1e}" for value in found),
+        str(worst.braking),
+        " / ".join(f"{share:.0f}" for share in shares),
+        " / ".join(f"{ms:.2f}" for ms in times),
+    ]
+
+
 def main() -> None:
     """Run and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -144,9 +170,12 @@ def main() -> None:
     parser.add_argument("--fail", type=float, default=0.0, help="chance that the solver fails in a step")
     parser.add_argument("--form", default="velocity")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     options = parser.parse_args()
     names = options.robots.split(",")
-    result = {}
+    from published import write_markdown  # here, for tests import this file as a module
+
+    result, rows = {}, []
     print(
         f"{'robot':8} {'steps':>8} {'position':>9} {'velocity':>9} {'accel.':>9} {'jerk':>9} {'clearance':>10} "
         f"{'braking':>8}"
@@ -162,6 +191,8 @@ def main() -> None:
             f"{time.perf_counter() - begin:.0f} s",
             flush=True,
         )
+        rows.append(table_row(name, worst))
+        write_markdown(options.markdown, HEADINGS, rows)
         result[name] = {
             key: getattr(worst, key)
             for key in ("position", "velocity", "acceleration", "jerk", "clearance", "steps", "braking")

@@ -1,6 +1,6 @@
 """Time of a step of the controller on one core, and its error, beside pin-pink and mink.
 
-    taskset -c 1 chrt -r 5 python benchmarks/control_rate.py [--steps 4000] [--families] [--peers]
+    taskset -c 1 chrt -r 5 python benchmarks/control_rate.py [--steps 4000] [--families] [--tables folder]
 
 First Panda with a pose task, a posture, all limits of the joints (position, velocity, acceleration, jerk), torque, tool
 speed and ten clearance rows. Then the same tasks with limits of position and velocity alone, which pink and mink have
@@ -8,45 +8,81 @@ too, on the same moving target, with proxsuite as solver, in one run. With `--fa
 Peers that are not installed are left out. The last line is one JSON object.
 """
 
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figures are for one core
+
 import argparse
 import gc
-import json
 import logging
 import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from published import print_json, print_table, write_markdown
 
 import optiplan as op
+from optiplan.collision.model import CollisionModel
 
 DT = 0.002
 READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
-Step = Callable[[pin.SE3, np.ndarray], np.ndarray]
-"""From a target X_WT and its twist (6,) to the next configuration; keeps its own state."""
+Step = Callable[[pin.SE3, np.ndarray, pin.SE3], np.ndarray]
+"""From a target X_WT now, its twist (6,), and where it is at the end of the step, to the configuration then.
+
+Controllers with feed-forward take the first two, the others the last; all are held against the last."""
 
 
 @dataclass
 class Result:
-    """Of one controller on one motion: seconds of each step, errors, configurations."""
+    """Of one controller on one motion: seconds of each step by the wall's clock and by the processor's, errors, q."""
 
     seconds: np.ndarray
+    cpu: np.ndarray
     error: np.ndarray
     q: np.ndarray
 
-    def __str__(self) -> str:
-        """A line of a table."""
-        tail = self.error[len(self.error) // 4 :]
-        rates = np.diff(self.q, axis=0) / DT
-        return (
-            f"median {np.median(self.seconds) * 1e3:6.3f} ms, 99 % {np.quantile(self.seconds, 0.99) * 1e3:6.3f}, "
-            f"99.9 % {np.quantile(self.seconds, 0.999) * 1e3:6.3f}; "
-            f"error {np.sqrt(np.mean(tail**2)) * 1e3:8.3f} mm RMS; "
-            f"peak jerk {np.abs(np.diff(rates, 2, axis=0)).max() / DT**2:9.2e}; "
-            f"> 3 Hz {fast_power(rates) * 100.0:5.1f} %; frozen {frozen(rates, self.error) * 100.0:4.1f} %"
-        )
+    @property
+    def rates(self) -> np.ndarray:
+        """Joint velocities."""
+        return np.diff(self.q, axis=0) / DT
+
+    @property
+    def error_rms(self) -> float:
+        """Of the last three quarters, m."""
+        return float(np.sqrt(np.mean(self.error[len(self.error) // 4 :] ** 2)))
+
+    @property
+    def times(self) -> list[float]:
+        """Median, 99 and 99.9 % by the wall's clock, and 99.9 % by the processor's, ms."""
+        found = [float(np.quantile(self.seconds, p)) for p in (0.5, 0.99, 0.999)]
+        return [1e3 * t for t in (*found, float(np.quantile(self.cpu, 0.999)))]
+
+    def cells(self, robot: op.Robot, check: CollisionModel) -> list[str]:
+        """A row of a table, as in HEADINGS."""
+        jerk = float(np.abs(np.diff(self.rates, 2, axis=0)).max()) / DT**2
+        least = min((found.distance for q in self.q[::20] if (found := check.clearance(q)) is not None), default=np.inf)
+        return [
+            *(f"{t:.3f}" for t in self.times),
+            f"{1e3 * self.error_rms:.3f}",
+            f"{jerk:.1e}",
+            f"{100.0 * fast_power(self.rates):.1f}",
+            f"{100.0 * frozen(self.rates, self.error):.1f}",
+            " / ".join(str(count) for count in violations(robot, self)),
+            f"{1e3 * least:.1f}",
+        ]
+
+
+HEADINGS = (
+    "median ms", "99 %", "99.9 %", "99.9 % of processor time",
+    "error mm RMS", "peak jerk", "power > 3 Hz %", "frozen %",
+    "steps beyond position / velocity / acceleration", "least distance mm",
+)  # fmt: skip
 
 
 def fast_power(rates: np.ndarray) -> float:
@@ -64,15 +100,18 @@ def frozen(rates: np.ndarray, error: np.ndarray) -> float:
 def run(step: Step, robot: op.Robot, targets: Iterator[tuple[pin.SE3, np.ndarray]]) -> Result:
     """Follow targets, and measure."""
     data, tool = robot.model.createData(), robot.frame_id(robot.tool_frame)
-    seconds, errors, Q = [], [], []
-    for X, twist in targets:
-        begin = time.perf_counter()
-        q = step(X, twist)
+    seconds, cpu, errors, Q = [], [], [], []
+    for k, ((X, twist), (X_next, _)) in enumerate(pairwise(targets)):
+        if k % 100 == 0:
+            gc.collect(1)
+        begin, processor = time.perf_counter(), time.thread_time()
+        q = step(X, twist, X_next)
         seconds.append(time.perf_counter() - begin)
+        cpu.append(time.thread_time() - processor)
         pin.framesForwardKinematics(robot.model, data, q)
-        errors.append(np.linalg.norm(data.oMf[tool].translation - X.translation))
+        errors.append(np.linalg.norm(data.oMf[tool].translation - X_next.translation))
         Q.append(q.copy())
-    return Result(np.array(seconds), np.array(errors), np.array(Q))
+    return Result(np.array(seconds), np.array(cpu), np.array(errors), np.array(Q))
 
 
 def ours(
@@ -88,9 +127,12 @@ def ours(
     controller = op.Controller(robot, [tool, posture], scene=scene, limits=limits, **options)
     state = op.State(READY)
 
-    def step(X: pin.SE3, twist: np.ndarray) -> np.ndarray:
+    def step(X: pin.SE3, twist: np.ndarray, X_next: pin.SE3) -> np.ndarray:
         nonlocal state
-        tool.set_target(X, twist if gain is None else None)
+        if gain is None:
+            tool.set_target(X, twist)
+        else:
+            tool.set_target(X_next)
         found = controller.step(state, DT)
         state = found.state
         if steps is not None:
@@ -112,8 +154,8 @@ def of_pink(robot: op.Robot) -> Step:
     posture = pink.tasks.PostureTask(1e-2, gain=DT)
     posture.set_target(np.array(READY))
 
-    def step(X: pin.SE3, twist: np.ndarray) -> np.ndarray:
-        tool.set_target(X)
+    def step(X: pin.SE3, twist: np.ndarray, X_next: pin.SE3) -> np.ndarray:
+        tool.set_target(X_next)
         v = pink.solve_ik(configuration, [tool, posture], DT, "proxqp", safety_break=False)
         configuration.integrate_inplace(v, DT)
         return configuration.q
@@ -143,8 +185,8 @@ def of_mink(robot: op.Robot) -> Step:
     velocities = dict(zip(robot.joint_names, robot.limits.velocity, strict=True))
     limits = [mink.ConfigurationLimit(model), mink.VelocityLimit(model, velocities)]
 
-    def step(X: pin.SE3, twist: np.ndarray) -> np.ndarray:
-        tool.set_target(mink.SE3.from_matrix(X.homogeneous))
+    def step(X: pin.SE3, twist: np.ndarray, X_next: pin.SE3) -> np.ndarray:
+        tool.set_target(mink.SE3.from_matrix(X_next.homogeneous))
         v = mink.solve_ik(configuration, [tool, posture], DT, "proxqp", limits=limits)
         configuration.integrate_inplace(v, DT)
         return configuration.q
@@ -222,75 +264,91 @@ def rows_in_view(robot: op.Robot, limit: op.ClearanceLimit, result: Result) -> l
     return found
 
 
-def violations(robot: op.Robot, result: Result) -> str:
+def violations(robot: op.Robot, result: Result) -> list[int]:
     """Steps outside the limits of position, velocity, acceleration."""
-    limits, v = robot.limits, np.diff(result.q, axis=0) / DT
+    limits, v = robot.limits, result.rates
     a = np.diff(v, axis=0) / DT
     outside = (result.q < limits.lower - 1e-6) | (result.q > limits.upper + 1e-6)
     fast = np.abs(v) > limits.velocity * (1 + 1e-6) + 1e-6
     hard = np.abs(a) > limits.acceleration * (1 + 1e-6) + 1e-6
-    counts = {"position": outside, "velocity": fast, "acceleration": hard}
-    return "violations: " + ", ".join(f"{name} {found.any(axis=1).sum()}" for name, found in counts.items())
+    return [int(found.any(axis=1).sum()) for found in (outside, fast, hard)]
 
 
-def main() -> None:
-    """Run and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--steps", type=int, default=4000)
-    parser.add_argument("--families", action="store_true")
-    options = parser.parse_args()
-    robot, seconds = op.load_robot("panda"), options.steps * DT
-    gc.freeze()  # as a control loop would
-    logging.disable()  # pink warns in each step outside its limits
+def rate(robot: op.Robot, seconds: float) -> tuple[list[list[str]], str, dict[str, float]]:
+    """Everything at once, then the same tasks and limits as the peers: rows, a remark and figures."""
     joints = [op.PositionLimit(), op.VelocityLimit(), op.AccelerationLimit(), op.JerkLimit()]
     scene = ten_rows(robot)
     everything = [*joints, op.TorqueLimit(), op.ToolSpeedLimit(linear=1.7, angular=2.5), op.ClearanceLimit(scene)]
     steps: list = []
-    full = ours(robot, everything, steps=steps)
-    clearance = everything[-1]
-    all_limits = run(full, robot, figure_eight(robot, seconds))
-    hows = {how: sum(step.solver == how for step in steps) for how in {step.solver for step in steps}}
-    print(f"all limits, clearance rows   {all_limits}\n    {hows}; {violations(robot, all_limits)}")
-    print(f"    clearance rows: {np.mean(rows_in_view(robot, clearance, all_limits)):.1f} a step on average")
-    result = {
-        "median_ms": float(np.median(all_limits.seconds) * 1e3),
-        "p999_ms": float(np.quantile(all_limits.seconds, 0.999) * 1e3),
-    }
+    found = run(ours(robot, everything, steps=steps), robot, figure_eight(robot, seconds))
+    rows = [["optiplan: all limits, ten clearance rows", *found.cells(robot, CollisionModel(robot, scene))]]
+    hows = ", ".join(f"{sum(step.solver == how for step in steps)} {how}" for how in sorted({s.solver for s in steps}))
+    view = np.mean(rows_in_view(robot, everything[-1], found))
+    remark = f"Clearance rows: {view:.1f} a step on average. Steps by what found their answer: {hows}."
+    told = {"median_ms": found.times[0], "p999_ms": found.times[2], "p999_processor_ms": found.times[3]}
+    alone = CollisionModel(robot, op.Scene())
+    for name, make in contestants(robot).items():
+        found = run(make(), robot, figure_eight(robot, seconds))
+        rows.append([f"{name}: position and velocity limits", *found.cells(robot, alone)])
+        told |= {f"{KEYS[name]}_median_ms": found.times[0], f"{KEYS[name]}_error_mm": 1e3 * found.error_rms}
+    return rows, remark, told
+
+
+KEYS = {"optiplan": "same_tasks", "optiplan, proxqp in every step": "proxqp_always", "pink": "pink", "mink": "mink"}
+
+
+def contestants(robot: op.Robot) -> dict[str, Callable[[], Step]]:
+    """Controllers with the same tasks, limits and solver; those that are not installed are left out."""
     simple = [op.PositionLimit(), op.VelocityLimit()]
     at_once = {"gain": 1.0 / DT, "response": 0.0}
-    contestants = {
+    found: dict[str, Callable[[], Step]] = {
         "optiplan": lambda: ours(robot, list(simple), **at_once),
-        "optiplan, solver always": lambda: ours(robot, list(simple), guess=False, **at_once),
+        "optiplan, proxqp in every step": lambda: ours(robot, list(simple), guess=False, **at_once),
     }
-    contestants |= {"pink": lambda: of_pink(robot), "mink": lambda: of_mink(robot)}
-    made = {}
-    for name, make in contestants.items():
-        try:
-            made[name] = make
-            found = run(make(), robot, figure_eight(robot, seconds))
-        except ImportError as error:
-            print(f"{name}: not installed ({error})")
-            del made[name]
-            continue
-        print(f"same tasks, {name:24} {found}")
-        key = name.replace(", ", "_").replace(" ", "_") if name != "optiplan" else "same_tasks"
-        result[f"{key}_median_ms"] = float(np.median(found.seconds) * 1e3)
-        result[f"{key}_error_mm"] = float(np.sqrt(np.mean(found.error[len(found.error) // 4 :] ** 2)) * 1e3)
+    if find_spec("pink") is not None:
+        found["pink"] = lambda: of_pink(robot)
+    if find_spec("mink") is not None:
+        found["mink"] = lambda: of_mink(robot)
+    return found
+
+
+def families(robot: op.Robot) -> list[list[str]]:
+    """The six families of motions, by our controller with its default limits and by the peers with theirs."""
+    peers = {name: make for name, make in contestants(robot).items() if name in ("pink", "mink")}
+    makers = {"optiplan, default limits": lambda: ours(robot, None, scene=op.Scene()), **peers}
+    check, rows = CollisionModel(robot, op.Scene()), []
+    for family, targets in FAMILIES.items():
+        for name, make in makers.items():
+            try:
+                found = run(make(), robot, targets(robot))
+            except Exception as error:  # what peers do where their program has no solution
+                rows.append([family, name, f"gave up: {type(error).__name__}", *["–"] * (len(HEADINGS) - 1)])
+                continue
+            rows.append([family, name, *found.cells(robot, check)])
+    return rows
+
+
+def main() -> None:
+    """Run, print, write."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--steps", type=int, default=4000)
+    parser.add_argument("--families", action="store_true")
+    parser.add_argument("--tables", type=Path, help="folder for the tables")
+    options = parser.parse_args()
+    robot = op.load_robot("panda")
+    gc.freeze()
+    gc.disable()  # as a control loop should: collected in the pauses between steps
+    logging.disable()  # pink warns in each step outside its limits
+    rows, remark, told = rate(robot, options.steps * DT)
+    made = {"control-rate": (("controller", *HEADINGS), rows, [remark])}
     if options.families:
-        contestants = {
-            "optiplan, all joint limits": lambda: ours(robot, None, scene=op.Scene()),
-            **{k: made[k] for k in made if k in ("pink", "mink")},
-        }
-        for family, targets in FAMILIES.items():
-            print(family)
-            for name, make in contestants.items():
-                try:
-                    found = run(make(), robot, targets(robot))
-                except Exception as error:  # what peers do where their program has no solution
-                    print(f"    {name:27} gave up: {type(error).__name__}: {error}", flush=True)
-                    continue
-                print(f"    {name:27} {found}; {violations(robot, found)}", flush=True)
-    print(json.dumps(result))
+        made["control-families"] = (("motion", "controller", *HEADINGS), families(robot), [])
+    for name, table in made.items():
+        print_table(*table[:2])
+        if options.tables is not None:
+            options.tables.mkdir(parents=True, exist_ok=True)
+            write_markdown(options.tables / f"{name}.md", *table)
+    print_json(told)
 
 
 if __name__ == "__main__":

@@ -65,12 +65,13 @@ def main() -> None:
     """Measure and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--requests", type=int, default=200)
+    parser.add_argument("--problems", nargs="+", default=list(PROBLEMS), help="names of examples")
     parser.add_argument("--markdown", type=Path, help="file for the table")
     given = parser.parse_args()
     rows = []
     with tempfile.TemporaryDirectory() as folder, serving(Path(folder) / "data", "--log-level", "error") as server:
         wait_until_ready(server.url)
-        for name in PROBLEMS:
+        for name in given.problems:
             file = problems_dir() / f"{name}.yaml"
             scene = HTTP.post(f"{server.url}/api/scene", json={"problem": file.read_text()}).json()
             ways = {

@@ -29,8 +29,9 @@ if TYPE_CHECKING:
     from optiplan.control.limits.clearance import ClearanceLimit
     from optiplan.control.limits.half_space import HalfSpaceLimit
     from optiplan.control.limits.joint_limits import AccelerationLimit, JerkLimit, PositionLimit, VelocityLimit
-    from optiplan.control.limits.tool_speed import ToolSpeedLimit, WheelSpeedLimit
+    from optiplan.control.limits.tool_speed import ToolSpeedLimit
     from optiplan.control.limits.torque import TorqueLimit
+    from optiplan.control.limits.wheel_speed import WheelSpeedLimit
     from optiplan.control.step import ControlStep
     from optiplan.control.tasks.frame_tasks import OrientationTask, PoseTask, PositionTask
     from optiplan.control.tasks.joint_tasks import BaseMotionTask, DampingTask, JointCouplingTask, PostureTask
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
+    from optiplan.problem.constraints.expression import Expression
     from optiplan.problem.constraints.statements import (
         FixedOrientation,
         JointCoupling,
@@ -57,10 +59,12 @@ if TYPE_CHECKING:
         ToolSpeed,
         WheelSpeed,
     )
-    from optiplan.problem.goals_and_vias import JointGoal, Objective, PoseGoal
+    from optiplan.problem.goals_and_vias import JointGoal, PoseGoal
+    from optiplan.problem.objectives.objective import Objective
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.statement import Pose, ViaPoint
+    from optiplan.problem.task.builder import Task
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
     from optiplan.service.client import Client
@@ -83,8 +87,9 @@ _ROOMS = {
     "control.limits.clearance": ("ClearanceLimit",),
     "control.limits.half_space": ("HalfSpaceLimit",),
     "control.limits.joint_limits": ("AccelerationLimit", "JerkLimit", "PositionLimit", "VelocityLimit"),
-    "control.limits.tool_speed": ("ToolSpeedLimit", "WheelSpeedLimit"),
+    "control.limits.tool_speed": ("ToolSpeedLimit",),
     "control.limits.torque": ("TorqueLimit",),
+    "control.limits.wheel_speed": ("WheelSpeedLimit",),
     "trajectory.state": ("State",),
     "control.step": ("ControlStep",),
     "control.tasks.frame_tasks": ("OrientationTask", "PoseTask", "PositionTask"),
@@ -94,6 +99,7 @@ _ROOMS = {
     "errors": ("InputError", "OptiPlanError"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
+    "problem.constraints.expression": ("Expression",),
     "problem.constraints.statements": (
         "FixedOrientation",
         "JointCoupling",
@@ -113,9 +119,11 @@ _ROOMS = {
         "WheelSpeed",
     ),
     "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Octree", "PointCloud", "Sphere"),
-    "problem.goals_and_vias": ("JointGoal", "Objective", "PoseGoal"),
+    "problem.goals_and_vias": ("JointGoal", "PoseGoal"),
+    "problem.objectives.objective": ("Objective",),
     "problem.problem": ("Problem",),
     "problem.statement": ("Pose", "ViaPoint"),
+    "problem.task.builder": ("Task",),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
     "simulation.log": ("Log",),
@@ -142,6 +150,7 @@ __all__ = [
     "Controller",
     "Cylinder",
     "DampingTask",
+    "Expression",
     "Failure",
     "FixedOrientation",
     "HalfSpace",
@@ -191,6 +200,7 @@ __all__ = [
     "Simulation",
     "Sphere",
     "State",
+    "Task",
     "ToolAcceleration",
     "ToolSpeed",
     "ToolSpeedLimit",

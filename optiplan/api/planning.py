@@ -227,7 +227,7 @@ def _known(problem: Problem, warm_start: Any) -> Trajectory | None:
 def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
     """The run, or one of the motion that was at hand, where that is better and holds."""
     answer = run.trajectory if run.verified else None
-    cost = run.problem.objective.cost
+    cost = run.problem.cost
     if known is not None and answer is not None and cost(answer) <= cost(known):
         return replace(run, info={**run.info, "warm_start": "beaten"})
     if known is None or not verifier.holds(run.problem, known):

@@ -49,7 +49,7 @@ class View:
 
 
 def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT) -> View:
-    """Show runs of one problem in the browser: play, pause, scrub; several play side by side.
+    """Show runs of one robot in the browser: play, pause, scrub; several play together, in turn, or side by side.
 
     Args:
         runs: at least one run, or the folder of one.
@@ -60,7 +60,7 @@ def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT) ->
         The view: its `url`, and `close`, which a view that blocked has behind it.
 
     Raises:
-        InputError: no run, or runs of several problems.
+        InputError: no run, or runs of several robots.
         OptiPlanError: no port can be had.
 
     Example:
@@ -78,10 +78,14 @@ def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT) ->
         raise wrong_argument("view", "port", described(port), "a whole number from 0 to 65535")
     shown = [run if isinstance(run, Run) else load_run(run) for run in runs]
     problem = shown[0].problem
+    robot = problem.robot
     for run in shown[1:]:
-        if run.problem.hash != problem.hash:
-            raise wrong_argument("view", "runs", f"a run of '{run.problem.name}'", f"runs of '{problem.name}' alone")
-    served = View(PageServer(render_page(build_scene(problem, [_viewed(run) for run in shown])), port=port))
+        if (run.problem.robot.fingerprint, run.problem.robot.joint_names) != (robot.fingerprint, robot.joint_names):
+            found = f"a run of the robot '{run.problem.robot.name}' with {run.problem.robot.n} joints"
+            raise wrong_argument("view", "runs", found, f"runs of '{robot.name}' with the same {robot.n} joints")
+    several = len({run.problem.hash for run in shown}) > 1
+    viewed = [_viewed(run, several) for run in shown]
+    served = View(PageServer(render_page(build_scene(problem, viewed)), port=port))
     if block:
         print(f"open {served.url} in a browser (ctrl-C ends)", flush=True)
         try:
@@ -93,6 +97,6 @@ def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT) ->
     return served
 
 
-def _viewed(run: Run) -> ViewedRun:
-    record = run.to_dict()
-    return ViewedRun(run.planner, run.trajectory, record["report"], record["failure"], record)
+def _viewed(run: Run, several: bool) -> ViewedRun:
+    record, label = run.to_dict(), run.problem.name if several else run.planner
+    return ViewedRun(label, run.trajectory, record["report"], record["failure"], record, None, run.problem)

@@ -22,27 +22,41 @@ EXECUTED = "execution"
 
 
 def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
-    """Return the problem of the runs, rebuilt from the first one's record, and the data to show of each.
+    """Return the problem of the first run, rebuilt from its record, and the data to show of each.
 
-    Trajectories are verified again: a file changed since must not keep the old verdict.
+    Runs of other problems have these with them. Trajectories are verified again: a file changed since must not keep
+    the old verdict.
 
     Raises:
-        InputError: a run is broken, or was made from another problem than the first.
+        InputError: a run is broken, or of another robot than the first.
     """
     stored = [load_run(place) for place in places]
     issues = []
     for run in stored:
-        expected = f"a run of '{stored[0].record.get('name')}', as {places[0]}"
         if "problem" not in run.record:
             issues.append(Issue(str(run.place), None, "file", "a trajectory without its problem", "a run folder"))
-        elif run.record.get("hash") != stored[0].record.get("hash"):
-            issues.append(Issue(str(run.place), None, "hash", f"a run of '{run.record.get('name')}'", expected))
     if issues:
         raise InputError(issues)
-    problem = problem_from_dict(stored[0].record["problem"])
-    labels = [_label(run, len(stored) > 1) for run in stored]
-    viewed = [shown(_judged(problem, run), run.trajectory, label) for run, label in zip(stored, labels, strict=True)]
-    return problem, [
+    problems: dict[str, Problem] = {}
+    for run in stored:
+        key = str(run.record.get("hash"))
+        if key not in problems:
+            problems[key] = problem_from_dict(run.record["problem"])
+    own = [problems[str(run.record.get("hash"))] for run in stored]
+    first = own[0].robot
+    for run, problem in zip(stored, own, strict=True):
+        if (problem.robot.fingerprint, problem.robot.joint_names) != (first.fingerprint, first.joint_names):
+            found = f"a run of the robot '{problem.robot.name}' with {problem.robot.n} joints"
+            expected = f"one of '{first.name}' with the joints of {places[0]}"
+            issues.append(Issue(str(run.place), None, "problem.robot", found, expected))
+    if issues:
+        raise InputError(issues)
+    labels = [_label(run, len(stored) > 1, len(problems) > 1) for run in stored]
+    viewed = [
+        shown(_judged(problem, run), run.trajectory, label)._replace(problem=problem)
+        for problem, run, label in zip(own, stored, labels, strict=True)
+    ]
+    return own[0], [
         one._replace(log=read_log(run.place)) if EXECUTED in run.record else one
         for one, run in zip(viewed, stored, strict=True)
     ]
@@ -66,7 +80,7 @@ def plotted_runs(places: Sequence[Path]) -> tuple[list[PlottedRun], list[str]]:
             continue
         problem = problem_from_dict(run.record["problem"])
         report = verify(problem, run.trajectory, given=run.samples)
-        found.append(PlottedRun(_label(run, len(places) > 1), problem, run.trajectory, report.verified))
+        found.append(PlottedRun(_label(run, len(places) > 1, False), problem, run.trajectory, report.verified))
     return found, left_out
 
 
@@ -89,7 +103,7 @@ def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:
     return {**run.record, "report": verify(problem, run.trajectory, given=run.samples).to_dict()}
 
 
-def _label(run: StoredRun, several: bool) -> str:
-    """Return the planner's name, with the folder where that differs."""
-    planner = run.record.get("planner", "run")
+def _label(run: StoredRun, several: bool, problems: bool) -> str:
+    """Return the planner's name, with the folder where that differs; of several problems that of the problem."""
+    planner = run.record.get("name" if problems else "planner", "run")
     return f"{planner} ({run.place.name})" if several and run.place.name != planner else str(planner)

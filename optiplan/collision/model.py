@@ -340,6 +340,8 @@ class CollisionModel:
 
     def _allowed(self, a: int, b: int, excused: set[str]) -> bool:
         """Whether the scene allows these bodies to touch; `excused` are all names in its allowed pairs."""
+        if not excused:
+            return False
         names = self.names[a], self.names[b]
         return names[0] in excused and names[1] in excused and frozenset(names) in self.scene.allowed
 

@@ -13,7 +13,7 @@ from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot
 
 if TYPE_CHECKING:
-    from optiplan._core._core_base import World
+    from optiplan._core._core_base import Shape, World
 
 
 def planning_model(robot: Robot, scene: Scene) -> CollisionModel:
@@ -23,16 +23,25 @@ def planning_model(robot: Robot, scene: Scene) -> CollisionModel:
     return NativeCollisionModel(robot, scene)
 
 
+def not_in_core(model: CollisionModel) -> dict[str, list[str]]:
+    """What a planner's record says where the core is there and coal answers in its place: `not_in_core`, the bodies."""
+    unknown = model.unknown if isinstance(model, NativeCollisionModel) else ()
+    return {"not_in_core": list(unknown)} if unknown else {}
+
+
 class NativeCollisionModel(CollisionModel):
     """A `CollisionModel` whose queries the native core answers: same meaning, other rounding.
 
     Attributes:
         world: the bodies and pairs in the core; None where a shape is of a kind that it does not know.
+        unknown: names of the bodies with such shapes; with any, coal answers all queries.
     """
 
     def __init__(self, robot: Robot, scene: Scene) -> None:
         super().__init__(robot, scene)
-        self.world = _world(self)
+        shapes = [_shapes(self, k) for k in range(len(self.names))]
+        self.unknown = tuple(name for name, found in zip(self.names, shapes, strict=True) if found is None)
+        self.world = None if self.unknown else _world(self, [found for found in shapes if found is not None])
 
     def collides(self, q: Array) -> bool:
         """See `CollisionModel.collides`."""
@@ -87,18 +96,20 @@ def _packed(values: Array) -> Array:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
-def _world(model: CollisionModel) -> "World | None":
+def _shapes(model: CollisionModel, body: int) -> "list[Shape] | None":
+    """The core's shape of a body, of a mesh its hull before it; None where it knows none."""
+    outline, solid = (bodies.geometryObjects[body].geometry for bodies in (model.outline.geometry, model.geometry))
+    kinds = [solid] if type(outline) is type(solid) else [outline, solid]
+    shapes = [shape for shape in map(native_shape, kinds) if shape is not None]
+    return shapes if len(shapes) == len(kinds) else None
+
+
+def _world(model: CollisionModel, shapes: "list[list[Shape]]") -> "World":
     bodies, bounds = [], model.bounds
-    hulls = list(model.outline.geometry.geometryObjects)
     for k, body in enumerate(model.geometry.geometryObjects):
-        outline, solid = hulls[k].geometry, body.geometry
-        kinds = [solid] if type(outline) is type(solid) else [outline, solid]  # of a mesh its hull, too
-        shapes = [shape for shape in map(native_shape, kinds) if shape is not None]
-        if len(shapes) < len(kinds):
-            return None
         box = np.concatenate([bounds.centre[k], bounds.half[k]])
         bodies.append(
-            core.Body.of(int(body.parentJoint), body.placement.homogeneous, shapes, box, float(bounds.radius[k]))
+            core.Body.of(int(body.parentJoint), body.placement.homogeneous, shapes[k], box, float(bounds.radius[k]))
         )
     pairs = np.array([(pair.a, pair.b) for pair in model.pairs], dtype=np.int64).reshape(-1, 2)
     return core.World.of(native_tree(model.model), bodies, pairs)

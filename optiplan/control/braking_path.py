@@ -1,13 +1,19 @@
 """`BrakingPath`: the configurations that a robot passes if it brakes from the end of this step on."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan._core import core
+from optiplan.arrays import Array, Index
 from optiplan.control.braking import Phase, stop_phases, travel
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.joint_box import JointBox
+from optiplan.control.limits.joint_box import JointBox, JointBrakes
 from optiplan.control.limits.stop_limits import StopPath
 from optiplan.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from optiplan._core import _core_base
 
 _PHASES = 3
 
@@ -27,7 +33,7 @@ class BrakingPath(StopPath):
         self._phases: list[tuple[Phase, ...]] = []
         self._table: tuple[Array, Array, Array, Array] | None = None
 
-    def start(self, q: Array, v: Array, a: Array, box: JointBox, dt: float) -> None:
+    def start(self, q: Array, v: Array, a: Array, box: JointBox | JointBrakes, dt: float) -> None:
         """A stop from q, v, a (n,) at the end of the step."""
         self._q, self._v, self._dt, self._table = q, v, dt, None
         speeds = v.tolist()
@@ -44,12 +50,18 @@ class BrakingPath(StopPath):
         return max([sum([phase[0] for phase in phases]) for phases in self._phases])
 
     def at(self, step: int) -> Array:
-        """Configuration (n,) after so many steps.
+        """Configuration (n,) after so many steps."""
+        return self._moved(step)[0]
 
-        Of each phase k steps are done, with which the sums of `braking.travel` hold.
-        """
+    def motion(self, steps: Index) -> tuple[Array, Array]:
+        """Configurations and velocities (k, n) after so many steps (k,)."""
+        found = [self._moved(step) for step in steps.tolist()]
+        return np.array([q for q, _ in found]), np.array([v for _, v in found])
+
+    def _moved(self, step: int) -> tuple[Array, Array]:
+        """Of each phase k steps are done, with which the sums of `braking.travel` hold."""
         if step == 0:
-            return self._q
+            return self._q, self._v
         if self._table is None:
             self._table = self._tabulated()
         counts, first, change, before = self._table
@@ -60,7 +72,7 @@ class BrakingPath(StopPath):
         q = self._q + self._dt * way.sum(axis=1)
         if self._trapezoid:
             q -= (0.5 * self._dt) * (self._dt * gained.sum(axis=1))
-        return np.asarray(q)
+        return np.asarray(q), self._v + self._dt * gained.sum(axis=1)
 
     def _tabulated(self) -> tuple[Array, Array, Array, Array]:
         """Counts, first accelerations, their changes and the steps before each phase, (n, 3) each."""
@@ -73,3 +85,37 @@ class BrakingPath(StopPath):
         """Kinematics after so many steps."""
         self._configuration.update(self.at(step), self._v)
         return self._configuration
+
+
+class NativeBrakingPath(BrakingPath):
+    """The same, computed by the native core.
+
+    Attributes:
+        native: the stop in the core.
+    """
+
+    native: "_core_base.StopPath"
+
+    def start(self, q: Array, v: Array, a: Array, box: JointBox | JointBrakes, dt: float) -> None:
+        """See `BrakingPath.start`."""
+        self._q, self._v = q, v
+        self.native = core.StopPath.of(q, v, a, box.acceleration, box.change, dt, self._trapezoid)
+        self.end = self.native.end
+
+    @property
+    def steps(self) -> int:  # type: ignore[override]
+        """See `BrakingPath.steps`."""
+        return self.native.steps
+
+    def at(self, step: int) -> Array:
+        """See `BrakingPath.at`."""
+        return self.native.at(step)
+
+    def motion(self, steps: Index) -> tuple[Array, Array]:
+        """See `BrakingPath.motion`."""
+        return self.native.motion(steps)
+
+
+def make_braking_path(robot: Robot, by_acceleration: bool) -> BrakingPath:
+    """The native one where the core is there."""
+    return BrakingPath(robot, by_acceleration) if core is None else NativeBrakingPath(robot, by_acceleration)

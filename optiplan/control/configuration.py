@@ -24,14 +24,14 @@ class Configuration:
         self._plain = unfold(robot.model)
         self._plain_data = self._data if self._plain.model is robot.model else self._plain.model.createData()
         self._ahead: Configuration | None = None
-        self._ahead_is_current = False
+        self._ahead_is_current = self._rates_are_current = False
         self.q, self.v = np.zeros(robot.n), np.zeros(robot.n)
 
     def update(self, q: Array, v: Array) -> None:
         """Move to q (n,) with velocities v (n,)."""
         self.q, self.v = q, v
         pin.computeJointJacobians(self._model, self._data, q)
-        self._ahead_is_current = False
+        self._ahead_is_current = self._rates_are_current = False
 
     def pose(self, frame: int) -> pin.SE3:
         """X_WF; the next update changes it."""
@@ -42,6 +42,17 @@ class Configuration:
         """J (6, n): velocity, m/s, of the frame's origin and angular velocity, rad/s, along the axes of the world."""
         J: Array = pin.getFrameJacobian(self._model, self._data, frame, pin.LOCAL_WORLD_ALIGNED)
         return J if J.ndim == 2 else J.reshape(6, -1)
+
+    def jacobian_rate(self, frame: int) -> Array:
+        """Rate of change (6, n) of `jacobian` at velocities v."""
+        if self.robot.followers:  # of which pinocchio knows no rates
+            return self.rate(self.jacobian(frame).copy(), self.ahead.jacobian(frame))
+        if not self._rates_are_current:
+            pin.computeJointJacobiansTimeVariation(self._model, self._data, self.q, self.v)
+            self._rates_are_current = True
+        pin.updateFramePlacement(self._model, self._data, frame)
+        dJ: Array = pin.getFrameJacobianTimeVariation(self._model, self._data, frame, pin.LOCAL_WORLD_ALIGNED)
+        return dJ if dJ.ndim == 2 else dJ.reshape(6, -1)
 
     def joint_jacobians(self) -> Array:
         """Spatial Jacobians (6, J) of all joints about the origin of the world, followers too: linear part first."""

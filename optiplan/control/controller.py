@@ -1,5 +1,6 @@
 """`Controller`: each step, the velocities that do the tasks best within the limits, and from which it can stop."""
 
+import math
 import time
 from collections.abc import Iterable, Sequence
 from typing import Literal, get_args
@@ -9,7 +10,7 @@ import numpy as np
 from optiplan.arrays import Array, is_finite
 from optiplan.control.configuration import Configuration
 from optiplan.control.defaults import ORDER, default_limits
-from optiplan.control.limits.base import ControlLimit, RowLimit
+from optiplan.control.limits.base import ControlLimit, KeptRowLimit, RowLimit
 from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.limits.stop_limits import StopLimit
 from optiplan.control.objective import BASE_DAMPING, TaskObjective, singular_values
@@ -109,11 +110,12 @@ class Controller:
         self._measured = next((k for k, t in enumerate(self._objectives[0].tasks) if isinstance(t, FrameTask)), None)
         self._box = JointBox(self.limits, self._order, n)
         stop_limits = [limit for limit in self.limits if isinstance(limit, StopLimit)]
-        self._guard = StoppingGuard(robot, stop_limits, self._box, self._by_acceleration)
+        kept_limits = [limit for limit in self.limits if isinstance(limit, KeptRowLimit)]
+        self._guard = StoppingGuard(robot, stop_limits, kept_limits, self._box, self._by_acceleration)
         self._rows = RowStack([limit for limit in self.limits if isinstance(limit, RowLimit)], self._order, n)
         for limit in self.limits:
             if isinstance(limit, RowLimit):
-                limit.delay = self._box.delay
+                limit.meet(self._box, self._by_acceleration)
         self._configuration = Configuration(robot)
         self._report = StepReporter(robot, self._box, self._rows)
         self._no_equations = np.zeros((0, n)), np.zeros(0)
@@ -181,7 +183,7 @@ class Controller:
         C, low, high = rows.C, rows.low, rows.high
         for level, objective in enumerate(self._objectives):
             demand = objective.demand(c, state, dt)
-            H, g = objective.program(demand, (state.v, dt), self._damping, self._singular(level, objective, outcome))
+            H, g = objective.program(demand, state, dt, self._damping, self._singular(level, objective, outcome))
             program = Program(H, g, C, low, high, (self._box.low, self._box.high), *equations)
             if level == 0:
                 outcome.demand = demand
@@ -215,7 +217,7 @@ class Controller:
         state, dt, brake = outcome.state, outcome.dt, outcome.brake
         for share in (1.0, 0.5, 0.25):
             candidate = x if share == 1.0 else brake + share * (x - brake)
-            if self._guard.accepts(self._next(state, candidate, dt), dt):
+            if self._guard.accepts(self._next(state, candidate, dt), dt, outcome.slack):
                 outcome.share = share
                 x[:] = candidate
                 return True
@@ -235,7 +237,7 @@ class Controller:
         if state.n != self.robot.n:
             found = f"{state.n} joints"
             raise wrong_argument("Controller.step", "state.q", found, f"{self.robot.n}, those of {self.robot.name}")
-        if not np.isfinite(state.q.sum() + state.v.sum() + state.a.sum()):
+        if not math.isfinite(state.q @ state.q + state.v @ state.v + state.a @ state.a):
             raise wrong_argument("Controller.step", *_not_finite(state), "finite numbers")
 
 
@@ -245,7 +247,7 @@ def _not_finite(state: State) -> tuple[str, str]:
         bad = np.flatnonzero(~np.isfinite(getattr(state, name)))
         if len(bad):
             return f"state.{name}[{bad[0]}]", str(getattr(state, name)[bad[0]])
-    return "state", "numbers whose sum overflows"
+    return "state", "numbers whose squares overflow"
 
 
 def _all(parts: Iterable[object], kind: type, argument: str, expected: str) -> tuple:  # type: ignore[type-arg]

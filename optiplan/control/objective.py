@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg.lapack import dgesdd
 
+from optiplan._core import core
 from optiplan.arrays import Array, Index
 from optiplan.control.configuration import Configuration
 from optiplan.control.tasks.base import ControlTask
@@ -20,10 +21,14 @@ NEAR_SINGULAR = 0.05
 STEADINESS = 4e-5
 """s; half of it, divided by dt, is what a change of velocity costs per (rad/s)². A direction that tasks weigh by w per
 rad/s follows them with the time constant STEADINESS / w²: 0.04 ms for a pose, 0.4 s for a posture of weight 0.01."""
+PERSISTENCE = 0.02
+"""s, in which accelerations fade that nothing asks for: what is steady is a velocity, but for motions that go on."""
 UNDONE_DAMPING = 0.1
 """Weight, per rad/s or m/s, of velocities where nothing of what is wanted can be done."""
 FORGETTING = 0.2
 """s, over which the share that stays undone is averaged."""
+JUMP = 20.0
+"""m/s² or rad/s²: a feed-forward that changes more quickly has jumped, and is approached like any other rate."""
 MAIN = 0.1
 """Rows that weigh at least this share of the heaviest say how far off the target is, and whether it is followed."""
 SINGULAR_DAMPING = 0.05
@@ -67,38 +72,65 @@ class TaskObjective:
         cost = np.concatenate([np.zeros(0), *(task.cost for task in self.tasks)])
         self._main = np.flatnonzero(cost >= MAIN * cost.max(initial=0.0))
         self._ridge = np.arange(n) * (n + 1)
+        self._forwards: list[Array | None] = [None] * len(self.tasks)
 
     def demand(self, c: Configuration, state: State, dt: float) -> Demand:
         """What the tasks ask for at a configuration; the arrays are overwritten by the next call."""
         A, b, e = self._A, self._b, self._e
-        for task, rows in zip(self.tasks, self._slices, strict=True):
+        for k, (task, rows) in enumerate(zip(self.tasks, self._slices, strict=True)):
             error, J = task.evaluate(c)
             wanted = task.wanted_rate(error)
             forward = task.feed_forward(c)
             if forward is not None:
                 wanted = wanted + forward
-            law = self._second_order if self._by_acceleration else self._first_order
+            if self._by_acceleration:
+                rates = self._second_order(task, J, wanted, c, state, dt)
+            else:
+                rates = self._first_order(task, J, wanted, self._forward_change(k, forward, c, dt), c, state, dt)
             cost = task.cost
             np.multiply(J, cost[:, None], out=A[rows])
-            np.multiply(law(task, J, wanted, c, state, dt), cost, out=b[rows])
+            np.multiply(rates, cost, out=b[rows])
             np.multiply(error, cost, out=e[rows])
             np.multiply(wanted, cost, out=self._wanted[rows])
         main = e[self._main]
         return Demand(A, b, float(np.sqrt(main @ main)), self._main, self._wanted)
 
+    def _forward_change(self, k: int, forward: Array | None, c: Configuration, dt: float) -> Array | None:
+        """By how much the feed-forward of task k changes in a step: as it says itself, or as it did in the last one."""
+        before, self._forwards[k] = self._forwards[k], forward
+        rate = self.tasks[k].feed_forward_rate(c)
+        if rate is not None:
+            return np.asarray(dt * rate)
+        if forward is None or before is None:
+            return None
+        change = forward - before
+        return np.asarray(change) if float(np.abs(change).max()) <= JUMP * dt else None
+
     def _first_order(
-        self, task: ControlTask, J: Array, wanted: Array, c: Configuration, state: State, dt: float
+        self,
+        task: ControlTask,
+        J: Array,
+        wanted: Array,
+        change: Array | None,
+        c: Configuration,
+        state: State,
+        dt: float,
     ) -> Array:
         """Rates that approach the wanted ones as in a first order lag of time constant `response`.
 
-        With w = exp(-dt / response):  (1 - w) wanted + w (J v + dt · rate of the forward part). A program that jumps to
-        what is wanted within its limits jumps to and fro where limits and tasks meet.
+        With w = exp(-dt / response):  (1 - w) wanted + w (r + change of the forward part), where r = (J - dt J̇) v is
+        the rate of a step ago. A program that jumps to what is wanted within its limits jumps to and fro where limits
+        and tasks meet.
         """
         late = self._late(dt)
+        if late == 0.0:
+            return wanted
         rate = J @ state.v
-        forward_rate = task.feed_forward_rate(c)
-        if forward_rate is not None:
-            rate = rate + dt * forward_rate
+        drift = task.drift(c)
+        if drift is not None:
+            rate = rate - dt * drift
+        if change is not None:
+            rate = rate + change
         return np.asarray(wanted + late * (rate - wanted))
 
     def _second_order(
@@ -111,7 +143,9 @@ class TaskObjective:
         """
         rate = J @ state.v
         forward, forward_rate = task.feed_forward(c), task.feed_forward_rate(c)
-        drift = c.rate(rate, task.jacobian(c.ahead) @ state.v)
+        drift = task.drift(c)
+        if drift is None:
+            drift = c.rate(rate, task.jacobian(c.ahead) @ state.v)
         falling = -task.gain * (rate if forward is None else rate - forward)
         acceleration = 4.0 * max(task.gain, 1.0) * (wanted - rate) + falling - drift
         if forward_rate is not None:
@@ -129,12 +163,12 @@ class TaskObjective:
         return math.exp(-dt / self._response) if self._response > 0.0 else 0.0
 
     def program(
-        self, demand: Demand, start: tuple[Array, float], damping: float, singular: float | None
+        self, demand: Demand, state: State, dt: float, damping: float, singular: float | None
     ) -> tuple[Array, Array]:
-        """H (n, n) and g (n,) of ½ |A x - b|² + ½ w² |x|² + ½ s² |x - v|², w growing where `singular` is small.
+        """H (n, n) and g (n,) of ½ |A x - b|² + ½ w² |x|² + ½ s² |x - v - k dt a|²; w grows where `singular` is small.
 
-        `start` are v and dt, and s² = STEADINESS / dt: where tasks and limits leave many answers nearly as good, the
-        steadiest is taken.
+        s² = STEADINESS / dt: where tasks and limits leave many answers nearly as good, the steadiest is taken. With
+        k = exp(-dt / PERSISTENCE) accelerations go on for a moment, so that a steady one does not lag behind its task.
 
         w² = damping² + (SINGULAR_DAMPING (1 - (s / s_0)²))² for the least singular value s below s_0, + (UNDONE_DAMPING
         u)² where a share u of what is wanted has stayed undone for a while: out of reach, the errors' own curvature
@@ -145,11 +179,12 @@ class TaskObjective:
         if singular is not None and singular < NEAR_SINGULAR:
             weight += (SINGULAR_DAMPING * (1.0 - (singular / NEAR_SINGULAR) ** 2)) ** 2
         weight += (UNDONE_DAMPING * self._undone) ** 2
-        v, dt = start
         steadiness = STEADINESS / dt if self._response > 0.0 else 0.0
         H.ravel()[self._ridge] += weight + steadiness
         # Damping follows as slowly as the tasks do: it asks for velocities of exp(-dt / response) v.
-        return H, demand.A.T @ -demand.b - (steadiness + weight * self._late(dt)) * v
+        v = state.v
+        steady = steadiness * (v + (dt * math.exp(-dt / PERSISTENCE)) * state.a)
+        return H, demand.A.T @ -demand.b - steady - (weight * self._late(dt)) * v
 
     def rows_of(self, index: int) -> Array:
         """Weighted Jacobian of one task, in what `demand` left."""
@@ -158,5 +193,7 @@ class TaskObjective:
 
 def singular_values(J: Array) -> Array:
     """Singular values of J, falling; NaN where LAPACK does not converge."""
+    if core is not None and J.shape[0] <= J.shape[1]:
+        return np.array(core.singular_values(J))
     _, s, _, info = dgesdd(J, compute_uv=0)
     return np.asarray(s) if info == 0 else np.full(min(J.shape), np.nan)

@@ -1,13 +1,13 @@
 """`StoppingGuard`: accepts a command only if the robot can stop from it, clear of everything."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.control.braking_path import BrakingPath
+from optiplan.control.braking_path import make_braking_path
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.base import LimitRows
+from optiplan.control.limits.base import KeptRowLimit, LimitRows
 from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.limits.stop_limits import Abilities, DistanceView, StopLimit
 from optiplan.control.step import NearestPair
@@ -25,9 +25,16 @@ class StoppingGuard:
         state: the last accepted one.
     """
 
-    def __init__(self, robot: Robot, limits: Sequence[StopLimit], box: JointBox, by_acceleration: bool) -> None:
-        self._limits, self._box = tuple(limits), box
-        self._path = BrakingPath(robot, by_acceleration)
+    def __init__(
+        self,
+        robot: Robot,
+        limits: Sequence[StopLimit],
+        kept: Sequence[KeptRowLimit],
+        box: JointBox,
+        by_acceleration: bool,
+    ) -> None:
+        self._limits, self._kept, self._box = tuple(limits), tuple(kept), box
+        self._path = make_braking_path(robot, by_acceleration)
         self._configuration = Configuration(robot)
         self._views: list[DistanceView] = []
         self._least: list[Array] = []
@@ -50,8 +57,13 @@ class StoppingGuard:
             if len(view.near)
         ]
 
-    def accepts(self, candidate: State, dt: float) -> bool:
-        """Whether the robot stays clear from a state on, if it brakes there; then the next step starts there."""
+    def accepts(self, candidate: State, dt: float, relaxed: Container[str] = ()) -> bool:
+        """Whether the robot stays clear from a state on, if it brakes there; then the next step starts there.
+
+        Limits of speeds have to hold until it stands, too, but for those that are `relaxed`.
+        """
+        if not all(limit.name in relaxed or limit.keeps(candidate, dt) for limit in self._kept):
+            return False
         if self._limits:
             c = self._configuration
             c.update(candidate.q, candidate.v)

@@ -75,3 +75,11 @@ def wheel_matrix(robot: Robot, q: Array) -> Array | None:
     matrix = np.zeros((len(WHEELS), robot.n))
     matrix[:, [x, y, turn]] = Mecanum(spec.radius, spec.half_wheelbase, spec.half_track).matrix @ in_base
     return matrix
+
+
+def wheel_rates_along(robot: Robot, Q: Array, V: Array) -> Array | None:
+    """Wheel rates (k, 4), rad/s, of states Q and V (k, n) of a robot; None for one without wheels."""
+    if robot.mecanum is None:
+        return None
+    matrices = [wheel_matrix(robot, q) for q in Q]
+    return np.array([matrix @ v for matrix, v in zip(matrices, V, strict=True) if matrix is not None])

@@ -25,6 +25,7 @@ from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import (
     AlternativeSpec,
+    PathConstraintSpec,
     PoseGoalSpec,
     PoseSpec,
     StartSpec,
@@ -42,18 +43,22 @@ HIT = 1e-6
 
 
 class Compiler:
-    """One pass over a `Draft`; errors go to `issues`, and the part concerned becomes None."""
+    """One pass over a `Draft`; errors go to `issues`, and the part concerned becomes None.
+
+    `main_joints` are those of the problem's own group, once there is a robot.
+    """
 
     def __init__(self, document: Document, base: Path, draft: Draft) -> None:
         self.document, self.base, self.draft = document, base, draft
         self.issues: list[Issue] = []
+        self.main_joints: tuple[str, ...] = ()
 
     def report(self, place: Place, found: str, expected: str) -> None:
         """Record one issue."""
         self.issues.append(self.document.issue(place, found, expected))
 
     def robot(self, load: RobotLoader = load_robot) -> Robot | None:
-        """The robot, with the joints that the problem locks."""
+        """The robot, with the joints that the problem locks; those of all groups that a task moves are planned."""
         if self.draft.robot is None:
             return None
         try:
@@ -62,7 +67,16 @@ class Compiler:
                 found = f"'{self.draft.robot}', but there is no file {file}"
                 self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
                 return None
-            return load(self.draft.robot, self.base, self.draft.locked, self.draft.group)
+            robot = load(self.draft.robot, self.base, self.draft.locked, self.draft.group)
+            self.main_joints = robot.joint_names
+            more = self._more_groups(robot)
+            if more and robot.group is None:
+                self.report(("group",), "no name of a group", f"one to plan besides {' and '.join(more)}")
+                return None
+            if more:
+                locked = {name: q for name, q in self.draft.locked.items() if name not in _joints(robot, more)}
+                robot = load(self.draft.robot, self.base, locked, "+".join([str(robot.group), *more]))
+            return robot
         except UnknownChoiceError as error:
             place = (error.kind,) if error.kind in ("robot", "group") else ("locked",)
             self.report(place, f"unknown {error.kind} '{error.found}'", choices(error.found, error.choices))
@@ -72,6 +86,15 @@ class Compiler:
         except InputError as error:
             self.issues.extend(map(self._relocated, error.issues))
         return None
+
+    def _more_groups(self, robot: Robot) -> list[str]:
+        """Return the groups that steps of the task name and that are not planned anyway."""
+        named: list[str] = []
+        for part in self.draft.task:
+            group = str(getattr(getattr(part.value, part.value.kind), "group", None))
+            if group in robot.groups and not set(robot.groups[group]) <= set(robot.joint_names):
+                named.append(group)
+        return list(dict.fromkeys(named))
 
     def _relocated(self, issue: Issue) -> Issue:
         """Attribute the robot reader's issues about locked joints or an inline robot to the problem file."""
@@ -90,7 +113,7 @@ class Compiler:
         """Return the valid alternatives."""
         ends: list[LocatedValue[JointGoal | PoseGoal]] = []
         for part in self.draft.goal:
-            end = self._alternative(robot, part)
+            end = self.alternative(robot, part)
             if end is not None:
                 ends.append(LocatedValue(part.place, end))
         return ends
@@ -99,16 +122,18 @@ class Compiler:
         """Return the valid vias."""
         vias: list[LocatedValue[Via]] = []
         for part in self.draft.vias:
-            at, velocity = self._passed(robot, part), self._velocity(robot, part)
+            at, velocity = self.passed(robot, part), self._velocity(robot, part)
             if at is not None:
                 vias.append(LocatedValue(part.place, Via(at, velocity, part.value.time)))
         return vias
 
-    def constraints(self, robot: Robot, scene: Scene) -> list[LocatedValue[PathConstraint]]:
-        """Return the valid path constraints."""
+    def constraints(
+        self, robot: Robot, scene: Scene, parts: Sequence[LocatedValue[PathConstraintSpec]] | None = None
+    ) -> list[LocatedValue[PathConstraint]]:
+        """Return the valid path constraints: those of the whole motion, or `parts`."""
         found: list[LocatedValue[PathConstraint]] = []
         bodies = {*link_names(robot), *scene.names}
-        for part in self.draft.constraints:
+        for part in self.draft.constraints if parts is None else parts:
             key, value = part.value.kind, part.value.value
             data = value.model_dump(by_alias=True)
             names = [(field, data.get(field)) for field in (("frame", "to") if key == "relative_pose" else ("frame",))]
@@ -131,7 +156,8 @@ class Compiler:
                 found.append(LocatedValue((*part.place, key), constraint_of(key, data, robot.tool_frame)))
         return found
 
-    def _passed(self, robot: Robot, part: LocatedValue[ViaSpec]) -> JointGoal | PoseGoal | None:
+    def passed(self, robot: Robot, part: LocatedValue[ViaSpec]) -> JointGoal | PoseGoal | None:
+        """Return where a via is passed, if that is valid."""
         spec = part.value
         tolerance = HIT if spec.tolerance is None else spec.tolerance
         if spec.pose is None:
@@ -141,7 +167,7 @@ class Compiler:
             return None if q is None else JointGoal(q, tolerance)
         both = spec.pose.tolerance or ToleranceSpec(position=tolerance, orientation=tolerance)
         pose = PoseGoalSpec(**spec.pose.model_dump(exclude={"tolerance"}), tolerance=both)
-        return self._pose_goal(robot, (*part.place, "pose"), pose)
+        return self.pose_goal(robot, (*part.place, "pose"), pose)
 
     def _velocity(self, robot: Robot, part: LocatedValue[ViaSpec]) -> Array | None:
         if part.value.velocity is None:
@@ -155,10 +181,11 @@ class Compiler:
             self.report((*place, int(j)), found, f"a value in [{-limit[j]:.10g}, {limit[j]:.10g}]")
         return v
 
-    def _alternative(self, robot: Robot, part: LocatedValue[AlternativeSpec]) -> JointGoal | PoseGoal | None:
+    def alternative(self, robot: Robot, part: LocatedValue[AlternativeSpec]) -> JointGoal | PoseGoal | None:
+        """Return one end, if it is valid."""
         if part.value.pose is None:
             return self._state(robot, part)
-        return self._pose_goal(robot, (*part.place, "pose"), part.value.pose)
+        return self.pose_goal(robot, (*part.place, "pose"), part.value.pose)
 
     def _state(self, robot: Robot, part: LocatedValue[StartSpec] | LocatedValue[AlternativeSpec]) -> JointGoal | None:
         """A configuration with its velocity and acceleration, of as many values."""
@@ -173,7 +200,8 @@ class Compiler:
                 q = None
         return None if q is None else JointGoal(q, velocity=rates[0], acceleration=rates[1])
 
-    def _pose_goal(self, robot: Robot, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
+    def pose_goal(self, robot: Robot, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
+        """Return the goal of a pose, if its frame is known."""
         frame = robot.tool_frame if spec.frame is None else spec.frame
         if frame != robot.tool_frame and frame not in frame_names(robot):
             self.unknown((*place, "frame"), "frame", frame, frame_names(robot))
@@ -293,6 +321,10 @@ class Compiler:
     def unknown(self, place: Place, kind: str, found: str, valid: Iterable[str]) -> None:
         """Record a name that is not among the valid ones."""
         self.report(place, f"unknown {kind} '{found}'", choices(found, sorted(valid)))
+
+
+def _joints(robot: Robot, groups: Iterable[str]) -> set[str]:
+    return {name for group in groups for name in robot.groups[group]}
 
 
 def link_names(robot: Robot) -> Sequence[str]:

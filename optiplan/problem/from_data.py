@@ -15,11 +15,14 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.measures import broken
 from optiplan.problem.constraints.statements import PairClearance, PathConstraint
-from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
+from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.moving_states import StatedState, impossible_states
+from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import ProblemSpec
+from optiplan.problem.task.reading import TaskReader
+from optiplan.problem.task.steps import TaskStep
 from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
 
 TOUCHING = 1e-12
@@ -42,6 +45,7 @@ class Parts:
     goal: Goal
     limits: Limits
     vias: tuple[Via, ...]
+    task: tuple[TaskStep, ...]
     objective: Objective
     path_constraints: tuple[PathConstraint, ...]
     planner: str
@@ -76,6 +80,7 @@ class _Places:
     start: JointGoal | None
     goal: Sequence[LocatedValue[JointGoal | PoseGoal]]
     vias: Sequence[LocatedValue[Via]]
+    task: Sequence[LocatedValue[TaskStep]]
     constraints: Sequence[LocatedValue[PathConstraint]]
 
 
@@ -92,10 +97,12 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     robot = compiler.robot(robots)
     scene = compiler.scene(robot)
     robot = None if robot is None else compiler.mounted(robot, scene)
-    places = _Places(None, (), (), ())
+    places = _Places(None, (), (), (), ())
     if robot is not None:
         ends = compiler.start(robot), compiler.goal(robot), compiler.vias(robot)
-        places = _Places(*ends, compiler.constraints(robot, scene))
+        steps = TaskReader(compiler, robot, scene).steps()
+        places = _Places(*ends, steps, compiler.constraints(robot, scene))
+    issues += _goal_or_task(document)
     issues += compiler.issues
     limits = None if robot is None else robot.limits.scaled(**({} if spec is None else spec.limits.model_dump()))
     if robot is not None and limits is not None:
@@ -120,7 +127,8 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         goal=tuple(part.value for part in places.goal),
         limits=limits,
         vias=tuple(part.value for part in places.vias),
-        objective=Objective(spec.objective.time, spec.objective.jerk),
+        task=tuple(part.value for part in places.task),
+        objective=Objective(**spec.objective.model_dump(exclude_none=True)),
         path_constraints=tuple(part.value for part in places.constraints),
         planner=spec.planner.name,
         options=dict(spec.planner.model_extra or {}),
@@ -136,6 +144,20 @@ def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:
         return validate(ProblemSpec, document), []
     except InputError as error:
         return None, list(error.issues)
+
+
+def _goal_or_task(document: Document) -> list[Issue]:
+    """Report a file with neither a goal nor a task, or with both, or with vias beside a task."""
+    data = document.data
+    if not isinstance(data, Mapping):
+        return []
+    if "goal" not in data and "task" not in data:
+        return [document.issue(("goal",), "nothing", "this key, or `task`, one of which is required")]
+    if "task" not in data:
+        return []
+    beside = [key for key in ("goal", "via") if data.get(key)]
+    where = {"goal": "a step of the task", "via": "`via` of a step of the task"}
+    return [document.issue((key,), f"`{key}` beside a task", where[key]) for key in beside]
 
 
 def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:

@@ -1,6 +1,7 @@
 """Read a problem from the arguments of `op.Problem`, by way of the data that a file would hold."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,9 @@ from optiplan.config.document import Document, plain
 from optiplan.errors import InputError, described, wrong_argument
 from optiplan.files import reading
 from optiplan.problem import to_data
+from optiplan.problem.builder import RobotLoader
 from optiplan.problem.from_data import Parts, read_problem
+from optiplan.problem.task.builder import task_data
 from optiplan.robot.reference import UNKNOWN
 from optiplan.robot.robot import Robot, load_robot
 
@@ -18,6 +21,7 @@ _HERE = "<problem>"
 SAID = {
     "start": ("start", to_data.start_data),
     "goal": ("goal", to_data.goal_data),
+    "task": ("task", task_data),
     "vias": ("via", to_data.via_data),
     "scene": ("scene", to_data.scene_data),
     "limits": ("limits", to_data.limits_data),
@@ -57,9 +61,22 @@ def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Parts:
     Raises:
         InputError: as for a file.
     """
-    loader = load_robot if robot is None else lambda *_: robot
+    loader = load_robot if robot is None else _loader(robot)
     try:
         with reading(None):
             return read_problem(Document(Path(_HERE), plain(data), {}), Path.cwd(), loader).whole()
     except InputError as error:
         raise error.about(_HERE, "op.Problem") from None
+
+
+def _loader(robot: Robot) -> RobotLoader:
+    """Return what loads this robot, or other groups of its joints."""
+
+    def load(
+        ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
+    ) -> Robot:
+        if group in (robot.reference.group, None):
+            return robot
+        return replace(load_robot(ref, base, locked, group), tool_frame=robot.tool_frame)
+
+    return load

@@ -1,4 +1,4 @@
-"""Goals, vias and objective of a problem, as planners and the verifier read them."""
+"""Goals and vias of a problem, as planners and the verifier read them."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,6 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.trajectory.state import State
-from optiplan.trajectory.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,22 +60,3 @@ class Via:
     at: JointGoal | PoseGoal
     velocity: Array | None = None
     time: float | None = None
-
-
-@dataclass(frozen=True)
-class Objective:
-    """Weights of the cost: time * T + jerk * (integral of squared jerk over the motion).
-
-    Example:
-        >>> import optiplan as op
-        >>> op.Objective(time=1.0, jerk=1e-6)
-        Objective(time=1.0, jerk=1e-06)
-    """
-
-    time: float = 1.0
-    jerk: float = 0.0
-
-    def cost(self, trajectory: Trajectory) -> float:
-        """Return the value for a motion, s."""
-        jerk = self.jerk * trajectory.squared_jerk() if self.jerk else 0.0
-        return self.time * trajectory.duration + jerk

@@ -17,6 +17,7 @@ from optiplan.problem.schema import (
     PoseSpec,
     ProblemSpec,
     StartSpec,
+    TaskStepSpec,
     ViaSpec,
 )
 
@@ -42,6 +43,7 @@ class Draft:
     gravity: tuple[float, ...] | None
     start: LocatedValue[StartSpec] | None
     goal: tuple[LocatedValue[AlternativeSpec], ...]
+    task: tuple[LocatedValue[TaskStepSpec], ...]
     vias: tuple[LocatedValue[ViaSpec], ...]
     constraints: tuple[LocatedValue[PathConstraintSpec], ...]
     obstacles: tuple[LocatedValue[ObstacleSpec], ...]
@@ -59,7 +61,8 @@ class Draft:
             base=spec.base,
             gravity=spec.gravity,
             start=LocatedValue(("start",), spec.start),
-            goal=_alternatives(spec.goal),
+            goal=() if spec.goal is None else _alternatives(spec.goal),
+            task=_parts(("task",), spec.task or ()),
             vias=_parts(("via",), spec.via),
             constraints=_parts(("path_constraints",), spec.path_constraints),
             obstacles=_parts(("scene", "obstacles"), scene.obstacles),
@@ -84,6 +87,7 @@ class Draft:
             gravity=_fit(Vector, root.get("gravity")),
             start=None if start is None else LocatedValue(("start",), start),
             goal=_alternatives(whole) if whole else _fits(("goal", "any_of"), AlternativeSpec, ends),
+            task=_fits(("task",), TaskStepSpec, root.get("task")),
             vias=_fits(("via",), ViaSpec, root.get("via")),
             constraints=_fits(("path_constraints",), PathConstraintSpec, root.get("path_constraints")),
             obstacles=_fits(("scene", "obstacles"), ObstacleSpec, scene.get("obstacles")),

@@ -1,10 +1,11 @@
 """`Problem`: a planning problem as planners and the verifier read it, complete and frozen."""
 
+import hashlib
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,15 +14,21 @@ from optiplan.errors import path_argument, seed_argument, wrong_argument
 from optiplan.files import write_text
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.problem import to_data
+from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.from_data import Parts
 from optiplan.problem.from_python import SAID, read_arguments, read_data
-from optiplan.problem.goals_and_vias import Goal, JointGoal, Objective, PoseGoal, Via
+from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
+from optiplan.problem.objectives.objective import Objective
+from optiplan.problem.objectives.parts import ObjectiveParts
 from optiplan.problem.statement import End, Pose, Values, ViaPoint
+from optiplan.problem.task.builder import Task
+from optiplan.problem.task.steps import TaskStep
 from optiplan.problem.write import problem_text
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.lower_bound import lower_bounds, moving_bounds
+from optiplan.trajectory.trajectory import Trajectory
 
 __all__ = ["Goal", "JointGoal", "Objective", "Pose", "PoseGoal", "Problem", "Via", "ViaPoint"]
 
@@ -38,10 +45,11 @@ class Problem:
             a robot that is moving.
         goal: a `Pose`, values of the joints (n,), the name of a configuration, a `State` to arrive in, or a list of
             alternatives.
+        task: several steps, in place of a goal.
         scene: obstacles and attached objects: a `Scene`, or a list of obstacles; None: empty.
         vias: via points in order: `ViaPoint`, `Pose`, joint values, names of configurations.
         limits: fractions in (0, 1] of the robot's own: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
-        objective: weights of duration and of squared jerk; None: the duration alone.
+        objective: weights of duration, jerk, energy and more, see `Objective`; None: the duration alone.
         path_constraints: what holds on the way: `OrientationCone`, `PositionBox`, `OnPlane`, `OnLine`, `ToolSpeed`,
             `PairClearance`, `RelativePose`.
         base: pose of the robot's root in the world, a `Pose`; None: the identity.
@@ -59,7 +67,8 @@ class Problem:
         robot: where it stands, with the masses of what it carries (`robot.mounting`).
         start: (n,), rad or m.
         start_velocity, start_acceleration: (n,), at the start; zeros: at rest.
-        goal: alternatives of the end.
+        goal: alternatives of the end; none of a task.
+        task: steps in order; none where there is a goal.
         vias: to be passed in this order.
         limits: the robot's limits times the given fractions.
         source: the problem as plain data, all defaults filled in; what `save` writes and `run.json` stores.
@@ -85,6 +94,7 @@ class Problem:
     goal: Goal
     limits: Limits
     vias: tuple[Via, ...]
+    task: tuple[TaskStep, ...]
     objective: Objective
     path_constraints: tuple[PathConstraint, ...]
     planner: str
@@ -97,9 +107,10 @@ class Problem:
         self,
         robot: Robot | str | Path | Mapping[str, Any],
         start: Values | str | State | Mapping[str, Any],
-        goal: End | Sequence[End],
+        goal: End | Sequence[End] | None = None,
         scene: Scene | Sequence[Obstacle] | Mapping[str, Any] | None = None,
         *,
+        task: Task | Sequence[TaskStep | Mapping[str, Any]] | None = None,
         vias: Sequence[ViaPoint | Via | End] = (),
         limits: Mapping[str, float | str] | Limits | None = None,
         objective: Objective | Mapping[str, float] | None = None,
@@ -115,29 +126,40 @@ class Problem:
     ) -> None:
         rates = start_velocity, start_acceleration
         given = {"start": start, "goal": goal, "scene": scene, "vias": vias, "limits": limits, "objective": objective}
-        given |= {"path_constraints": path_constraints}
+        given |= {"task": task, "path_constraints": path_constraints}
         stands = {"base": base, "gravity": gravity}
         labels = {"name": name, "seed": seed}
         labels |= {"planner": "trajopt" if planner is None else planner, "options": {} if options is None else options}
+        needed = "start" if goal is None and task is not None else "goal"
         if isinstance(limits, Limits):
             rest: dict[str, Any] = {
                 "scene": scene or Scene(),
                 "vias": tuple(vias),
                 "objective": objective or Objective(),
             }
-            rest |= {"path_constraints": tuple(path_constraints)}
+            rest |= {
+                "path_constraints": tuple(path_constraints),
+                "task": () if task is None else tuple(cast(Sequence[TaskStep], task)),
+            }
             v, a = (np.zeros(robot.n) if rate is None else rate for rate in rates)  # type: ignore[union-attr]
             rest |= {"start_velocity": v, "start_acceleration": a}
             self._set({"robot": robot, **given, **labels, **rest, "source": {}, "hash": ""})
         else:
+            several = isinstance(path_constraints, Sequence)
+            own = [one for one in path_constraints if isinstance(one, Expression)] if several else []
+            if own:
+                given["path_constraints"] = [one for one in path_constraints if one not in own]
             given["start"] = start if all(rate is None for rate in rates) else to_data.moving_start(start, *rates)
             self._take(
                 read_arguments(
                     robot,
-                    {k: value for k, value in (given | stands).items() if value is not None or k in ("start", "goal")},
+                    {k: value for k, value in (given | stands).items() if value is not None or k == needed},
                     labels,
                 )
             )
+            if own:
+                made = self._with_expressions(own)
+                self._set({"path_constraints": made.path_constraints, "hash": made.hash})
 
     def _set(self, parts: Mapping[str, Any]) -> None:
         for name, value in parts.items():
@@ -238,6 +260,14 @@ class Problem:
         """
         return self._with(vias=vias)
 
+    def with_task(self, task: Task | Sequence[Mapping[str, Any]]) -> "Problem":
+        """Return the problem with another task.
+
+        Raises:
+            InputError: as for a file.
+        """
+        return self._with(task=task)
+
     def with_scene(self, scene: Scene | Sequence[Obstacle]) -> "Problem":
         """Return the problem in another scene.
 
@@ -246,13 +276,37 @@ class Problem:
         """
         return self._with(scene=scene)
 
+    def with_constraint(self, constraint: PathConstraint | Mapping[str, Any]) -> "Problem":
+        """Return the problem with one more path constraint.
+
+        Raises:
+            InputError: as of `with_constraints`.
+        """
+        return self.with_constraints(*self.path_constraints, constraint)
+
     def with_constraints(self, *constraints: PathConstraint | Mapping[str, Any]) -> "Problem":
-        """Return the problem with these path constraints, or none.
+        """Return the problem with these path constraints, or none: `op.OrientationCone(…)`, `op.Expression(…)`, ….
 
         Raises:
             InputError: as for a file: unknown frames or bodies, a start or goal that violates one.
         """
         return self._with(path_constraints=constraints)
+
+    def with_objective(self, objective: Objective | Mapping[str, float]) -> "Problem":
+        """Return the problem with another objective.
+
+        Raises:
+            InputError: as for a file: there is no such part, a weight < 0, or all are 0.
+        """
+        return self._with(objective=objective)
+
+    def objective_parts(self) -> ObjectiveParts:
+        """Return the parts of the objective, to be evaluated for motions."""
+        return ObjectiveParts(self.robot, self.scene, self.objective)
+
+    def cost(self, trajectory: Trajectory) -> float:
+        """Return the weighted sum of all parts of the objective of a motion, s."""
+        return self.objective_parts().cost(trajectory)
 
     def with_base(self, base: Pose | Mapping[str, Any]) -> "Problem":
         """Return the problem with the robot's root at another pose in the world; obstacles and poses stay.
@@ -298,6 +352,10 @@ class Problem:
         if not self.source:
             found = "a problem that was put together by hand"
             raise wrong_argument("Problem.save", "problem", found, "one that was read, or made by op.Problem(…)")
+        names = [one.name for one in self.path_constraints if isinstance(one, Expression)]
+        if names:
+            found = f"a problem with the expression '{names[0]}'"
+            raise wrong_argument("Problem.save", "problem", found, "constraints that a file can hold")
         file = path_argument("Problem.save", "path", path, "the path of a file")
         try:
             write_text(file, problem_text(self.source))
@@ -306,9 +364,12 @@ class Problem:
             raise wrong_argument("Problem.save", "path", found, "a file that can be written") from None
 
     def _with(self, **changes: Any) -> "Problem":
+        own = [one for one in changes.get("path_constraints", self.path_constraints) if isinstance(one, Expression)]
+        if "path_constraints" in changes and self.source:
+            changes["path_constraints"] = [one for one in changes["path_constraints"] if one not in own]
         if self.source:
             data = dict(self.source) | {SAID[part][0]: SAID[part][1](value) for part, value in changes.items()}
-            return Problem.of(read_data(data, self.robot)).with_seed(self.seed)
+            return Problem.of(read_data(data, self.robot)).with_seed(self.seed)._with_expressions(own)
         if {"base", "gravity"} & changes.keys():
             raise wrong_argument("Problem", "problem", "a problem that was put together by hand", "one with a source")
         if "start" in changes:
@@ -320,14 +381,26 @@ class Problem:
             changes["goal"] = (changes["goal"],)
         return replace(self, **changes)
 
+    def _with_expressions(self, own: Sequence[Expression]) -> "Problem":
+        """Return the problem with users' constraints, which no file holds and `source` does not show."""
+        if not own:
+            return self
+        digests = "".join(one.checked(self.robot, self.start) for one in own)
+        other = replace(self, path_constraints=(*self.path_constraints, *own))
+        other._set({"source": self.source, "hash": hashlib.sha256((self.hash + digests).encode()).hexdigest()})
+        return other
+
     def __repr__(self) -> str:
         """Name, robot, goal and scene in one line."""
         around = str(self.scene).removeprefix("Scene: ")
         past = f" past {len(self.vias)} points" if self.vias else ""
-        return f"Problem: {self.name}, {self.robot.name}, to {self._end()}{past}; {around}"
+        to = f"to {self._end()}"
+        return f"Problem: {self.name}, {self.robot.name}, {to}{past}; {around}"
 
     def _end(self) -> str:
         """The goal in words."""
+        if self.task:
+            return f"do {self.task[-1].number} steps"
         if len(self.goal) != 1:
             return f"any of {len(self.goal)} ends"
         goal = self.goal[0]

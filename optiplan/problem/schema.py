@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 from optiplan.config.document import Number, Strict, Whole
 from optiplan.config.values import (
     Coordinate,
+    Direction,
     ExactlyOne,
     FileName,
     Fraction,
@@ -22,10 +23,10 @@ from optiplan.config.values import (
     NotNegative,
     Vector,
 )
+from optiplan.geometry.pose_schema import PoseSpec as PoseSpec
+from optiplan.geometry.pose_schema import ToleranceSpec as ToleranceSpec
 from optiplan.geometry.shapes import SHAPES, ShapeSpec
 from optiplan.problem.constraints.schema import PathConstraintSpec as PathConstraintSpec
-from optiplan.problem.pose_schema import PoseSpec as PoseSpec
-from optiplan.problem.pose_schema import ToleranceSpec as ToleranceSpec
 
 LARGEST_MASS = 1e6
 """kg; nothing that an arm can hold."""
@@ -197,6 +198,143 @@ def _timed(vias: tuple[ViaSpec, ...]) -> tuple[ViaSpec, ...]:
     return vias
 
 
+class MoveSpec(Strict):
+    """Go to one end, or any of several, past `via`, with the joints of `group` (default: that of the problem)."""
+
+    joints: tuple[Number, ...] | None = None
+    configuration: Name | None = None
+    pose: PoseGoalSpec | None = None
+    any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
+    via: Annotated[tuple[ViaSpec, ...], AfterValidator(_timed)] = ()
+    group: Name | None = None
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        _exactly_one(self, ("joints", "configuration", "pose", "any_of"))
+        return self
+
+
+class StraightLineSpec(Strict):
+    """The tool straight to `pose`, or `by` a vector, m, seen from the world or the tool (`in`).
+
+    `speed` of the tool at most, m/s; `frame` is the robot's tool frame without one.
+    """
+
+    pose: PoseGoalSpec | None = None
+    by: Vector | None = None
+    in_: Annotated[Literal["world", "tool"], Field(alias="in")] = "world"
+    frame: Name | None = None
+    speed: Length | None = None
+    group: Name | None = None
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        _exactly_one(self, ("pose", "by"))
+        if self.pose is not None and (self.in_ != "world" or self.frame is not None):
+            raise ValueError("found `in` or `frame` of the line; expected `frame` of the pose")
+        return self
+
+
+class ApproachSpec(Strict):
+    """Anywhere to `distance`, m, before a pose, and from there straight `along` an axis of its frame."""
+
+    pose: PoseGoalSpec | None = None
+    any_of: Annotated[tuple[PoseGoalSpec, ...], Field(min_length=1)] | None = None
+    distance: Length
+    along: Direction = (0.0, 0.0, 1.0)
+    speed: Length | None = None
+    via: Annotated[tuple[ViaSpec, ...], AfterValidator(_timed)] = ()
+    group: Name | None = None
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        _exactly_one(self, ("pose", "any_of"))
+        return self
+
+
+class RetreatSpec(Strict):
+    """The tool straight by `distance`, m, `along` an axis of the tool or the world (`in`)."""
+
+    distance: Length
+    along: Direction = (0.0, 0.0, -1.0)
+    in_: Annotated[Literal["world", "tool"], Field(alias="in")] = "tool"
+    frame: Name | None = None
+    speed: Length | None = None
+    group: Name | None = None
+
+
+class AttachSpec(Strict):
+    """`link` takes an obstacle where it stands; it may touch the links of `touch`, and `link`.
+
+    `mass`, `centre` and `inertia` are as of an attached object.
+    """
+
+    object: Name
+    link: Name
+    touch: tuple[Name, ...] = ()
+    mass: Annotated[NotNegative, Field(le=LARGEST_MASS)] | None = None
+    centre: Vector | None = None
+    inertia: Vector | None = None
+
+
+class DetachSpec(Strict):
+    """What is held becomes an obstacle where it is."""
+
+    object: Name
+
+
+class GripperSpec(Strict):
+    """Joints of a `group` move to `joints`, rad or m, or to their values in a named configuration."""
+
+    group: Name
+    joints: tuple[Number, ...] | None = None
+    configuration: Name | None = None
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        _exactly_one(self, ("joints", "configuration"))
+        return self
+
+
+def _exactly_one(spec: Strict, keys: tuple[str, ...]) -> None:
+    given = [key for key in keys if getattr(spec, key) is not None]
+    if len(given) != 1:
+        raise ValueError(f"found {' and '.join(given) or 'none of them'}; expected exactly one of: {', '.join(keys)}")
+
+
+class TaskStepSpec(Strict):
+    """One step of a task: one of the keys from `move` to `dwell` (s), and what holds during this step.
+
+    `allowed_collisions` of an approach are for its line alone.
+    """
+
+    move: MoveSpec | None = None
+    line: StraightLineSpec | None = None
+    approach: ApproachSpec | None = None
+    retreat: RetreatSpec | None = None
+    attach: AttachSpec | None = None
+    detach: DetachSpec | None = None
+    gripper: GripperSpec | None = None
+    dwell: Length | None = None
+    name: Name | None = None
+    allowed_collisions: tuple[NamePair, ...] = ()
+    path_constraints: tuple[PathConstraintSpec, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        _exactly_one(self, STEP_KINDS)
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The key of what is done."""
+        return next(kind for kind in STEP_KINDS if getattr(self, kind) is not None)
+
+
+STEP_KINDS = ("move", "line", "approach", "retreat", "attach", "detach", "gripper", "dwell")
+"""What a step of a task can be."""
+
+
 class LimitScalesSpec(Strict):
     """Fractions of the robot's own limits; `jerk: none` lifts the jerk limits, so that the acceleration may jump."""
 
@@ -207,14 +345,21 @@ class LimitScalesSpec(Strict):
 
 
 class ObjectiveSpec(Strict):
-    """Weights of duration (1/s) and of the integral of squared jerk."""
+    """Weights of the parts of the cost; see `objectives.objective.Objective`."""
 
     time: NotNegative = 1.0
     jerk: NotNegative = 0.0
+    energy: NotNegative | None = None
+    joint_path: NotNegative | None = None
+    tool_path: NotNegative | None = None
+    tool_smoothness: NotNegative | None = None
+    clearance: NotNegative | None = None
+    manipulability: NotNegative | None = None
+    centring: NotNegative | None = None
 
     @model_validator(mode="after")
     def _something(self) -> Self:
-        if self.time == 0.0 and self.jerk == 0.0:
+        if not any(self.model_dump().values()):
             raise ValueError("found all weights 0; expected at least one weight > 0")
         return self
 
@@ -233,7 +378,8 @@ class ProblemSpec(Strict):
     `robot` is the name of one that comes along, the path of a robot.yaml, or what would stand in one (`{urdf: …}`).
     `group` names the planned joints among the robot file's `groups`; `locked` holds values of joints that are not
     planned (fingers), over those of the robot file. `base` is the pose of the robot's root in the world, the identity
-    without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one.
+    without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one. There is
+    either a `goal` or a `task` of several steps.
     """
 
     version: Literal[1]
@@ -244,7 +390,8 @@ class ProblemSpec(Strict):
     base: PoseSpec | None = None
     gravity: Vector | None = None
     start: StartSpec
-    goal: GoalSpec
+    goal: GoalSpec | None = None
+    task: Annotated[tuple[TaskStepSpec, ...], Field(min_length=1)] | None = None
     scene: SceneSpec = SceneSpec()
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(_timed)] = ()
     path_constraints: tuple[PathConstraintSpec, ...] = ()

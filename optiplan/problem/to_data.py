@@ -12,7 +12,7 @@ from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shapes import shape_data
 from optiplan.problem.constraints.statements import KINDS, constraint_data
-from optiplan.problem.goals_and_vias import Objective
+from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.statement import Pose, end_data, is_configuration, via_point_data
 from optiplan.trajectory.state import State
 
@@ -131,9 +131,9 @@ def limits_data(limits: Any) -> Any:
 def objective_data(objective: Any) -> Any:
     """`objective:` of a file."""
     if isinstance(objective, Objective):
-        return {"time": objective.time, "jerk": objective.jerk}
+        return {"time": objective.time, "jerk": objective.jerk} | objective.weights
     if not isinstance(objective, Mapping):
-        raise wrong_argument("Problem", "objective", described(objective), "op.Objective(time=…, jerk=…)")
+        raise wrong_argument("Problem", "objective", described(objective), "op.Objective(time=…, jerk=…, …)")
     return plain(objective)
 
 

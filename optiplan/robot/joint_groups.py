@@ -56,14 +56,18 @@ class Group:
 def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, name: str | None = None) -> Group:
     """The group called `name`; without a name `group`, else the first of `groups`, else the longest chain of joints.
 
+    Names joined by `+` mean all joints of these groups.
+
     Raises:
         UnknownChoiceError: there is no such group.
         InputError: a name that is no joint, a joint that cannot be planned, another order than base to tip.
     """
     model = build_model(urdf)
     movable = [joint for joint in model.names if urdf.joint_types.get(joint) in MOVABLE and joint not in urdf.mimics]
-    if name is not None and name not in spec.groups:
-        raise UnknownChoiceError("group", name, spec.groups or ["none, since the robot file has no groups"])
+    names = [] if name is None else name.split("+")
+    for one in names:
+        if one not in spec.groups:
+            raise UnknownChoiceError("group", one, spec.groups or ["none, since the robot file has no groups"])
     if isinstance(spec.group, str) and spec.group not in spec.groups:
         found = f"unknown group '{spec.group}'"
         raise InputError([document.issue(("group",), found, choices(spec.group, list(spec.groups)))])
@@ -82,7 +86,8 @@ def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, name: 
     if name is None and unnamed is not None:
         return Group(None, tuple(unnamed), listed)
     chosen = name or (spec.group if isinstance(spec.group, str) else next(iter(spec.groups)))
-    return Group(chosen, tuple(spec.groups[chosen]), listed)
+    joints = {joint for one in names or [chosen] for joint in spec.groups[one]}
+    return Group(chosen, tuple(joint for joint in movable if joint in joints), listed)
 
 
 def mecanum_base(spec: RobotSpec, document: Document, planned: Sequence[str], urdf: UrdfSource) -> MecanumSpec | None:

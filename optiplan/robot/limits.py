@@ -1,5 +1,6 @@
 """Limits of the planned joints: those of the robot.yaml, else those of the URDF, else stated defaults."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -36,9 +37,9 @@ class Limits:
         """Limits of the derivatives of order 1, 2 and 3: velocity, acceleration and jerk."""
         return self.velocity, self.acceleration, self.jerk
 
-    def of(self, joints: slice) -> "Limits":
-        """The limits of some of the joints."""
-        return Limits(*(getattr(self, field.name)[joints] for field in fields(self)))
+    def of_joints(self, kept: Sequence[int]) -> "Limits":
+        """Return the limits of some joints, by index."""
+        return Limits(*(getattr(self, one.name)[list(kept)] for one in fields(self)))
 
     def scaled(
         self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float | str = 1.0, torque: float = 1.0

@@ -38,7 +38,7 @@ def tool_frame(
         issues.append(document.issue(("tool_frames", key), f"unknown group '{key}'", choices(key, list(spec.groups))))
     if issues:
         raise InputError(issues)
-    frame = spec.tool_frames.get(group.name or "", spec.tool_frame)
+    frame = spec.tool_frames.get((group.name or "").partition("+")[0], spec.tool_frame)
     notes = []
     if group.chosen:
         notes.append(f"no group is given: planned is the longest chain of joints, {', '.join(group.joints)}")

@@ -1,6 +1,7 @@
 """The native core's kinematic tree of a model."""
 
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -11,9 +12,20 @@ from optiplan.robot.mimic_joints import coupling, screws
 if TYPE_CHECKING:
     from optiplan._core._core_base import Tree
 
+_made: "WeakKeyDictionary[pin.Model, tuple[object, Tree]]" = WeakKeyDictionary()
+"""The build and the tree of each model in use: models of robots never change."""
+
 
 def native_tree(model: pin.Model) -> "Tree":
-    """Joints, with what follows what, and the inertia of the links that they carry; the core must be there."""
+    """Return joints, with what follows what, and the inertia of the links that they carry; the core must be there."""
+    build, tree = _made.get(model, (None, None))
+    if tree is None or build is not core:
+        tree = _tree(model)
+        _made[model] = core, tree
+    return tree
+
+
+def _tree(model: pin.Model) -> "Tree":
     joints = range(1, model.njoints)
     A, b = coupling(model)
     leaders = np.abs(A).argmax(axis=1)

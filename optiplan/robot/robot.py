@@ -18,6 +18,7 @@ from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_
 from optiplan.files import bound, read_bytes, reading, write_text
 from optiplan.robot.description_files import read_sources
 from optiplan.robot.dh.table import DhTable
+from optiplan.robot.held_joints import held_model
 from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to
 from optiplan.robot.limits import Limits, build_limits
 from optiplan.robot.link_geometry import LinkGeometry, treat
@@ -56,7 +57,8 @@ class Robot:
     `source`, `locked` and `group` builds the same robot again, in another process too: so it is pickled.
     `fingerprint` is the SHA-256 of the contents of `files`, and a robot that comes out of a pickle with another one
     is refused. `reference` is what it was loaded by. `mounting` says how it stands and what it carries: `model` and
-    the bodies have it in them, and `bare` is the robot without.
+    the bodies have it in them, and `bare` is the robot without. `held` are planned joints that were made to stand
+    still by `holding`.
 
     Example:
         >>> import optiplan as op
@@ -89,6 +91,7 @@ class Robot:
     reference: Reference = UNKNOWN
     mounting: Mounting = field(default_factory=Mounting)
     bare: "Robot | None" = None
+    held: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def from_urdf(cls, path: Path | str, *, tool_frame: str | None = None, **keys: Any) -> "Robot":
@@ -214,6 +217,39 @@ class Robot:
             bare=bare,
         )
 
+    def holding(self, values: Mapping[str, float]) -> "Robot":
+        """Return the robot with these planned joints standing still, rad or m; planned are the others.
+
+        What is proved of pairs of links holds for it too, since its configurations are among those of this robot.
+
+        Raises:
+            UnknownChoiceError: a name that is no planned joint.
+        """
+        for name in values:
+            if name not in self.joint_names:
+                raise UnknownChoiceError("joint", name, self.joint_names)
+        if not values:
+            return self
+        bare = self if self.bare is None else replace(self.bare, tool_frame=self.tool_frame, limits=self.limits)
+        model, geometry = held_model(bare.model, bare.geometry, bare.followers, values)
+        kept = [j for j, name in enumerate(bare.joint_names) if name not in values]
+        names = tuple(bare.joint_names[j] for j in kept)
+        wheels = bare.mecanum if bare.mecanum is not None and set(bare.mecanum.joints) <= set(names) else None
+        reduced = replace(
+            bare,
+            model=model,
+            geometry=geometry,
+            limits=bare.limits.of_joints(kept),
+            joint_names=names,
+            configurations={name: q[kept] for name, q in bare.configurations.items()},
+            build_visual=lambda: held_model(bare.model, bare.build_visual(), bare.followers, values)[1],
+            locked={**bare.locked, **values},
+            followers={name: one for name, one in bare.followers.items() if one.source not in values},
+            mecanum=wheels,
+            held={**bare.held, **values},
+        )
+        return reduced.mounted(self.mounting)
+
     def with_proved_checked(self) -> "Robot":
         """Return the same robot with pairs checked that are proved apart, for queries of larger distances."""
         allowed = {pair: reason for pair, reason in self.allowed.items() if reason != PROVED}
@@ -223,7 +259,8 @@ class Robot:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickled as the call that loads it: models of pinocchio and coal do not travel whole."""
-        parts = dict(self.locked), self.group, self.fingerprint
+        locked = {name: q for name, q in self.locked.items() if name not in self.held}
+        parts = locked, self.group, self.fingerprint, dict(self.held)
         by = self.reference.robot
         ref = by if isinstance(by, Mapping) else str(self.source)
         return _reload, (ref, parts, self.limits, self.tool_frame, self.mounting)
@@ -236,16 +273,16 @@ class Robot:
 
 def _reload(
     source: str | Mapping[str, Any],
-    parts: tuple[dict[str, float], str | None, str],
+    parts: tuple[dict[str, float], str | None, str, dict[str, float]],
     limits: Limits,
     tool_frame: str,
     mounting: Mounting,
 ) -> Robot:
-    locked, group, fingerprint = parts
+    locked, group, fingerprint, held = parts
     robot = load_robot(source, locked=locked, group=group)
     if robot.fingerprint != fingerprint:
         raise OptiPlanError(f"robot {robot.name} is not what it was when it was loaded: its files have changed")
-    return replace(robot, limits=limits, tool_frame=tool_frame).mounted(mounting)
+    return replace(robot.holding(held), limits=limits, tool_frame=tool_frame).mounted(mounting)
 
 
 @reading()
@@ -262,7 +299,8 @@ def load_robot(
             out; its paths are relative to `base`.
         base: folder that a relative path starts from; the working directory without it.
         locked: positions (rad, m) of joints that are not planned; they go before those of the robot.yaml.
-        group: the joints to plan, a name of the robot.yaml's `groups`; its default group without one.
+        group: the joints to plan, a name of the robot.yaml's `groups`, or several joined by `+`; its default group
+            without one.
 
     Raises:
         InputError: anything in the robot.yaml or its URDF, SRDF and meshes that cannot be used.

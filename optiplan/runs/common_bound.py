@@ -6,6 +6,9 @@ from typing import NamedTuple
 from optiplan.arrays import Array
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.runs.run import SMALLEST_BOUND
+from optiplan.trajectory.segments import RESTING
+from optiplan.trajectory.timing.lower_bound import lower_bound
+from optiplan.trajectory.trajectory import Trajectory
 
 
 class Bound(NamedTuple):
@@ -25,6 +28,8 @@ def common_bound(problem: Problem, reached: Sequence[Array]) -> Bound:
     No motion to an end configuration is shorter than its bound. Of the problem it is the least over the end
     configurations that were reached and those that the problem lists.
     """
+    if problem.task:
+        return Bound(None, "of a task each motion has its own: that of the places where it stops")
     listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
     if not listed and not len(reached):
         return Bound(None, "not known: no goal configuration is listed, and none was reached")
@@ -36,3 +41,20 @@ def common_bound(problem: Problem, reached: Sequence[Array]) -> Bound:
     else:
         words = "the least over the end configurations reached here; others may have a lower one"
     return Bound(seconds, words)
+
+
+def bound_of(problem: Problem, trajectory: Trajectory) -> float:
+    """Return the lower bound, s, of a motion's duration: of its end, or of all that a task must do at rest.
+
+    Of a task: the sum over the stretches between the steps before and after which the robot stands still, each from
+    rest to rest; what grippers and dwelling take is counted whole.
+    """
+    if not problem.task:
+        return float(problem.lower_bounds([trajectory.end])[0])
+    total, begin = 0.0, 0.0
+    for segment in trajectory.segments:
+        if segment.kind in RESTING:
+            total += lower_bound(trajectory(begin), trajectory(segment.begin), problem.limits)
+            total += segment.end - segment.begin
+            begin = segment.end
+    return total + lower_bound(trajectory(begin), trajectory.end, problem.limits)

@@ -6,7 +6,7 @@ share of 1e-6 of the whole.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,10 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
+from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
+from optiplan.problem.objectives.objective import UNITS
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.timeline import mismatch, scene_parts
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
@@ -49,8 +52,10 @@ class Metrics:
         joint_torques: sqrt(mean over time of tau_j^2) by joint, N m or N.
         clearance: proved at all times by the verifier, m; None when it proved none, or no two bodies can meet.
         lowest_clearance: smallest distance of two bodies that the verifier measured, m; not below `clearance`.
+        objective: parts of the problem's objective by name: value with its unit, weight, and cost, s.
         manipulability: smallest Yoshikawa measure of the tool's Jacobian (lengths in m): of all six rows, or with fewer
             than six joints of the three of the velocity. Sampled, then refined around the smallest sample.
+        wheel_rates: largest |rate| of each mecanum wheel, rad/s, by name; None for a robot without. Sampled.
     """
 
     tool_path: float
@@ -64,6 +69,8 @@ class Metrics:
     clearance: float | None
     lowest_clearance: float | None
     manipulability: float
+    objective: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    wheel_rates: Mapping[str, float] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready data, but for values that are not finite."""
@@ -71,11 +78,12 @@ class Metrics:
 
 
 def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics | None:
-    """Measure a trajectory; None when it does not move the joints of the problem's robot."""
+    """Measure a trajectory; None when it does not move the joints of the problem's robot, or not as its task says."""
     robot = problem.robot
-    if trajectory.joint_names != robot.joint_names:
+    if trajectory.joint_names != robot.joint_names or (problem.task and mismatch(problem, trajectory)):
         return None
-    integrals = integral(_Instant(robot, trajectory), trajectory)
+    parts = [(part.problem.robot, part.motion(trajectory)) for part in scene_parts(problem, trajectory)]
+    integrals = np.sum([integral(_Instant(loaded, motion), motion) for loaded, motion in parts], axis=0)
     squared = integrals[3:] / trajectory.duration
     joint, jerk, share = peak_jerk(trajectory, problem)
     proved, lowest = _clearance(report)
@@ -91,7 +99,18 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
         clearance=proved,
         lowest_clearance=lowest,
         manipulability=least_manipulability(robot, trajectory),
+        objective=objective_of(problem, trajectory),
+        wheel_rates=peak_wheel_rates(robot, trajectory),
     )
+
+
+def objective_of(problem: Problem, trajectory: Trajectory) -> dict[str, dict[str, Any]]:
+    """Return what each part of the problem's objective comes to: value, unit, weight, cost."""
+    weights = problem.objective.weights
+    return {
+        name: {"value": value, "unit": UNITS[name], "weight": weights[name], "cost": weights[name] * value}
+        for name, value in problem.objective_parts().values(trajectory).items()
+    }
 
 
 class _Instant:
@@ -161,6 +180,17 @@ def peak_jerk(trajectory: Trajectory, problem: Problem) -> tuple[int, float, flo
     joint, limited = int(np.argmax(jerk)), np.isfinite(limits.jerk)
     share = float((jerk[limited] / limits.jerk[limited]).max()) if limited.any() else None
     return joint, float(jerk[joint]), share
+
+
+def peak_wheel_rates(robot: Robot, trajectory: Trajectory) -> dict[str, float] | None:
+    """Return the largest |rate| of each wheel, rad/s; None for a robot without wheels.
+
+    Holds at: 8 samples a panel, at whose ends the pieces begin and end.
+    """
+    a, b = _panels(trajectory)
+    t = np.append((a[:, None] + (b - a)[:, None] * np.linspace(0.0, 0.875, 8)).ravel(), b[-1])
+    rates = wheel_rates_along(robot, trajectory(t), trajectory(t, 1))
+    return None if rates is None else dict(zip(WHEELS, np.abs(rates).max(axis=0).tolist(), strict=True))
 
 
 def least_manipulability(robot: Robot, trajectory: Trajectory) -> float:

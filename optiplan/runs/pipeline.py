@@ -11,7 +11,9 @@ from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner, options_set
+from optiplan.planners.task.planner import plan_task
 from optiplan.problem.problem import Problem
+from optiplan.runs.common_bound import bound_of
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
@@ -51,7 +53,11 @@ def run(  # noqa: PLR0913
         name, chosen, options = type(planner).__name__, planner, options_set(planner)
     budget.start()
     began, spent = time.perf_counter(), processor_time()
-    result = plan_through(chosen, problem, budget.leaving(reserve(budget.seconds)), progress, earlier)
+    within = budget.leaving(reserve(budget.seconds))
+    if problem.task:
+        result = plan_task(chosen, problem, within, progress)
+    else:
+        result = plan_through(chosen, problem, within, progress, earlier)
     timings, spent = {"plan": time.perf_counter() - began}, processor_time() - spent
     return replace(proved(problem, name, options, result, (budget, progress, timings)), plan_cpu=spent)
 
@@ -80,7 +86,7 @@ def proved(
         began = time.perf_counter()
         selection = best_verified(problem, [*result.earlier, Candidate(result.trajectory, seconds)], budget)
         timings["verify"] = time.perf_counter() - began
-        bound = float(problem.lower_bounds([selection.trajectory.end])[0])
+        bound = bound_of(problem, selection.trajectory)
         began = time.perf_counter()
         metrics = measure(problem, selection.trajectory, selection.report)
         timings["measure"] = time.perf_counter() - began

@@ -12,11 +12,13 @@ from typing import Any
 import optiplan
 from optiplan._core import variant
 from optiplan.errors import path_argument, wrong_argument
+from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
 from optiplan.runs.export import Exported, export
 from optiplan.runs.metrics import Metrics
 from optiplan.runs.run_folder import save_run
+from optiplan.trajectory.segments import segment_data
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
 
@@ -76,8 +78,11 @@ class Run:
     def lower_bound_of(self) -> str:
         """`problem`, if all its motions end in one configuration, so that none is shorter than the bound; else `end`.
 
-        A motion to another end of the same goal may be shorter than the bound of this end.
+        A motion to another end of the same goal may be shorter than the bound of this end. Of a task it is `stops`: the
+        bound is that of the configurations in which this motion stands still.
         """
+        if self.problem.task:
+            return "stops"
         return "problem" if self.problem.one_end else "end"
 
     @property
@@ -154,6 +159,14 @@ class Run:
         curves = "" if self.trajectory is None else self.trajectory._repr_html_()
         return f"<p><b>{escape(self._verdict())}</b></p><table>{cells}</table>{curves}"
 
+    def more_samples(self, rate: float) -> dict[str, Any]:
+        """Return the rates of mecanum wheels, `wheels` (k, 4), rad/s, at the times of `trajectory.json`."""
+        if self.trajectory is None or self.problem.robot.mecanum is None:
+            return {}
+        t = self.trajectory.sample_times(rate)
+        rates = wheel_rates_along(self.problem.robot, self.trajectory(t), self.trajectory(t, 1))
+        return {"wheel_names": list(WHEELS), "wheels": [] if rates is None else rates.tolist()}
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `run.json`: everything but the motion, JSON-ready but for numpy numbers."""
         failure = self.failure
@@ -166,6 +179,7 @@ class Run:
             "seed": self.problem.seed,
             "verified": self.verified,
             "duration": self.duration,
+            **(segment_data(self.trajectory.segments) if self.trajectory and self.trajectory.segments else {}),
             "lower_bound": self.lower_bound,
             "lower_bound_of": None if self.lower_bound is None else self.lower_bound_of,
             "ratio": self.ratio,

@@ -32,6 +32,9 @@ class Saved(Protocol):
     def to_dict(self) -> dict[str, Any]:
         """Everything else."""
 
+    def more_samples(self, rate: float) -> dict[str, Any]:
+        """What stands beside the samples of the joints, at their times."""
+
 
 @dataclass(frozen=True, eq=False)
 class StoredRun:
@@ -62,7 +65,7 @@ def save_run(run: Saved, folder: Path) -> None:
     """
     files = {RUN: run.to_dict()}
     if run.trajectory is not None:
-        files[TRAJECTORY] = run.trajectory.to_dict(rate=RATE)
+        files[TRAJECTORY] = {**run.trajectory.to_dict(rate=RATE), **run.more_samples(RATE)}
     try:
         _write_all(folder, files)
     except OSError as error:

@@ -66,6 +66,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     tidying = asyncio.ensure_future(_keep_tidy(service))
     yield
     tidying.cancel()
+    await service.waited.finish()
     await asyncio.to_thread(service.close)
 
 

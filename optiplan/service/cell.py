@@ -86,6 +86,8 @@ class CellPlanner:
         target: Sequence[float] | None = None,
         *,
         joint_target: Sequence[float] | None = None,
+        velocities: Sequence[float] | None = None,
+        accelerations: Sequence[float] | None = None,
         budget: float = 1.0,
         deadline: float | None = None,
         planner: str | None = None,
@@ -96,13 +98,17 @@ class CellPlanner:
             joints: positions of the planned joints now (n,), rad or m.
             target: pose of the tool in the world: x, y, z, m, and the quaternion x, y, z, w.
             joint_target: or positions of the joints (n,).
+            velocities: of a robot that moves (n,), rad/s or m/s; with `joints`, where it will be when the answer is
+                there, such as a row of `q`, `v` and `a` of the motion before.
+            accelerations: likewise (n,), rad/s^2 or m/s^2.
             budget: s for planning and proof.
             deadline: s from now after which no answer is wanted.
             planner: another one than the problem's.
         """
         asked: dict[str, Any] = {"problem": self.problem, "budget": budget, "deadline": deadline, "planner": planner}
         if joints is not None:
-            asked["start"] = {"joints": [float(x) for x in joints]}
+            state = {"joints": joints, "velocity": velocities, "acceleration": accelerations}
+            asked["start"] = {key: [float(x) for x in values] for key, values in state.items() if values is not None}
         if target is not None:
             pose = [float(x) for x in target]
             asked["goal"] = {"pose": {"position": pose[:3], "quaternion": pose[3:]}}

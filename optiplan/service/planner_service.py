@@ -4,21 +4,16 @@ import asyncio
 import json
 import logging
 import re
-import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from sqlalchemy.exc import SQLAlchemyError
-
 import optiplan
-from optiplan.errors import OptiPlanError
 from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.benches import Benches
 from optiplan.service.execution.run_queue import RunQueue
-from optiplan.service.execution.run_solver import GRACE, LEAD, RunSolver
+from optiplan.service.execution.run_solver import RunSolver
 from optiplan.service.execution.solver_pool import Lane, SolverAnswer, SolverJob, SolverPool
 from optiplan.service.live_sessions import LiveSessions
 from optiplan.service.models import ProblemInput, Submission
@@ -32,6 +27,7 @@ from optiplan.service.store.problem_table import ProblemTable
 from optiplan.service.store.retention import outdated, sweep
 from optiplan.service.store.run_table import NewRun, Record, RunTable
 from optiplan.service.store.tables import open_database, store_name
+from optiplan.service.waited_plans import WaitedPlans
 
 Result = TypeVar("Result")
 
@@ -39,21 +35,10 @@ _log = logging.getLogger("optiplan.service")
 
 REMEMBERED = 2000
 """Checks of problems that are remembered."""
-WAITING = 8
-"""Callers per interactive process that may wait for it."""
 LOOKING = 400
 """Problems that may wait to be read."""
 WRITERS, READERS = 4, 8
 """Threads that write to the database, and that read from it."""
-
-
-@dataclass(frozen=True)
-class WaitedRun:
-    """A run that a caller waited for, its trajectory.json, and what keeps it, to be awaited after the answer."""
-
-    record: Record
-    motion: bytes | None
-    keep: Callable[[], Any] | None = None
 
 
 class PlannerService:
@@ -69,6 +54,8 @@ class PlannerService:
         pictures: of runs and problems, for lists.
         live: controllers that run.
         benches: problems by planners.
+        waited: plans that callers wait for.
+        solver: solves queued runs.
     """
 
     def __init__(self, settings: ServiceSettings, serving: bool = True) -> None:
@@ -89,19 +76,19 @@ class PlannerService:
         self.runs, self.problems = RunTable(self._engine), ProblemTable(self._engine)
         callers: dict[Lane, int] = {"plan": settings.interactive, "look": 1, "live": settings.live} if serving else {}
         self.pool = SolverPool(settings, {**callers, "queue": settings.solvers})
-        self._solver = RunSolver(settings, self.runs, self.contents, self.pool)
-        self.queue = RunQueue(settings, self._engine, self.runs, self._solver)
+        self.solver = RunSolver(settings, self.runs, self.contents, self.pool)
+        self.queue = RunQueue(settings, self._engine, self.runs, self.solver)
         self.pictures, self.live = Pictures(self), LiveSessions(self)
         self.benches = Benches(self, BenchTable(self._engine))
         self._checked: OrderedDict[str, Mapping[str, Any]] = OrderedDict()
-        self._saving: dict[str, asyncio.Future[None]] = {}
+        self.waited = WaitedPlans(self)
         self._writers = ThreadPoolExecutor(WRITERS, "write")
         self._readers = ThreadPoolExecutor(READERS, "read")
 
     def start(self) -> None:
-        """Start processes and queue."""
-        self.pool.start()
+        """Start queue and processes, these last: their warming up takes the processor for seconds."""
         self.queue.start()
+        self.pool.start()
 
     def close(self) -> None:
         """Stop all that was started; runs under way are put back."""
@@ -131,6 +118,10 @@ class PlannerService:
                 self._checked.popitem(last=False)
         return answer.data
 
+    def checked(self, request: Record) -> Mapping[str, Any] | None:
+        """What a problem is, where that is known already."""
+        return self._checked.get(digest_of(request))
+
     async def submit(self, submission: Submission) -> Record:
         """Queue a run and return it, or the one that there is of the same submission.
 
@@ -138,58 +129,24 @@ class PlannerService:
             Refusal: the problem cannot be planned, the queue is full.
             StorageFullError: so is the disk.
         """
-        self._check_budget(submission)
+        self.check_budget(submission)
         about = await self.check(submission)
         request = await self.request(submission)
         return await self.write(lambda: self._submit(submission, about, request))
 
     def _submit(self, submission: Submission, about: Mapping[str, Any], request: Record) -> Record:
         self.contents.check_room()
-        new = self._new_run(submission, about, "")
+        new = self.new_run(submission, about, "")
         known = self.runs.get(new.id)
         if known is not None and known["status"] in ("queued", "running", "done"):
             return known
         if (waiting := self.runs.waiting()) >= self.settings.queue:
             raise busy(f"{waiting} runs are queued, which is all that this server takes", min(60.0, 0.1 * waiting))
-        new = self._new_run(submission, about, self.contents.put(json.dumps(request).encode()))
+        new = self.new_run(submission, about, self.contents.put(json.dumps(request).encode()))
         record, fresh = self.runs.submit(new)
         if fresh:
             self.queue.enqueue(new.id)
         return record
-
-    async def plan(self, submission: Submission, gone: Callable[[], Any]) -> "WaitedRun":
-        """Plan while the caller waits.
-
-        Args:
-            submission: what to plan.
-            gone: awaited now and then: whether the caller has gone, so that nobody wants the answer.
-
-        Raises:
-            Refusal: the problem cannot be planned, too many callers wait.
-        """
-        self._check_budget(submission)
-        request, began = await self.request(submission), time.time()
-        known = self._checked.get(digest_of(request))
-        if known is not None:
-            record = await self.read(lambda: self.runs.get(self._new_run(submission, known, "").id))
-            if record is not None and record["status"] == "done":
-                return WaitedRun(record, await self.content(record, TRAJECTORY))
-        if self.pool.waiting("plan") >= WAITING * self.settings.interactive:
-            raise busy("too many callers wait for a plan", 1.0)
-        left = submission.deadline or float("inf")
-        asked = {**request, "do": "plan", "early": True, "budget": max(LEAD, min(submission.budget, left - LEAD))}
-        wall = self.settings.reading + submission.budget + GRACE
-        job = SolverJob(asked, wall, until=time.monotonic() + left)
-        answer, whole = await self._answer(job, gone)
-        if "error" in answer.data:
-            raise refusal_of(answer)
-        if answer.death is not None:
-            late = answer.death == "timeout" and left < wall
-            raise Refusal(504 if answer.death == "timeout" else 503, "deadline" if late else answer.detail)
-        new = self._new_run(submission, answer.data, "")
-        record = {**vars(new), **answer.data, "status": "failed" if answer.data["failure"] else "done"}
-        record |= {"submitted": began, "started": began, "finished": time.time()}
-        return WaitedRun(record, answer.files.get(TRAJECTORY), self._keeper(new, request, whole, began))
 
     async def run(self, run: str) -> Record:
         """A run.
@@ -197,8 +154,7 @@ class PlannerService:
         Raises:
             Refusal: there is none of that id.
         """
-        if (saving := self._saving.get(run)) is not None:
-            await asyncio.shield(saving)
+        await self.waited.kept(run)
         record = await self.read(lambda: self.runs.get(run))
         if record is None:
             raise not_found("run", run)
@@ -297,12 +253,14 @@ class PlannerService:
             raise Refusal(422, f"the scene has {count} bodies; this server takes {self.settings.bodies}")
         return request
 
-    def _check_budget(self, submission: Submission) -> None:
+    def check_budget(self, submission: Submission) -> None:
+        """Raise a `Refusal` if the budget is larger than this server allows."""
         most = self.settings.most_budget
         if submission.budget > most:
             raise Refusal(422, f"budget: found {submission.budget:g} s; expected at most {most:g} s on this server")
 
-    def _new_run(self, submission: Submission, about: Mapping[str, Any], request: str) -> NewRun:
+    def new_run(self, submission: Submission, about: Mapping[str, Any], request: str) -> NewRun:
+        """The run of a submission; its id is the digest of all that decides the answer."""
         asked = [about[key] for key in ("hash", "planner", "options", "seed")]
         asked += [submission.budget, submission.deadline, optiplan.__version__]
         return NewRun(
@@ -316,47 +274,3 @@ class PlannerService:
             budget=submission.budget,
             deadline=submission.deadline,
         )
-
-    async def _answer(
-        self, job: SolverJob, gone: Callable[[], Any]
-    ) -> tuple[SolverAnswer, "asyncio.Future[SolverAnswer]"]:
-        """What a process answers as soon as the caller can use it, and the whole of it, which comes later."""
-        loop = asyncio.get_running_loop()
-        early: asyncio.Future[SolverAnswer] = loop.create_future()
-
-        def answered(answer: SolverAnswer) -> None:
-            loop.call_soon_threadsafe(early.set_result, answer)
-
-        job.answered = answered
-        whole = asyncio.wrap_future(self.pool.submit("plan", job))
-        while True:
-            await asyncio.wait([early, whole], timeout=0.25, return_when=asyncio.FIRST_COMPLETED)
-            if early.done() or whole.done():
-                return (early if early.done() else whole).result(), whole
-            if await gone():
-                job.cancel.set()
-
-    def _keeper(
-        self, new: NewRun, request: Record, whole: "asyncio.Future[SolverAnswer]", began: float
-    ) -> Callable[[], Any]:
-        """What keeps a run that was waited for, to be awaited once it is answered; who asks for it until then waits."""
-        saved = self._saving[new.id] = asyncio.get_running_loop().create_future()
-
-        async def keep() -> None:
-            try:
-                end = await whole
-
-                def write() -> None:
-                    self.contents.check_room()
-                    digest = self.contents.put(json.dumps(request).encode())
-                    self.runs.add_ended(NewRun(**{**vars(new), "request": digest}), self._solver.ended(end), began)
-
-                if end.death is None:
-                    await self.write(write)
-            except (OptiPlanError, SQLAlchemyError, OSError) as error:  # costs the record, not the answer
-                _log.warning("run %s is not kept: %s", new.id, error)
-            finally:
-                self._saving.pop(new.id, None)
-                saved.set_result(None)
-
-        return keep

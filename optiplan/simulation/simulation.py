@@ -62,6 +62,10 @@ class Simulation:
             if start[j] != end[j]
         }
 
+    def more_samples(self, rate: float) -> dict[str, Any]:
+        """Return nothing: a log has its own samples."""
+        return {}
+
     def to_dict(self) -> dict[str, Any]:
         """Content of `run.json`: everything but the arrays over time."""
         control, log, failure = self.control, self.log, self.failure

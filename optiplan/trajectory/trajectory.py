@@ -1,6 +1,5 @@
 """`Trajectory`: piecewise polynomials in time, the one representation that every planner returns."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +11,7 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue, described
 from optiplan.trajectory import bspline, polynomial
 from optiplan.trajectory.curves_svg import joint_curves
+from optiplan.trajectory.segments import Segment, read_segments, segment_data
 from optiplan.trajectory.state import State
 
 SAME_TIME = 1e-12
@@ -61,6 +61,7 @@ class Trajectory:
         joint_names: names of the n joints, in the order of the columns.
         breakpoints: (m + 1,) increasing, in s; the first is 0.
         coefficients: (m, degree + 1, n), ascending powers, rad/s^k or m/s^k.
+        segments: steps of a task in time; none of a motion to one goal.
 
     Raises:
         ValueError: if shapes do not fit each other, a number is not finite, or the breakpoints do not increase from 0.
@@ -69,6 +70,7 @@ class Trajectory:
     joint_names: tuple[str, ...]
     breakpoints: Array
     coefficients: Array
+    segments: tuple[Segment, ...] = ()
 
     def __post_init__(self) -> None:
         try:
@@ -182,24 +184,6 @@ class Trajectory:
         """
         return State(*(self(float(t), order) for order in range(3)))
 
-    def part(self, begin: float, end: float) -> "Trajectory":
-        """Return the motion from one time to another, s, whose own time starts at 0.
-
-        Raises:
-            ValueError: unless 0 <= begin < end <= duration.
-        """
-        if not 0.0 <= begin < end <= self.duration:
-            raise ValueError(f"begin, end: found {begin}, {end}; expected increasing times in [0, {self.duration}]")
-        first = int(np.searchsorted(self.breakpoints[1:-1], begin, side="right"))
-        last = int(np.searchsorted(self.breakpoints[1:-1], end, side="left"))
-        edges = np.concatenate([[begin], self.breakpoints[first + 1 : last + 1], [end]])
-        coefficients = self.coefficients[first : last + 1].copy()
-        orders = range(coefficients.shape[1])
-        here = [self.derivatives(k)[first : first + 1] for k in orders]
-        by = begin - self.breakpoints[first]
-        coefficients[0] = [polynomial.evaluate(c[0].T, by) / math.factorial(k) for k, c in enumerate(here)]
-        return Trajectory(self.joint_names, edges - begin, coefficients)
-
     def extrema(self, order: int) -> tuple[Array, Array]:
         """Exact minimum and maximum of a derivative over all time: two arrays of shape (n,), rad/s^order."""
         e = self.extrema_at(order)
@@ -250,7 +234,12 @@ class Trajectory:
             raise ValueError(f"duration: found {duration}; expected a positive number of seconds")
         rate = self.duration / duration
         powers = rate ** np.arange(self.coefficients.shape[1])
-        return Trajectory(self.joint_names, self.breakpoints / rate, self.coefficients * powers[:, None])
+        segments = tuple(segment.scaled(1.0 / rate) for segment in self.segments)
+        return Trajectory(self.joint_names, self.breakpoints / rate, self.coefficients * powers[:, None], segments)
+
+    def sample_times(self, rate: float) -> Array:
+        """Return equally spaced times (k,), s, from the start to the end, at least `rate` a second, Hz."""
+        return np.linspace(0.0, self.duration, int(np.ceil(min(self.duration * rate, _MOST_SAMPLES - 1))) + 1)
 
     def to_dict(self, rate: float | None = None) -> dict[str, Any]:
         """JSON-ready form that `from_dict` reproduces without loss.
@@ -261,8 +250,10 @@ class Trajectory:
         """
         pieces = {"breakpoints": self.breakpoints.tolist(), "coefficients": self.coefficients.tolist()}
         data: dict[str, Any] = {"joint_names": list(self.joint_names), "pieces": pieces}
+        if self.segments:
+            data |= segment_data(self.segments)
         if rate is not None:
-            t = np.linspace(0.0, self.duration, int(np.ceil(min(self.duration * rate, _MOST_SAMPLES - 1))) + 1)
+            t = self.sample_times(rate)
             data |= {"t": t.tolist()} | {key: self(t, k).tolist() for k, key in enumerate("qva")}
         return data
 
@@ -289,7 +280,7 @@ class Trajectory:
         if problem is not None:
             field = problem[0] if problem[0] == "joint_names" else f"pieces.{problem[0]}"
             raise InputError([Issue(file, None, field, *problem[1:])])
-        return cls(tuple(names), breakpoints, coefficients)
+        return cls(tuple(names), breakpoints, coefficients, read_segments(data, file))
 
     @cached_property
     def _derivatives(self) -> tuple[Array, ...]:

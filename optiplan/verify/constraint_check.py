@@ -9,6 +9,7 @@ import numpy as np
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.kinematics.mecanum import wheel_matrix
+from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.measures import ROUNDING, Measure, measures
 from optiplan.problem.constraints.statements import (
     JointCoupling,
@@ -30,7 +31,13 @@ from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion
 from optiplan.verify.continuous.intervals import derivative_bounds, step_sizes
 from optiplan.verify.continuous.motion_bounds import Boxes
-from optiplan.verify.joint_constraint_check import joint_coupling, manipulability, part_of, tool_acceleration
+from optiplan.verify.joint_constraint_check import (
+    expression,
+    joint_coupling,
+    manipulability,
+    part_of,
+    tool_acceleration,
+)
 from optiplan.verify.report import Check, VerifyPolicy
 
 SPEED_SHARE = 1e-3
@@ -93,6 +100,8 @@ def path_constraints(problem: Problem, trajectory: Trajectory, policy: VerifyPol
 def _checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: PathConstraint) -> list[Check]:
     if isinstance(one, PairClearance):
         return [_clearance(problem, trajectory, policy, one)]
+    if isinstance(one, Expression):
+        return [expression(problem, trajectory, one)]
     if isinstance(one, JointCoupling):
         return [joint_coupling(problem, trajectory, one)]
     if isinstance(one, WheelSpeed):

@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics
+from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.statements import (
     WHOLE,
     JointCoupling,
@@ -87,6 +88,24 @@ def tool_acceleration(problem: Problem, trajectory: Trajectory, one: ToolAcceler
             time, worst = float(times[k]), float(value[k])
             checks.append(Check(_name(one), "sampled", passed, worst, limit, unit, time, place, detail, witness))
     return checks
+
+
+def expression(problem: Problem, trajectory: Trajectory, one: Expression) -> Check:
+    """Check a user's own expression at samples."""
+    times = _times(trajectory, one)
+    value, _ = one.batched(problem.robot)([trajectory(times, order) for order in range(3)])
+    violation = one.violations(value)
+    wrong = ~np.isfinite(violation)
+    k = int(np.flatnonzero(wrong)[0]) if wrong.any() else int(np.argmax(violation))
+    passed = not wrong.any() and bool(violation[k] <= ROUNDING)
+    detail = "not finite" if wrong.any() else _sampled(passed, len(times), one)
+    below = np.isfinite(one.lower) and (
+        not np.isfinite(one.upper) or value[k].min() - one.lower <= one.upper - value[k].max()
+    )
+    worst, limit = (value[k].min(), one.lower) if below else (value[k].max(), one.upper)
+    witness = {"q": trajectory(float(times[k])).tolist()}
+    name = f"{one.name} constraint"
+    return Check(name, "sampled", passed, float(worst), float(limit), "", float(times[k]), one.name, detail, witness)
 
 
 def _times(trajectory: Trajectory, one: PathConstraint) -> Array:

@@ -25,13 +25,15 @@ SCENE_SCRIPTS = tuple(
         "camera",
         "outlines",
         "bodies",
+        "objects",
+        "arrangement",
         "rod",
         "failure",
         "scene",
     )
 )
 PANEL_SCRIPTS = tuple(
-    f"panels/{name}.js" for name in ("verdict", "comparison", "dock", "timeline", "layers", "pictures")
+    f"panels/{name}.js" for name in ("verdict", "comparison", "dock", "timeline", "steps", "layers", "pictures")
 )
 SCRIPTS = ("packed.js", "panels/facts.js", *CURVES_SCRIPTS, *SCENE_SCRIPTS, *PANEL_SCRIPTS, "address.js", "player.js")
 

@@ -1,5 +1,6 @@
 """Clearance of one run for the page: what the certificate proved at each time, and the distance measured there."""
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -7,12 +8,13 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel, Contact
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
 from optiplan.trajectory.obstacle_columns import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.collision_check import checked_robot
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.clearance_record import ClearanceBound, ClearanceRecord
 from optiplan.verify.report import VerifyPolicy
-from optiplan.verify.verify import checked_robot
 from optiplan.viewer.surfaces import packed
 
 _EVEN = 160  # samples of the distance, evenly spread
@@ -21,46 +23,87 @@ _CLOSE = 0.01  # m: closely looked at is what was proved by less
 _BISECTIONS = 24
 
 
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """Clearance of a part of a motion, in the time of the whole: samples, and the certificate's bound if it proves."""
+
+    model: CollisionModel
+    t: Array
+    near: list[Contact]
+    proved: float | None
+    bound: ClearanceBound | None
+    contacts: list[list[float]]
+
+    def names(self, pair: int) -> tuple[str, str]:
+        """Return the bodies of a pair."""
+        return self.model.pairs[pair].name_a, self.model.pairs[pair].name_b
+
+
 def clearance_of(problem: Problem, trajectory: Trajectory, even: int = _EVEN) -> dict[str, Any] | None:
     """JSON-ready clearance over time; None where no two bodies can meet. Lengths in m, arrays packed.
 
     `t` (k,), `distance` (k,), `points` (k, 2, 3), `pair` (k,): the nearest pair of `pairs`, measured at samples.
     `edges` (m + 1,), `proved` (m,), `proved_pair` (m,): the certificate's bound on each interval, only for what is
     proved; its least is the clearance in the report. `least`: the smallest distance. `contacts`: times from and to, s,
-    in which bodies overlap.
+    in which bodies overlap. Of a task each part of the motion is measured in its own scene.
     """
-    policy = VerifyPolicy()
-    model = CollisionModel(checked_robot(problem, policy), problem.scene)
-    if not model.pairs:
+    if problem.task and mismatch(problem, trajectory):
         return None
-    trajectory = with_obstacles(trajectory, model.motions)
-    record = ClearanceRecord()
-    proof = certify(model, trajectory, policy, record)
-    bound = record.bound(trajectory.duration, len(model.pairs)) if proof.proved else None
-    t = _times(trajectory, bound, even, None if proof.nearest is None else proof.nearest.time)
-    measured = [_nearest(model, trajectory, time) for time in t]
-    distance = np.array([one.distance for one in measured])
-    points = np.array([[one.point_a, one.point_b] for one in measured])
+    parts = [
+        measured
+        for part in scene_parts(problem, trajectory)
+        if (measured := _measured(part, part.motion(trajectory), trajectory.duration, even)) is not None
+    ]
+    if not parts:
+        return None
+    t = np.concatenate([part.t for part in parts])
+    near = [contact for part in parts for contact in part.near]
+    owners = [part for part in parts for _ in part.near]
+    distance = np.array([one.distance for one in near])
+    points = np.array([[one.point_a, one.point_b] for one in near])
     k = int(np.argmin(distance))
-    near = np.array([one.pair.index for one in measured])
-    used = np.unique(near if bound is None else np.append(near, bound.pair))
+    at = [owner.names(one.pair.index) for owner, one in zip(owners, near, strict=True)]
+    bounds = [(part, part.bound) for part in parts if part.bound is not None]
+    proved_at = [part.names(pair) for part, bound in bounds for pair in bound.pair.tolist()]
+    index = {names: i for i, names in enumerate(sorted({*at, *proved_at}))}
     shown: dict[str, Any] = {
-        "pairs": [[model.pairs[pair].name_a, model.pairs[pair].name_b] for pair in used.tolist()],
+        "pairs": [list(names) for names in index],
         "t": packed(t),
         "distance": packed(distance),
         "points": packed(points),
-        "pair": np.searchsorted(used, near).tolist(),
-        "least": _moment(float(t[k]), measured[k]),
-        "contacts": _contacts(model, trajectory, t, distance),
+        "pair": [index[names] for names in at],
+        "least": _moment(float(t[k]), near[k]),
+        "contacts": [contact for part in parts for contact in part.contacts],
     }
-    if bound is None:
+    if len(bounds) < len(parts):
         return shown
+    edges = np.concatenate([bounds[0][1].edges[:1], *(bound.edges[1:] for _, bound in bounds)])
     return shown | {
-        "edges": packed(bound.edges, "<f8"),
-        "proved": packed(bound.clearance, "<f8"),
-        "proved_pair": np.searchsorted(used, bound.pair).tolist(),
-        "proved_least": proof.clearance,
+        "edges": packed(edges, "<f8"),
+        "proved": packed(np.concatenate([bound.clearance for _, bound in bounds]), "<f8"),
+        "proved_pair": [index[names] for names in proved_at],
+        "proved_least": min(part.proved for part in parts if part.proved is not None),
     }
+
+
+def _measured(part: ScenePart, motion: Trajectory, duration: float, even: int) -> _Measured | None:
+    """Prove and measure a part of a motion; None where no two bodies can meet."""
+    policy = VerifyPolicy()
+    model = CollisionModel(checked_robot(part.problem, policy), part.problem.scene)
+    if not model.pairs:
+        return None
+    motion = with_obstacles(motion, model.motions)
+    record = ClearanceRecord()
+    proof = certify(model, motion, policy, record)
+    bound = record.bound(motion.duration, len(model.pairs)) if proof.proved else None
+    own = max(4, int(np.ceil(even * motion.duration / duration)))
+    t = _times(motion, bound, own, None if proof.nearest is None else proof.nearest.time)
+    near = [_nearest(model, motion, time) for time in t]
+    contacts = _contacts(model, motion, t, np.array([one.distance for one in near]))
+    if bound is not None:
+        bound = replace(bound, edges=bound.edges + part.begin)
+    later = [[begin + part.begin, end + part.begin] for begin, end in contacts]
+    return _Measured(model, t + part.begin, near, proof.clearance if proof.proved else None, bound, later)
 
 
 def _nearest(model: CollisionModel, trajectory: Trajectory, time: float) -> Contact:

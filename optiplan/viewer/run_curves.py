@@ -8,12 +8,13 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, measures, scaled
+from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import ORDERS, Limits
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Extrema, Trajectory
 from optiplan.viewer.plots.curves import MotionCurves, motion_curves
-from optiplan.viewer.plots.refined_extrema import PieceSamples, States, refined_extrema
+from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema
 from optiplan.viewer.surfaces import packed
 
 _MORE = 2  # times the samples asked for are kept at the most, where pieces are many
@@ -33,6 +34,7 @@ def curves_of(problem: Problem, trajectory: Trajectory, least: int) -> dict[str,
     t = t + _APART * trajectory.duration * np.append(0.0, np.diff(t) <= 0.0)
     samples = PieceSamples.of(trajectory, least)
     quantities = [*_derivatives(problem, found), _torque(problem, found), *_tools(problem, samples)]
+    quantities += _wheels(problem, samples)
     for quantity in quantities:
         quantity["y"] = packed(quantity["y"][kept])
     return {"t": packed(t), "quantities": quantities}
@@ -64,13 +66,14 @@ def _tools(problem: Problem, samples: PieceSamples) -> list[dict[str, Any]]:
     kinematics = [ToolKinematics(problem.robot, frame) for frame in frames]
     rows: JacobianRows = "full" if problem.robot.n >= 6 else "translation"
 
-    def at(states: States) -> Array:
+    def at(inside: PieceSamples) -> Array:
+        states = inside.states()
         found = [one.evaluate(states[0])[1] for one in kinematics]
         twists = [np.einsum("kij,kj->ki", J, states[1]) for J in found]
         speeds = [np.linalg.norm(twist[:, part], axis=1) for part in (slice(3), slice(3, 6)) for twist in twists]
         return np.column_stack([*speeds, *(measures(scaled(J, rows)).yoshikawa for J in found)])
 
-    values = at(samples.states())
+    values = at(samples)
     extrema = _extrema(refined_extrema(samples, values, at))
     shown = []
     for place, (name, unit, shows) in enumerate(
@@ -80,6 +83,21 @@ def _tools(problem: Problem, samples: PieceSamples) -> list[dict[str, Any]]:
         data = _quantity(name, unit, list(frames), values[:, own]) | {"low": free, "high": free, "of": "tools"}
         shown.append(data | {"extrema": [[both[shows]] for both in extrema[own]], "kind": "sampled"})
     return shown
+
+
+def _wheels(problem: Problem, samples: PieceSamples) -> list[dict[str, Any]]:
+    """Rates of the mecanum wheels of a robot that has them."""
+
+    def at(inside: PieceSamples) -> Array | None:
+        return wheel_rates_along(problem.robot, *inside.states()[:2])
+
+    rates = at(samples)
+    if rates is None:
+        return []
+    free = [None] * len(WHEELS)
+    data = _quantity("wheels", "rad/s", [name.replace("_", " ") for name in WHEELS], rates)
+    found = refined_extrema(samples, rates, lambda inside: np.asarray(at(inside)))
+    return [data | {"low": free, "high": free, "of": "wheels", "extrema": _extrema(found), "kind": "sampled"}]
 
 
 def _quantity(name: str, unit: str, names: Sequence[str], values: Array) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Data of one run for the page: sampled motion, verdict in words, and place of the failure."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +11,8 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError
 from optiplan.kinematics.manipulability import ToolKinematics, ellipsoids, scaled
 from optiplan.problem.problem import Problem
+from optiplan.runs.common_bound import bound_of
 from optiplan.runs.run import SMALLEST_BOUND
-from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.log_curves import Arrays, log_quantities
 from optiplan.viewer.run_checks import about, checks_of
@@ -33,6 +34,7 @@ class ViewedRun(NamedTuple):
         failure: `kind`, `detail` and `witness` of a `Failure`, or None.
         record: `Run.to_dict()`, of which `metrics` and `timings` are shown; None when there is none.
         log: arrays of a closed loop (`log_curves.read_log`); None for a motion that was planned.
+        problem: its own, of the same robot; None: that of the page.
     """
 
     label: str
@@ -41,6 +43,7 @@ class ViewedRun(NamedTuple):
     failure: Mapping[str, Any] | None = None
     record: Mapping[str, Any] | None = None
     log: Arrays | None = None
+    problem: Problem | None = None
 
 
 RunLike = ViewedRun | tuple[str, Trajectory | None, Mapping[str, Any] | None]
@@ -106,6 +109,7 @@ def show_run(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail = _W
     """JSON-ready form of a run for the page."""
     shown: dict[str, Any] = {"label": run.label, "facts": [], "problems": [], "duration": 0.0}
     shown["badge"] = _badge(run)
+    shown["segments"] = [] if run.trajectory is None else [asdict(one) for one in run.trajectory.segments]
     shown["row"] = _row(run)
     failure, report = run.failure or {}, run.report or {}
     motion = motion_of(problem, run)
@@ -183,12 +187,11 @@ def _motion(problem: Problem, poses: Poses, trajectory: Trajectory, detail: Deta
 
 
 def _facts(problem: Problem, trajectory: Trajectory, report: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    ends = trajectory(np.array([0.0, trajectory.duration]))
-    moving = problem.moving
-    bound = float(problem.lower_bounds(ends[1:])[0]) if moving else lower_bound(ends[0], ends[1], problem.limits)
+    bound = bound_of(problem, trajectory)
     facts = [("duration", f"{trajectory.duration:.3f} s")]
     if bound >= SMALLEST_BOUND:
-        name = "× lower bound" if problem.one_end else "× bound of this end configuration"
+        whole = "× bound of its stops" if problem.task else "× bound of this end configuration"
+        name = "× lower bound" if problem.one_end else whole
         facts.append((name, f"{trajectory.duration / bound:.3f}"))
     for check in (report or {}).get("checks", ()):
         if check.get("name") == "collision":

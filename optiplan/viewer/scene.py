@@ -16,6 +16,8 @@ from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.robot import Robot
 from optiplan.runs.common_bound import common_bound
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.viewer.moving_objects import moved_by, object_stays
 from optiplan.viewer.run_curves import short_names
 from optiplan.viewer.runs import Detail, Poses, RunLike, ViewedRun, motion_of, show_run
 from optiplan.viewer.stick_figure import skeleton
@@ -24,6 +26,14 @@ from optiplan.viewer.surfaces import Colour, encode, packed, visual_surfaces
 _PLAIN: Colour = (0.93, 0.94, 0.95, 1.0)
 _COLLISION: Colour = (0.45, 0.62, 0.78, 1.0)
 _HELD: Colour = (0.90, 0.62, 0.25, 1.0)
+_OBJECTS: tuple[Colour, ...] = (
+    _HELD,
+    (0.30, 0.52, 0.80, 1.0),
+    (0.80, 0.33, 0.31, 1.0),
+    (0.36, 0.62, 0.38, 1.0),
+    (0.58, 0.42, 0.70, 1.0),
+)
+"""Of what a task takes and releases, in turn."""
 _FURNITURE: Colour = (0.70, 0.63, 0.54, 1.0)
 _THING: Colour = (0.42, 0.60, 0.60, 1.0)
 _BARE = "Robot '{}' has no bodies. Its joint and tool frames are drawn instead, and the lines between them."
@@ -37,7 +47,8 @@ class SceneData:
     Attributes:
         name: of the problem; the page's title.
         geometries: each shape once.
-        parts: `{set, name, owner, body, geometry, pose, colour}`; body 0 is the world, body j the robot's joint j;
+        parts: `{set, name, owner, body, geometry, pose, colour}`, and of an obstacle that moves its `motion`, as in the
+            problem; body 0 is the world, body j the robot's joint j;
             `owner` is the link, attachment or obstacle as reports name it; a robot without any geometry has its frames
             in the set `frame`.
         joints: names of the planned joints, short, and the body that each moves.
@@ -48,6 +59,7 @@ class SceneData:
         runs: motions to play, see `runs.show_run`.
         bound: lower bound of the problem, s, by which durations are divided, and what it is the least of.
         tool: body and pose in it of the robot's tool frame.
+        several: whether the runs are of several problems; then every run has its own obstacles.
         note: remark on the picture; empty for none.
     """
 
@@ -62,6 +74,7 @@ class SceneData:
     runs: tuple[dict[str, Any], ...]
     bound: tuple[float | None, str]
     tool: dict[str, Any] | None = None
+    several: bool = False
     note: str = ""
 
     def to_dict(self) -> dict[str, Any]:
@@ -116,10 +129,12 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         if run.trajectory is not None and len(run.trajectory.joint_names) != problem.robot.n:
             found, n = len(run.trajectory.joint_names), problem.robot.n
             raise OptiPlanError(f"run '{run.label}' moves {found} joints; robot '{problem.robot.name}' has {n}")
-    parts, poses = _Parts(), Poses(problem)
+    parts = _Parts()
+    several = len({(run.problem or problem).hash for run in viewed}) > 1
+    moving = frozenset(problem.scene.names) if several else moved_by(problem.task)
     bare = not problem.robot.visual.geometryObjects and not problem.robot.geometry.geometryObjects
     (_add_frames if bare else _add_robot)(parts, problem.robot)
-    _add_objects(parts, problem)
+    _add_objects(parts, problem, moving)
     ends = [run.trajectory for run in viewed if run.trajectory is not None]
     bound = common_bound(problem, _reached(viewed))
     detail = Detail.of(sum(motion_of(problem, run) is not None for run in viewed))
@@ -127,8 +142,14 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
     for end in problem.goal:
         if goal is None and isinstance(end, JointGoal):
             goal = end.q
+    poses, shown = Poses(problem), []
+    for run in viewed:
+        own = run.problem or problem
+        names = own.scene.names if several else sorted(moving)
+        seen = show_run(own, Poses(own) if several else poses, run, detail)
+        shown.append(seen | {"objects": _moving_objects(parts, (own, names, moved_by(own.task)), run.trajectory)})
     return SceneData(
-        name=problem.name,
+        name=", ".join(dict.fromkeys((run.problem or problem).name for run in viewed)) if several else problem.name,
         geometries=tuple(parts.geometries),
         parts=tuple(parts.parts),
         bodies=problem.robot.model.njoints - 1,
@@ -136,9 +157,10 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         start=packed(poses.of(problem.start[None])[0]),
         goal=None if goal is None else packed(poses.of(goal[None])[0]),
         targets=_targets(problem),
-        runs=tuple(show_run(problem, poses, run, detail) for run in viewed),
+        runs=tuple(shown),
         tool=_tool(problem.robot),
-        bound=(bound.seconds, bound.words),
+        bound=(None, "the runs are of several problems") if several else (bound.seconds, bound.words),
+        several=several,
         note=_BARE.format(problem.robot.name) if bare else "",
     )
 
@@ -217,15 +239,40 @@ def _add_visual(parts: _Parts, thing: pin.GeometryObject, link: str) -> None:
         parts.add("visual", (thing.name, link), thing.parentJoint, thing.placement, (drawn, colour))
 
 
-def _add_objects(parts: _Parts, problem: Problem) -> None:
+def _moving_objects(
+    parts: _Parts, of: tuple[Problem, Sequence[str], frozenset[str]], trajectory: Trajectory | None
+) -> list[dict[str, Any]]:
+    """Return objects of a run by name: geometry, colour, and where they are from when on.
+
+    `of` has its problem, the names, and those of them that its task takes or releases.
+    """
+    problem, names, taken = of
+    found = []
+    for one in object_stays(problem, trajectory, names):
+        drawn = parts.geometry(one.shape, partial(_encode_shape, one.shape))
+        stays = [
+            {"begin": stay.begin, "body": stay.body, "pose": np.round(pin.SE3ToXYZQUAT(stay.X_BO), 9).tolist()}
+            for stay in one.stays
+        ]
+        held = {held.name for held in problem.scene.attached}
+        colour = _OBJECTS[sorted(taken).index(one.name) % len(_OBJECTS)] if one.name in taken else None
+        colour = colour or (_HELD if one.name in held else obstacle_colour(one.shape))
+        look = {"geometry": drawn, "colour": list(colour), "name": one.name, "owner": one.name}
+        found.append(look | {"stays": stays})
+    return found
+
+
+def _add_objects(parts: _Parts, problem: Problem, moving: frozenset[str]) -> None:
     model = problem.robot.model
-    for held in problem.scene.attached:
+    for held in (held for held in problem.scene.attached if held.name not in moving):
         frame = model.frames[model.getFrameId(held.link)]
         drawn = parts.geometry(held.shape, partial(_encode_shape, held.shape))
         parts.add("attached", held.name, frame.parentJoint, frame.placement * held.X_LO, (drawn, _HELD))
-    for obstacle in problem.scene.obstacles:
+    for obstacle in (one for one in problem.scene.obstacles if one.name not in moving):
         drawn = parts.geometry(obstacle.shape, partial(_encode_shape, obstacle.shape))
         parts.add("obstacle", obstacle.name, 0, obstacle.X_WO, (drawn, obstacle_colour(obstacle.shape)))
+        if obstacle.motion is not None:
+            parts.parts[-1]["motion"] = obstacle.motion.to_data()
 
 
 def _encode_shape(shape: Shape) -> dict[str, Any]:

@@ -5,13 +5,15 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from optiplan._core import variants
+from optiplan.collision import native_model
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.native_model import NativeCollisionModel, planning_model
+from optiplan.collision.native_model import NativeCollisionModel, not_in_core, planning_model
 from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.sampling.edge_checker import MotionCheck
@@ -172,3 +174,19 @@ def test_the_verifier_does_not_load_the_core() -> None:
     code = "import sys, optiplan.verify.verify; print([name for name in sys.modules if 'optiplan._core' in name])"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout == "[]\n"
+
+
+def test_bodies_that_the_core_does_not_know_are_named(monkeypatch) -> None:
+    robot = load_robot("panda")
+    obstacles = (Obstacle("ball", Sphere(0.1), pin.SE3(np.eye(3), np.array([0.6, 0.0, 0.6]))),)
+    assert not_in_core(planning_model(robot, Scene(obstacles))) == {}
+    known = native_model.native_shape
+    monkeypatch.setattr(
+        native_model, "native_shape", lambda body: None if isinstance(body, coal.Sphere) else known(body)
+    )
+    model = planning_model(robot, Scene(obstacles))
+    assert isinstance(model, NativeCollisionModel)
+    assert model.world is None
+    assert not_in_core(model) == {"not_in_core": ["ball"]}
+    q = robot.configurations["ready"]
+    assert model.collides(q) == CollisionModel(robot, Scene(obstacles)).collides(q)

@@ -76,10 +76,11 @@ def test_tool_speed(panda):
 
 def test_wheel_speeds(delbot):
     rate = 12.0
-    states, _ = chase(delbot, joints(op.WheelSpeedLimit(rate)), seconds=4.0, hold=2.0)
+    states, steps = chase(delbot, joints(op.WheelSpeedLimit(rate)), seconds=4.0, hold=2.0)
     rates = np.array([np.abs(wheel_matrix(delbot, state.q) @ state.v).max() for state in states[1:]])
-    assert rates.max() < 1.03 * rate, "what a turning base and jerk limits leave undone, and slack tells"
-    assert rates.max() > 0.9 * rate
+    assert rates.max() <= rate + 1e-6
+    assert rates.max() > 0.95 * rate
+    assert sum(step.solver == "braking" for step in steps) < 20
 
 
 def test_torque(panda):

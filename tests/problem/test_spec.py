@@ -133,7 +133,7 @@ def test_every_error_of_a_file_at_once(write):
 
 def test_schema_for_editors_knows_short_forms():
     schema = json.loads(json.dumps(problem_schema()))
-    assert set(schema["required"]) == {"version", "robot", "start", "goal"}
+    assert set(schema["required"]) == {"version", "robot", "start"}
     assert {"type": "string"} in schema["properties"]["planner"]["anyOf"]
     box = schema["$defs"]["ShapeSpec"]["properties"]["box"]["anyOf"][0]
     assert (box["minItems"], box["maxItems"]) == (3, 3)

@@ -32,6 +32,7 @@ def visit(browser):
     """Open an address and wait for the first picture; at the end, any complaint of the page fails the test."""
     complaints: list[str] = []
     context = browser.new_context(viewport={"width": 640, "height": 480})
+    context.set_default_timeout(100_000)  # software rendering beside other work
 
     def heard(message) -> None:
         # Chromium itself remarks on its software renderer reading pixels back for a screenshot.
@@ -48,7 +49,7 @@ def visit(browser):
             lambda request: request.url.startswith((url.split("#")[0], "data:")) or complaints.append(request.url),
         )
         page.goto(url)
-        page.wait_for_selector("html[data-ready='1']", timeout=60_000)
+        page.wait_for_selector("html[data-ready='1']", timeout=100_000)
         return page
 
     yield open_page

@@ -119,11 +119,11 @@ def test_refined_extrema_find_the_peak_between_samples_and_both_sides_of_a_jump(
     c = np.zeros((2, 3, 1))
     c[0, 1], c[1, 0], c[1, 2] = 1.0, 1.0, 3.0  # q = t, then 1 + 3 (t - 1)²: the velocity jumps from 1 to 0
     samples = PieceSamples.of(op.Trajectory(("a",), np.array([0.0, 1.0, 2.0]), c), 10)
-    found = refined_extrema(samples, *(lambda of: (of(samples.states()), of))(lambda s: np.sin(2.0 * s[0])))
+    found = refined_extrema(samples, *(lambda of: (of(samples), of))(lambda s: np.sin(2.0 * s.states()[0])))
     assert found.high[0] == pytest.approx(1.0, abs=1e-9)
     assert found.t_high[0] == pytest.approx(np.pi / 4.0, abs=1e-4)
     assert found.low[0] == pytest.approx(-1.0, abs=1e-9)
-    speed = refined_extrema(samples, samples.states()[1], lambda s: s[1])
+    speed = refined_extrema(samples, samples.states()[1], lambda s: s.states()[1])
     assert (speed.low[0], speed.t_low[0]) == (0.0, 1.0)  # of the second piece, where it begins
     assert (speed.high[0], speed.t_high[0]) == (6.0, 2.0)
 

@@ -17,6 +17,7 @@
 #include "arrays.hpp"
 #include "module.hpp"
 #include "program/sqp.hpp"
+#include "program/torque_demand.hpp"
 
 namespace optiplan {
 
@@ -82,9 +83,18 @@ Inequalities near_the_diagonal(const DenseRows &dense, const Spline &spline) {
 
 using StepFound = std::tuple<nb::ndarray<nb::numpy, double>, double, double, int>;
 
+// Costs as `CostModel` of planners/trajopt has them: gradient (M n,), by T, band (M, REACH n), twice by T.
+using DenseCosts = std::tuple<Vector, double, Matrix, double>;
+
 std::optional<StepFound> solve(StepSolver &solver, Matrix control, double duration, const std::vector<DenseRows> &soft,
-                               double radius, double span, double gap) {
+                               double radius, double span, double gap, const std::optional<DenseCosts> &costs) {
     const Spline &spline = solver.spline();
+    SmoothCosts smooth;
+    if (costs) {
+        const auto &[gradient, by_duration, band, twice] = *costs;
+        expect(gradient.size() == spline.free() * spline.joints && band.size() == REACH * gradient.size(), "costs of M n variables");
+        smooth = {to_vector(gradient), to_vector(band), by_duration, twice};
+    }
     expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
     std::vector<Inequalities> rows;
     std::vector<const Inequalities *> pointers;
@@ -94,7 +104,7 @@ std::optional<StepFound> solve(StepSolver &solver, Matrix control, double durati
     Step step;
     {
         nb::gil_scoped_release released;
-        step = solver.solve(start, duration, pointers, radius, span, gap);
+        step = solver.solve(start, duration, pointers, radius, span, gap, smooth);
     }
     if (!step.solved) return std::nullopt;
     auto moved = to_numpy(std::move(step.control), {spline.points, spline.joints});
@@ -154,8 +164,10 @@ std::unique_ptr<Sqp> among_others(std::shared_ptr<const Spline> spline, const Tr
 // Control points, duration, merit, violation of clearance (m), least value of a contact row (m), steps.
 using Descended = std::tuple<nb::ndarray<nb::numpy, double>, double, double, double, double, int>;
 
+using AskCurve = std::function<bool(nb::ndarray<nb::numpy, double>, double)>;
+
 Descended optimise(Sqp &sqp, Matrix control, int iterations, const std::function<bool()> &stop, double best,
-                   double longest) {
+                   double longest, const std::optional<AskCurve> &go_on) {
     const Spline &spline = sqp.spline();
     expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
     const double *start = control.data();
@@ -163,10 +175,16 @@ Descended optimise(Sqp &sqp, Matrix control, int iterations, const std::function
         nb::gil_scoped_acquire held;
         return stop();
     };
+    std::function<bool(const CurvePoint &)> asked;
+    if (go_on)
+        asked = [&](const CurvePoint &point) {
+            nb::gil_scoped_acquire held;
+            return (*go_on)(to_numpy(point.control, {spline.points, spline.joints}), point.duration);
+        };
     Descent found;
     {
         nb::gil_scoped_release released;
-        found = sqp.optimise(start, iterations, polled, best, longest);
+        found = sqp.optimise(start, iterations, polled, best, longest, asked);
     }
     double nearest = std::numeric_limits<double>::infinity();
     for (double value : found.point.contacts.value) nearest = std::min(nearest, value);
@@ -217,6 +235,22 @@ nb::ndarray<nb::numpy, double> torques(InverseDynamics &dynamics, Matrix Q, Matr
     return to_numpy(std::move(tau), {count, n});
 }
 
+nb::ndarray<nb::numpy, double> demand(InverseDynamics &dynamics, Vector breakpoints, Stack coefficients, Vector allowed,
+                                     Vector times) {
+    const std::size_t pieces = coefficients.shape(0), n = dynamics.joints();
+    expect(pieces > 0 && breakpoints.size() == pieces + 1 && coefficients.shape(1) > 0, "breakpoints (m + 1,) of m pieces");
+    expect(coefficients.shape(2) == n && allowed.size() == n, "coefficients (m, degree + 1, n), limits (n,)");
+    const Curve curve{to_vector(breakpoints), to_vector(coefficients), static_cast<int>(coefficients.shape(1)) - 1,
+                      static_cast<int>(n)};
+    const std::vector<double> most = to_vector(allowed);
+    std::vector<double> found;
+    {
+        nb::gil_scoped_release released;
+        found = torque_demand(dynamics, curve, most, times.data(), times.size());
+    }
+    return to_numpy(std::move(found), {times.size()});
+}
+
 }  // namespace
 
 void bind_program(nb::module_ &m) {
@@ -230,10 +264,11 @@ void bind_program(nb::module_ &m) {
         });
     nb::class_<StepSolver>(m, "StepSolver")
         .def(nb::init<std::shared_ptr<const Spline>>(), "spline"_a)
-        .def("solve", &solve, "control"_a, "duration"_a, "soft"_a, "radius"_a, "span"_a, "gap"_a);
+        .def("solve", &solve, "control"_a, "duration"_a, "soft"_a, "radius"_a, "span"_a, "gap"_a, "costs"_a = nb::none());
     nb::class_<InverseDynamics>(m, "InverseDynamics")
         .def(nb::init<const Tree &>(), "tree"_a)
-        .def("torques", &torques, "Q"_a, "V"_a, "A"_a);
+        .def("torques", &torques, "Q"_a, "V"_a, "A"_a)
+        .def("demand", &demand, "breakpoints"_a, "coefficients"_a, "allowed"_a, "times"_a);
     nb::class_<Sqp>(m, "Sqp")
         .def_static("among_bodies", &among_bodies, nb::keep_alive<0, 2>(), "spline"_a, "world"_a, "torque"_a, "cutoff"_a,
                     "margins"_a, "settings"_a)
@@ -244,7 +279,8 @@ void bind_program(nb::module_ &m) {
              },
              "u"_a, "position"_a, "velocity"_a, "acceleration"_a)
         .def("evaluate", &evaluate, "control"_a, "duration"_a)
-        .def("optimise", &optimise, "control"_a, "iterations"_a, "stop"_a, "best"_a, "longest"_a);
+        .def("optimise", &optimise, "control"_a, "iterations"_a, "stop"_a, "best"_a, "longest"_a,
+             "go_on"_a = nb::none());
 }
 
 }  // namespace optiplan

@@ -12,7 +12,7 @@ from optiplan.files import write_text
 
 
 def view(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="run folders of one problem")],
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="run folders of one robot")],
     export: Annotated[Path | None, typer.Option(metavar="PAGE.html", help="write one file, serve nothing")] = None,
     png: Annotated[Path | None, typer.Option(metavar="FILE.png", help="write a picture of the page")] = None,
     gif: Annotated[
@@ -22,7 +22,9 @@ def view(
     size: Annotated[str, typer.Option(metavar="WxH", help="size of pictures, px")] = "1280x800",
     port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="first port to try; 0: any")] = 7000,
 ) -> int:
-    """Show runs in the browser: motion, curves against limits, clearance, verdict; several runs side by side.
+    """Show runs in the browser: motion, curves against limits, clearance, verdict.
+
+    Several runs play together, in turn or side by side; of different problems each with its own obstacles.
 
     An exported page needs no network and no OptiPlan; `#t=0.6&paused` behind its address shows one instant.
     Pictures and films need chromium and the extra `optiplan[pictures]`.

@@ -11,12 +11,21 @@ from optiplan.planners.base import Failure
 from optiplan.runs.run import Run
 from optiplan.verify.report import Check, Report
 
+BOUNDS = {
+    "problem": "lower bound",
+    "end": "bound of this end configuration",
+    "stops": "bound of the places where it stops",
+}
+"""What a lower bound is about, by `Run.lower_bound_of`."""
+
 
 def show_run(console: Console, run: Run, full: bool = False) -> None:
     """Print a run: verdict, quality of the motion, scope of the verdict, and timings."""
     title = f"{run.problem.name} · {run.problem.robot.name} · {run.planner} · seed {run.problem.seed}"
     if run.report is not None:
         show_report(console, run.report, full, title, _quality(run))
+    if cost := _cost(run):
+        console.print(cost, markup=False)
     if run.failure is not None:
         _show_failure(console, run.failure, title)
     console.print(_times(run), markup=False, style="dim")
@@ -85,9 +94,18 @@ def _quality(run: Run) -> str:
     words = f"duration [bold]{run.duration:.3f} s[/]"
     if run.lower_bound is None:
         return words
-    whose = "lower bound" if run.lower_bound_of == "problem" else "bound of this end configuration"
+    whose = BOUNDS[run.lower_bound_of]
     ratio = "" if run.ratio is None else f"[bold]{run.ratio:.3f}[/] × the "
     return f"{words} · {ratio}{whose}, {run.lower_bound:.3f} s"
+
+
+def _cost(run: Run) -> str:
+    """Describe what each part of the objective comes to; nothing where only the duration counts."""
+    parts = {} if run.metrics is None else run.metrics.objective
+    if parts.keys() <= {"time"}:
+        return ""
+    words = [f"{name} {part['cost']:.4g} ({part['value']:.4g} {part['unit']})" for name, part in parts.items()]
+    return f"cost {sum(part['cost'] for part in parts.values()):.4g} s = {' + '.join(words)}"
 
 
 def _times(run: Run) -> str:

@@ -4,10 +4,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array, Index
-from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import NativeCollisionModel, planning_model
+from optiplan.control.braking_path import NativeBrakingPath
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.stop_limits import StopLimit
+from optiplan.control.limits.stop_limits import CURVATURE, KEPT, DistanceView, StopLimit, StopPath
 from optiplan.control.tasks.base import checked_number
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.scene import Scene
@@ -20,7 +22,8 @@ AT_LEAST = 0.005
 class ClearanceLimit(StopLimit):
     """Distances of all pairs that a problem would check: links, attached objects, obstacles; see `StopLimit`.
 
-    Distances are asked of coal only for pairs that the travel since their last query may have brought near.
+    Distances are measured only of pairs that the travel since their last query may have brought near: in the native
+    core, or by coal where that is not there or does not know a shape.
 
     Args:
         scene: obstacles, attached objects, allowed contacts; None: the robot alone.
@@ -47,7 +50,7 @@ class ClearanceLimit(StopLimit):
 
     def bind(self, robot: Robot) -> None:
         """Make the bodies, and bounds of how far joints move them."""
-        self.model = CollisionModel(robot, self.scene)
+        self.model = planning_model(robot, self.scene)
         limits = robot.limits
         stroke = np.maximum(np.abs(limits.lower), np.abs(limits.upper))
         self.arms = self.model.bounds.moment_arms(np.where(np.isfinite(stroke), stroke, np.pi))
@@ -57,6 +60,24 @@ class ClearanceLimit(StopLimit):
         self._leaders = np.abs(bounds.kinematics.coupling) > 0.0  # columns of followers have their multiplier already
         self._joints = bounds.joint[bounds.pairs]
         self._reaches = np.where(self._joints > 0, bounds.body_reaches()[bounds.pairs], 0.0)
+        self._watch = None
+        if isinstance(self.model, NativeCollisionModel) and self.model.world is not None:
+            arms, reaches = np.ascontiguousarray(self.arms), np.ascontiguousarray(self._reaches)
+            rules = np.array([self.influence, KEPT, CURVATURE])
+            self._watch = core.ClearanceWatch(self.model.world, arms, reaches.reshape(-1, 2), rules)
+
+    def view(self, c: Configuration, before: DistanceView | None) -> DistanceView:
+        """See `StopLimit.view`."""
+        if self._watch is None:
+            return super().view(c, before)
+        found = self._watch.look(c.q, None if before is None else before.native)
+        return DistanceView(c.q, found.bound, found.near, found.distance, found.gradient, found)
+
+    def stop_is_clear(self, path: StopPath, start: DistanceView, least: Array) -> bool:
+        """See `StopLimit.stop_is_clear`."""
+        if self._watch is None or not isinstance(path, NativeBrakingPath):
+            return super().stop_is_clear(path, start, least)
+        return self._watch.stop_is_clear(path.native, start.native, least)
 
     def distances(self, c: Configuration, which: Index) -> Array:
         """Distances, m, negative where bodies overlap; meshes that overlap are measured by their hulls."""

@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.control.braking import braking_accelerations, farthest, velocity_to_zero
 from optiplan.control.limits.base import ControlLimit
@@ -13,8 +15,28 @@ from optiplan.trajectory.state import State
 
 ROUNDING = 1e-10
 """rad or m, of positions at their limits: what rounding may cost."""
+_CODES = ("acceleration", "jerk", "velocity", "position")
+"""Names of the limits by their numbers in the native core."""
 AT_BOUND = 1e-9
 """rad/s or m/s: velocities nearer than this to a bound are held back by it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointBrakes:
+    """How joints brake: accelerations (k,) at most, and their changes (k,) from step to step."""
+
+    acceleration: Array
+    change: Array
+
+    @property
+    def acceleration_list(self) -> list[float]:
+        """The same as floats."""
+        return list(map(float, self.acceleration))
+
+    @property
+    def change_list(self) -> list[float]:
+        """The same as floats."""
+        return list(map(float, self.change))
 
 
 class JointBox:
@@ -47,6 +69,11 @@ class JointBox:
         self.delay = np.divide(self.acceleration, self.jerk, out=np.zeros(n), where=bounded)
         self._dt = 0.0
         self.low, self.high = -without, without.copy()
+        self._intervals: list[tuple[str, Array, Array]] = []
+        rated = np.isfinite([self.velocity, self.acceleration, self.jerk]).all()
+        self._table: Array | None = np.zeros((8, n)) if core is not None and rated else None
+        self._codes = [_CODES.index(name) for name in self._names]
+        self._braked: State | None = None
 
     def prepare(self, dt: float) -> None:
         """Everything that depends on dt alone."""
@@ -63,14 +90,28 @@ class JointBox:
         gains = [velocity_to_zero(a, c, dt) if math.isfinite(a) else math.inf for a, c in limits]
         self._slow = self.velocity - gains  # below these no acceleration within limits is too much
         self._sudden = np.isinf(self.acceleration)
+        if self._table is not None:
+            ends = self.lower, self.upper, *self._safe
+            self._table = np.array([self.velocity, self.acceleration, self.change, *ends, self._slow])
+
+    def brakes_of(self, joints: list[int]) -> JointBrakes:
+        """How some joints brake, in steps of the last update."""
+        return JointBrakes(self.acceleration[joints], self.change[joints])
 
     def update(self, state: State, dt: float, shift: float) -> None:
         """Bounds for a step from a state; `shift` · v is what q moves on before the new velocity counts, s."""
         if dt != self._dt:
             self.prepare(dt)
         v = state.v
+        self._braked = None
+        if self._table is not None:
+            found = core.joint_box(state.q, v, state.a, self._table, self._codes, dt, shift)
+            self.low, self.high, own, made, self._brake = found
+            self._intervals = [(_CODES[code], *own[k]) for k, code in enumerate(made)]
+            self._braked = state
+            return
         low, high = np.full(len(v), -np.inf), np.full(len(v), np.inf)
-        self._intervals: list[tuple[str, Array, Array]] = []
+        self._intervals = []
         for name in self._names:
             interval = getattr(self, f"_{name}")(state, dt, shift, low, high)
             if interval is None:
@@ -119,9 +160,8 @@ class JointBox:
         """
         limit, change = self.acceleration_list[j], self.change_list[j]
         if room < -ROUNDING:
-            back = _fastest(-room, -v, limit, change, self._dt, (-high, -low))
-            return -back
-        return _fastest(room, v, limit, change, self._dt, (low, high))
+            return -fastest(-room, -v, limit, change, self._dt, -high, -low)
+        return fastest(room, v, limit, change, self._dt, low, high)
 
     def at(self, x: Array) -> list[tuple[str, int, str]]:
         """Limits that hold velocities x (n,) back: name, joint, and which end, `upper` or `lower`."""
@@ -149,6 +189,8 @@ class JointBox:
         """Velocities (n,) at the end of a step of the quickest stop within limits of acceleration and jerk."""
         if dt != self._dt:
             self.prepare(dt)
+        elif state is self._braked:
+            return self._brake
         wanted = -np.copysign(braking_accelerations(np.abs(state.v), self.change, dt), state.v)
         low = np.maximum(state.a - self.change, -self.acceleration)
         high = np.minimum(state.a + self.change, self.acceleration)
@@ -161,12 +203,11 @@ class JointBox:
         return not state.v.any() and bool((np.abs(state.a) <= self.change + 1e-12).all())
 
 
-def _fastest(room: float, v: float, limit: float, change: float, dt: float, box: tuple[float, float]) -> float:
-    """Largest x in a box with dt x + (how far a joint gets that brakes from x) <= room; the box's low end without one.
+def fastest_velocity(room: float, v: float, limit: float, change: float, dt: float, low: float, high: float) -> float:
+    """Largest x in [low, high] with dt x + (how far a joint gets that brakes from x) <= room; `low` without one.
 
     By false position (Illinois), whose lower end always has the property.
     """
-    low, high = box
     if limit == math.inf:
         return min(max(room / dt, low), high)
 
@@ -192,3 +233,7 @@ def _fastest(room: float, v: float, limit: float, change: float, dt: float, box:
             high, over = x, found
             under, side = (under * 0.5, -1) if side == -1 else (under, -1)
     return low
+
+
+fastest = fastest_velocity if core is None else core.fastest
+"""`fastest_velocity`, in the native core where that is there: the same bits."""

@@ -1,9 +1,11 @@
 """Limits of distances that hold wherever the robot could stop: what clearance and half-spaces share."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array, Index
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import ControlLimit, LimitRows
@@ -34,6 +36,7 @@ class DistanceView:
         near: (K,) indices of the distances in view.
         distance: (K,) m.
         gradient: (K, n), m/rad or m/m.
+        native: the same in the native core; None where that did not make it.
     """
 
     q: Array
@@ -41,6 +44,7 @@ class DistanceView:
     near: Index
     distance: Array
     gradient: Array
+    native: Any = None
 
 
 class StopLimit(ControlLimit):
@@ -104,6 +108,13 @@ class StopLimit(ControlLimit):
 
     def rows(self, view: DistanceView, v: Array, abilities: "Abilities", dt: float) -> LimitRows:
         """Rows of what is in view at the configuration of this step, in which joints have velocities v (n,)."""
+        labels = tuple([self.labels[k] for k in view.near.tolist()])
+        endless = np.full(len(labels), np.inf)
+        if core is not None:
+            rules = np.array([dt, self.at_least, BUFFER, self.rate])
+            delay, brake = abilities.delay, abilities.per_acceleration
+            G, low, unit = core.stop_rows(view.gradient, view.distance, v, delay, brake, rules)
+            return LimitRows(G, low, endless, unit, labels)
         g = view.gradient
         towards = g * v < 0.0
         slope = abilities.delay + towards * (np.abs(v) * abilities.per_acceleration)
@@ -118,9 +129,7 @@ class StopLimit(ControlLimit):
         )
         share = min(1.0, self.rate * dt)
         gain = np.where(view.distance < self.at_least, np.minimum(b, 0.0), share * b)
-        low = (held - gain) / unit
-        labels = tuple([self.labels[k] for k in view.near.tolist()])
-        return LimitRows(G / unit[:, None], low, np.full(len(low), np.inf), unit, labels)
+        return LimitRows(G / unit[:, None], (held - gain) / unit, endless, unit, labels)
 
     def is_far(self, start: DistanceView, way: Array, least: Array) -> bool:
         """Whether no way of the joints of at most `way` (n,) brings any distance below `least` (P,)."""

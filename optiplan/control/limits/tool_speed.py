@@ -1,4 +1,4 @@
-"""`ToolSpeedLimit` and `WheelSpeedLimit`: speeds of a frame, and of the wheels of a mobile base."""
+"""`ToolSpeedLimit`: how fast a frame moves and turns."""
 
 import math
 from typing import ClassVar
@@ -10,7 +10,6 @@ from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import LimitRows, RowLimit, positive_vector
 from optiplan.control.tasks.base import frame_of
 from optiplan.errors import wrong_argument
-from optiplan.kinematics.mecanum import WHEELS, wheel_matrix
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.state import State
 
@@ -39,28 +38,32 @@ class ToolSpeedLimit(RowLimit):
         self.frame = frame
         if linear is None and angular is None:
             raise wrong_argument("ToolSpeedLimit", "linear", "None", "a speed, linear or angular")
-        self._parts: list[tuple[slice, float, str]] = []
+        self._parts: list[slice] = []
+        self._kinds: list[str] = []
+        bounds: list[float] = []
         for argument, value, part in (("linear", linear, slice(0, 3)), ("angular", angular, slice(3, 6))):
             if value is not None:
                 speed = float(positive_vector(self, argument, value, 1)[0])
-                self._parts.append((part, speed, argument))
+                self._parts.append(part)
+                self._kinds += [argument] * 3
+                bounds += [speed * _AHEAD, speed * _ACROSS, speed * _ACROSS]
+        self._bounds = np.array(bounds)
 
     def bind(self, robot: Robot) -> None:
         """Find the frame."""
         name = robot.tool_frame if self.frame is None else self.frame
-        self._frame, self._shown = frame_of(self, "frame", robot, name), name
+        self._frame = frame_of(self, "frame", robot, name)
+        self._labels = tuple(f"{kind} speed of {name}" for kind in self._kinds)
 
     def rows(self, c: Configuration, state: State, dt: float) -> LimitRows:
         """Three rows for each speed."""
-        J = c.jacobian(self._frame).copy()
-        J = J + dt * c.rate(J, c.ahead.jacobian(self._frame))
-        G, bounds, labels = [], [], []
-        for part, speed, kind in self._parts:
-            axes = _frame_along(J[part] @ state.v)
-            G.append(axes @ J[part])
-            bounds.append(speed * np.array([_AHEAD, _ACROSS, _ACROSS]))
-            labels += [f"{kind} speed of {self._shown}"] * 3
-        return self.speed_rows(np.vstack(G), np.concatenate(bounds), state, dt, tuple(labels))
+        J = c.jacobian_rate(self._frame) * dt
+        J += c.jacobian(self._frame)
+        moves = J @ state.v
+        G = np.empty((len(self._bounds), len(state.v)))
+        for k, part in enumerate(self._parts):
+            np.dot(_frame_along(moves[part]), J[part], out=G[3 * k : 3 * k + 3])
+        return self.speed_rows(G, self._bounds, state, dt, self._labels)
 
 
 def _frame_along(motion: Array) -> Array:
@@ -75,30 +78,3 @@ def _frame_along(motion: Array) -> Array:
     p = -1.0 / (sign + z)
     q = x * y * p
     return np.array([[x, y, z], [1.0 + sign * x * x * p, sign * q, -sign * x], [q, sign + y * y * p, -y]])
-
-
-class WheelSpeedLimit(RowLimit):
-    """Rates of the wheels of a base on mecanum wheels, rad/s.
-
-    Args:
-        rate: of each of the four wheels, or one for all.
-    """
-
-    name: ClassVar[str] = "wheel speed"
-
-    def __init__(self, rate: object) -> None:
-        self._rate = positive_vector(self, "rate", rate, len(WHEELS))
-
-    def bind(self, robot: Robot) -> None:
-        """Ask whether the robot has wheels."""
-        if robot.mecanum is None:
-            expected = "a robot whose file has `mecanum`"
-            raise wrong_argument("WheelSpeedLimit", "robot", f"'{robot.name}', which has no wheels", expected)
-        self._robot = robot
-
-    def rows(self, c: Configuration, state: State, dt: float) -> LimitRows:
-        """A row a wheel."""
-        ahead = state.q + dt * state.v
-        worst = [wheel_matrix(self._robot, q) for q in (state.q, ahead)]
-        G = np.vstack([matrix for matrix in worst if matrix is not None])
-        return self.speed_rows(G, np.tile(self._rate, 2), state, dt, tuple(f"wheel {name}" for name in WHEELS) * 2)

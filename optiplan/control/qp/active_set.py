@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dposv, dpotrs
 
+from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.control.qp.program import FEASIBLE, Program
 
@@ -24,7 +25,7 @@ class ActiveSet:
     rows: tuple[int, ...] = ()
 
 
-def solve_from(program: Program, guess: ActiveSet) -> tuple[Array, ActiveSet] | None:
+def solve_in_python(program: Program, guess: ActiveSet) -> tuple[Array, ActiveSet] | None:
     """The program's solution, found from a guess of its active set; None where a few changes do not lead there.
 
     With the constraints N x = b of the guess, x = x_0 - H⁻¹ Nᵀ y with (N H⁻¹ Nᵀ) y = N x_0 - b and x_0 the least
@@ -118,3 +119,14 @@ def active_at(program: Program, x: Array, within: float) -> ActiveSet:
         rows = [j + 1 for j in np.flatnonzero(program.high - y <= within).tolist()]
         rows += [-(j + 1) for j in np.flatnonzero(y - program.low <= within).tolist() if j + 1 not in rows]
     return ActiveSet(tuple(bounds), tuple(rows))
+
+
+def _solve_natively(program: Program, guess: ActiveSet) -> tuple[Array, ActiveSet] | None:
+    p = program
+    found = core.solve_from(p.H, p.g, p.C, p.low, p.high, *p.box, p.A, p.b, guess.bounds, guess.rows, _RULES)
+    return None if found is None else (found[0], ActiveSet(tuple(found[1]), tuple(found[2])))
+
+
+_RULES = np.array([CHANGES, _SIGN, _TOUCHES, 0.01 * FEASIBLE])
+solve_from = solve_in_python if core is None else _solve_natively
+"""`solve_in_python`, in the native core where that is there: the same method, other rounding."""

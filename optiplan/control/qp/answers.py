@@ -31,8 +31,9 @@ class RowGroup:
 class Answers:
     """Finds what a step commands.
 
-    An answer is accepted if it keeps bounds and rows, and is optimal for the constraints that it touches; else, if it
-    is at least better than the witness. What a solver says of itself is not asked.
+    An answer is accepted if it keeps bounds and rows, and is optimal for the constraints that it touches; else, as far
+    on the way to it from the witness as bounds and rows allow, if that is better than the witness. What a solver says
+    of itself is not asked.
 
     Args:
         solver: asked where no guess leads to the solution.
@@ -75,7 +76,7 @@ class Answers:
         if polished is not None:
             self._active[level] = polished[1]
             return polished[0]
-        x = program.clipped(x)
+        x = program.towards(witness, program.clipped(x))
         if program.infeasibility(x) <= FEASIBLE and program.value(x) <= program.value(witness) + FEASIBLE:
             return x
         return None

@@ -44,6 +44,16 @@ class Program:
             worst = max(worst, float(np.abs(self.A @ x - self.b).max()))
         return worst
 
+    def towards(self, inside: Array, x: Array) -> Array:
+        """The farthest point (n,) on the way from a point (n,) that keeps all rows to x (n,) that keeps them, too."""
+        if not len(self.C):
+            return x
+        y, change = self.C @ inside, self.C @ (x - inside)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room = np.where(change > 0.0, self.high - y, self.low - y) / change
+        share = float(np.nanmin(np.maximum(room, 0.0), initial=1.0))
+        return x if share >= 1.0 else inside + share * (x - inside)
+
     def clipped(self, x: Array) -> Array:
         """Within the bounds exactly, (n,)."""
         return np.minimum(np.maximum(x, self.box[0]), self.box[1])

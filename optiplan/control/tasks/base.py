@@ -81,6 +81,10 @@ class ControlTask(ABC):
         """Rate of change (k,) of the feed-forward, unit/s²; None: zeros."""
         return None
 
+    def drift(self, c: Configuration) -> Array | None:
+        """J̇ v (k,), unit/s²; None where that takes more than differences of J."""
+        return None
+
     def wanted_rate(self, e: Array) -> Array:
         """-gain e, capped where e is large so that the robot can slow down in time, (k,)."""
         return -self.gain * e

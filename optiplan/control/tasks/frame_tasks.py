@@ -145,6 +145,12 @@ class PoseTask(FrameTask):
         """The target's acceleration in the rows' axes."""
         return self._rows_of(self.acceleration)
 
+    def drift(self, c: Configuration) -> Array:
+        """J̇ v; of the rotation to first order in the angle between F and T."""
+        rows = self._rows_of(c.jacobian_rate(self._frame) @ c.v)
+        assert rows is not None
+        return rows
+
     def _rows_of(self, motion: Array | None) -> Array | None:
         if motion is None:
             return None
@@ -205,6 +211,10 @@ class PositionTask(FrameTask):
         """Acceleration of the target."""
         return None if self.acceleration is None else self.acceleration[:3]
 
+    def drift(self, c: Configuration) -> Array:
+        """J̇ v."""
+        return np.asarray(c.jacobian_rate(self._frame)[:3] @ c.v)
+
     def wanted_rate(self, e: Array) -> Array:
         """Within what the robot's joints give."""
         return capped(e, self.gain, self.speed[0], self.brake_rates[0])
@@ -256,6 +266,10 @@ class OrientationTask(FrameTask):
     def feed_forward_rate(self, c: Configuration) -> Array | None:
         """Angular acceleration of the target."""
         return None if self.acceleration is None else self._turning(c) @ self.acceleration[3:]
+
+    def drift(self, c: Configuration) -> Array:
+        """J̇ v; to first order in the angle between F and T."""
+        return np.asarray(self._turning(c) @ (c.jacobian_rate(self._frame)[3:] @ c.v))
 
     def wanted_rate(self, e: Array) -> Array:
         """Within what the robot's joints give."""

@@ -125,13 +125,21 @@ class BatchedExpression:
 
     Attributes:
         size: m.
+        content: all that the expression states, constants included, as text.
         orders: which of q, v, a it depends on: 0, 1, 2.
     """
 
-    def __init__(self, robot: Robot, name: str, build: Callable[[SymbolicState], Any]) -> None:
+    def __init__(self, robot: Robot, name: str, build: Callable[[SymbolicState], Any], *, smooth: bool = False) -> None:
+        """Build the expression; with `smooth`, one that steps is refused.
+
+        Raises:
+            ValueError: it steps: it rounds, compares or takes a sign.
+        """
         casadi = _casadi()
         state = SymbolicState(robot)
         value = casadi.vec(casadi.densify(casadi.SX(build(state))))
+        if smooth:
+            _require_no_steps(value, [state.q, state.v, state.a])
         parts = (state.q, state.v, state.a)
         self.size = int(value.shape[0])
         self.orders = tuple(
@@ -142,6 +150,7 @@ class BatchedExpression:
         self._constants = np.concatenate([np.zeros(0), *(array.ravel(order="F") for _, array in state._constants)])
         inputs = [*(parts[order] for order in self.orders), constants]
         function = casadi.Function(name, inputs, [value, *slopes], {"cse": True})
+        self.content = function.serialize() + repr(self._constants.tolist())
         self._function, self._n = as_machine_code(function), robot.n
         self._calls: dict[int, Any] = {}
 
@@ -164,6 +173,24 @@ class BatchedExpression:
         for order, slope in zip(self.orders, found[1:], strict=True):
             slopes[order] = slope.transpose(0, 2, 1)
         return found[0], slopes
+
+
+def _require_no_steps(value: Any, inputs: list[Any]) -> None:
+    casadi = _casadi()
+    steps = {
+        casadi.OP_FLOOR: "floor",
+        casadi.OP_CEIL: "ceil",
+        casadi.OP_SIGN: "sign",
+        casadi.OP_LT: "<",
+        casadi.OP_LE: "<=",
+        casadi.OP_EQ: "==",
+        casadi.OP_NE: "!=",
+        casadi.OP_FMOD: "fmod",
+    }
+    function = casadi.Function("steps", inputs, [value], {"allow_free": True})
+    found = {steps[code] for k in range(function.n_instructions()) if (code := function.instruction_id(k)) in steps}
+    if found:
+        raise ValueError(f"it is not smooth: it uses {', '.join(sorted(found))}")
 
 
 def _casadi() -> Any:

@@ -13,7 +13,7 @@ from optiplan.errors import InputError
 from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.cartesian.branch_change import Branch, other_branches
-from optiplan.planners.cartesian.differential_ik import Aim, Tracker
+from optiplan.planners.cartesian.differential_ik import Aim, Tracker, gone_together
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import ToolPath
 from optiplan.planners.common.context import Work
@@ -168,14 +168,14 @@ class ToolMotion(Planner[Options]):
                 tools, count = (work.model, work.budget), self.options.goals
                 branches = other_branches(work.problem, task.frame, tools, count, task.goal)
             for branch in branches:
-                yield branch, task, self._plain(task)
+                yield branch, task, self._plain(work.problem, task)
 
-    def _plain(self, task: _Task) -> Aim:
-        return Aim(task.goal, _AVOIDANCES[0], task.orientation)
+    def _plain(self, problem: Problem, task: _Task) -> Aim:
+        return Aim(task.goal, _AVOIDANCES[0], task.orientation, gone_together(problem, task.frame))
 
     def _aims(self, problem: Problem, task: _Task, ends: list[Array]) -> Iterator[Aim]:
         """Anywhere, or at the goal's configuration; a redundant arm may then avoid limits more, or aim at an end."""
-        plain = self._plain(task)
+        plain = self._plain(problem, task)
         yield plain
         tracker = Tracker(problem.robot, task.frame, task.path, plain)
         if tracker.redundant:
@@ -194,7 +194,7 @@ class ToolMotion(Planner[Options]):
         tool = ToolLimits(frame, **limits) if limits else None
         method = None if o.profile is None else _METHODS[o.profile]
         robot, joint_limits = work.problem.robot, work.problem.limits
-        timed = time_path(followed, robot, joint_limits, TimingOptions(method, tool, lambda: work.budget.over))
+        timed = time_path(followed, robot, joint_limits, TimingOptions(method, tool, stop=lambda: work.budget.over))
         if timed is None:
             samples = followed(np.linspace(0.0, followed.duration, _SAMPLES))
             return too_heavy(robot, joint_limits, samples)

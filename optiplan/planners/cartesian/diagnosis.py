@@ -126,7 +126,7 @@ def _obstacle(model: CollisionModel, path: Trajectory, budget: Budget) -> Ending
 def _stuck(tracker: Tracker, s: float, q: Array) -> Ending:
     """Singular, out of reach, or a path that this arm lacks the joints for."""
     J = tracker.jacobian(q) / tracker.scale
-    twist = tracker.path.twist(s)[tracker.rows]
+    twist = tracker.twist(s)
     smallest = float(measures(J[None]).smallest[0])
     missing = twist - J @ (np.linalg.pinv(J, rcond=_NEAR) @ twist)
     more: dict[str, Any] = {"measure": smallest}

@@ -16,6 +16,8 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.planners.cartesian.tool_path import ToolPath
+from optiplan.problem.constraints.statements import RelativePose
+from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
 
 _RANK = 1e-9  # of the largest singular value: what is below does not move the frame
@@ -32,11 +34,21 @@ class Aim:
         goal: (n,) configuration to end at, rad or m; None: anywhere.
         avoidance: speed of the drift away from limits, relative to what the path asks of the joints.
         orientation: whether the path's orientation counts; its position always does.
+        together: other frames that keep the pose in the tool's frame that they have at the start.
     """
 
     goal: Array | None = None
     avoidance: float = 4.0
     orientation: bool = True
+    together: "tuple[Together, ...]" = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """A frame G that keeps its pose X_FG in the frame F that follows the path."""
+
+    frame: str
+    X_FG: pin.SE3
 
 
 class Tracker:
@@ -45,31 +57,64 @@ class Tracker:
     def __init__(self, robot: Robot, frame: str, path: ToolPath, aim: Aim) -> None:
         self.robot, self.frame, self.path, self.aim = robot, frame, path, aim
         self.scale = robot.limits.velocity
-        self.rows = slice(0, 6 if aim.orientation else 3)
-        self.redundant = robot.n > self.rows.stop
+        own = np.arange(6 if aim.orientation else 3)
+        self.rows = np.concatenate([own, np.arange(6, 6 + 6 * len(aim.together))])
+        self.redundant = robot.n > len(self.rows)
         self._model, self._data, self._frame = robot.model, robot.model.createData(), robot.frame_id(frame)
+        self._together = [(robot.frame_id(one.frame), one.X_FG) for one in aim.together]
         limits = robot.limits
         self._bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper) & (limits.upper > limits.lower)
         low, high = np.where(self._bounded, limits.lower, -1.0), np.where(self._bounded, limits.upper, 1.0)
         self._middle, self._half = 0.5 * (low + high), 0.5 * (high - low)
 
     def error(self, s: float, q: Array) -> Array:
-        """(6,): p(s) - p(q), m, and the rotation vector from R(q) to R(s), rad, both in world axes; 0 if left free."""
+        """(6,): p(s) - p(q), m, and the rotation vector from R(q) to R(s), rad, both in world axes; 0 if left free.
+
+        Of every frame that goes together with it six rows more.
+        """
         pin.framesForwardKinematics(self._model, self._data, q)
         X, target = self._data.oMf[self._frame], self.path.pose(s)
         angle = pin.log3(target.rotation @ X.rotation.T) if self.aim.orientation else np.zeros(3)
-        return np.concatenate([target.translation - X.translation, angle])
+        rows = [target.translation - X.translation, angle]
+        for frame, X_FG in self._together:
+            X, wanted = self._data.oMf[frame], target * X_FG
+            rows += [wanted.translation - X.translation, pin.log3(wanted.rotation @ X.rotation.T)]
+        return np.concatenate(rows)
+
+    def twist(self, s: float) -> Array:
+        """dX/ds of the path, and of the frames that go with it, the rows that count."""
+        own = self.path.twist(s)
+        velocity, turning = own[:3], own[3:]
+        rows = [own]
+        for r in self._arms(s):
+            rows.append(np.concatenate([velocity + np.cross(turning, r), turning]))
+        return np.asarray(np.concatenate(rows)[self.rows])
 
     def jacobian(self, q: Array) -> Array:
-        """J_z (6 or 3, n): twist of the frame for dz, in world axes, m or rad."""
+        """J_z (rows, n): twist of the frame, and of those that go with it, for dz, in world axes, m or rad."""
         reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        J: Array = pin.computeFrameJacobian(self._model, self._data, q, self._frame, reference)
-        return np.asarray(J.reshape(6, -1)[self.rows] * self.scale)  # of one joint, pinocchio's has one dimension
+        pin.computeJointJacobians(self._model, self._data, q)
+        pin.updateFramePlacements(self._model, self._data)
+        frames = [self._frame, *(frame for frame, _ in self._together)]
+        found = [pin.getFrameJacobian(self._model, self._data, frame, reference).reshape(6, -1) for frame in frames]
+        return np.asarray(np.concatenate(found)[self.rows] * self.scale)
+
+    def _arms(self, s: float) -> list[Array]:
+        """From the origin of F to those of the frames that go with it, in world axes, m."""
+        return [self.path.pose(s).rotation @ X_FG.translation for _, X_FG in self._together]
+
+    def _twist_rate(self, s: float) -> Array:
+        """d/ds of `twist`: w x (w x r) more at an arm r that turns with w."""
+        own, turning = self.path.twist_rate(s), self.path.twist(s)[3:]
+        rows = [own]
+        for r in self._arms(s):
+            rows.append(np.concatenate([own[:3] + np.cross(turning, np.cross(turning, r)), own[3:]]))
+        return np.asarray(np.concatenate(rows)[self.rows])
 
     def rate(self, s: float, q: Array) -> Array:
         """dq/ds (n,) at q (n,)."""
         inverse, free = self._inverse(q)
-        task = inverse @ self.path.twist(s)[self.rows]
+        task = inverse @ self.twist(s)
         if not free.any():
             return np.asarray(self.scale * task)
         return np.asarray(self.scale * (task + free @ self._drift(s, q, float(np.linalg.norm(task)))))
@@ -80,7 +125,7 @@ class Tracker:
         What the tool asks for is exact; the drift of a redundant arm is differenced along the flow.
         """
         inverse, free = self._inverse(q)
-        missing = self.path.twist_rate(s)[self.rows] - self._acceleration(q, dq)
+        missing = self._twist_rate(s) - self._acceleration(q, dq)
         if not free.any():
             return np.asarray(self.scale * (inverse @ missing))
         if s == 1.0 and self.aim.goal is not None:  # see `arrive`
@@ -93,7 +138,7 @@ class Tracker:
     def arrive(self, q: Array, dq: Array) -> Array:
         """dq/ds (n,) at s = 1 with the null-space part of dq (n,): there `rate` would divide 0 by 0 at the goal."""
         inverse, free = self._inverse(q)
-        return np.asarray(self.scale * (inverse @ self.path.twist(1.0)[self.rows] + free @ (dq / self.scale)))
+        return np.asarray(self.scale * (inverse @ self.twist(1.0) + free @ (dq / self.scale)))
 
     def correct(self, s: float, q: Array) -> Array | None:
         """The configuration near q (n,) with the tool at X(s), by Newton's method; None if it does not converge."""
@@ -105,7 +150,7 @@ class Tracker:
         return None
 
     def _inverse(self, q: Array) -> tuple[Array, Array]:
-        """J_z^+ (n, 6 or 3) and N (n, n); N is 0 where nothing is free."""
+        """J_z^+ (n, rows) and N (n, n); N is 0 where nothing is free."""
         U, sigma, Vt = np.linalg.svd(self.jacobian(q), full_matrices=False)
         kept = sigma > _RANK * sigma[0]
         U, sigma, Vt = U[:, kept], sigma[kept], Vt[kept]
@@ -117,8 +162,9 @@ class Tracker:
         """J' q': how the twist of the frame changes at constant joint rates, in world axes."""
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(len(q)))
         reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        bias = pin.getFrameClassicalAcceleration(self._model, self._data, self._frame, reference)
-        return np.asarray(bias.vector[self.rows])
+        frames = [self._frame, *(frame for frame, _ in self._together)]
+        bias = [pin.getFrameClassicalAcceleration(self._model, self._data, one, reference).vector for one in frames]
+        return np.asarray(np.concatenate(bias)[self.rows])
 
     def _drift(self, s: float, q: Array, speed: float) -> Array:
         """Return what N projects, (n,): -speed * avoidance * x^5 with x = ±1 at the limits, and way left over 1 - s.
@@ -132,3 +178,16 @@ class Tracker:
             return np.asarray(away)
         left = max(1.0 - s, _DIFFERENCE)
         return np.asarray((self.aim.goal - q) / (self.scale * left) + left**2 * away)
+
+
+def gone_together(problem: Problem, frame: str) -> tuple[Together, ...]:
+    """Return the frames that path constraints let keep their pose in a frame, as it is at the start."""
+    model, found = problem.robot.model, []
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, problem.start)
+    X_WF = data.oMf[problem.robot.frame_id(frame)]
+    for one in problem.path_constraints:
+        if isinstance(one, RelativePose) and frame in (one.frame, one.to):
+            other = one.to if frame == one.frame else one.frame
+            found.append(Together(other, X_WF.actInv(data.oMf[problem.robot.frame_id(other)])))
+    return tuple(found)

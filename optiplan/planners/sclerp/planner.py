@@ -13,7 +13,7 @@ from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.screw_kinematics import Tool
-from optiplan.planners.sclerp.screw_motion import Task, attempt
+from optiplan.planners.sclerp.screw_motion import ScrewTask, attempt
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
@@ -53,7 +53,7 @@ class Sclerp(Planner[SclerpOptions]):
             failures.append(_heavy(problem, path))
         return PlanResult(None, _reason(goals, failures), watch.seconds)
 
-    def _tasks(self, problem: Problem, ends: list[Array]) -> Iterator[Task]:
+    def _tasks(self, problem: Problem, ends: list[Array]) -> Iterator[ScrewTask]:
         """Every alternative of the goal; led to each goal configuration, if the options say so.
 
         A goal without orientation is a goal for each orientation that a goal configuration has.
@@ -62,12 +62,12 @@ class Sclerp(Planner[SclerpOptions]):
         for goal in problem.goal:
             tool = Tool(problem.robot, goal.frame if isinstance(goal, PoseGoal) else problem.robot.tool_frame)
             if isinstance(goal, JointGoal):
-                yield Task(tool, problem.start, tool.pose(goal.q), goal.q, True, {})
+                yield ScrewTask(tool, problem.start, tool.pose(goal.q), goal.q, True, {})
                 continue
             free = goal.orientation >= np.pi
             for q in ends if ends and (led or free) else [problem.start]:
                 X_WG = pin.SE3(tool.pose(q).rotation, goal.X_WG.translation) if free else goal.X_WG
-                yield Task(tool, problem.start, X_WG, q if led and ends else None, False, {})
+                yield ScrewTask(tool, problem.start, X_WG, q if led and ends else None, False, {})
 
 
 def _heavy(problem: Problem, path: Trajectory) -> Failure:

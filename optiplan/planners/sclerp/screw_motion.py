@@ -34,7 +34,7 @@ class _Why(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class ScrewTask:
     """From `start` (n,), rad or m, to X_WG; a redundant arm is led to `goal` (n,), and must end there if `exact`.
 
     `info`, JSON-ready, is filled in on the way: steps of the scheme, quadratic programs, knots of the path.
@@ -60,7 +60,7 @@ class Task:
         return self.failure(s, q, why, {"joint": name, "limit": bound})
 
 
-def attempt(model: CollisionModel, task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
+def attempt(model: CollisionModel, task: ScrewTask, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
     """Free joint path q(s) within limits, twice continuously differentiable, or where and why there is none.
 
     Under `qp` the tool is within 1e-6 m and rad of its screw for all s; the other schemes go where they go.
@@ -89,7 +89,7 @@ def _shown(failure: Failure, path: Trajectory, s: float, model: CollisionModel) 
     return replace(failure, witness={**failure.witness, **shown})
 
 
-def _by_quadratic_programs(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
+def _by_quadratic_programs(task: ScrewTask, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
     stepper = ScrewStepper(task.tool, ScrewMotion(task.tool.pose(task.start), task.X_WG), options, task.goal)
     stepped = stepper.step_along(task.start, options.iterations, lambda: budget.over)
     task.info.update(iterations=len(stepped.s) - 1, programs=stepped.programs)
@@ -106,7 +106,7 @@ def _by_quadratic_programs(task: Task, options: SclerpOptions, budget: Budget) -
     return path
 
 
-def _stopped(task: Task, stepper: ScrewStepper, stepped: SteppedPath, options: SclerpOptions) -> Failure:
+def _stopped(task: ScrewTask, stepper: ScrewStepper, stepped: SteppedPath, options: SclerpOptions) -> Failure:
     s, q = float(stepped.s[-1]), stepped.Q[-1]
     if stepped.blocked is not None:
         return task.at_limit(s, q, stepped.blocked)
@@ -117,7 +117,7 @@ def _stopped(task: Task, stepper: ScrewStepper, stepped: SteppedPath, options: S
     return stuck(Tracker(tool.robot, tool.frame, ahead, Aim()), s, q)
 
 
-def _by_iteration(task: Task, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
+def _by_iteration(task: ScrewTask, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
     try:
         found = iterate_scheme(task.tool, task.start, task.X_WG, options, lambda: budget.over)
     except np.linalg.LinAlgError:
@@ -132,12 +132,12 @@ def _by_iteration(task: Task, options: SclerpOptions, budget: Budget) -> Traject
     return task.at_limit(s, q, int(np.argmax(found.hits.sum(axis=0) * found.hits[-1])))
 
 
-def _used_up(task: Task, s: float, q: Array, options: SclerpOptions) -> Failure:
+def _used_up(task: ScrewTask, s: float, q: Array, options: SclerpOptions) -> Failure:
     words = f"{options.iterations} steps of the scheme '{options.scheme}' do not lead to the goal"
     return task.failure(s, q, _Why("no-path", "iterations", words), {})
 
 
-def _share(task: Task, found: SchemeResult) -> float:
+def _share(task: ScrewTask, found: SchemeResult) -> float:
     """Return the share of the way made from start to goal, by the length of the twist that is left; 0 to 1."""
     left, whole = (
         float(np.linalg.norm(pin.log6(task.tool.pose(q).actInv(task.X_WG)))) for q in (found.Q[-1], found.Q[0])

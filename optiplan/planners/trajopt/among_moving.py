@@ -115,7 +115,7 @@ def _curves(
             guesses.append((with_bump(optimiser.basis, base, T, problem.limits, rng), T))
         before = optimiser.steps
         attempt = curves.run(*guesses[k], budget)
-        free = attempt is not None and attempt.touch is None and not attempt.broken
+        free = attempt is not None and not attempt.touches and not attempt.broken
         entry = {"seed": "in time", "free": free, "iterations": optimiser.steps - before}
         info["attempts"].append(entry | ({} if attempt is None else {"duration": attempt.trajectory.duration}))
         if attempt is not None and free:

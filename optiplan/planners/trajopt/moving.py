@@ -173,21 +173,21 @@ class _MovingRun:
             attempt = optimiser.run(control, duration, budget)
         steps = self.optimiser.steps - before
         self.patience.work(steps=steps)
-        free = attempt is not None and attempt.touch is None and not attempt.broken
+        free = attempt is not None and attempt.free
         entry: dict[str, Any] = {"seed": kind, "free": free, "iterations": steps}
         self.info["attempts"].append(entry)
         if attempt is not None:
             entry["duration"] = attempt.trajectory.duration
-            if attempt.touch is not None:
-                self.touching = attempt.touch, attempt.trajectory
+            if attempt.touches:
+                self.touching = attempt.touches[0], attempt.trajectory
             elif not attempt.broken and self._offer(attempt.trajectory):
                 self.curve = attempt, optimiser
-        cost = self.problem.objective.cost(attempt.trajectory) if attempt is not None and free else None
+        cost = self.problem.cost(attempt.trajectory) if attempt is not None and free else None
         self.patience.record(cost)
 
     def _offer(self, trajectory: Trajectory) -> bool:
         """Keep a free motion if it is better than the best; return whether it is."""
-        cost = self.problem.objective.cost(trajectory)
+        cost = self.problem.cost(trajectory)
         if cost >= self.best * (1.0 - _NO_GAIN) or tuple(self.optimiser.constraints.broken(trajectory)):
             return False
         self.best = cost

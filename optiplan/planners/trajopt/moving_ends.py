@@ -93,7 +93,7 @@ class MovingOptimiser:
             touches = tuple(contacts_along(own.model, trajectory, lambda: budget.cancelled))
             broken, steps = tuple(own.constraints.broken(trajectory)), own.steps - before
             close = found.nearest < ACTIVE
-            attempt = Attempt(control, trajectory, touches[0] if touches else None, broken, close, steps)
+            attempt = Attempt(control, trajectory, touches, broken, close, steps)
             if budget.cancelled:
                 return None
             if not (touches or broken) or steps >= options.iterations or budget.over or found.missing > STUCK:

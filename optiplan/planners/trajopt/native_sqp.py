@@ -10,7 +10,7 @@ from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.planners.trajopt import sqp
 from optiplan.planners.trajopt.native_step import GAP, native_spline
-from optiplan.planners.trajopt.sqp import Descended
+from optiplan.planners.trajopt.sqp import Descended, GoOn
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE, CONTACT_PENALTY, CUTOFF
 from optiplan.planners.trajopt.terms.torques import TORQUE_PENALTY
 from optiplan.planners.trajopt.transcription import Transcription
@@ -41,12 +41,18 @@ class NativeSqp:
         samples = self.transcription.samples
         self._sqp.set_samples(samples.u, *samples.at)
 
-    def optimise(
-        self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
+    def optimise(  # noqa: PLR0913
+        self,
+        control: Array,
+        iterations: int,
+        stop: Callable[[], bool],
+        best: float = inf,
+        longest: float = inf,
+        go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see `sqp.optimise`."""
         control, duration, _, missing, nearest, steps = self._sqp.optimise(
-            np.ascontiguousarray(control), iterations, stop, best, longest
+            np.ascontiguousarray(control), iterations, stop, best, longest, go_on
         )
         return Descended(control, duration, missing, nearest, steps)
 

@@ -1,9 +1,10 @@
 """Optimise one initial guess to a trajectory that is checked between samples too."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from optiplan._core import core
 from optiplan.arrays import Array
@@ -17,6 +18,7 @@ from optiplan.planners.trajopt.native_step import step_solver
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
 from optiplan.planners.trajopt.terms.contacts import Margins
+from optiplan.planners.trajopt.terms.integrals import integral_costs
 from optiplan.planners.trajopt.terms.path_constraints import Broken, PathConstraints
 from optiplan.planners.trajopt.terms.term import Term
 from optiplan.planners.trajopt.transcription import Transcription
@@ -26,6 +28,9 @@ from optiplan.trajectory.trajectory import Trajectory
 
 SPACING = 0.025
 """How far bodies may move from sample to sample to begin with, m, roughly: edges must not slip through between two."""
+
+_LONGER = 1.5
+"""Times the duration of a descent's last curve within which the cheapest one is looked for."""
 
 ACTIVE = 1e-3
 """Clearance beyond its margin, m, below which a pair counts as held by it."""
@@ -38,7 +43,7 @@ class Attempt:
     Attributes:
         control: (K, n) control points, rad or m.
         trajectory: the curve in time.
-        touch: the remaining contact; None: it is free.
+        touches: the remaining contacts.
         broken: the path constraints that it still violates.
         close: whether the margin of some pair is active, so that a smaller margin may save time.
         iterations: steps taken.
@@ -46,10 +51,15 @@ class Attempt:
 
     control: Array
     trajectory: Trajectory
-    touch: Touch | None
+    touches: tuple[Touch, ...]
     broken: tuple[Broken, ...]
-    close: bool
-    iterations: int
+    close: bool = False
+    iterations: int = 0
+
+    @property
+    def free(self) -> bool:
+        """Return whether nothing touches and no path constraint is violated."""
+        return not (self.touches or self.broken)
 
 
 class Optimiser:
@@ -57,6 +67,7 @@ class Optimiser:
 
     Attributes:
         constraints: on the path.
+        objective: what motions cost.
         steps: taken so far, in all attempts.
     """
 
@@ -64,9 +75,11 @@ class Optimiser:
         self.problem, self.model, self.options = problem, model, options
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
         self.constraints = PathConstraints(problem)
+        self.objective = problem.objective_parts()
+        self._costs = integral_costs(problem, model)
         self.steps = 0
 
-    def run(
+    def run(  # noqa: PLR0913
         self,
         control: Array,
         budget: Budget,
@@ -74,11 +87,14 @@ class Optimiser:
         best: float = np.inf,
         *,
         patient: bool = False,
+        first: Callable[[Attempt], None] | None = None,
     ) -> Attempt | None:
         """Optimise from control points (K, n), check between the samples, add samples at contacts there, and repeat.
 
         None when bodies stay in deep penetration, gravity exceeds the torque limits, or the budget is cancelled. A
-        curve that is stuck is checked between the samples, but no samples are added to it.
+        curve that is stuck is checked between the samples, but no samples are added to it. Where the initial curve
+        violates something, the first one that violates nothing at the samples is checked between them at once: a curve
+        is made free before it is made short.
 
         Args:
             control: of the first curve; its ends stay as they are.
@@ -87,39 +103,54 @@ class Optimiser:
             best: cost, s, of the best motion so far: a curve that stays far from it is given up.
             patient: whether a curve may take any time; else it is given up after 30 steps where it takes twice the time
                 that it began with.
+            first: called with the first curve that is free.
         """
         terms = self.constraints.begin()
         descender, u = self.descender(control, margin, terms), self.instants(control)
         iterations, attempt = 0, None
-        longest = (
-            np.inf if patient or terms else GROWN * self.basis.shortest_duration(control, self.problem.limits.rates)
-        )
+        least = self.basis.shortest_duration(control, self.problem.limits.rates)
+        longest = np.inf if patient or terms or self._costs else GROWN * least
+        looked: Attempt | None = None
+
+        def go_on(control: Array, duration: float) -> bool:
+            nonlocal looked, first
+            looked = self._checked(control, duration, budget)
+            if looked is not None and looked.free and first is not None and not budget.cancelled:
+                first(looked)
+                first = None
+            return looked is None or looked.free
+
         for _ in range(self.options.refinements + 1):
             descender.set_samples(u)
             left = self.options.iterations - iterations
-            found = descender.optimise(control, left, lambda: budget.over, best, longest)
+            found = descender.optimise(control, left, lambda: budget.over, best, longest, None if terms else go_on)
             iterations += found.steps
             self.steps += found.steps
             control = found.control
             late = budget.over and self.problem.objective.time * found.duration >= best
             if late or budget.cancelled or found.missing > MAX_VIOLATION:
                 return None
-            trajectory = self.timed(control, found.duration)
-            if trajectory is None:
+            if looked is None or not np.array_equal(looked.control, control):
+                looked = self._checked(control, found.duration, budget)
+            if looked is None or budget.cancelled:
                 return None
-            touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
-            broken = tuple(self.constraints.broken(trajectory))
-            close = found.nearest < ACTIVE
-            attempt = Attempt(control, trajectory, touches[0] if touches else None, broken, close, iterations)
-            if budget.cancelled:
-                return None
+            attempt = replace(looked, close=found.nearest < ACTIVE, iterations=iterations)
             enough = iterations >= self.options.iterations or (iterations >= SLOW and found.duration > longest)
-            if not (touches or broken) or enough or budget.over or found.missing > STUCK:
+            if attempt.free or enough or budget.over or found.missing > STUCK:
                 break
-            self.constraints.raise_prices(broken)
-            times = [touch.t / trajectory.duration for touch in touches] + [one.share for one in broken]
+            self.constraints.raise_prices(attempt.broken)
+            times = [touch.t / attempt.trajectory.duration for touch in attempt.touches]
+            times += [one.share for one in attempt.broken]
             u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
         return attempt
+
+    def _checked(self, control: Array, duration: float, budget: Budget) -> Attempt | None:
+        """Return a curve timed and checked between the samples; None if gravity is too much."""
+        trajectory = self.timed(control, duration)
+        if trajectory is None:
+            return None
+        touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
+        return Attempt(control, trajectory, touches, tuple(self.constraints.broken(trajectory)))
 
     def instants(self, control: Array) -> Array:
         """Return the samples of a curve to begin with."""
@@ -135,7 +166,7 @@ class Optimiser:
             terms: of path constraints.
         """
         margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
-        transcription = Transcription(self.problem, self.model, self.basis, margins, terms)
+        transcription = Transcription(self.problem, self.model, self.basis, margins, terms, self._costs)
         if self.options.solver == AUTO and core is not None and transcription.plain:
             return NativeSqp(transcription)
         return Sqp(step_solver(transcription, self.options.solver))
@@ -152,7 +183,21 @@ class Optimiser:
         trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
         limits = self.problem.limits
         timed = within_torque(self.problem.robot, limits, scale_to_limits(trajectory, limits))
-        return None if timed is None else self.constraints.slowed(timed)
+        return None if timed is None else self._at_its_best(self.constraints.slowed(timed), duration)
+
+    def _at_its_best(self, fastest: Trajectory, duration: float) -> Trajectory:
+        """Return the motion at its cheapest duration, which is at most half longer than that of the descent."""
+        if self.problem.objective.plain:
+            return fastest
+        most = max(1.0, _LONGER * duration / fastest.duration)
+        found = minimize_scalar(
+            lambda factor: self.objective.cost(fastest.scaled(fastest.duration * factor)),
+            bounds=(1.0, most),
+            method="bounded",
+            options={"xatol": 1e-3},
+        )
+        slower = fastest.scaled(fastest.duration * float(found.x))
+        return slower if self.objective.cost(slower) < self.objective.cost(fastest) else fastest
 
 
 def _instants(basis: SplineBasis, count: int) -> Array:

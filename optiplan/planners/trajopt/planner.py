@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.native_model import planning_model
+from optiplan.collision.native_model import not_in_core, planning_model
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time, too_heavy
@@ -24,6 +24,7 @@ from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.moving import plan_moving
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.sqp import WORSE
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.planners.trajopt.terms.path_constraints import Broken, broken_constraint
 from optiplan.planners.trajopt.through_vias import through_vias
@@ -47,6 +48,9 @@ _NO_GAIN = 1e-6
 
 _SEARCH, _FIRST_SEARCH = 0.5, 0.8
 """Share of what is left of the budget that one search for a path may take; while there is no motion at all."""
+
+_SHORTER = 0.95
+"""Share of its cost to which shortcuts must bring a path on an optimised curve to be optimised again."""
 
 _DENSE = 300
 """Waypoints on a curve whose chords are proved free in its place."""
@@ -104,12 +108,14 @@ class _Run:
         self.curve: Attempt | None = None  # the best optimised one
         self.searched_in_vain = False  # whether a search ended without a path
         self.direct = True  # whether straight lines, with or without a bump, are still tried
+        self.repaired: tuple[Attempt, float] | None = None  # what the last path lies on, and that path's cost, s
         self.touching: tuple[Touch, Trajectory] | None = None
         self.breaking: tuple[Broken, Trajectory] | None = None
         self.bound = 0.0
         self.patience = Patience(budget, options.good_enough)
         with self.watch.stage("set-up"):
             self.model = planning_model(problem.robot, problem.scene)
+            self.info.update(not_in_core(self.model))
             self.optimiser = Optimiser(problem, self.model, options)
 
     def result(self) -> PlanResult:
@@ -187,10 +193,20 @@ class _Run:
         self._attempt(kind, with_bump(self.optimiser.basis, control, duration, limits, rng), self.budget)
 
     def _sampled(self, path: SampledPath) -> Failure | None:
-        """Time a sampled path where that may be the best motion, and optimise from it."""
+        """Time a sampled path where that may be the best motion, and optimise from it.
+
+        A path that lies on an optimised curve already, and that no shortcut has made shorter, is not optimised again;
+        one that takes far longer than the best motion even at full speed is left.
+        """
         failure = None if self.candidates else self._time_path(path)
-        self._attempt("sampled", self._along(path.waypoints), self.budget)
-        if self.best > self._cost_bound(float(path_time(path.waypoints, self.problem.limits.velocity).sum())):
+        repaired, self.repaired = self.repaired, None
+        if repaired is not None and path.cost > _SHORTER * repaired[1]:
+            self._keep(repaired[0])
+        elif self._cost_bound(path.cost) > WORSE * self.best:
+            self.patience.record(None)
+        else:
+            self._attempt("sampled", self._along(path.waypoints), self.budget)
+        if self.best > self._cost_bound(path.cost):
             self._time_path(path)
         return failure
 
@@ -203,6 +219,7 @@ class _Run:
 
     def _sample(self, sampler: GoalSampler, number: int) -> SampledPath | Failure:
         """Return the sampled path of one seed to any of the promising goals."""
+        self.repaired = None
         share = _SEARCH if self.candidates else _FIRST_SEARCH
         budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
         worth = self.patience.worth(self.best, self.bound) if self.candidates else np.inf
@@ -228,6 +245,7 @@ class _Run:
         self._offer(attempt.trajectory, attempt)
         dense = self.optimiser.basis.at(np.linspace(0.0, 1.0, _DENSE)) @ attempt.control
         dense[0], dense[-1] = waypoints[0], waypoints[-1]
+        self.repaired = attempt, float(path_time(dense, self.problem.limits.velocity).sum())
         return dense
 
     def _straight(self, ends: Array) -> None:
@@ -253,16 +271,23 @@ class _Run:
         return along_path(self.optimiser.basis, waypoints, self.problem.limits.velocity)
 
     def _attempt(self, kind: Kind, control: Array, budget: Budget) -> None:
-        """Optimise from a seed; if the result is the best so far, optimise it again with a smaller margin."""
+        """Optimise from a seed, and keep what comes of it."""
         attempt = self._optimised(kind, control, budget, None)
         if kind in ("straight", "line"):
             self.direct = attempt is not None
-        better = attempt is not None and self._offer(attempt.trajectory, attempt)
-        if attempt is not None and better and attempt.close and self.bound < (1.0 - _WORTH_CLOSE) * self.best:
-            closer = self._optimised("close", attempt.control, budget, _CLOSE * self.options.margin)
-            if closer is not None:
-                self._offer(closer.trajectory, closer)
-        cost = None if attempt is None else self.problem.objective.cost(attempt.trajectory)
+        self._keep(attempt)
+
+    def _keep(self, attempt: Attempt | None) -> None:
+        """Keep the result of an attempt; if it is the best so far, optimise it again with a smaller margin."""
+        if attempt is not None:
+            self._offer(attempt.trajectory, attempt)
+            best = attempt.trajectory is self.candidates[-1].trajectory
+            self.curve = attempt if best else self.curve
+            if best and attempt.close and self.bound < (1.0 - _WORTH_CLOSE) * self.best:
+                closer = self._optimised("close", attempt.control, self.budget, _CLOSE * self.options.margin)
+                if closer is not None:
+                    self._offer(closer.trajectory, closer)
+        cost = None if attempt is None else self.optimiser.objective.cost(attempt.trajectory)
         self.patience.record(cost)
 
     def _finer(self) -> None:
@@ -285,25 +310,32 @@ class _Run:
         self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
         before = self.optimiser.steps
         with self.watch.stage("optimisation"):
-            attempt = self.optimiser.run(control, budget, margin, self.best, patient=self.searched_in_vain)
+            attempt = self.optimiser.run(
+                control, budget, margin, self.best, patient=self.searched_in_vain, first=self._offer_first
+            )
         steps = self.optimiser.steps - before
         self.patience.work(steps=steps)
-        free = attempt is not None and attempt.touch is None and not attempt.broken
+        free = attempt is not None and attempt.free
         entry: dict[str, Any] = {"seed": kind, "free": free, "iterations": steps}
         if attempt is not None:
             entry["duration"] = attempt.trajectory.duration
         self.info["attempts"].append(entry)
-        if attempt is not None and attempt.touch is not None:
-            self.touching = attempt.touch, attempt.trajectory
+        if attempt is not None and attempt.touches:
+            self.touching = attempt.touches[0], attempt.trajectory
         if attempt is not None and attempt.broken:
             self.breaking = attempt.broken[0], attempt.trajectory
         return attempt if free else None
+
+    def _offer_first(self, attempt: Attempt) -> None:
+        """Keep a curve that is free but not short yet while there is no motion at all."""
+        if not self.candidates:
+            self._offer(attempt.trajectory, attempt)
 
     def _offer(self, trajectory: Trajectory, attempt: Attempt | None) -> bool:
         """Keep a free motion if it is better than the best and holds all path constraints; return whether it is."""
         if attempt is None:
             trajectory = self.optimiser.constraints.slowed(trajectory)
-        cost = self.problem.objective.cost(trajectory)
+        cost = self.optimiser.objective.cost(trajectory)
         if cost >= self.best * (1.0 - _NO_GAIN):
             return False
         if attempt is None and self.optimiser.constraints.broken(trajectory):

@@ -51,16 +51,18 @@ class Step(NamedTuple):
 
 
 class _Objective(NamedTuple):
-    """1/2 x' `quadratic` x + `linear`' x, of which `hessian` is the part shared with the merit."""
+    """1/2 x' `quadratic` x + `linear`' x, of which `hessian`, and `twice` by T, are shared with the merit."""
 
     quadratic: sp.csc_matrix
     linear: Array
     hessian: sp.csc_matrix
+    twice: float
 
     def cost(self, x: Array, count: int) -> float:
         """Return the model's change of the merit over T at the given slacks, without the regularisation."""
         moved, slack = x[:count], np.maximum(x[count + 1 :], 0.0)
         smooth = self.linear[: count + 1] @ x[: count + 1] + 0.5 * moved @ (self.hessian @ moved)
+        smooth += 0.5 * self.twice * x[count] ** 2
         return float(smooth + self.linear[count + 1 :] @ slack)
 
 
@@ -136,9 +138,12 @@ class Subproblem:
         weight = self.transcription.objective.time
         hessian = costs.hessian().multiply(scale[:, None]).multiply(scale[None, :]) / duration
         curvature = hessian + REGULARISATION * sp.eye(len(scale))
-        quadratic = sp.block_diag([curvature, 1e-6 * sp.eye(len(prices) + 1)], format="csc")
+        twice = costs.twice_by_duration * duration
+        flat = 1e-6 * np.ones(len(prices) + 1)
+        flat[0] += twice
+        quadratic = sp.block_diag([curvature, sp.diags(flat)], format="csc")
         linear = np.concatenate([costs.gradient * scale / duration, [weight + costs.by_duration], prices / duration])
-        return _Objective(quadratic, linear, hessian)
+        return _Objective(quadratic, linear, hessian, twice)
 
     def _hard(self, wanted: npt.NDArray[np.bool_], share: Array, scale: Array, duration: float) -> tuple[Array, Array]:
         """Return rows (k, M n + 1), right sides (k,) of the wanted (2, R, n) derivative control points, both signs."""

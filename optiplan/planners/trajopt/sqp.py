@@ -23,7 +23,7 @@ MAX_VIOLATION = 0.05
 STUCK = 0.01
 """Clearance violation, m, likewise, above which a curve whose violation no longer decreases is given up."""
 
-STALLED, HALVED = 8, 0.5
+STALLED, HALVED = 5, 0.5
 """Steps within which the clearance violation of a stuck curve must fall to this share."""
 
 SLOW, WORSE = 30, 1.5
@@ -31,6 +31,11 @@ SLOW, WORSE = 30, 1.5
 
 GROWN = 2.0
 """Times its first duration that a curve may take then: those that wind around things seldom become good."""
+
+
+GoOn = Callable[[Array, float], bool]
+"""(control (K, n), duration) of the first curve of a descent on which all rows hold, where they did not on the initial
+one -> whether to descend from it; asked once."""
 
 
 class Descended(NamedTuple):
@@ -57,8 +62,14 @@ class Descender(Protocol):
     def set_samples(self, u: Array) -> None:
         """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
 
-    def optimise(
-        self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
+    def optimise(  # noqa: PLR0913
+        self,
+        control: Array,
+        iterations: int,
+        stop: Callable[[], bool],
+        best: float = inf,
+        longest: float = inf,
+        go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see the function `optimise`."""
 
@@ -73,11 +84,17 @@ class Sqp:
         """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
         self.subproblem.transcription.set_samples(u)
 
-    def optimise(
-        self, control: Array, iterations: int, stop: Callable[[], bool], best: float = inf, longest: float = inf
+    def optimise(  # noqa: PLR0913
+        self,
+        control: Array,
+        iterations: int,
+        stop: Callable[[], bool],
+        best: float = inf,
+        longest: float = inf,
+        go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see the function `optimise`."""
-        point, steps = optimise(self.subproblem, control, iterations, stop, best, longest)
+        point, steps = optimise(self.subproblem, control, iterations, stop, best, longest, go_on)
         return Descended(point.control, point.duration, point.missing, point.nearest, steps)
 
 
@@ -139,13 +156,14 @@ def evaluate(transcription: Transcription, control: Array, duration: float, span
     return Point(control, duration, terms, rows, merit, span)
 
 
-def optimise(  # noqa: PLR0913
+def optimise(  # noqa: C901, PLR0913
     subproblem: StepSolver,
     control: Array,
     iterations: int,
     stop: Callable[[], bool],
     best: float = inf,
     longest: float = inf,
+    go_on: GoOn | None = None,
 ) -> tuple[Point, int]:
     """Descend from control points (K, n) until a step gains less than 0.2 %; return the point and the steps taken.
 
@@ -154,11 +172,13 @@ def optimise(  # noqa: PLR0913
     Chamberlain et al., Mathematical Programming Study 16, 1982): curved constraints make good steps look bad, and the
     second step often repairs it. Where it does not, both are undone and the trust region shrinks to 35 %. A curve
     whose clearance violation has hardly decreased in several steps is given up, and so is one that after 30 steps takes
-    longer than `longest`, s, or costs more than 1.5 times the `best` motion known, s.
+    longer than `longest`, s, or costs more than 1.5 times the `best` motion known, s. `go_on` may end it at the first
+    curve on which all rows hold.
     """
     transcription = subproblem.transcription
     point, taken, radius = evaluate(transcription, control, 0.0), 0, FIRST_RADIUS
     missing: list[float] = []
+    ask = None if point.feasible else go_on
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
         if taken >= SLOW and (point.merit > WORSE * best or point.duration > longest):
             break
@@ -185,6 +205,10 @@ def optimise(  # noqa: PLR0913
             radius *= 2.0
         if settled:
             break
+        if ask is not None and point.feasible:
+            if not ask(point.control, point.duration):
+                break
+            ask = None
     return point, taken
 
 

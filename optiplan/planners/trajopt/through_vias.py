@@ -39,11 +39,12 @@ def through_vias(planner: Planner[Any], problem: Problem, budget: Budget, progre
         return PlanResult(failure=Failure("unsupported", detail))
     began = time.perf_counter()
     legs = leg_by_leg(planner, problem, budget.share(_LEGS), progress)
+    objective = problem.objective_parts()
     seconds, candidates, best = Counter(legs.timings), list[Candidate](), np.inf
     found = [Candidate(legs.trajectory, time.perf_counter() - began)] if legs.trajectory is not None else []
     for k in range(len(_CORNERS) + 1):
         for candidate in found:
-            cost = problem.objective.cost(candidate.trajectory)
+            cost = objective.cost(candidate.trajectory)
             if cost < best:
                 best = cost
                 candidates.append(candidate)

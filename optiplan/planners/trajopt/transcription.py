@@ -20,7 +20,7 @@ class Transcription:
     Attributes:
         contacts, torques: the terms that every problem has.
         terms: these two and `extra`, which hold at samples.
-        costs: what a motion costs beside its time.
+        costs: what a motion costs beside its time: jerk, and `further` ones.
         plain: whether there is nothing but contacts, torques and jerk, which the native core knows by itself.
     """
 
@@ -40,8 +40,9 @@ class Transcription:
         self.contacts = TimedContactTerm(model, margins) if model.motions else ContactTerm(model, margins)
         self.torques = TorqueTerm(problem.robot, problem.limits.torque)
         self.terms: tuple[Term, ...] = (self.contacts, self.torques, *extra)
-        jerk = (JerkCost(self.objective.jerk, basis),) if self.objective.jerk else ()
-        self.costs: tuple[Cost, ...] = (*jerk, *costs)
+        self.jerk = (JerkCost(self.objective.jerk, basis),) if self.objective.jerk else ()
+        self.further = tuple(costs)
+        self.costs: tuple[Cost, ...] = (*self.jerk, *costs)
         self.plain = not (extra or costs or model.motions)
         self.set_samples(np.array([0.5]))
 
@@ -59,9 +60,9 @@ class Transcription:
         """Return the objective of a curve: weighted time and all costs, s."""
         return self.objective.time * curve.duration + sum(cost.value(curve) for cost in self.costs)
 
-    def cost_model(self, curve: Curve) -> CostModel:
-        """Return the costs with their derivatives, the duration's aside."""
+    def cost_model(self, curve: Curve, costs: Sequence[Cost] | None = None) -> CostModel:
+        """Return the sum of these costs, or of all but the duration's, with its derivatives."""
         total = CostModel.none(self.basis.variables, curve.control.shape[1])
-        for cost in self.costs:
+        for cost in self.costs if costs is None else costs:
             total = total.plus(cost.model(curve))
         return total

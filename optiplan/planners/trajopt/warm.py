@@ -17,6 +17,7 @@ from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, to
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory.cut import cut
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -69,12 +70,12 @@ class WarmStart:
             progress("optimisation from the earlier motion", 0.0)
             for share in CLOSE:
                 found = self._optimised(end, share * options.margin)
-                if found is not None and found.touch is None and not found.broken:
+                if found is not None and found.free:
                     self.attempt = found
                     break
         if self.attempt is not None and end is not None:
             announce(progress, self.attempt.trajectory)
-            cost = problem.objective.cost
+            cost = problem.cost
             moved = np.abs([self.earlier.start - problem.start, self.earlier.end - end.q]) / problem.limits.velocity
             expected = cost(self.earlier) + problem.objective.time * float(moved.max(axis=1).sum())
             self.good = cost(self.attempt.trajectory) <= AS_GOOD * expected
@@ -89,7 +90,7 @@ class WarmStart:
         """The better of the curve and what is left of the earlier motion."""
         found = [] if self.attempt is None else [self.attempt.trajectory]
         found += [] if self.ahead is None else [self.ahead]
-        return min(found, key=self.problem.objective.cost, default=None)
+        return min(found, key=self.problem.cost, default=None)
 
     def result(self) -> PlanResult:
         """The best as an answer."""
@@ -105,7 +106,7 @@ class WarmStart:
         found = replace(found, info=info, timings=timings, earlier=tuple(later), seconds=seconds)
         if self.best is None:
             return found
-        cost, own = self.problem.objective.cost, Candidate(self.best, self.seconds)
+        cost, own = self.problem.cost, Candidate(self.best, self.seconds)
         if found.trajectory is None or cost(found.trajectory) >= cost(own.trajectory):
             return replace(found, trajectory=own.trajectory, failure=None, earlier=(), seconds=own.seconds)
         better = [one for one in later if cost(one.trajectory) < cost(own.trajectory)]
@@ -167,4 +168,4 @@ def _ahead(problem: Problem, earlier: Trajectory) -> Trajectory:
         v = earlier(here, 1)
         here += float((problem.start - earlier(here)) @ v) / max(float(v @ v), 1e-12)
         here = float(np.clip(here, 0.0, t[-2]))
-    return earlier.part(here, earlier.duration)
+    return cut(earlier, here, earlier.duration)

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from optiplan.config.document import Number, Strict
 from optiplan.config.values import Coordinate, Direction, ExactlyOne, Length, Name, NamePair, Quaternion, Size, Vector
-from optiplan.problem.pose_schema import PoseSpec, ToleranceSpec
+from optiplan.geometry.pose_schema import PoseSpec, ToleranceSpec
 
 
 def _ordered(values: tuple[float, ...]) -> tuple[float, ...]:

@@ -178,7 +178,7 @@ class _Slot(threading.Thread):
         if job.cancel.is_set():
             return SolverAnswer(death="cancelled", detail="cancelled before it began")
         worker.begin(job.request)
-        deadline = min(time.monotonic() + job.wall, job.until)
+        deadline, looked = min(time.monotonic() + job.wall, job.until), 0.0
         while True:
             while not job.said.empty():
                 worker.say(job.said.get_nowait())
@@ -193,10 +193,12 @@ class _Slot(threading.Thread):
                 return SolverAnswer(message, files)
             elif message is not None:
                 job.told(message)
-            death = self._death(worker, job, deadline)
-            if death is not None:
-                self._end()
-                return death
+            now = time.monotonic()
+            if worker.gone or now - looked >= POLL:  # a look costs more than a message
+                looked = now
+                if (death := self._death(worker, job, deadline)) is not None:
+                    self._end()
+                    return death
 
     def _death(self, worker: WorkerProcess, job: SolverJob, deadline: float) -> SolverAnswer | None:
         """Why the process has ended or has to end; None when all is well."""

@@ -114,7 +114,7 @@ async def exported(
 @router.post("/plan", response_model=PlanAnswer, responses=errors(404, 413, 422, 503, 504, 507))
 async def plan(submission: Submission, service: Service, request: Request) -> Response:
     """Plan and wait for the answer, past the queue: for callers that need the motion now. Who goes away, cancels."""
-    run = await service.plan(submission, request.is_disconnected)
+    run = await service.waited.plan(submission, request.is_disconnected)
     head = json.dumps(run_answer(run.record), allow_nan=False, separators=(",", ":"))
     motion = b"null" if run.motion is None else run.motion.rstrip()
     body = head[:-1].encode() + b',"trajectory":' + motion + b"}"

@@ -44,7 +44,7 @@ def _moving_bound(start: State, end: State, limits: Limits) -> float:
     for j in np.flatnonzero(moving):
         one = slice(j, j + 1)
         here, there = (State.of(state.q[one], state.v[one], state.a[one]) for state in (start, end))
-        found = joint_times_between(here, there, limits.of(one))
+        found = joint_times_between(here, there, limits.of_joints([int(j)]))
         times.append(0.0 if found is None else float(found[0]))
     return float(max(times))
 

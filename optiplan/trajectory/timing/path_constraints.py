@@ -91,14 +91,14 @@ def rows_at(path: Trajectory, robot: Robot, limits: Limits, tool: ToolLimits | N
     return Rows(s, speed, A, B, G, np.concatenate([block[3] for block in blocks]))
 
 
-def tool_scale(robot: Robot, tool: ToolLimits | None, trajectory: Trajectory) -> float:
+def tool_scale(robot: Robot, tool: ToolLimits | None, trajectory: Trajectory, t: Array | None = None) -> float:
     """Factor on the duration at which the tool just keeps its limits; 0 where it has none.
 
-    Holds at: `sample_times`, with a reserve of 1e-4.
+    Holds at: times t (k,), `sample_times` without them, with a reserve of 1e-4.
     """
-    if tool is None:
+    t = sample_times(trajectory) if t is None else t
+    if tool is None or not len(t):
         return 0.0
-    t = sample_times(trajectory)
     twist, acceleration = tool_motion(robot, tool.frame, [trajectory(t, order) for order in range(3)])
     speed, turn = np.linalg.norm(twist[:, :3], axis=1).max(), np.linalg.norm(twist[:, 3:], axis=1).max()
     force = np.linalg.norm(acceleration[:, :3], axis=1).max()

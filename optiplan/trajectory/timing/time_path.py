@@ -8,6 +8,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.robot.robot import Limits, Robot
+from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.timing.compose import compose
 from optiplan.trajectory.timing.jerk_limited import smooth_law
 from optiplan.trajectory.timing.path_constraints import Rows, ToolLimits, rows_at, tool_scale
@@ -38,11 +39,13 @@ class TimingOptions:
             acceleration is continuous. `uniform`: one S-curve of the path's parameter, slowed down until everything
             holds. None: `jerk` where any joint has a jerk limit, else `toppra`.
         tool: limits of a frame's speed, besides those of the joints.
+        tool_parts: the same of parts of the path, from one share of its parameter to another; speeds only.
         stop: polled between the stages and steps; once it says so, the best law so far is the answer.
     """
 
     method: Method | None = None
     tool: ToolLimits | None = None
+    tool_parts: tuple[tuple[float, float, ToolLimits], ...] = ()
     stop: Callable[[], bool] = field(default=lambda: False)
 
 
@@ -69,18 +72,31 @@ def time_path(
     Raises:
         UnknownChoiceError: the robot has no such tool frame.
     """
+    found = time_path_by_law(path, robot, limits, options)
+    return None if found is None else found[0]
+
+
+def time_path_by_law(
+    path: Trajectory, robot: Robot, limits: Limits, options: TimingOptions | None = None
+) -> tuple[Trajectory, Trajectory] | None:
+    """Return the motion of `time_path`, and its law: the share s(t) of the path's parameter, from 0 to 1."""
     options = options or TimingOptions()
     if not path.coefficients[:, 1:].any():
         rest = stop_at_corners(np.array([path.start, path.start]), limits, path.joint_names)
-        return rest if np.isfinite(torque_scale(robot, limits.torque, rest)) else None
+        steady = Trajectory(("s",), np.array([0.0, rest.duration]), np.array([[[0.0], [1.0 / rest.duration]]]))
+        return (rest, steady) if np.isfinite(torque_scale(robot, limits.torque, rest)) else None
     method = options.method or ("jerk" if np.isfinite(limits.jerk).any() else "toppra")
     kept = replace(limits, jerk=np.full_like(limits.jerk, np.inf)) if method == "toppra" else limits
     path = path.scaled(uniform_law(path, kept).duration)  # ds/dt is about 1 then, whatever the path's own parameter is
-    uniform = _held(compose(path, uniform_law(path, kept)), robot, kept, options.tool)
+    laws = [uniform_law(path, kept)]
     law = None if method == "uniform" or options.stop() else _law(path, robot, kept, options)
-    faster = None if law is None else _held(compose(path, law), robot, kept, options.tool)
-    found = [motion for motion in (uniform, faster) if motion is not None]
-    return min(found, key=lambda motion: motion.duration, default=None)
+    laws += [] if law is None else [law]
+    found = [(motion, law) for law in laws if (motion := _held(path, law, robot, kept, options)) is not None]
+    if not found:
+        return None
+    motion, law = min(found, key=lambda one: one[0].duration)
+    share = law.scaled(motion.duration)
+    return motion, Trajectory(("s",), share.breakpoints, share.coefficients / path.duration)
 
 
 def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:
@@ -94,7 +110,11 @@ def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:
 
 def _law(path: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> Trajectory | None:
     def rows(s: Array) -> Rows:
-        return rows_at(path, robot, limits, options.tool, s)
+        found = rows_at(path, robot, limits, options.tool, s)
+        for begin, end, tool in options.tool_parts:
+            inside = (s >= begin * path.duration) & (s <= end * path.duration)
+            found.speed[inside] = np.minimum(found.speed[inside], rows_at(path, robot, limits, tool, s[inside]).speed)
+        return found
 
     if np.isfinite(limits.jerk).any():
         return smooth_law(path, limits, rows(_grid(path, _PARTS)), options.stop)
@@ -125,9 +145,14 @@ def _grid(path: Trajectory, least_parts: int) -> Array:
     return np.concatenate([[0.0], *(np.linspace(a, b, k + 1)[1:] for a, b, k in ends)])
 
 
-def _held(trajectory: Trajectory, robot: Robot, limits: Limits, tool: ToolLimits | None) -> Trajectory | None:
-    """Scale a whole curve to its limits; None where gravity is too much."""
-    slower = tool_scale(robot, tool, trajectory)
+def _held(path: Trajectory, law: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> Trajectory | None:
+    """Run a path by a law and scale that as a whole to the limits; None where gravity is too much."""
+    trajectory = compose(path, law)
+    slower = tool_scale(robot, options.tool, trajectory)
+    for begin, end, tool in options.tool_parts:
+        t = sample_times(trajectory)
+        s = law(t, clamp=True)[:, 0] / path.duration
+        slower = max(slower, tool_scale(robot, tool, trajectory, t[(s >= begin) & (s <= end)]))
     fitted = scale_to_limits(trajectory, limits, slower)
     slower = torque_scale(robot, limits.torque, fitted)
     return fitted.scaled(fitted.duration * slower) if np.isfinite(slower) else None

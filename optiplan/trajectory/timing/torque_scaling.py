@@ -7,51 +7,82 @@ from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.trajectory import Trajectory
 
 RESERVE = 1e-3  # share of the limit kept free for what happens between samples
-_NEAR = 0.9  # share of the largest demand above which the gaps beside a sample are looked into
+_STEP = 8e-3  # s between samples, at most
+_MOST = 20_000  # samples in all, but for the least: a long motion is slow, so its torques change slowly
+_LEAST = 9  # samples of a piece: within one the acceleration is a low polynomial, only its ends may bend or jump
+_NEAR = 0.93, 0.99  # shares of the largest demand above which the gaps beside a sample are looked into, in turn
 _FINER = 9  # instants within such a gap
 
 
 def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
     """Factor s >= 1 on the duration at which |tau| <= limit (n,); inf where gravity exceeds it.
 
-    Holds at: `sample_times`, and ten times finer where torques are near the largest: within a millisecond of full jerk
-    the acceleration can go from one limit to the other.
+    Holds at: nine instants of every piece, 8 ms apart at most, and a hundred times finer where torques are largest:
+    within a millisecond of full jerk the acceleration can go from one limit to the other, but then in a piece as short.
 
     Run s times slower, the same path needs tau(s) = g(q) + (tau(1) - g(q)) / s^2: inertial and Coriolis torques scale
     alike (Hollerbach 1984, Dynamic scaling of manipulator trajectories). Friction and carried loads are not modelled.
     """
     if not np.isfinite(limit).any():
         return 1.0
-    t = sample_times(trajectory)
-    demand = _demand(robot, limit, trajectory, t)
-    peak = float(demand.max())
-    if not np.isfinite(peak) or peak == 0.0:
-        return max(1.0, peak)
-    near = demand >= _NEAR * peak
-    gaps = np.flatnonzero(near[1:] | near[:-1])
-    inside = np.linspace(0.0, 1.0, _FINER + 2)[1:-1]
-    finer = (t[gaps, None] + inside * np.diff(t)[gaps, None]).ravel()
-    return float(np.sqrt(max(1.0, peak, _demand(robot, limit, trajectory, finer).max(initial=0.0))))
+    demand = _Demand(robot, limit, trajectory)
+    t = _instants(trajectory)
+    found = demand.at(t)
+    peak = float(found.max())
+    for near in _NEAR:
+        if not np.isfinite(peak) or peak < near:  # the motion is slow enough, or can never be
+            break
+        high = found >= near * peak
+        gaps = np.flatnonzero(high[1:] | high[:-1])
+        t = (t[gaps, None] + np.linspace(0.0, 1.0, _FINER + 2) * np.diff(t)[gaps, None]).ravel()
+        found = demand.at(t)
+        peak = float(found.max())
+    return float(np.sqrt(max(1.0, peak)))
 
 
-def _demand(robot: Robot, limit: Array, trajectory: Trajectory, t: Array) -> Array:
-    """The largest (tau - g) / (limit - g) of all joints at times t (k,): (k,), s² of the slow-down it asks for."""
-    tau, gravity = _torques(robot.model, *(trajectory(t, order) for order in range(3)))
-    motion, allowed = tau - gravity, limit * (1.0 - RESERVE)
-    if (np.abs(gravity) > allowed).any():
-        return np.full(len(t), np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        squared = np.abs(motion) / (allowed - np.sign(motion) * gravity)
-    return np.asarray(np.nan_to_num(squared, nan=0.0, posinf=np.inf).max(axis=1))
+def _instants(trajectory: Trajectory) -> Array:
+    """Return times (k,), s, of every piece, its ends included; its end is just before it: the acceleration may jump."""
+    edges = trajectory.breakpoints
+    lengths = np.diff(edges)
+    step = max(_STEP, trajectory.duration / _MOST)
+    counts = np.maximum(_LEAST, np.ceil(lengths / step).astype(int) + 1)
+    piece = np.repeat(np.arange(len(lengths)), counts)
+    place = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
+    t = edges[piece] + lengths[piece] * (place / (counts - 1)[piece])
+    return np.asarray(np.minimum(t, np.nextafter(edges[1:], edges[:-1])[piece]))
+
+
+class _Demand:
+    """The largest (tau - g) / (limit - g) of all joints along a trajectory: s² of the slow-down that it asks for."""
+
+    def __init__(self, robot: Robot, limit: Array, trajectory: Trajectory) -> None:
+        self._model, self._trajectory, self._allowed = robot.model, trajectory, limit * (1.0 - RESERVE)
+
+    def at(self, t: Array) -> Array:
+        """Return the demand (k,) at rising times t (k,); infinite where gravity is too much; natively where built."""
+        motion, allowed = self._trajectory, self._allowed
+        if core is not None:
+            dynamics = core.InverseDynamics(native_tree(self._model))
+            coefficients = np.ascontiguousarray(motion.coefficients)
+            return dynamics.demand(np.ascontiguousarray(motion.breakpoints), coefficients, allowed, t)
+        data = self._model.createData()
+        states = zip(*(motion(t, order) for order in range(3)), strict=True)
+        tau = np.array([pin.rnea(self._model, data, *state) for state in states]).reshape(len(t), -1)
+        gravity = np.array([pin.computeGeneralizedGravity(self._model, data, q) for q in motion(t)]).reshape(tau.shape)
+        if (np.abs(gravity) > allowed).any():
+            return np.full(len(t), np.inf)
+        moving = tau - gravity
+        with np.errstate(divide="ignore", invalid="ignore"):
+            squared = np.abs(moving) / (allowed - np.sign(moving) * gravity)
+        return np.asarray(np.nan_to_num(squared, nan=0.0, posinf=np.inf).max(axis=1))
 
 
 def torque_share(robot: Robot, limit: Array, trajectory: Trajectory, t: Array | None = None) -> float:
-    """Return the largest |tau| / limit (n,) at times t (N,), s, or at `sample_times`."""
-    t = sample_times(trajectory) if t is None else t
+    """Return the largest |tau| / limit (n,) at times t (N,), s, or at those of the pieces."""
+    t = _instants(trajectory) if t is None else t
     tau, _ = _torques(robot.model, *(trajectory(t, order) for order in range(3)))
     return float((np.abs(tau) / limit).max())
 

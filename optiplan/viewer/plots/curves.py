@@ -1,7 +1,6 @@
 """What a motion does, along it: joints up to the jerk, torques, the tool's pose and speed."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -9,8 +8,9 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
 from optiplan.trajectory.trajectory import Extrema, Trajectory
-from optiplan.viewer.plots.refined_extrema import PieceSamples, States, refined_extrema
+from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema
 
 LEAST = 600
 """Samples of a motion, at the least; drawn curves show no corners then."""
@@ -53,14 +53,27 @@ def motion_curves(problem: Problem, trajectory: Trajectory, least: int = LEAST) 
     t, states = samples.t, samples.states()
     X_WT, J = ToolKinematics(robot).evaluate(states[0])
     twist = np.einsum("kij,kj->ki", J, states[1])
-    torque = torques_at(problem, states)
+    drives = Drives(problem, trajectory)
+    torque = drives.torques(samples)
     speed, turning = (np.linalg.norm(part, axis=1) for part in (twist[:, :3], twist[:, 3:]))
     extrema = tuple(trajectory.extrema_at(order) for order in range(4))
-    peaks = refined_extrema(samples, torque, partial(torques_at, problem))
+    peaks = refined_extrema(samples, torque, drives.torques)
     return MotionCurves(t, states, torque, X_WT, speed, turning, extrema, peaks)
 
 
-def torques_at(problem: Problem, states: States) -> Array:
-    """Torques of the joints' drives by inverse dynamics, (k, n), N m or N, at states of k times."""
-    robot, data = problem.robot, problem.robot.model.createData()
-    return np.array([pin.rnea(robot.model, data, *state).copy() for state in zip(*states[:3], strict=True)])
+class Drives:
+    """Torques of the joints' drives by inverse dynamics; in a task with the load of each part."""
+
+    def __init__(self, problem: Problem, trajectory: Trajectory) -> None:
+        whole = not problem.task or mismatch(problem, trajectory)
+        parts = [ScenePart(problem, 0.0, trajectory.duration)] if whole else scene_parts(problem, trajectory)
+        self._ends = [part.end for part in parts[:-1]]
+        self._models = [part.problem.robot.model for part in parts]
+        self._data = [model.createData() for model in self._models]
+
+    def torques(self, samples: PieceSamples) -> Array:
+        """(k, n), N m or N, at k times."""
+        breaks = samples.trajectory.breakpoints
+        which = np.searchsorted(self._ends, 0.5 * (breaks[samples.piece] + breaks[samples.piece + 1]))
+        rows = zip(which, *samples.states()[:3], strict=True)
+        return np.array([pin.rnea(self._models[k], self._data[k], *state).copy() for k, *state in rows])

@@ -62,7 +62,7 @@ class PieceSamples:
         return tuple(found)
 
 
-def refined_extrema(samples: PieceSamples, values: Array, of: Callable[[States], Array]) -> Extrema:
+def refined_extrema(samples: PieceSamples, values: Array, of: Callable[[PieceSamples], Array]) -> Extrema:
     """Extrema over time of each column of a quantity.
 
     The four best local extrema of the samples are each refined within their two neighbours, in one piece.
@@ -70,14 +70,14 @@ def refined_extrema(samples: PieceSamples, values: Array, of: Callable[[States],
     Args:
         samples: k times.
         values: the quantity there, (k, m).
-        of: the quantity (j, m) at the states of j times.
+        of: the quantity (j, m) at j times.
     """
-    low, t_low = _highest(samples, -values, lambda states: -of(states))
+    low, t_low = _highest(samples, -values, lambda inside: -of(inside))
     high, t_high = _highest(samples, values, of)
     return Extrema(-low, high, t_low, t_high)
 
 
-def _highest(samples: PieceSamples, values: Array, of: Callable[[States], Array]) -> tuple[Array, Array]:
+def _highest(samples: PieceSamples, values: Array, of: Callable[[PieceSamples], Array]) -> tuple[Array, Array]:
     """The largest value of each column (m,) and its time (m,)."""
     before, after = _neighbours(samples.piece)
     peak = (values >= values[before]) & (values >= values[after])
@@ -89,7 +89,7 @@ def _highest(samples: PieceSamples, values: Array, of: Callable[[States], Array]
     for _ in range(_ROUNDS):
         local = a[:, None] + (b - a)[:, None] * np.linspace(0.0, 1.0, _POINTS)
         inside = PieceSamples(samples.trajectory, np.repeat(piece, _POINTS), local.ravel())
-        found = of(inside.states()).reshape(len(at), _POINTS, -1)[np.arange(len(at)), :, column]
+        found = of(inside).reshape(len(at), _POINTS, -1)[np.arange(len(at)), :, column]
         k = found.argmax(axis=1)
         rows = np.arange(len(at))
         better = found[rows, k] > best

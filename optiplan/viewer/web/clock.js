@@ -32,8 +32,9 @@ const OptiPlanClock = (() => {
       if (!this.playing) return;
       const end = this.time > this.end ? this.duration : this.end;
       if (this.time < end) this.time = Math.min(end, this.time + dt * this.speed);
+      else if (this.following && (this.waited += dt) > REST && this.following()) this.waited = 0; // another motion begins
       else if (!this.loop) this.playing = false;
-      else if ((this.waited += dt) > REST) { this.time = 0; this.waited = 0; }
+      else if (this.following || (this.waited += dt) > REST) { if (this.waited > REST) { this.time = 0; this.waited = 0; } }
       this.tell();
     }
   }

@@ -47,6 +47,10 @@
   app.layers = new OptiPlanLayers.Layers(byId("layers"), () => { fillLegend(); app.changed(); });
   app.comparison = new OptiPlanComparison.Comparison(app);
   app.dock = new OptiPlanDock.Dock(app, byId("dock"));
+  app.steps = new OptiPlanSteps.Steps(clock);
+
+  // Whether a run is drawn, its path or its robot: in turn only the selected one.
+  const mode = () => (app.arrangement ? app.arrangement.mode : "together");
 
   // Which runs are drawn: those that are ticked, or the one that is pointed at.
   function show() {
@@ -54,8 +58,11 @@
     const failed = data.runs[app.selected] && data.runs[app.selected].row.duration === null; // is looked at alone
     const alone = app.alone === null && failed ? app.selected : app.alone;
     scene.runs.forEach((run, k) => {
-      const path = alone === null ? app.shown[k] !== false : k === alone, robot = alone === null ? path && app.robots[k] !== false : path;
+      const turn = mode() === "turn" ? k === app.selected : true;
+      const path = alone === null ? app.shown[k] !== false && turn : k === alone, robot = alone === null ? path && (app.robots[k] !== false || mode() === "turn") : path;
       run.figure.bodies.slice(1).forEach((body) => { body.visible = robot; });
+      run.figure.bodies[0].visible = mode() === "together" ? k === 0 : robot; // what is bolted down is the same in every figure
+      run.objects.group.visible = robot && (!data.several || mode() !== "together" || k === app.selected);
       if (run.path) run.path.visible = path;
       if (run.ellipsoids) run.ellipsoids.group.visible = robot;
     });
@@ -75,6 +82,7 @@
       after.fromArray(run.poses, b + 3);
       body.quaternion.slerpQuaternions(before, after, part);
     }
+    run.objects.show(t);
     if (run.ellipsoids) run.ellipsoids.show(Math.round(x));
   }
 
@@ -83,6 +91,7 @@
     if (!scene || posed === clock.time) return;
     posed = clock.time;
     for (const run of scene.runs) setPose(run, clock.time);
+    scene.moveObstacles(clock.time);
     const run = data.runs[app.selected];
     scene.rod.show(run && run.clearance ? OptiPlanDock.nearest(run, clock.time) : null);
     scene.dirty();
@@ -99,11 +108,13 @@
     app.selected = k;
     const run = data.runs[k];
     if (!run) return;
-    clock.end = run.row.duration === null ? endOf(run) : several ? duration : clock.end;
+    clock.end = run.row.duration === null ? endOf(run) : mode() === "turn" ? run.duration : several ? duration : clock.end;
+    if (app.arrangement) app.arrangement.follow(k);
     byId("selected").hidden = !several;
     byId("selected").replaceChildren(run.label, OptiPlanVerdict.badge(run));
     OptiPlanVerdict.fill(byId("checked"), run, jump);
     OptiPlanTimeline.mark(clock, run, jump);
+    app.steps.fill(run, OptiPlanTimeline.place);
     app.comparison.mark();
     app.dock.fill();
     fillHead(run);
@@ -119,6 +130,18 @@
       show();
     }
     app.changed();
+  }
+
+  // How several runs share the scene; in turn, the next begins where one ends.
+  function arrange(wanted) {
+    app.arrangement.set(wanted);
+    clock.following = wanted !== "turn" ? null : () => {
+      const order = app.comparison.order.filter(([run]) => run.row.duration !== null).map(([, k]) => k);
+      select(order[(order.indexOf(app.selected) + 1) % order.length]);
+      clock.seek(0);
+      return true;
+    };
+    select(app.selected);
   }
 
   function fillHead(run) {
@@ -209,6 +232,7 @@
     const X = new THREE.Matrix4().compose(body.position, body.quaternion, new THREE.Vector3(1, 1, 1));
     const own = new THREE.Matrix4().compose(new THREE.Vector3(...data.tool.pose.slice(0, 3)), new THREE.Quaternion(...data.tool.pose.slice(3)), new THREE.Vector3(1, 1, 1));
     X.multiply(own).decompose(scene.tool.position, scene.tool.quaternion, new THREE.Vector3());
+    scene.tool.position.add(run.figure.position);
   }
 
   function home() {
@@ -287,7 +311,18 @@
   if (scene) wireScene();
   byId("runs").hidden = !several;
   if (several) app.comparison.fillList(byId("runs"));
+  if (several && scene) {
+    app.arrangement = new OptiPlanArrangement.Arrangement(scene);
+    const label = make("label", "field arrangement", "Play "), choice = make("select");
+    for (const [name, words] of OptiPlanArrangement.MODES) choice.append(new Option(words, name));
+    choice.addEventListener("change", () => arrange(choice.value));
+    label.append(choice);
+    byId("runs").prepend(label);
+    app.arrange = (wanted) => { choice.value = wanted; arrange(wanted); };
+    if (wish.has("arrange")) choice.value = wish.get("arrange");
+  }
   if (data.runs.length) select(app.selected); else byId("dock").hidden = true;
+  if (app.arrange && wish.has("arrange")) app.arrange(wish.get("arrange"));
   clock.listen(pose);
   let playing = null;
   clock.listen(() => { if (!clock.playing && playing !== clock.time) app.changed(); playing = clock.playing ? null : clock.time; });

@@ -34,6 +34,7 @@ def visit(browser):
     """Open an address; at the end, any complaint of a page, or a request elsewhere, fails the test."""
     complaints = []
     context = browser.new_context(viewport={"width": 1400, "height": 900})
+    context.set_default_timeout(100_000)
 
     def heard(message):
         if message.type in ("error", "warning") and "GPU stall due to ReadPixels" not in message.text:

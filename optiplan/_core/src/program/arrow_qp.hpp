@@ -7,8 +7,8 @@ namespace optiplan {
 
 struct ArrowSettings {
     double gap = 1e-6;       // complementarity summed over all rows, in the objective's unit, at the point looked for
-    double residual = 1e-7;  // largest violation of a row
-    double stationarity = 1e-6;
+    double residual = 1e-5;  // largest violation of a row
+    double stationarity = 1e-4;
     int iterations = 60;
 };
 

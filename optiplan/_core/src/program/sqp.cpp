@@ -26,12 +26,13 @@ void Sqp::set_samples(Samples samples) {
 }
 
 Descent Sqp::optimise(const double *control, int iterations, const std::function<bool()> &stop, double best,
-                      double longest) {
+                      double longest, const std::function<bool(const CurvePoint &)> &go_on) {
     span_ = 0.0;
     const std::size_t size = spline_->points * spline_->joints;
     CurvePoint point = evaluate(Vec(control, control + size), 0.0, span_);
     int taken = 0;
     double radius = settings_.first_radius;
+    bool asked = !go_on || feasible(point);
     Vec missing;
     while (taken < iterations && !stop() && radius >= settings_.least_radius && !stalled(missing)) {
         if (taken >= settings_.slow && (point.merit > settings_.worse * best || point.duration > longest)) break;
@@ -64,6 +65,10 @@ Descent Sqp::optimise(const double *control, int iterations, const std::function
         point = std::move(trial);
         if (gain > GOOD * step.promise) radius *= 2.0;
         if (settled) break;
+        if (!asked && feasible(point)) {
+            asked = true;
+            if (!go_on(point)) break;
+        }
     }
     return {std::move(point), taken};
 }

@@ -40,8 +40,10 @@ public:
 
     void set_samples(Samples samples);
 
-    // Descend from control points until a step gains too little; `stop` is polled at every step.
-    Descent optimise(const double *control, int iterations, const std::function<bool()> &stop, double best, double longest);
+    // Descend from control points until a step gains too little; `stop` is polled at every step. `go_on` is asked once, at
+    // the first curve on which all rows hold where they did not on the initial one; its no ends the descent there.
+    Descent optimise(const double *control, int iterations, const std::function<bool()> &stop, double best, double longest,
+                     const std::function<bool(const CurvePoint &)> &go_on = {});
 
     // The curve at the least duration that its derivative control points allow, but at least `duration`.
     // `span`: scale of penalties and trust region, s; 0 for that duration.

@@ -27,7 +27,7 @@ double Inequalities::violation() const {
 }
 
 Step StepSolver::solve(const double *control, double duration, const std::vector<const Inequalities *> &soft,
-                       double radius, double span, double gap) {
+                       double radius, double span, double gap, const SmoothCosts &costs) {
     const Spline &spline = *spline_;
     const std::size_t n = spline.joints;
     program_.points = spline.free(), program_.joints = padded(n);
@@ -35,6 +35,7 @@ Step StepSolver::solve(const double *control, double duration, const std::vector
     for (std::size_t j = 0; j < n; ++j) scale_[j] = spline.rates[j] * span;
     bound(control, duration, radius);
     shape(control, duration);
+    add_costs(costs, duration);
     soften(soft, duration, radius);
 
     const ArrowSolution found = qp_.solve(program_, {gap});
@@ -107,6 +108,21 @@ void StepSolver::shape(const double *control, double duration) {
     }
 }
 
+// Other costs over T, in the program's variables.
+void StepSolver::add_costs(const SmoothCosts &costs, double duration) {
+    if (costs.gradient.empty()) return;
+    const std::size_t n = spline_->joints, wide = program_.joints, free = spline_->free();
+    for (std::size_t i = 0; i < free; ++i)
+        for (std::size_t j = 0; j < n; ++j) {
+            program_.gradient[i * wide + j] += costs.gradient[i * n + j] * scale_[j] / duration;
+            for (std::size_t d = 0; d < REACH && i + d < free; ++d)
+                program_.hessian[(i * REACH + d) * wide + j] +=
+                    costs.hessian[(i * REACH + d) * n + j] * scale_[j] * scale_[j] / duration;
+        }
+    program_.gradient_t += costs.gradient_t;
+    program_.regularisation_t += costs.hessian_t * duration;
+}
+
 // The soft rows that a step of this radius can violate, with a slack for each sample and kind.
 void StepSolver::soften(const std::vector<const Inequalities *> &soft, double duration, double radius) {
     const std::size_t n = spline_->joints, wide = program_.joints;
@@ -156,6 +172,7 @@ double StepSolver::predicted(const ArrowSolution &found) const {
                 const double h = p.hessian[(i * REACH + d) * n + j];
                 sum += (d ? 1.0 : 0.5) * h * found.x[i * n + j] * found.x[(i + d) * n + j];
             }
+    sum += 0.5 * (p.regularisation_t - OTHERS) * found.t * found.t;
     for (std::size_t g = 0; g < p.soft.groups.size(); ++g) sum += p.soft.groups[g].price * found.slack[g];
     return sum;
 }

@@ -26,6 +26,13 @@ struct Inequalities {
     double cost() const { return price * violation() / unit; }
 };
 
+// Costs beside time and jerk, linearised at the curve: derivatives by the free control points (M, n) and by T, second
+// ones as far as they couple a joint with itself (M, REACH, n), and by T alone. Empty: none.
+struct SmoothCosts {
+    Vec gradient, hessian;
+    double gradient_t = 0.0, hessian_t = 0.0;
+};
+
 struct Step {
     bool solved = false;
     int iterations = 0;
@@ -45,11 +52,12 @@ public:
     // `gap`: how far from the best, as a share of T, the step may end, on the central path. Of the many steps that are
     // nearly the best a central one keeps away from rows that do not matter yet, and leads on better than the best.
     Step solve(const double *control, double duration, const std::vector<const Inequalities *> &soft, double radius,
-               double span, double gap);
+               double span, double gap, const SmoothCosts &costs = {});
 
 private:
     void bound(const double *control, double duration, double radius);
     void shape(const double *control, double duration);
+    void add_costs(const SmoothCosts &costs, double duration);
     void soften(const std::vector<const Inequalities *> &soft, double duration, double radius);
     double predicted(const ArrowSolution &found) const;
 

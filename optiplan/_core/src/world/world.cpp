@@ -96,20 +96,20 @@ Witness World::distance(const Placement &at, int pair, double cutoff) const {
     return optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], cutoff);
 }
 
+Witness World::nearest_points(const Placement &at, int pair, double cutoff) const {
+    const auto [a, b, by_outline] = pairs_[pair];
+    if (!by_outline) return distance(at, pair, cutoff);
+    const Witness outer =
+        optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], cutoff);
+    if (outer.distance > SETTLED) return outer;
+    const Witness nearer = distance(at, pair, cutoff);
+    return nearer.distance > 0.0 ? nearer : outer;
+}
+
 void World::near(const Placement &at, int row, double cutoff, std::vector<Contact> &found) const {
     for (int pair = 0; pair < static_cast<int>(pairs_.size()); ++pair) {
         if (balls_apart(at, pair, cutoff) || !(lower_bound(at, pair) < cutoff)) continue;
-        const auto [a, b, by_outline] = pairs_[pair];
-        Witness witness;
-        if (by_outline) {
-            witness = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], cutoff);
-            if (witness.distance <= SETTLED) {
-                const Witness nearer = distance(at, pair, INF);
-                if (nearer.distance > 0.0) witness = nearer;
-            }
-        } else {
-            witness = distance(at, pair, cutoff);
-        }
+        const Witness witness = nearest_points(at, pair, cutoff);
         if (witness.distance < cutoff) found.push_back({row, pair, witness});
     }
 }

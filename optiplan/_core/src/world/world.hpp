@@ -73,6 +73,9 @@ class World {
     // farther apart than SETTLED, and if the bodies touch: triangles do not tell how deep, or which way is out.
     void near(const Placement &at, int row, double cutoff, std::vector<Contact> &found) const;
 
+    // Distance and points of a pair as `near` tells them; above the cutoff, only that it is.
+    Witness nearest_points(const Placement &at, int pair, double cutoff) const;
+
     // The nearest pair of all; -1 where there are no pairs.
     Contact nearest(const Placement &at) const;
 

@@ -32,6 +32,7 @@ class Room:
         rate: 1 or 2 where g = (1 - r²) / 2 with a speed or an acceleration r, as a share of its limit: such a
             constraint is always held by a motion that is slow enough.
         during: fractions of the motion.
+        finite: raises where values (N, m) or derivatives (N, m, n) at configurations (N, n) are not finite.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Room:
     reserve: float
     rate: Rate = 0
     during: tuple[float, float] = (0.0, 1.0)
+    finite: Callable[[Array, list[Array], str, Array], None] | None = None
 
 
 class ExpressionTerm:
@@ -60,7 +62,10 @@ class ExpressionTerm:
     def rows(self, curve: Curve) -> SoftRows:
         """Return the rows g - reserve >= 0 of all samples."""
         u, size = curve.samples.u[self._inside], self.expression.size
-        value, slopes = self.expression([part[self._inside] for part in curve.motion])
+        motion = [part[self._inside] for part in curve.motion]
+        value, slopes = self.expression(motion)
+        if self.room.finite is not None:
+            self.room.finite(value, slopes, "a sample", motion[0])
         value = value - self._reserve(curve, u)
         sample = np.repeat(self._inside, size)
         by_q, by_v, by_a = (slope.reshape(len(sample), -1) for slope in slopes)
@@ -80,7 +85,10 @@ class ExpressionTerm:
 
     def least(self, motion: Sequence[Array]) -> Array:
         """Return the least g of each state (N, n): (N,)."""
-        return np.asarray(self.expression(motion)[0].min(axis=1))
+        value, slopes = self.expression(motion)
+        if self.room.finite is not None:
+            self.room.finite(value, slopes, "a sample", motion[0])
+        return np.asarray(value.min(axis=1))
 
     def slower(self, least: float) -> float:
         """Return the factor on the duration at which a motion with this least g holds a constraint of rates."""

@@ -12,6 +12,7 @@ from optiplan.planners.trajopt.terms.contacts import NamedClearanceTerm
 from optiplan.planners.trajopt.terms.expression import PRICE, ExpressionTerm
 from optiplan.planners.trajopt.terms.rooms import rooms
 from optiplan.planners.trajopt.terms.term import Term
+from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.measures import ROUNDING, FramePoses, Measure, measures
 from optiplan.problem.constraints.statements import WHOLE, PairClearance, PathConstraint
 from optiplan.problem.problem import Problem
@@ -69,12 +70,17 @@ class Kept:
         self._measures: list[Measure] = measures(one)
         self._poses = FramePoses.of(problem.robot, one) if self._measures else None
 
+    @property
+    def name(self) -> str:
+        """Name of the constraint, for people."""
+        return self.one.name if isinstance(self.one, Expression) else self.one.KEY
+
     def worst(self, motion: Sequence[Array]) -> tuple[float, int, str]:
         """Return the largest violation among states (N, n), at most 0 where there is none, where, and in words."""
         if self._poses is None:
             least = np.min([term.least(motion) for term in self.terms], axis=0)
             k = int(np.argmin(least))
-            return -float(least[k]), k, f"{self.one.KEY} violated by {-least[k]:.3g} of its limit"
+            return -float(least[k]), k, f"{self.name} violated by {-least[k]:.3g}"
         X = self._poses(motion[0])
         found = []
         for measure in self._measures:
@@ -128,7 +134,7 @@ class PathConstraints:
         for kept in self.all:
             if kept.one.during[1] == 1.0:
                 violation, _, words = kept.worst([q[None], still, still])
-                found.append((violation, words, kept.one.KEY))
+                found.append((violation, words, kept.name))
         return found
 
     def slowed(self, trajectory: Trajectory) -> Trajectory:
@@ -155,8 +161,8 @@ class PathConstraints:
 
 def broken_constraint(one: Broken, trajectory: Trajectory, detail: str) -> Failure:
     """Return the failure of a search whose best attempt violates a constraint: which, when, and the configuration."""
-    detail += f"; the best attempt is {one.words} ({one.kept.one.KEY}) at t = {one.time:.3f} s"
-    witness = {"constraint": one.kept.one.KEY, "t": one.time, "q": trajectory(one.time).tolist()}
+    detail += f"; the best attempt is {one.words} ({one.kept.name}) at t = {one.time:.3f} s"
+    witness = {"constraint": one.kept.name, "t": one.time, "q": trajectory(one.time).tolist()}
     return Failure("constraint", detail, witness)
 
 

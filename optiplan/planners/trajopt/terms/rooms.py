@@ -11,6 +11,7 @@ from optiplan.kinematics.mecanum import Mecanum
 from optiplan.kinematics.symbolic.state import SymbolicState
 from optiplan.planners.trajopt.terms.expression import Room
 from optiplan.problem.constraints.base import circle_of
+from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.statements import (
     FixedOrientation,
     JointCoupling,
@@ -47,6 +48,9 @@ _NARROW = 0.02
 
 _ACROSS, _BEYOND = 0.8, 0.6
 """Shares of a tolerance that a point may be off a segment to the side, and beyond its ends: 0.8² + 0.6² = 1."""
+
+_OWN_UNIT, _OWN_RESERVE = 0.05, 1e-3
+"""Unit and reserve of a user's own expression, as shares of a change of it that matters."""
 
 _SPEED_RESERVE = 0.003
 """Share of a speed or acceleration kept likewise."""
@@ -273,6 +277,19 @@ def _screw(one: OnScrew) -> list[Room]:
     ]
 
 
+def _expression(one: Expression) -> list[Room]:
+    """A user's own: f - lower and upper - f, of the bounds that there are."""
+
+    def build(k: SymbolicState) -> Any:
+        value = _stacked(one.build(k))
+        sides = [value - k.constant(one.lower)] if np.isfinite(one.lower) else []
+        sides += [k.constant(one.upper) - value] if np.isfinite(one.upper) else []
+        return _stacked(*sides)
+
+    reserve = min(_OWN_RESERVE * one.size, _RESERVE * (one.upper - one.lower))
+    return [Room(one.name, build, _OWN_UNIT * one.size, reserve, finite=one.finite)]
+
+
 def _turned(k: SymbolicState, R: Any, within: float) -> Any:
     """Rotation R by less than an angle: (cos - cos w) / sin w, with the coordinates of sin times axis if w is small."""
     within = min(within, np.pi)
@@ -318,4 +335,5 @@ _KINDS: dict[type[Any], Callable[[Any], list[Room]]] = {
     OnCircle: _circle,
     OnArc: _arc,
     OnScrew: _screw,
+    Expression: _expression,
 }

@@ -175,12 +175,14 @@ class CostModel(NamedTuple):
         gradient: (M n,).
         by_duration: derivative with respect to T.
         band: (M, REACH, n) second derivatives, those that couple joint j of control points i and i + d at (i, d, j).
+        twice_by_duration: second derivative with respect to T.
     """
 
     value: float
     gradient: Array
     by_duration: float
     band: Array
+    twice_by_duration: float = 0.0
 
     @classmethod
     def none(cls, points: int, joints: int) -> "CostModel":
@@ -194,6 +196,7 @@ class CostModel(NamedTuple):
             self.gradient + other.gradient,
             self.by_duration + other.by_duration,
             self.band + other.band,
+            self.twice_by_duration + other.twice_by_duration,
         )
 
     def hessian(self) -> sp.csc_matrix:

@@ -52,6 +52,13 @@ class TorqueTerm:
         by_q, by_v, by_a = (matrix[back, joint] * scale[:, None] for matrix in derivatives)
         return curve.rows(sample, 1.0 - np.abs(share[sample, which]), (by_q, by_v, by_a), exceeded)
 
+    def residuals(self, curve: Curve) -> tuple[Array, tuple[Array, Array, Array]]:
+        """Return the torques (N, n) at the samples, and their derivatives (N, n, n) by q, v and a."""
+        motion = zip(*curve.motion, strict=True)
+        tau = np.array([pin.rnea(self._pin, self._data, q, v, a).copy() for q, v, a in motion])
+        by_q, by_v, by_a = self._derivatives(list(curve.motion))
+        return tau, (by_q, by_v, by_a)
+
     def _derivatives(self, motion: list[Array]) -> list[Array]:
         """Return the derivatives of inverse dynamics by q, v and a, (H, n) each: three arrays (H, n, n)."""
         A, b, data = self._plain.A, self._plain.b, self._plain_data

@@ -47,7 +47,7 @@ const OptiPlanComparison = (() => {
 
     fillList(element) {
       const moving = this.order.filter(([run]) => run.row.duration !== null), still = this.order.filter(([run]) => run.row.duration === null), head = make("div", "run head");
-      head.append(make("span", "", "path"), make("span", "swatch"), make("span", "name", "planner"), make("span", "time", "duration"), make("span", "ratio", "/ bound"), make("span", "", "robot"));
+      head.append(make("span", "", "path"), make("span", "swatch"), make("span", "name", this.app.data.several ? "problem" : "planner"), make("span", "time", "duration"), make("span", "ratio", "/ bound"), make("span", "", "robot"));
       element.replaceChildren(head, ...moving.map((one) => this.row(one)));
       if (!still.length) return;
       const folded = make("details", "more still");

@@ -40,9 +40,9 @@ const OptiPlanLayers = (() => {
   // The layers of a scene.
   function addAll(layers, scene, data, wish) {
     const layer = (name) => (on) => { scene.layers[name].visible = on; scene.dirty(); };
-    const ghosts = wish.get("ghosts") !== "0";
+    const ghosts = wish.get("ghosts") !== "0" && !data.several;
     if (scene.layers.obstacle.children.length) {
-      layers.add("obstacles", "Obstacles", true, layer("obstacle"));
+      layers.add("obstacles", "Obstacles", true, (on) => { for (const run of scene.runs) run.objects.group.visible = on; layer("obstacle")(on); });
       layers.add("through", "See-through", wish.has("through"), (on) => {
         for (const mesh of scene.solid) scene.painter.paint(mesh, { through: on });
         scene.dirty();

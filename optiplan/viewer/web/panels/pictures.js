@@ -2,6 +2,7 @@
 // Pictures and films of the scene, made in the browser and saved as files.
 const OptiPlanPictures = (() => {
   const RATE = 30; // frames a second of a film
+  const STAND = 300, PATIENCE = 20_000; // ms at the end of a film: always, and at the most
 
   function save(blob, name) {
     const link = document.createElement("a");
@@ -48,7 +49,7 @@ const OptiPlanPictures = (() => {
     clock.pause();
     clock.seek(0);
     scene.draw(true);
-    recorder.start();
+    recorder.start(100); // ms between parts
     const begun = performance.now();
     for (let t = 0; t < clock.end;) {
       await new Promise(requestAnimationFrame);
@@ -57,7 +58,12 @@ const OptiPlanPictures = (() => {
       scene.draw(true);
       told(t / clock.end);
     }
-    await new Promise((done) => setTimeout(done, 300));
+    // It stands at the end; on a busy machine until the recorder has caught a picture at all.
+    const over = performance.now(), caught = () => parts.some((part) => part.size > 1000);
+    for (let rest = 0; rest < STAND || (!caught() && rest < PATIENCE); rest = performance.now() - over) {
+      await new Promise(requestAnimationFrame);
+      scene.draw(true);
+    }
     recorder.stop();
     await ended;
     const blob = new Blob(parts, { type: "video/webm" });

@@ -44,5 +44,5 @@ const OptiPlanTimeline = (() => {
     byId("ticks").replaceChildren(...bands, ...ticks);
   }
 
-  return { wire, mark };
+  return { wire, mark, place };
 })();

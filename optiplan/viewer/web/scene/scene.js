@@ -87,7 +87,18 @@ const OptiPlanScene = (() => {
         const mesh = this.mesh(part, this.surface(part.colour, plane ? { transparent: true, opacity: 0.28, depthWrite: false } : {}));
         mesh.castShadow = !plane;
         mesh.userData.plane = plane && this.data.geometries[part.geometry];
+        mesh.userData.motion = part.motion && { ...part.motion, from: part.pose.slice(0, 3) };
         this.layers.obstacle.add(mesh);
+      }
+    }
+
+    // Obstacles that move are put where they are at a time, s: from their pose by a polynomial of it.
+    moveObstacles(t) {
+      for (const mesh of this.layers.obstacle.children) {
+        const motion = mesh.userData.motion;
+        if (!motion) continue;
+        const time = Math.min(t, motion.until === undefined ? Infinity : motion.until);
+        motion.polynomial.forEach((row, axis) => mesh.position.setComponent(axis, motion.from[axis] + row.reduceRight((sum, c) => sum * time + c, 0)));
       }
     }
 
@@ -125,6 +136,7 @@ const OptiPlanScene = (() => {
       const shown = { data: run, figure, poses, samples: run.samples || 1, duration: run.duration || 0, colour, path: null, witness: new THREE.Group() };
       this.layers.witness.add(shown.witness);
       this.pose(figure, poses);
+      shown.objects = new OptiPlanObjects.Objects(this, shown, (part) => this.surface(part.colour, k ? behind : {}));
       if (run.path) {
         shown.tool = floats(run.path);
         shown.tools = [shown.tool, ...(run.other_paths || []).map(floats)];
@@ -181,7 +193,7 @@ const OptiPlanScene = (() => {
         }
         this.pose(run.figure, run.poses);
       }
-      const still = [this.runs[0].figure.bodies[0], ...this.layers.obstacle.children];
+      const still = [this.runs[0].figure.bodies[0], ...this.layers.obstacle.children, ...this.runs[0].objects.group.children];
       if (box.isEmpty()) box.setFromObject(still[0]);
       this.low = still.filter((mesh) => !mesh.userData.plane).reduce((low, mesh) => Math.min(low, one.setFromObject(mesh).min.y), box.min.y);
       const around = box.clone().expandByScalar(0.12 * box.getSize(new THREE.Vector3()).length());
@@ -204,7 +216,7 @@ const OptiPlanScene = (() => {
       this.stage = new OptiPlanStage.Stage(this.viewer, this.root, this.box, this.low);
       const centre = scene.worldToLocal(this.stage.centre.clone());
       for (const mesh of this.layers.obstacle.children) if (mesh.userData.plane) OptiPlanStage.spreadPlane(mesh, centre, 1.2 * this.stage.radius);
-      this.solid = this.layers.obstacle.children.filter((mesh) => !mesh.userData.plane);
+      this.solid = [...this.layers.obstacle.children.filter((mesh) => !mesh.userData.plane), ...this.runs.flatMap((run) => run.objects.meshes)];
       controls.enableDamping = false;
     }
 
@@ -247,7 +259,8 @@ const OptiPlanScene = (() => {
     // All meshes of a body that has this name in reports: obstacles, and of the runs' robots those that are shown.
     owned(name, run = null) {
       const found = this.layers.obstacle.children.filter((mesh) => mesh.userData.owner === name);
-      for (const one of run ? [run] : this.runs) one.figure.traverse((o) => { if (o.isMesh && o.userData.owner === name) found.push(o); });
+      for (const one of run ? [run] : this.runs) for (const mesh of one.objects.meshes) if (mesh.userData.owner === name) found.push(mesh);
+      for (const one of run ? [run] : this.runs) one.figure.traverse((o) => { if (o.isMesh && o.userData.owner === name && !found.includes(o)) found.push(o); });
       return found;
     }
 
@@ -265,7 +278,7 @@ const OptiPlanScene = (() => {
     // The body under a place of the picture: its name, or null.
     bodyAt(x, y) {
       const rays = new THREE.Raycaster(), seen = [...(this.layers.obstacle.visible ? this.layers.obstacle.children : [])];
-      for (const run of this.runs) run.figure.traverse((o) => { if (o.isMesh && o.visible && o.parent.visible) seen.push(o); });
+      for (const run of this.runs) for (const part of [run.figure, run.objects.group]) part.traverse((o) => { if (o.isMesh && o.visible && o.parent.visible) seen.push(o); });
       rays.setFromCamera({ x: (2 * x) / this.width - 1, y: 1 - (2 * y) / this.height }, this.viewer.camera);
       const hit = rays.intersectObjects(seen, false).find(({ object }) => object.visible);
       return hit ? hit.object.userData.owner : null;

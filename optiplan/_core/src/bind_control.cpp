@@ -1,0 +1,177 @@
+#include <nanobind/stl/vector.h>
+
+#include <optional>
+
+#include "arrays.hpp"
+#include "control/active_set.hpp"
+#include "control/clearance_watch.hpp"
+#include "control/joint_box.hpp"
+#include "module.hpp"
+
+namespace optiplan {
+
+using namespace nb::literals;
+
+static std::size_t same_size(std::initializer_list<const Vector *> vectors) {
+    const std::size_t n = (*vectors.begin())->size();
+    for (const Vector *vector : vectors) expect(vector->size() == n, "vectors (n,)");
+    return n;
+}
+
+static StopPath make_path(const Vector &q, const Vector &v, const Vector &a, const Vector &limit, const Vector &change,
+                          double dt, bool trapezoid) {
+    StopPath path;
+    path.start(q.data(), v.data(), a.data(), limit.data(), change.data(), same_size({&q, &v, &a, &limit, &change}), dt,
+               trapezoid);
+    return path;
+}
+
+static void make_watch(ClearanceWatch *self, const World &world, const Matrix &arms, const Matrix &reaches,
+                       const Vector &rules) {
+    expect(arms.shape(0) == world.pairs().size() && arms.shape(1) == static_cast<std::size_t>(world.tree().planned),
+           "moment arms (P, n)");
+    expect(reaches.shape(0) == world.pairs().size() && reaches.shape(1) == 2, "reaches (P, 2)");
+    expect(rules.size() == 3, "influence, kept, curvature");
+    const double *r = rules.data();
+    new (self) ClearanceWatch(world, to_vector(arms), to_vector(reaches), {r[0], r[1], r[2]});
+}
+
+static View look(ClearanceWatch &watch, const Vector &q, const View *before) {
+    expect(q.size() == watch.joints(), "a configuration (n,)");
+    expect(!before || before->bound.size() == watch.pairs(), "a view of this watch");
+    return watch.look(q.data(), before);
+}
+
+static bool stop_is_clear(ClearanceWatch &watch, const StopPath &path, const View &start, const Vector &least) {
+    expect(path.q.size() == watch.joints() && start.bound.size() == watch.pairs() && least.size() == watch.pairs(),
+           "path, view and distances (P,) of this watch");
+    return watch.stop_is_clear(path, start, least.data());
+}
+
+// Rows of `StopLimit.rows`: G (K, n), low (K,), unit (K,). `rules`: dt, at_least, buffer, rate.
+static nb::tuple stop_rows(const Matrix &gradient, const Vector &distance, const Vector &v, const Vector &delay,
+                           const Vector &per_acceleration, const Vector &rules) {
+    const std::size_t count = distance.size(), n = same_size({&v, &delay, &per_acceleration});
+    expect(gradient.shape(0) == count && gradient.shape(1) == n && rules.size() == 4, "gradients (K, n), four rules");
+    const double dt = rules.data()[0], at_least = rules.data()[1], buffer = rules.data()[2];
+    const double share = std::min(1.0, rules.data()[3] * dt);
+    std::vector<double> G(count * n), low(count), unit(count);
+    for (std::size_t k = 0; k < count; ++k) {
+        double squares = 0.0, held = 0.0, stops = 0.0;
+        for (std::size_t j = 0; j < n; ++j) {
+            const double g = gradient.data()[k * n + j], speed = v.data()[j], brake = per_acceleration.data()[j];
+            const bool towards = g * speed < 0.0;
+            const double slope = delay.data()[j] + (towards ? std::fabs(speed) * brake : 0.0);
+            const double row = G[k * n + j] = g * (dt + slope);
+            squares += row * row;
+            held += g * slope * speed;
+            if (towards) stops += g * (speed * std::fabs(speed) * brake);
+        }
+        unit[k] = std::max(std::sqrt(squares), 1e-6);
+        const double d = distance.data()[k], b = d - (at_least + buffer) + held - 0.5 * stops;
+        low[k] = (held - (d < at_least ? std::min(b, 0.0) : share * b)) / unit[k];
+        for (std::size_t j = 0; j < n; ++j) G[k * n + j] /= unit[k];
+    }
+    return nb::make_tuple(to_numpy(std::move(G), {count, n}), to_numpy(std::move(low), {count}),
+                          to_numpy(std::move(unit), {count}));
+}
+
+// low, high (n,), intervals (k, 2, n) with the limits (k,) that made them, brake (n,). `table` (8, n): see JointTable.
+static nb::tuple joint_box(const Vector &q, const Vector &v, const Vector &a, const Matrix &table,
+                           const std::vector<std::int64_t> &order, double dt, double shift) {
+    const std::size_t n = same_size({&q, &v, &a});
+    expect(table.shape(0) == 8 && table.shape(1) == n, "a table (8, n)");
+    const double *t = table.data();
+    const JointTable rows{n, t, t + n, t + 2 * n, t + 3 * n, t + 4 * n, t + 5 * n, t + 6 * n, t + 7 * n};
+    for (std::int64_t code : order) expect(code >= 0 && code <= 3, "limits of joints");
+    JointBounds found = joint_bounds(q.data(), v.data(), a.data(), rows, order, dt, shift);
+    const std::size_t k = found.made.size();
+    return nb::make_tuple(to_numpy(std::move(found.low), {n}), to_numpy(std::move(found.high), {n}),
+                          to_numpy(std::move(found.intervals), {k, 2, n}), std::move(found.made),
+                          to_numpy(std::move(found.brake), {n}));
+}
+
+using Signed = std::vector<std::int64_t>;
+
+// x (n,), active bounds and active rows; None where a few changes of the guess do not lead to the solution.
+static nb::object solve_from(const Matrix &H, const Vector &g, const Matrix &C, const Vector &low, const Vector &high,
+                             const Vector &lower, const Vector &upper, const Matrix &A, const Vector &b, Signed bounds,
+                             Signed rows, const Vector &rules) {
+    const std::size_t n = same_size({&g, &lower, &upper}), m = same_size({&low, &high}), p = b.size();
+    expect(H.shape(0) == n && H.shape(1) == n && C.shape(0) == m && A.shape(0) == p && rules.size() == 4, "a program");
+    expect((m == 0 || C.shape(1) == n) && (p == 0 || A.shape(1) == n), "rows (m, n), equations (p, n)");
+    for (std::int64_t bound : bounds) expect(bound != 0 && std::llabs(bound) <= std::int64_t(n), "bounds of joints");
+    for (std::int64_t row : rows) expect(row != 0, "rows from 1");
+    const double *r = rules.data();
+    ActiveSet active;
+    active.bounds = std::move(bounds), active.rows = std::move(rows);
+    const SmallProgram program{n, m, p, H.data(), g.data(), C.data(), low.data(), high.data(), lower.data(),
+                               upper.data(), A.data(), b.data()};
+    if (!active.solve(program, {static_cast<int>(r[0]), r[1], r[2], r[3]})) return nb::none();
+    return nb::make_tuple(to_numpy(std::move(active.x), {n}), std::move(active.bounds), std::move(active.rows));
+}
+
+// A part of a view as an array that lives as long as the view.
+template <typename T>
+static nb::object part(nb::handle self, const std::vector<T> &values, std::initializer_list<std::size_t> shape) {
+    return nb::cast(nb::ndarray<nb::numpy, T>(const_cast<T *>(values.data()), shape, self));
+}
+
+void bind_control(nb::module_ &m) {
+    nb::class_<StopPath>(m, "StopPath")
+        .def_static("of", &make_path, "q"_a, "v"_a, "a"_a, "limit"_a, "change"_a, "dt"_a, "trapezoid"_a)
+        .def_ro("steps", &StopPath::steps)
+        .def_prop_ro("end", [](nb::handle self) {
+            const StopPath &path = nb::cast<const StopPath &>(self);
+            return part(self, path.end, {path.end.size()});
+        })
+        .def("at", [](const StopPath &self, int step) {
+            std::vector<double> q(self.q.size());
+            self.at(step, q.data());
+            return to_numpy(std::move(q), {self.q.size()});
+        }, "step"_a)
+        .def("motion", [](const StopPath &self, const Indices &steps) {
+            const std::size_t n = self.q.size(), count = steps.size();
+            std::vector<double> q(count * n), v(count * n);
+            for (std::size_t k = 0; k < count; ++k)
+                self.at(static_cast<int>(steps.data()[k]), q.data() + k * n, v.data() + k * n);
+            return nb::make_tuple(to_numpy(std::move(q), {count, n}), to_numpy(std::move(v), {count, n}));
+        }, "steps"_a);
+    nb::class_<View>(m, "View")
+        .def_prop_ro("bound", [](nb::handle self) {
+            const View &view = nb::cast<const View &>(self);
+            return part(self, view.bound, {view.bound.size()});
+        })
+        .def_prop_ro("near", [](nb::handle self) {
+            const View &view = nb::cast<const View &>(self);
+            return part(self, view.near, {view.near.size()});
+        })
+        .def_prop_ro("distance", [](nb::handle self) {
+            const View &view = nb::cast<const View &>(self);
+            return part(self, view.distance, {view.distance.size()});
+        })
+        .def_prop_ro("gradient", [](nb::handle self) {
+            const View &view = nb::cast<const View &>(self);
+            return part(self, view.gradient, {view.near.size(), view.q.size()});
+        });
+    nb::class_<ClearanceWatch>(m, "ClearanceWatch")
+        .def("__init__", &make_watch, "world"_a, "arms"_a, "reaches"_a, "rules"_a, nb::keep_alive<1, 2>())
+        .def("look", &look, "q"_a, "before"_a.none())
+        .def("stop_is_clear", &stop_is_clear, "path"_a, "start"_a, "least"_a);
+    m.def("joint_box", &joint_box, "q"_a, "v"_a, "a"_a, "table"_a, "order"_a, "dt"_a, "shift"_a);
+    m.def("singular_values", [](const Matrix &J) {
+        expect(J.shape(0) <= J.shape(1), "a matrix with no more rows than columns");
+        return singular_values(J.data(), J.shape(0), J.shape(1));
+    }, "J"_a);
+    m.def("stop_rows", &stop_rows, "gradient"_a, "distance"_a, "v"_a, "delay"_a, "per_acceleration"_a, "rules"_a);
+    m.def("solve_from", &solve_from, "H"_a, "g"_a, "C"_a, "low"_a, "high"_a, "lower"_a, "upper"_a, "A"_a, "b"_a,
+          "bounds"_a, "rows"_a, "rules"_a);
+    m.def("farthest", [](double v, double a, double limit, double change, double dt) {
+        return Brakes{limit, change, dt}.farthest(v, a);
+    }, "v"_a, "a"_a, "limit"_a, "change"_a, "dt"_a);
+    m.def("fastest", [](double room, double v, double limit, double change, double dt, double low, double high) {
+        return Brakes{limit, change, dt}.fastest(room, v, low, high);
+    }, "room"_a, "v"_a, "limit"_a, "change"_a, "dt"_a, "low"_a, "high"_a);
+}
+
+}  // namespace optiplan

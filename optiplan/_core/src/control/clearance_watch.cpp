@@ -1,0 +1,121 @@
+#include "control/clearance_watch.hpp"
+
+#include <cmath>
+#include <limits>
+
+namespace optiplan {
+
+static constexpr double INF = std::numeric_limits<double>::infinity();
+
+ClearanceWatch::ClearanceWatch(const World &world, std::vector<double> arms, std::vector<double> reaches,
+                               WatchRules rules)
+    : world_(world), arms_(std::move(arms)), reaches_(std::move(reaches)), rules_(rules), q_(joints()) {}
+
+Placement ClearanceWatch::placed(const double *q) const {
+    Placement at = world_.placement();
+    world_.place(q, at);
+    return at;
+}
+
+View ClearanceWatch::look(const double *q, const View *before) {
+    const std::size_t n = joints(), count = pairs();
+    View view;
+    view.q.assign(q, q + n);
+    view.bound.assign(count, -INF);
+    seen_.assign(count, 0);
+    if (before) {
+        for (std::size_t j = 0; j < n; ++j) q_[j] = std::fabs(q[j] - before->q[j]);
+        for (std::size_t p = 0; p < count; ++p) {
+            const double *arm = arms_.data() + p * n;
+            double travel = 0.0;
+            for (std::size_t j = 0; j < n; ++j) travel += arm[j] * q_[j];
+            view.bound[p] = before->bound[p] - travel;
+        }
+        for (std::int64_t p : before->near) seen_[p] = 1;
+    }
+    const Placement at = placed(q);
+    const double stays = rules_.kept * rules_.influence;
+    for (std::size_t p = 0; p < count; ++p) {
+        if (!(view.bound[p] < (seen_[p] ? stays : rules_.influence))) continue;
+        const Contact contact{0, static_cast<int>(p), world_.nearest_points(at, static_cast<int>(p), INF)};
+        const double distance = view.bound[p] = contact.witness.distance;
+        if (!(distance < stays)) continue;
+        view.near.push_back(contact.pair);
+        view.distance.push_back(distance);
+        view.gradient.resize(view.gradient.size() + n);
+        world_.gradient(at, contact, view.gradient.data() + view.gradient.size() - n);
+    }
+    return view;
+}
+
+// Distances of pairs, and whether all are at least `least` (P,).
+bool ClearanceWatch::measure(const Placement &at, const std::vector<int> &which, const double *least,
+                             std::vector<double> &out) const {
+    out.clear();
+    for (int p : which) {
+        out.push_back(world_.nearest_points(at, p, INF).distance);
+        if (out.back() < least[p]) return false;
+    }
+    return true;
+}
+
+bool ClearanceWatch::stop_is_clear(const StopPath &path, const View &start, const double *least) {
+    const std::size_t n = joints();
+    for (std::size_t k = 0; k < start.near.size(); ++k)
+        if (start.distance[k] < least[start.near[k]]) return false;
+    for (std::size_t j = 0; j < n; ++j) q_[j] = std::fabs(path.end[j] - start.q[j]);
+    Part whole{0, path.steps, {}, {}, {}, {}, {}};
+    for (std::size_t p = 0; p < pairs(); ++p) {
+        double travel = 0.0;
+        for (std::size_t j = 0; j < n; ++j) travel += arms_[p * n + j] * q_[j];
+        if (start.bound[p] - travel < least[p]) {
+            whole.which.push_back(static_cast<int>(p));
+            whole.distance.push_back(start.bound[p]);
+        }
+    }
+    if (whole.which.empty()) return true;
+    path.at(path.steps, q_.data());
+    whole.last_at = placed(q_.data());
+    if (!measure(whole.last_at, whole.which, least, whole.last_distance)) return false;
+    whole.at = placed(start.q.data());
+    return part_is_clear(path, whole, least);
+}
+
+bool ClearanceWatch::part_is_clear(const StopPath &path, const Part &part, const double *least) {
+    Part before{part.first, 0, {}, {}, {}, part.at, {}};
+    std::vector<double> last;
+    for (std::size_t k = 0; k < part.which.size(); ++k) {
+        const int p = part.which[k];
+        const double chord = moved(part.at, part.last_at, p);
+        const double dip = 0.125 * rules_.curvature * (chord * chord);
+        if (std::fmin(part.distance[k], part.last_distance[k]) - dip < least[p]) {
+            before.which.push_back(p);
+            before.distance.push_back(part.distance[k]);
+            last.push_back(part.last_distance[k]);
+        }
+    }
+    if (before.which.empty() || part.last - part.first <= 1) return true;
+    before.last = (part.first + part.last) / 2;
+    path.at(before.last, q_.data());
+    before.last_at = placed(q_.data());
+    if (!measure(before.last_at, before.which, least, before.last_distance)) return false;
+    if (!part_is_clear(path, before, least)) return false;
+    return part_is_clear(path, {before.last, part.last, before.which, before.last_distance, last, before.last_at,
+                                part.last_at}, least);
+}
+
+// |p' - p| + |R' - R|_F / √2 · reach, for both bodies: chords of all their points.
+double ClearanceWatch::moved(const Placement &first, const Placement &second, int pair) const {
+    const Pair &bodies = world_.pairs()[pair];
+    double sum = 0.0;
+    for (int side = 0; side < 2; ++side) {
+        const int joint = world_.bodies()[side ? bodies.b : bodies.a].joint;
+        const Pose &X = first.joints[joint], &Y = second.joints[joint];
+        double turn = 0.0;
+        for (int row = 0; row < 3; ++row) turn += squared_norm(Y.R.rows[row] - X.R.rows[row]);
+        sum += norm(Y.p - X.p) + std::sqrt(0.5 * turn) * reaches_[2 * pair + side];
+    }
+    return sum;
+}
+
+}  // namespace optiplan

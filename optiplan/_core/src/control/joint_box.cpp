@@ -1,0 +1,125 @@
+#include "control/joint_box.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "control/braking.hpp"
+
+namespace optiplan {
+
+static constexpr double INF = std::numeric_limits<double>::infinity();
+
+namespace {
+
+struct Interval {
+    double low = -INF, high = INF;
+};
+
+// Largest velocity in [low, high] from which a joint halts within `room` ahead; from beyond the end, the way back.
+double before_end(const Brakes &brakes, double room, double v, double low, double high) {
+    if (room < -POSITION_ROUNDING) return -brakes.fastest(-room, -v, -high, -low);
+    return brakes.fastest(room, v, low, high);
+}
+
+Interval interval_of(JointLimit limit, const JointTable &t, std::size_t j, double q, double v, double a, double dt,
+                     double shift, const Interval &box) {
+    const Brakes brakes{t.acceleration[j], t.change[j], dt};
+    switch (limit) {
+        case JointLimit::acceleration:
+            return {v - t.acceleration[j] * dt, v + t.acceleration[j] * dt};
+        case JointLimit::jerk:
+            return {v + dt * a - dt * t.change[j], v + dt * a + dt * t.change[j]};
+        case JointLimit::velocity: {
+            const double up = t.velocity[j] - v, down = t.velocity[j] + v;
+            return {v - std::copysign(dt * brakes.acceleration(std::fabs(down)), down),
+                    v + std::copysign(dt * brakes.acceleration(std::fabs(up)), up)};
+        }
+        case JointLimit::position:
+            break;
+    }
+    Interval found;
+    if (q > t.safe_upper[j]) found.high = before_end(brakes, t.upper[j] - q - shift * v, v, box.low, box.high);
+    if (q < t.safe_lower[j]) found.low = -before_end(brakes, q - t.lower[j] + shift * v, -v, -box.high, -box.low);
+    return found;
+}
+
+bool counts(JointLimit limit, const JointTable &t, const double *q, const double *v) {
+    for (std::size_t j = 0; j < t.n; ++j) {
+        if (limit == JointLimit::velocity && std::fabs(v[j]) > t.slow[j]) return true;
+        if (limit == JointLimit::position && (q[j] < t.safe_lower[j] || q[j] > t.safe_upper[j])) return true;
+    }
+    return limit == JointLimit::acceleration || limit == JointLimit::jerk;
+}
+
+double clamped(double x, double low, double high) { return std::min(std::max(x, low), high); }
+
+}  // namespace
+
+JointBounds joint_bounds(const double *q, const double *v, const double *a, const JointTable &t,
+                         const std::vector<std::int64_t> &order, double dt, double shift) {
+    const std::size_t n = t.n;
+    JointBounds found;
+    found.low.assign(n, -INF), found.high.assign(n, INF), found.brake.resize(n);
+    for (std::int64_t code : order) {
+        const auto limit = static_cast<JointLimit>(code);
+        if (!counts(limit, t, q, v)) continue;
+        const std::size_t first = found.intervals.size();
+        found.intervals.resize(first + 2 * n);
+        found.made.push_back(code);
+        for (std::size_t j = 0; j < n; ++j) {
+            const Interval box{found.low[j], found.high[j]};
+            const Interval own = interval_of(limit, t, j, q[j], v[j], a[j], dt, shift, box);
+            found.intervals[first + j] = own.low, found.intervals[first + n + j] = own.high;
+            found.low[j] = clamped(own.low, box.low, box.high), found.high[j] = clamped(own.high, box.low, box.high);
+        }
+    }
+    for (std::size_t j = 0; j < n; ++j) {
+        const Brakes brakes{t.acceleration[j], t.change[j], dt};
+        const double most = t.acceleration[j], wanted = -std::copysign(brakes.acceleration(std::fabs(v[j])), v[j]);
+        // An acceleration beyond its limits comes back to them at once: jerk is given up first.
+        const double low = std::min(std::max(a[j] - t.change[j], -most), most);
+        const double high = std::max(std::min(a[j] + t.change[j], most), -most);
+        found.brake[j] = v[j] + dt * clamped(wanted, low, high);
+    }
+    return found;
+}
+
+std::vector<double> singular_values(const double *J, std::size_t rows, std::size_t columns) {
+    const std::size_t m = rows;
+    std::vector<double> S(m * m);
+    for (std::size_t i = 0; i < m; ++i)
+        for (std::size_t k = 0; k < m; ++k)
+            for (std::size_t c = 0; c < columns; ++c) S[i * m + k] += J[i * columns + c] * J[k * columns + c];
+    double scale = 0.0;
+    for (std::size_t i = 0; i < m; ++i) scale = std::max(scale, S[i * m + i]);
+    for (int sweep = 0; sweep < 30; ++sweep) {
+        double off = 0.0;
+        for (std::size_t i = 0; i < m; ++i)
+            for (std::size_t k = 0; k < i; ++k) off = std::max(off, std::fabs(S[i * m + k]));
+        if (!(off > 1e-17 * scale)) break;
+        for (std::size_t i = 1; i < m; ++i)
+            for (std::size_t k = 0; k < i; ++k) {
+                const double s_ik = S[i * m + k];
+                if (s_ik == 0.0) continue;
+                const double theta = 0.5 * (S[i * m + i] - S[k * m + k]) / s_ik;
+                const double t = std::copysign(1.0, theta) / (std::fabs(theta) + std::sqrt(1.0 + theta * theta));
+                const double c = 1.0 / std::sqrt(1.0 + t * t), s = t * c;
+                for (std::size_t r = 0; r < m; ++r) {  // columns
+                    const double x = S[r * m + k], y = S[r * m + i];
+                    S[r * m + k] = c * x - s * y, S[r * m + i] = s * x + c * y;
+                }
+                for (std::size_t r = 0; r < m; ++r) {  // rows
+                    const double x = S[k * m + r], y = S[i * m + r];
+                    S[k * m + r] = c * x - s * y, S[i * m + r] = s * x + c * y;
+                }
+            }
+    }
+    std::vector<double> values(m);
+    for (std::size_t i = 0; i < m; ++i) values[i] = std::sqrt(std::max(S[i * m + i], 0.0));
+    std::sort(values.begin(), values.end(), std::greater<double>());
+    return values;
+}
+
+}  // namespace optiplan

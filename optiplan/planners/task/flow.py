@@ -1,0 +1,329 @@
+"""Join moves and lines so that the arm does not stop between them.
+
+A stretch of moves and lines without an event between them becomes one path: lines stay as they are, and moves leave
+them and arrive at them with the same direction and curvature. Where the path is free, it is run in one go within all
+limits; where that is quicker than stopping, it is kept.
+
+The path is joined in a parameter p in which every joint moves at most at its speed limit for dp/dt = 1. Between a line
+and a move, a polynomial of degree five takes the place of the part of the move that is next to the line, and matches
+position and two derivatives at both of its ends; between two moves both parts are replaced, and meet where the first
+move ends.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from optiplan.arrays import Array
+from optiplan.planners.base import Budget, Progress
+from optiplan.planners.common.continuous_collision import first_contact
+from optiplan.planners.task.chains import Done
+from optiplan.planners.task.line_timing import line_limits
+from optiplan.planners.task.stretches import Stretch
+from optiplan.problem.task.steps import Move
+from optiplan.trajectory import polynomial
+from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.timing.time_path import TimingOptions, time_path_by_law
+from optiplan.trajectory.trajectory import Trajectory
+
+_SHARES = (0.5, 0.25, 0.1)
+"""Of the length of a move, that are replaced at a junction; where both ends take a half, it is one polynomial."""
+
+_ENOUGH = 0.05
+"""Share of the time with stops that is to be gained; junctions of other sizes are tried as long as it is less."""
+
+_POINTS = 40
+"""Of the spline that stands for a move."""
+
+_SAMPLES = 400
+"""Of a motion, from which its length is taken."""
+
+_TURNED = 0.1
+"""Length of the sum of two unit directions below which moves turn back: there the arm stops anyway."""
+
+_SLACK = 1e-9
+"""rad or m: rounding beyond the position limits."""
+
+_BISECTIONS = 60
+
+
+def flowing(stretches: Sequence[Stretch], budget: Budget, progress: Progress) -> list[Stretch]:
+    """Return the stretches, those joined that are quicker so."""
+    groups = _groups(stretches)
+    found: list[Stretch] = []
+    for k, group in enumerate(groups):
+        progress("joining steps", k / len(groups))
+        found += _joined(group, budget)
+    return found
+
+
+def _groups(stretches: Sequence[Stretch]) -> list[list[Stretch]]:
+    """Cut stretches where the arm must stop: at events, other joints, and between two lines."""
+    groups: list[list[Stretch]] = []
+    for stretch in stretches:
+        if groups and _goes_on(groups[-1][-1], stretch):
+            groups[-1].append(stretch)
+        else:
+            groups.append([stretch])
+    return groups
+
+
+def _goes_on(before: Stretch, after: Stretch) -> bool:
+    a, b = before.done[-1], after.done[0]
+    if not (_can_flow(a) and _can_flow(b)) or (a.is_line and b.is_line):
+        return False
+    assert a.stage is not None
+    assert b.stage is not None
+    return a.stage.columns == b.stage.columns and a.after.scene is b.before.scene
+
+
+def _can_flow(done: Done) -> bool:
+    """Whether a step may be part of a longer motion: moves whose curve may change, and lines."""
+    if done.stage is None or done.curve is None or done.step.kind == "gripper":
+        return False
+    action = done.step.action
+    return done.is_line or (isinstance(action, Move) and not action.vias and not done.stage.problem.path_constraints)
+
+
+def _joined(group: list[Stretch], budget: Budget) -> list[Stretch]:
+    """Return a group as one stretch, or as several where some junction is not free, or not quicker."""
+    if len(group) == 1 or budget.over:
+        return group
+    stopping = sum(stretch.ends[-1] for stretch in group)
+    best: Stretch | None = None
+    for first in range(len(_SHARES)):
+        found = _in_one_go(group, first, budget)
+        if found is not None and found.ends[-1] < (stopping if best is None else best.ends[-1]):
+            best = found
+        if budget.over or (best is not None and best.ends[-1] < (1.0 - _ENOUGH) * stopping):
+            break
+    if best is not None:
+        return [best]
+    if len(group) == 2:
+        return group
+    return [*_joined(group[:2], budget), *_joined(group[2:], budget)]
+
+
+def _in_one_go(group: list[Stretch], first: int, budget: Budget) -> Stretch | None:
+    """Return a group as one motion, with junctions of the first free size from `first` on; None where one is not."""
+    sizes = [first] * (len(group) - 1)
+    while not budget.over and max(sizes) < len(_SHARES):
+        path = _Path.of(group, sizes)
+        if path is None:
+            return None
+        touched = path.junction_that_touches(budget)
+        if touched is None:
+            return path.timed(budget)
+        sizes[touched] += 1
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class _PathElement:
+    """A move or a line in the path: its curve over a parameter, and how long it stops for, s."""
+
+    done: Done
+    curve: Trajectory
+
+    def state(self, p: float) -> Array:
+        """Return q, dq/dp, d²q/dp² (3, n)."""
+        return np.stack([self.curve(min(max(p, 0.0), self.length), order) for order in range(3)])
+
+    @property
+    def length(self) -> float:
+        return self.curve.duration
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """A path through the elements of a group.
+
+    Attributes:
+        elements: moves and lines.
+        parts: the curve of each, changed at its junctions; over parameters from 0.
+    """
+
+    elements: list[_PathElement]
+    parts: list[Trajectory]
+
+    @classmethod
+    def of(cls, group: Sequence[Stretch], sizes: Sequence[int]) -> "_Path | None":
+        """Return the path with junctions of these sizes (indices of `_SHARES`); None where one turns back."""
+        elements = [_element(stretch.done[0]) for stretch in group]
+        parts = []
+        for k, element in enumerate(elements):
+            if element.done.is_line:
+                parts.append(element.curve)
+                continue
+            begin, end = None, None
+            cuts = [_SHARES[sizes[j]] if 0 <= j < len(sizes) else 0.0 for j in (k - 1, k)]
+            if k > 0:
+                begin = _meeting(elements[k - 1], element, cuts[0])
+                if begin is None:
+                    return None
+            if k + 1 < len(elements):
+                end = _meeting(element, elements[k + 1], cuts[1])
+                if end is None:
+                    return None
+            parts.append(_between(element, (begin, end), (cuts[0], cuts[1])))
+        return cls(elements, parts)
+
+    def junction_that_touches(self, budget: Budget) -> int | None:
+        """Return the junction next to the first place at which the path is not free or outside limits."""
+        for k, (element, part) in enumerate(zip(self.elements, self.parts, strict=True)):
+            stage = element.done.stage
+            assert stage is not None
+            if element.done.is_line:
+                continue
+            limits = stage.problem.limits
+            low, high = part.extrema(0)
+            extrema = part.extrema_at(0)
+            beyond = np.concatenate([limits.lower - low, high - limits.upper])
+            where: float | None = None
+            if beyond.max() > _SLACK:
+                times = np.concatenate([extrema.t_low, extrema.t_high])
+                where = float(times[int(np.argmax(beyond))])
+            else:
+                touch = first_contact(stage.model, part, lambda: budget.over)
+                where = None if touch is None else touch.t
+            if where is None:
+                continue
+            before = k - 1 if k > 0 else None
+            after = k if k + 1 < len(self.elements) else None
+            if before is None or after is None:
+                return after if before is None else before
+            return before if where < 0.5 * part.duration else after
+        return None
+
+    def timed(self, budget: Budget) -> Stretch | None:
+        """Run along the path in one go."""
+        edges = np.concatenate([[0.0], np.cumsum([part.duration for part in self.parts])])
+        first = self.elements[0].done
+        assert first.stage is not None
+        path = _one_after_another(self.parts, edges)
+        shares = edges / edges[-1]
+        slow = [
+            (float(shares[k]), float(shares[k + 1]), tool)
+            for k, element in enumerate(self.elements)
+            if element.done.is_line and (tool := line_limits(element.done)) is not None
+        ]
+        options = TimingOptions(tool_parts=tuple(slow), stop=lambda: budget.over)
+        found = time_path_by_law(path, first.stage.problem.robot, first.stage.problem.limits, options)
+        if found is None:
+            return None
+        motion, law = found
+        ends = [_time_of(law, float(share)) for share in shares[1:-1]]
+        return Stretch(tuple(element.done for element in self.elements), motion, (*ends, motion.duration))
+
+
+def _element(done: Done) -> _PathElement:
+    """Return a step's curve over a parameter in which the fastest joint runs about at its speed limit."""
+    assert done.curve is not None
+    assert done.stage is not None
+    speed = done.stage.problem.limits.velocity
+    t = np.linspace(0.0, done.curve.duration, _SAMPLES + 1)
+    Q = done.curve(t)
+    steps = np.linalg.norm(np.diff(Q, axis=0) / speed, axis=1)
+    length = float(steps.sum())
+    if done.is_line:
+        return _PathElement(done, done.curve.scaled(max(length, 1e-6)))
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    kept = np.concatenate([[True], np.diff(way) > 1e-9 * max(length, 1e-9)])
+    times = np.interp(np.linspace(0.0, length, _POINTS), way[kept], t[kept])
+    points = done.curve(times)
+    points[0], points[-1] = Q[0], Q[-1]
+    spline = CubicSpline(np.linspace(0.0, length, _POINTS), points)
+    return _PathElement(done, _of_spline(done.curve.joint_names, spline))
+
+
+def _of_spline(names: tuple[str, ...], spline: CubicSpline) -> Trajectory:
+    return Trajectory(names, spline.x, np.swapaxes(spline.c[::-1], 0, 1))
+
+
+def _meeting(before: _PathElement, after: _PathElement, share: float) -> Array | None:
+    """Return the state (3, n) in which two elements meet: that of the line, or of two moves their mean direction."""
+    if before.done.is_line:
+        return before.state(before.length)
+    if after.done.is_line:
+        return after.state(0.0)
+    a, b = before.state((1.0 - share) * before.length), after.state(share * after.length)
+    assert before.done.stage is not None
+    speed = before.done.stage.problem.limits.velocity
+    point = after.state(0.0)[0]
+    ways = [(point - a[0]) / speed, (b[0] - point) / speed]
+    if min(np.linalg.norm(way) for way in ways) == 0.0:
+        return None
+    direction = sum(way / np.linalg.norm(way) for way in ways)
+    size = float(np.linalg.norm(direction))
+    if size < _TURNED:
+        return None
+    return np.stack([point, speed * direction / size, np.zeros(len(point))])
+
+
+def _between(element: _PathElement, meets: tuple[Array | None, Array | None], cuts: tuple[float, float]) -> Trajectory:
+    """Return the curve of a move with the parts next to its junctions replaced, over a parameter from 0."""
+    assert element.done.stage is not None
+    speed = element.done.stage.problem.limits.velocity
+    if meets[0] is not None and meets[1] is not None and sum(cuts) >= 1.0:
+        piece, width = _gap(meets[0], meets[1], speed)
+        return Trajectory(element.curve.joint_names, np.array([0.0, width]), piece[None])
+    begin, end = cuts[0] * element.length, (1.0 - cuts[1]) * element.length
+    inner = element.curve.breakpoints[(element.curve.breakpoints > begin) & (element.curve.breakpoints < end)]
+    edges = np.concatenate([[begin], inner, [end]])
+    pieces, widths = [], []
+    if meets[0] is not None:
+        gap = _gap(meets[0], element.state(begin), speed)
+        pieces.append(gap[0])
+        widths.append(gap[1])
+    for low, high in pairwise(edges.tolist()):
+        piece = np.zeros((6, len(speed)))
+        piece[:4] = _taylor(element.curve, low, high)
+        pieces.append(piece)
+        widths.append(high - low)
+    if meets[1] is not None:
+        gap = _gap(element.state(end), meets[1], speed)
+        pieces.append(gap[0])
+        widths.append(gap[1])
+    breakpoints = np.concatenate([[0.0], np.cumsum(widths)])
+    return Trajectory(element.curve.joint_names, breakpoints, np.array(pieces))
+
+
+def _taylor(curve: Trajectory, low: float, high: float) -> Array:
+    """Return the coefficients (4, n) of a cubic curve in powers of p - low, on the piece that goes to `high`."""
+    piece = int(np.searchsorted(curve.breakpoints[1:-1], 0.5 * (low + high), side="right"))
+    c = curve.coefficients[piece]
+    x = np.array([[low - curve.breakpoints[piece]]])
+    rows, scale = [], 1.0
+    for order in range(4):
+        rows.append(polynomial.evaluate(c.T[None], x)[0] / scale)
+        c = c[1:] * np.arange(1.0, len(c))[:, None] if len(c) > 1 else np.zeros_like(c)
+        scale *= order + 1.0
+    return np.array(rows)
+
+
+def _gap(a: Array, b: Array, speed: Array) -> tuple[Array, float]:
+    """Return the polynomial (6, n) of degree five between two states (3, n), and the width of its parameter."""
+    width = max(float(np.linalg.norm((b[0] - a[0]) / speed)), 1e-6)
+    return np.asarray(hermite(a, b, np.array([width]))[0] / width ** np.arange(6)[:, None]), width
+
+
+def _one_after_another(parts: Sequence[Trajectory], edges: Array) -> Trajectory:
+    size = max(part.coefficients.shape[1] for part in parts)
+    padded = [np.pad(part.coefficients, ((0, 0), (0, size - part.coefficients.shape[1]), (0, 0))) for part in parts]
+    breakpoints = [part.breakpoints[1:] + edge for part, edge in zip(parts, edges, strict=False)]
+    return Trajectory(parts[0].joint_names, np.concatenate([[0.0], *breakpoints]), np.concatenate(padded))
+
+
+def _time_of(law: Trajectory, share: float) -> float:
+    """Return when a law passes a share of the path, s; it never decreases."""
+    low, high = 0.0, law.duration
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        if float(law(middle)[0]) < share:
+            low = middle
+        else:
+            high = middle
+    return high

@@ -1,0 +1,120 @@
+"""Plan a task: choose, plan and time its steps, and join them to one motion."""
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
+from optiplan.planners.common.failures import too_heavy
+from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.task.chains import Done, of_step
+from optiplan.planners.task.flow import flowing
+from optiplan.planners.task.line_timing import line_limits, timed_line
+from optiplan.planners.task.search import TaskSearch
+from optiplan.planners.task.stretches import Stretch
+from optiplan.problem.problem import Problem
+from optiplan.problem.task.steps import Dwell
+from optiplan.robot.robot import Robot
+from optiplan.trajectory.segments import Segment
+from optiplan.trajectory.trajectory import Trajectory
+
+_SEARCHING = 0.7
+"""Share of the budget for the choice of configurations and the moves; the rest is for joining them without stops."""
+
+
+def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+    """Plan a task within the budget: first a motion that stops after every step, then one that does not.
+
+    Args:
+        planner: plans the moves.
+        problem: with a task.
+        budget: time for all of it.
+        progress: called with the stages.
+    """
+    began, watch = time.perf_counter(), Stopwatch()
+    if problem.scene.moving or problem.moving_start:
+        what = "obstacles that move" if problem.scene.moving else "a robot that is moving at the start"
+        return PlanResult(
+            None, Failure("unsupported", f"tasks are planned from rest among what stands still, not {what}")
+        )
+    search = TaskSearch(problem, planner, budget.share(_SEARCHING), progress)
+    with watch.stage("steps"):
+        done = search.run()
+    if isinstance(done, Failure):
+        return PlanResult(None, done, watch.seconds)
+    with watch.stage("timing"):
+        timed = [_timed(one) for one in done]
+    failed = next((one for one in timed if isinstance(one, Failure)), None)
+    if failed is not None:
+        return PlanResult(None, failed, watch.seconds)
+    stretches = [Stretch.of(a, b) for a, b in zip(done, timed, strict=True) if not isinstance(b, Failure)]
+    first = Candidate(joined(problem, stretches), time.perf_counter() - began)
+    info: dict[str, Any] = {"moves": search.infos, "attempts": search.attempts}
+    with watch.stage("flow"):
+        flow = flowing(stretches, budget, progress)
+    info["cut_short"] = budget.over
+    if len(flow) == len(stretches):
+        return PlanResult(first.trajectory, None, watch.seconds, info, (), first.seconds)
+    info |= {"duration_with_stops": first.trajectory.duration, "stops_left_out": len(stretches) - len(flow)}
+    return PlanResult(joined(problem, flow), None, watch.seconds, info, (first,), time.perf_counter() - began)
+
+
+def _timed(done: Done) -> "Trajectory | float | Failure":
+    """Return the motion of a step, of its joints; or how long it stands still, s."""
+    if isinstance(done.step.action, Dwell):
+        return done.step.action.seconds
+    if done.stage is None or done.curve is None:
+        return 0.0
+    if not done.is_line:
+        return done.curve
+    motion = timed_line(done.stage, done.curve, line_limits(done))
+    if motion is None:
+        problem, curve = done.stage.problem, done.curve
+        heavy = too_heavy(problem.robot, problem.limits, curve(np.linspace(0.0, curve.duration, 200)))
+        return of_step(heavy, done.step, done.before, done.stage)
+    return motion
+
+
+def joined(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
+    """Join stretches, each at rest at both ends, to one motion of all joints, with its segments."""
+    parts: list[Trajectory] = []
+    segments: list[Segment] = []
+    begin = 0.0
+    for stretch in stretches:
+        first, motion = stretch.done[0], stretch.motion
+        if isinstance(motion, Trajectory):
+            assert first.stage is not None
+            parts.append(whole(problem.robot, first.stage.columns, motion, first.before.q))
+        elif motion > 0.0:
+            parts.append(_still(problem.robot, first.before.q, motion))
+        since = begin
+        for one, end in zip(stretch.done, stretch.ends, strict=True):
+            segments.append(Segment(one.step.number, one.step.kind, one.step.name, since, begin + end))
+            since = begin + end
+        begin = since
+    return concatenated(parts or [_still(problem.robot, problem.start, 1e-3)], segments)
+
+
+def whole(robot: Robot, columns: Sequence[int], motion: Trajectory, q: Array) -> Trajectory:
+    """Return the motion of all joints in which some move and the others stand where they stand in q (n,)."""
+    coefficients = np.zeros((*motion.coefficients.shape[:2], robot.n))
+    coefficients[:, 0] = q
+    coefficients[:, :, columns] = motion.coefficients
+    return Trajectory(robot.joint_names, motion.breakpoints, coefficients)
+
+
+def concatenated(parts: Sequence[Trajectory], segments: Sequence[Segment]) -> Trajectory:
+    """Return motions one after another."""
+    size = max(part.coefficients.shape[1] for part in parts)
+    padded = [np.pad(part.coefficients, ((0, 0), (0, size - part.coefficients.shape[1]), (0, 0))) for part in parts]
+    begins = np.concatenate([[0.0], np.cumsum([part.duration for part in parts])])
+    breakpoints = [part.breakpoints[1:] + begin for part, begin in zip(parts, begins, strict=False)]
+    times = np.concatenate([[0.0], *breakpoints])
+    return Trajectory(parts[0].joint_names, times, np.concatenate(padded), tuple(segments))
+
+
+def _still(robot: Robot, q: Array, seconds: float) -> Trajectory:
+    return Trajectory(robot.joint_names, np.array([0.0, seconds]), q[None, None])

@@ -1,0 +1,270 @@
+"""Choose the ends of moves so that the steps between them can be done, cheapest first, and plan the moves between.
+
+A leg is a move and the steps without choice that follow it. Its candidates are the configurations that reach the
+move's goal and from which those steps can be done. Over all legs they make a graph in layers, whose edges cost the
+lower bound of a move's duration until it is planned and its duration after that, or infinity where it cannot be: the
+cheapest path is planned, edge by edge, until one holds (Dellin and Srinivasa 2016, lazy shortest paths).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.base import Budget, Failure, Planner, Progress
+from optiplan.planners.common.failures import out_of_time
+from optiplan.planners.common.goal_ranking import goal_sampler
+from optiplan.planners.common.via_legs import plan_through
+from optiplan.planners.task.chains import Chain, Done, do_chain, is_chained, of_step
+from optiplan.planners.task.stages import Situation, Stages
+from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.task.steps import Move, TaskStep
+from optiplan.trajectory.timing.lower_bound import lower_bounds
+
+_CANDIDATES, _MORE = 8, 24
+"""Configurations of a goal looked at first, and at most, where none of the first allows what follows."""
+
+_KEPT = 6
+"""Candidates of a layer that go on to the next."""
+
+_SCENES = 3
+"""Different places of what is held or stands still for which a layer's candidates are looked for."""
+
+_SAME = 1e-6
+"""rad or m: joints that stand still nearer than this stand in one place."""
+
+_ALIKE = 5e-3
+"""m and 1: what is held is in one place, nearer than this; the steps are done again exactly in the end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A move, None for what comes before the first, and the steps without choice that follow it."""
+
+    move: TaskStep | None
+    chain: tuple[TaskStep, ...]
+
+
+def legs_of(task: Sequence[TaskStep]) -> list[Leg]:
+    """Cut a task into legs, the first of which has no move."""
+    moves = [k for k, step in enumerate(task) if not is_chained(step)]
+    legs = [Leg(None, tuple(task[: moves[0] if moves else len(task)]))]
+    ends = [*moves[1:], len(task)]
+    return legs + [Leg(task[k], tuple(task[k + 1 : end])) for k, end in zip(moves, ends, strict=False)]
+
+
+@dataclass(eq=False)
+class _Node:
+    """A candidate of a layer: where the move ends, the state after the leg, and what leads there.
+
+    `seconds` is a bound of the duration of the chain, `edges` has the cost of coming from each node of the layer
+    before, s, infinite where one cannot, and `cost` that of the cheapest way from the start.
+    """
+
+    q: Array
+    after: Situation
+    seconds: float
+    edges: list[float] = field(default_factory=list)
+    cost: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Planned:
+    """A leg done exactly: the move and the chain."""
+
+    done: tuple[Done, ...]
+    info: dict[str, Any]
+
+    @property
+    def after(self) -> Situation:
+        return self.done[-1].after
+
+
+class TaskSearch:
+    """One search; `run` returns all steps done one after another, or the failure of the step that cannot be."""
+
+    def __init__(self, problem: Problem, planner: Planner[Any], budget: Budget, progress: Progress) -> None:
+        self.problem, self.planner, self.budget, self.progress = problem, planner, budget, progress
+        self.stages = Stages(problem)
+        self.legs = legs_of(problem.task)
+        self.infos: list[dict[str, Any]] = []
+        self.attempts = 0
+
+    def run(self) -> list[Done] | Failure:
+        """Search within the budget."""
+        start = Situation(self.problem.start, self.problem.scene)
+        first = do_chain(self.stages, start, self.legs[0].chain, self.budget)
+        if first.failure is not None:
+            return self._late() or first.failure
+        after = first.done[-1].after if first.done else start
+        layers = [[_Node(start.q, after, 0.0, [0.0])]]
+        for k, leg in enumerate(self.legs[1:], 1):
+            self.progress("looking ahead", k / len(self.legs))
+            found = self._layer(leg, layers[-1])
+            if isinstance(found, Failure):
+                return self._late() or found
+            layers.append(found)
+        found_steps = self._plan(layers, after)
+        if isinstance(found_steps, Failure):
+            return self._late() or found_steps
+        return [*first.done, *found_steps]
+
+    def _late(self) -> Failure | None:
+        return out_of_time(self.budget, "planning the task") if self.budget.over else None
+
+    def _layer(self, leg: Leg, before: list[_Node]) -> list[_Node] | Failure:
+        """Return the candidates of a leg, the cheapest to reach first."""
+        assert leg.move is not None
+        assert isinstance(leg.move.action, Move)
+        costs = np.array([node.cost for node in before])
+        kinds: list[list[int]] = []
+        for i in np.argsort(costs, kind="stable").tolist():
+            others = [kind for kind in kinds if self._alike(before[kind[0]].after, before[i].after, leg.move.action)]
+            same = others[0] if others else None
+            if same is not None:
+                same.append(i)
+            elif len(kinds) < _SCENES:
+                kinds.append([i])
+        nodes: list[_Node] = []
+        failures: list[tuple[tuple[int, float], Failure]] = []
+        for kind in kinds:
+            for node in self._candidates(leg, before[kind[0]].after, failures):
+                bounds = [self._bound(before[i].after.q, node.q) if i in kind else np.inf for i in range(len(before))]
+                node.edges, node.cost = bounds, float(np.min(costs + bounds)) + node.seconds
+                nodes.append(node)
+        if not nodes:
+            return max(failures, key=lambda item: item[0])[1]
+        return sorted(nodes, key=lambda node: node.cost)[:_KEPT]
+
+    def _candidates(self, leg: Leg, state: Situation, failures: list[tuple[tuple[int, float], Failure]]) -> list[_Node]:
+        """Return the configurations from which what follows a move can be done."""
+        assert leg.move is not None
+        assert isinstance(leg.move.action, Move)
+        stage = self.stages.at(state, leg.move, leg.move.action.joints)
+        sampler = goal_sampler(
+            stage.to(leg.move.action.goal), stage.model, self.budget, _CANDIDATES, nearer=not leg.chain
+        )
+        if isinstance(sampler, Failure):
+            failures.append(((-1, 0.0), of_step(sampler, leg.move, state, stage)))
+            return []
+        good: list[_Node] = []
+        tried = 0
+        configurations = sampler.configurations[: 2 * _CANDIDATES]
+        while configurations and not self.budget.over:
+            for q in configurations:
+                tried += 1
+                arrived = Situation(stage.whole(q, state), state.scene)
+                chain = do_chain(self.stages, arrived, leg.chain, self.budget)
+                if chain.failure is None:
+                    after = chain.done[-1].after if chain.done else arrived
+                    good.append(_Node(arrived.q, after, self._seconds(chain)))
+                else:
+                    failures.append((chain.far(), chain.failure))
+                if len(good) >= _CANDIDATES or self.budget.over:
+                    return good
+            if good or tried >= _MORE:
+                break
+            configurations = sampler.more(_CANDIDATES, lambda: self.budget.over)
+        return good
+
+    def _alike(self, a: Situation, b: Situation, move: Move) -> bool:
+        """Whether what stands still in a step, what is held and what is not are in about the same place."""
+        others = [k for k, name in enumerate(self.problem.robot.joint_names) if name not in move.joints]
+        if np.abs(a.q[others] - b.q[others]).max(initial=0.0) > _SAME:
+            return False
+        places = [
+            {one.name: one.X_LO.homogeneous for one in state.scene.attached}
+            | {one.name: one.X_WO.homogeneous for one in state.scene.obstacles}
+            for state in (a, b)
+        ]
+        return all(np.abs(X - places[1][name]).max() < _ALIKE for name, X in places[0].items())
+
+    def _seconds(self, chain: Chain) -> float:
+        """Return a lower bound of the duration of a chain, s."""
+        return sum(self._bound(done.before.q, done.after.q) for done in chain.done)
+
+    def _bound(self, q: Array, other: Array) -> float:
+        return float(lower_bounds(q, other[None], self.problem.limits)[0])
+
+    def _plan(self, layers: list[list[_Node]], start: Situation) -> list[Done] | Failure:
+        """Plan the cheapest path through the layers, edge by edge, until one holds."""
+        known: dict[tuple[int, ...], _Planned] = {}
+        failure: Failure | None = None
+        while not self.budget.over:
+            path = _cheapest(layers)
+            if path is None:
+                break
+            found = self._along(layers, path, start, known)
+            if not isinstance(found, Failure):
+                self.infos = [leg.info for leg in found]
+                return [done for leg in found for done in leg.done]
+            failure = found if failure is None else max(failure, found, key=_step_number)
+        assert failure is not None or self.budget.over
+        return failure or out_of_time(self.budget, "planning the task")
+
+    def _along(
+        self, layers: list[list[_Node]], path: tuple[int, ...], start: Situation, known: dict[tuple[int, ...], _Planned]
+    ) -> list[_Planned] | Failure:
+        """Plan the moves of one path; the first that cannot be planned is barred."""
+        found: list[_Planned] = []
+        state = start
+        for k in range(1, len(path)):
+            prefix = path[: k + 1]
+            if prefix not in known:
+                node = layers[k][path[k]]
+                self.attempts += 1
+                planned = self._planned(k, state, node)
+                if isinstance(planned, Failure):
+                    node.edges[path[k - 1]] = np.inf
+                    return planned
+                known[prefix] = planned
+            found.append(known[prefix])
+            state = known[prefix].after
+        return found
+
+    def _planned(self, k: int, state: Situation, node: _Node) -> _Planned | Failure:
+        """Plan the move of a leg exactly, then do what follows it."""
+        leg = self.legs[k]
+        assert leg.move is not None
+        assert isinstance(leg.move.action, Move)
+        stage = self.stages.at(state, leg.move, leg.move.action.joints)
+        goal = JointGoal(node.q[stage.columns])
+        problem = stage.to((goal,), leg.move.action.vias)
+        share = self.budget.share(1.0 / (len(self.legs) - k + 1))
+
+        def told(what: str, part: float) -> None:
+            self.progress(f"{leg.move.words}: {what}" if leg.move else what, (k - 1 + part) / len(self.legs))
+
+        result = plan_through(self.planner, problem, share, told)
+        if result.trajectory is None:
+            failure = result.failure or Failure("no-path", "no motion was found")
+            return of_step(failure, leg.move, state, stage)
+        arrived = Situation(stage.whole(result.trajectory.end, state), state.scene)
+        chain = do_chain(self.stages, arrived, leg.chain, self.budget)
+        if chain.failure is not None:
+            return chain.failure
+        move = Done(leg.move, state, arrived, stage, result.trajectory)
+        return _Planned((move, *chain.done), dict(result.info))
+
+
+def _cheapest(layers: list[list[_Node]]) -> tuple[int, ...] | None:
+    """Return the node of each layer on the cheapest path, by dynamic programming; None where all are barred."""
+    costs, came = [np.zeros(1)], [np.zeros(1, dtype=int)]
+    for before, layer in pairwise(layers):
+        through = costs[-1] + np.array([node.edges for node in layer]).reshape(len(layer), len(before))
+        came.append(through.argmin(axis=1))
+        costs.append(through.min(axis=1) + np.array([node.seconds for node in layer]))
+    last = int(np.argmin(costs[-1]))
+    if not np.isfinite(costs[-1][last]):
+        return None
+    path = [last]
+    for k in range(len(layers) - 1, 0, -1):
+        path.append(int(came[k][path[-1]]))
+    return tuple(reversed(path))
+
+
+def _step_number(failure: Failure) -> int:
+    return int(failure.witness.get("step", 0))

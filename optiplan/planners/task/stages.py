@@ -1,0 +1,82 @@
+"""What a step of a task is planned with: a robot of the joints that move, in the scene of that moment."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import planning_model
+from optiplan.geometry.scene import Scene
+from optiplan.problem.problem import Goal, Problem, Via
+from optiplan.problem.task.scene_change import carrying, columns, scene_during, standing
+from optiplan.problem.task.steps import TaskStep
+
+_SAME = 1e-12
+"""rad or m: joints that stand still nearer than this stand in one place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """Where all joints stand, q (n,), and what the scene is then."""
+
+    q: Array
+    scene: Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A step's own problem: the robot with the other joints standing still, loaded with what it holds.
+
+    Attributes:
+        problem: without goal; its start is that of the state.
+        model: of that robot in that scene.
+        columns: places of its joints in a configuration of the whole robot.
+    """
+
+    problem: Problem
+    model: CollisionModel
+    columns: list[int]
+
+    def whole(self, q: Array, state: Situation) -> Array:
+        """Return a configuration of the whole robot (n,) with the joints of this stage at q (k,)."""
+        found = np.array(state.q)
+        found[self.columns] = q
+        return found
+
+    def to(self, goal: Goal, vias: tuple[Via, ...] = ()) -> Problem:
+        """Return the problem of going somewhere."""
+        return replace(self.problem, goal=goal, vias=vias)
+
+
+class Stages:
+    """Makes the stages of a task; models are made once for equal scenes and joints that stand where they stood."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self._known: list[tuple[tuple[object, ...], Array, Scene, Stage]] = []
+
+    def at(self, state: Situation, step: TaskStep, joints: tuple[str, ...]) -> Stage:
+        """Return the stage of a step from a state."""
+        own = columns(self.problem.robot, joints)
+        others = np.delete(state.q, own)
+        key = joints, step.allowed, step.constraints
+        for known, standing_at, scene, stage in self._known:
+            if known == key and scene is state.scene and np.abs(standing_at - others).max(initial=0.0) <= _SAME:
+                return replace(stage, problem=replace(stage.problem, start=state.q[own]))
+        scene = scene_during(state.scene, step)
+        robot = carrying(standing(self.problem.robot, joints, state.q), scene)
+        problem = replace(
+            self.problem,
+            robot=robot,
+            scene=scene,
+            start=state.q[own],
+            goal=(),
+            limits=self.problem.limits.of_joints(own),
+            vias=(),
+            task=(),
+            path_constraints=(*self.problem.path_constraints, *step.constraints),
+        )
+        stage = Stage(problem, planning_model(robot, scene), own)
+        self._known = [*self._known[-30:], (key, others, state.scene, stage)]
+        return stage

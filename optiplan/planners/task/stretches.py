@@ -1,0 +1,26 @@
+"""Steps of a task that are one motion."""
+
+from dataclasses import dataclass
+
+from optiplan.planners.task.chains import Done
+from optiplan.trajectory.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Steps that are one motion of the same joints, or a standstill of so many seconds.
+
+    Attributes:
+        done: the steps.
+        motion: of the joints of their stage; or seconds.
+        ends: when each of the steps ends, s from the beginning.
+    """
+
+    done: tuple[Done, ...]
+    motion: Trajectory | float
+    ends: tuple[float, ...]
+
+    @classmethod
+    def of(cls, done: Done, motion: Trajectory | float) -> "Stretch":
+        """Return a step alone."""
+        return cls((done,), motion, (motion.duration if isinstance(motion, Trajectory) else motion,))

@@ -1,0 +1,138 @@
+"""A user's own constraint: a CasADi expression of the robot's state between two bounds."""
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.errors import InputError, described, wrong_argument
+from optiplan.kinematics.symbolic.state import BatchedExpression, SymbolicState
+from optiplan.problem.constraints.base import WHOLE, During, Statement
+from optiplan.robot.robot import Robot
+
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Expression(Statement):
+    """lower <= f(q, v, a) <= upper, with any f that CasADi can state; held and checked at samples.
+
+    Such a constraint has no place in a file: a problem that has one cannot be saved.
+
+    Attributes:
+        name: for reports.
+        build: called with the state `k` of the robot (`SymbolicState`): `k.q`, `k.v`, `k.a`, `k.joint(name)`,
+            `k.pose(frame).R` and `.p`, `k.twist(frame)`, `k.acceleration(frame)`, `k.torque()`,
+            `k.manipulability(frame)`; returns a number or a vector. `tool` is the tool frame.
+        lower, upper: of each component.
+        during: part of the motion.
+        scale: a change of f that matters; None: the distance of the bounds, or the size of the only one.
+
+    Raises:
+        InputError: bounds that are no numbers, or none, or the lower above the upper.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.Expression("level", lambda k: k.pose("tool").R[2, 2], lower=0.98).lower
+        0.98
+    """
+
+    KEY: ClassVar[str] = "expression"
+
+    name: str
+    build: Callable[[SymbolicState], Any]
+    lower: float = -np.inf
+    upper: float = np.inf
+    during: During = WHOLE
+    scale: float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not callable(self.build):
+            found = f"{described(self.name)} and {described(self.build)}"
+            raise wrong_argument("Expression", "build", found, "a name, and a function of the robot's state")
+        numbers = (self.lower, self.upper, 1.0 if self.scale is None else self.scale)
+        if not all(isinstance(x, int | float | np.floating) for x in numbers) or np.isnan(numbers).any():
+            raise wrong_argument("Expression", "lower", f"{self.lower!r} and {self.upper!r}", "numbers")
+        if not (np.isfinite(self.lower) or np.isfinite(self.upper)) or self.lower > self.upper or numbers[2] <= 0.0:
+            found = f"[{self.lower:g}, {self.upper:g}] with a scale of {numbers[2]:g}"
+            raise wrong_argument("Expression", "lower", found, "lower <= upper, one of them finite, and a scale > 0")
+        low, high = self.during
+        if not 0.0 <= low < high <= 1.0:
+            raise wrong_argument("Expression", "during", f"{self.during}", "(from, to) with 0 <= from < to <= 1")
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
+        """Raise: files hold no functions."""
+        raise NotImplementedError("an expression is a function, which no file holds")
+
+    def said(self) -> dict[str, Any]:
+        """Return what can be said of it."""
+        return {"name": self.name, "lower": self.lower, "upper": self.upper}
+
+    @property
+    def size(self) -> float:
+        """A change of the value that matters."""
+        if self.scale is not None:
+            return self.scale
+        if np.isfinite(self.upper - self.lower) and self.upper > self.lower:
+            return self.upper - self.lower
+        return max(abs(self.lower if np.isfinite(self.lower) else self.upper), 1e-3)
+
+    def batched(self, robot: Robot) -> BatchedExpression:
+        """Return f for many states of a robot.
+
+        Raises:
+            InputError: it cannot be built from the state, or steps somewhere.
+        """
+        try:
+            return BatchedExpression(robot, "expression", self.build, smooth=True)
+        except InputError:
+            raise
+        except Exception as error:  # whatever a user's function raises
+            reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+            raise self._wrong(f"a function that fails: {reason}") from error
+
+    def checked(self, robot: Robot, start: Array) -> str:
+        """Check it at the start (n,), at rest, and return a digest of what it states.
+
+        Raises:
+            InputError: it cannot be built, is not finite at the start, or the start violates it.
+        """
+        batched, still = self.batched(robot), np.zeros((1, robot.n))
+        value, slopes = batched([start[None], still, still])
+        self.finite(value, slopes, "the start", start[None])
+        worst = self.violations(value)[0]
+        if self.during[0] == 0.0 and worst > ROUNDING:
+            raise self._wrong(f"{_number(value[0])} at the start", f"values in [{self.lower:g}, {self.upper:g}]")
+        bounds = f"{self.name} {self.lower!r} {self.upper!r} {tuple(self.during)!r}"
+        return hashlib.sha256((bounds + batched.content).encode()).hexdigest()
+
+    def violations(self, value: Array) -> Array:
+        """Return how far values (N, m) are outside the bounds at most, (N,); negative inside."""
+        return np.asarray(np.maximum(self.lower - value, value - self.upper).max(axis=1))
+
+    def finite(self, value: Array, slopes: list[Array], where: str, Q: Array) -> None:
+        """Require values (N, m) and derivatives (N, m, n) to be finite.
+
+        Raises:
+            InputError: one is not; the first configuration of Q (N, n) where.
+        """
+        bad = np.asarray(~np.isfinite(value).all(axis=1))
+        rough = np.zeros(len(value), dtype=bool)
+        for slope in slopes:
+            rough |= ~np.isfinite(slope).all(axis=(1, 2))
+        if (bad | rough).any():
+            k = int(np.flatnonzero(bad | rough)[0])
+            what = "a value that is not finite" if bad[k] else "a derivative that is not finite"
+            at = ", ".join(f"{q:.4g}" for q in Q[k])
+            raise self._wrong(f"{what} at {where}, q = ({at})")
+
+    def _wrong(self, found: str, expected: str = "a smooth function, finite along the motion") -> InputError:
+        return wrong_argument("Expression", self.name, found, expected)
+
+
+def _number(values: Array) -> str:
+    return ", ".join(f"{value:.6g}" for value in values)

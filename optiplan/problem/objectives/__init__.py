@@ -1,0 +1,1 @@
+"""Objectives: their weights, and what a motion costs by each."""

@@ -1,0 +1,120 @@
+"""What a motion costs by each part of an objective, from the motion itself."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array, Flags
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.scene import Scene
+from optiplan.kinematics.manipulability import ToolKinematics
+from optiplan.problem.objectives.objective import PLAIN, Objective
+from optiplan.robot.robot import Robot
+from optiplan.trajectory.trajectory import Trajectory
+
+CLEAR = 0.1
+"""m: two bodies that are farther apart cost nothing."""
+
+SINGULAR = 1e-3
+"""Added to the manipulability, so that a singular configuration has a finite cost."""
+
+_NODES, _WEIGHTS = (0.5 * (x + 1.0) if k == 0 else 0.5 * x for k, x in enumerate(np.polynomial.legendre.leggauss(5)))
+_PANELS = 64  # least number per motion
+
+States = tuple[Array, Array, Array]
+"""Position, velocity and acceleration (N, n) each."""
+
+
+class ObjectiveParts:
+    """Parts of the objective of one problem; data that depend only on the problem are built once.
+
+    Integrals are by Gauss-Legendre quadrature with five points in each of at least 64 panels, which end at breakpoints;
+    the duration and squared jerk are exact.
+    """
+
+    def __init__(self, robot: Robot, scene: Scene, objective: Objective) -> None:
+        self.objective, self._robot = objective, robot
+        wanted = objective.weights.keys() - PLAIN
+        if not wanted:
+            self._rates: dict[str, Callable[[States], Array]] = {}
+            return
+        self._data, self._tool = robot.model.createData(), ToolKinematics(robot)
+        self._model = CollisionModel(robot, scene) if "clearance" in wanted else None
+        rates: dict[str, Callable[[States], Array]] = {
+            "energy": self._energy,
+            "joint_path": lambda states: np.linalg.norm(states[1], axis=1),
+            "tool_path": self._tool_speed,
+            "tool_smoothness": self._tool_acceleration,
+            "clearance": self._nearness,
+            "manipulability": self._singularity,
+            "centring": self._off_centre,
+        }
+        self._rates = {name: rates[name] for name in objective.weights if name in wanted}
+
+    def values(self, trajectory: Trajectory) -> dict[str, float]:
+        """Return what each part with a weight comes to, unweighted, in its unit (`objective.UNITS`)."""
+        found: dict[str, float] = {}
+        if self.objective.time:
+            found["time"] = trajectory.duration
+        if self.objective.jerk:
+            found["jerk"] = trajectory.squared_jerk()
+        if self._rates:
+            edges = np.union1d(trajectory.breakpoints, np.linspace(0.0, trajectory.duration, _PANELS + 1))
+            width = np.diff(edges)
+            t = (edges[:-1, None] + width[:, None] * _NODES).ravel()
+            weights = (width[:, None] * _WEIGHTS).ravel()
+            states = trajectory(t), trajectory(t, 1), trajectory(t, 2)
+            found |= {name: float(weights @ rate(states)) for name, rate in self._rates.items()}
+        return found
+
+    def cost(self, trajectory: Trajectory) -> float:
+        """Return the weighted sum, s."""
+        if not self._rates:
+            return self.objective.cost(trajectory)
+        weights = self.objective.weights
+        return float(sum(weights[name] * value for name, value in self.values(trajectory).items()))
+
+    def _energy(self, states: States) -> Array:
+        model, data = self._robot.model, self._data
+        tau = np.array([pin.rnea(model, data, q, v, a).copy() for q, v, a in zip(*states, strict=True)])
+        return np.asarray((tau**2).sum(axis=1))
+
+    def _tool_speed(self, states: States) -> Array:
+        J = self._tool.evaluate(states[0])[1]
+        return np.asarray(np.linalg.norm(np.einsum("kij,kj->ki", J[:, :3], states[1]), axis=1))
+
+    def _tool_acceleration(self, states: States) -> Array:
+        model, data = self._robot.model, self._data
+        frame, found = self._robot.frame_id(self._robot.tool_frame), np.empty(len(states[0]))
+        for k, state in enumerate(zip(*states, strict=True)):
+            pin.forwardKinematics(model, data, *state)
+            pin.updateFramePlacement(model, data, frame)
+            linear = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED).linear
+            found[k] = linear @ linear
+        return found
+
+    def _nearness(self, states: States) -> Array:
+        found = np.full(len(states[0]), CLEAR)
+        if self._model is not None:
+            near = self._model.near(states[0], CLEAR)
+            outside = of_obstacles(self._model)[near.pairs]
+            np.minimum.at(found, near.rows[outside], near.distance[outside])
+        return CLEAR - found
+
+    def _singularity(self, states: States) -> Array:
+        J = self._tool.evaluate(states[0])[1]
+        return np.asarray(1.0 / (SINGULAR + np.prod(np.linalg.svd(J, compute_uv=False), axis=1)))
+
+    def _off_centre(self, states: States) -> Array:
+        limits = self._robot.limits
+        limited = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+        low, high = limits.lower[limited], limits.upper[limited]
+        share = (states[0][:, limited] - 0.5 * (low + high)) / (0.5 * (high - low))
+        return np.asarray((share**2).sum(axis=1))
+
+
+def of_obstacles(model: CollisionModel) -> Flags:
+    """Return which pairs (P,) of a model are of an obstacle: neighbouring links are always near each other."""
+    obstacles = {body.name for body in model.scene.obstacles}
+    return np.array([pair.name_a in obstacles or pair.name_b in obstacles for pair in model.pairs], dtype=bool)

@@ -1,0 +1,169 @@
+"""`Task`: steps for construction in Python."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from optiplan.config.document import plain
+from optiplan.errors import described, wrong_argument
+from optiplan.problem.constraints.statements import constraint_data
+from optiplan.problem.schema import TaskStepSpec
+from optiplan.problem.statement import End, Pose, Values, ViaPoint, checked, end_data, is_configuration, via_point_data
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Task:
+    """Steps of a task, in order; every method returns a task with one step more.
+
+    Every step takes `name`, `allowed_collisions` (pairs of names that may touch during it) and `path_constraints`
+    (what holds during it).
+
+    Attributes:
+        steps: each as a problem file says it.
+
+    Example:
+        >>> import optiplan as op
+        >>> down = op.Pose((0.5, 0, 0.05), rpy=(3.1416, 0, 0))
+        >>> op.Task().approach(down, 0.1).attach("cube", "panda_hand").retreat(0.1)
+        Task: approach, attach cube, retreat
+    """
+
+    steps: tuple[Mapping[str, Any], ...] = field(default=())
+
+    def move(
+        self, to: End | Sequence[End], *, vias: Sequence[ViaPoint | End] = (), group: str | None = None, **step: Any
+    ) -> "Task":
+        """Go to an end, or any of several.
+
+        Args:
+            to: a `Pose`, values of the joints of the group, the name of a configuration, or a list of these.
+            vias: passed on the way.
+            group: of joints that move; None: that of the problem.
+            step: see the class.
+        """
+        said: dict[str, Any] = _ends(to, "Task.move", "to")
+        if vias:
+            said["via"] = [via_point_data(via, f"vias[{k}]") for k, via in enumerate(vias)]
+        return self._with("move", said | _given(group=group), step)
+
+    def line(
+        self,
+        to: Pose | None = None,
+        *,
+        by: Values | None = None,
+        within: str | None = None,
+        speed: float | None = None,
+        frame: str | None = None,
+        group: str | None = None,
+        **step: Any,
+    ) -> "Task":
+        """Move the tool straight to a pose, or by a vector (3,), m, seen from the `world` or the `tool` (`within`)."""
+        said = {} if to is None else end_data(to, "Task.line", "to")
+        more = {"by": by, "in": within, "speed": speed, "frame": frame, "group": group}
+        return self._with("line", said | _given(**more), step)
+
+    def approach(
+        self,
+        to: Pose | Sequence[Pose],
+        distance: float,
+        *,
+        along: Values = (0.0, 0.0, 1.0),
+        speed: float | None = None,
+        vias: Sequence[ViaPoint | End] = (),
+        group: str | None = None,
+        **step: Any,
+    ) -> "Task":
+        """Go to `distance`, m, before a pose, or any of several, then straight `along` an axis of its frame."""
+        said = _ends(to, "Task.approach", "to")
+        if "any_of" in said:
+            said["any_of"] = [one["pose"] if "pose" in one else one for one in said["any_of"]]
+        if vias:
+            said["via"] = [via_point_data(via, f"vias[{k}]") for k, via in enumerate(vias)]
+        more = {"distance": distance, "along": along, "speed": speed, "group": group}
+        return self._with("approach", said | _given(**more), step)
+
+    def retreat(
+        self,
+        distance: float,
+        *,
+        along: Values = (0.0, 0.0, -1.0),
+        within: str = "tool",
+        speed: float | None = None,
+        frame: str | None = None,
+        group: str | None = None,
+        **step: Any,
+    ) -> "Task":
+        """Move the tool straight by `distance`, m, `along` an axis of the `tool` or the `world` (`within`)."""
+        said = {"distance": distance, "along": along, "in": within, "speed": speed, "frame": frame, "group": group}
+        return self._with("retreat", _given(**said), step)
+
+    def attach(
+        self,
+        object: str,
+        link: str,
+        *,
+        touch: Sequence[str] = (),
+        mass: float | None = None,
+        centre: Values | None = None,
+        inertia: Values | None = None,
+        **step: Any,
+    ) -> "Task":
+        """Take an obstacle where it stands; see `Obstacle.attached_to`."""
+        said = {"object": object, "link": link, "touch": list(touch), "mass": mass, "centre": centre}
+        return self._with("attach", _given(**said, inertia=inertia), step)
+
+    def detach(self, object: str, **step: Any) -> "Task":
+        """Release what is held; it becomes an obstacle where it is."""
+        return self._with("detach", {"object": object}, step)
+
+    def gripper(self, group: str, to: Values | str, **step: Any) -> "Task":
+        """Move the joints of a group to positions, rad or m, or to those in a named configuration."""
+        return self._with("gripper", {"group": group, **end_data(to, "Task.gripper", "to")}, step)
+
+    def dwell(self, seconds: float, **step: Any) -> "Task":
+        """Stand still."""
+        return self._with("dwell", seconds, step)
+
+    def _with(self, kind: str, said: Any, step: Mapping[str, Any]) -> "Task":
+        more = {key: value for key, value in step.items() if value is not None}
+        if "path_constraints" in more:
+            more["path_constraints"] = [_constraint(one) for one in more["path_constraints"]]
+        data = plain({kind: said, **more})
+        checked(TaskStepSpec, data, f"Task.{kind}", {})
+        return Task((*self.steps, data))
+
+    def __repr__(self) -> str:
+        """Return the steps in words."""
+        return f"Task: {', '.join(map(_words, self.steps)) or 'no steps'}"
+
+
+def task_data(task: Any) -> list[Any]:
+    """`task:` of a file."""
+    if isinstance(task, Task):
+        return [dict(step) for step in task.steps]
+    if isinstance(task, Mapping | str) or not isinstance(task, Sequence):
+        raise wrong_argument("Problem", "task", described(task), "op.Task().move(…)…, or a list of steps")
+    return [plain(step) for step in task]
+
+
+def _ends(to: Any, function: str, argument: str) -> dict[str, Any]:
+    several = isinstance(to, Sequence | np.ndarray) and not isinstance(to, str) and not is_configuration(to)
+    if not several:
+        return end_data(to, function, argument)
+    return {"any_of": [end_data(end, function, f"{argument}[{k}]") for k, end in enumerate(to)]}
+
+
+def _given(**values: Any) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def _constraint(one: Any) -> Any:
+    return plain(one) if isinstance(one, Mapping) else plain(constraint_data(one))
+
+
+def _words(step: Mapping[str, Any]) -> str:
+    kind = next(key for key in step if key in TaskStepSpec.model_fields)
+    about = step[kind].get("object") if isinstance(step[kind], Mapping) else None
+    return str(step.get("name") or (f"{kind} {about}" if about else kind))

@@ -1,0 +1,230 @@
+"""Read the steps of a task, checked against the robot, the scene and each other."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.config.document import Place
+from optiplan.config.messages import choices
+from optiplan.geometry.scene import Scene
+from optiplan.problem.builder import Compiler, frame_names, link_names
+from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
+from optiplan.problem.partial import LocatedValue
+from optiplan.problem.schema import (
+    AlternativeSpec,
+    ApproachSpec,
+    AttachSpec,
+    DetachSpec,
+    GripperSpec,
+    MoveSpec,
+    PoseGoalSpec,
+    RetreatSpec,
+    StartSpec,
+    StraightLineSpec,
+    TaskStepSpec,
+    ViaSpec,
+)
+from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TaskStep
+from optiplan.robot.robot import Robot
+
+Located = LocatedValue[TaskStepSpec]
+
+
+class TaskReader:
+    """Turns the steps of a draft into statements; errors go to the compiler's issues."""
+
+    def __init__(self, compiler: Compiler, robot: Robot, scene: Scene) -> None:
+        self.compiler, self.robot, self.scene = compiler, robot, scene
+        self._held = {held.name for held in scene.attached}
+        self._free = {obstacle.name for obstacle in scene.obstacles}
+
+    def steps(self) -> list[LocatedValue[TaskStep]]:
+        """Return the valid steps; an approach gives two."""
+        found: list[LocatedValue[TaskStep]] = []
+        for part in self.compiler.draft.task:
+            spec, number = part.value, int(part.place[-1]) + 1
+            kept = [
+                LocatedValue((*part.place, "path_constraints", i), one) for i, one in enumerate(spec.path_constraints)
+            ]
+            constraints = tuple(one.value for one in self.compiler.constraints(self.robot, self.scene, kept))
+            allowed = self._allowed(part)
+            name = spec.name or _name(spec)
+            for action in self._actions(part):
+                freely = spec.kind == "approach" and isinstance(action, Move)  # contact is for the line
+                touch = frozenset[frozenset[str]]() if freely else allowed
+                step = TaskStep(number, spec.kind, name, action, touch, constraints)
+                found.append(LocatedValue(part.place, step))
+        return found
+
+    def _allowed(self, part: Located) -> frozenset[frozenset[str]]:
+        bodies = {*link_names(self.robot), *self.scene.names}
+        for k, pair in enumerate(part.value.allowed_collisions):
+            for i, name in enumerate(pair):
+                if name not in bodies:
+                    self.compiler.unknown((*part.place, "allowed_collisions", k, i), "body", name, bodies)
+        return frozenset(frozenset(pair) for pair in part.value.allowed_collisions)
+
+    def _actions(self, part: Located) -> Iterator[Action]:
+        spec = part.value
+        place = (*part.place, spec.kind)
+        if spec.move is not None:
+            yield from self._move(place, spec.move)
+        elif spec.line is not None:
+            yield from self._line(place, spec.line)
+        elif spec.approach is not None:
+            yield from self._approach(place, spec.approach)
+        elif spec.retreat is not None:
+            yield from self._retreat(place, spec.retreat)
+        elif spec.attach is not None:
+            yield from self._attach(place, spec.attach)
+        elif spec.detach is not None:
+            yield from self._detach(place, spec.detach)
+        elif spec.gripper is not None:
+            yield from self._gripper(place, spec.gripper)
+        elif spec.dwell is not None:
+            yield Dwell(spec.dwell)
+
+    def _joints(self, place: Place, group: str | None) -> tuple[str, ...] | None:
+        """Return the joints of a group, in the robot's order; None where there is none of that name."""
+        if group is None:
+            return self.compiler.main_joints
+        if group not in self.robot.groups:
+            self.compiler.unknown((*place, "group"), "group", group, self.robot.groups)
+            return None
+        wanted = set(self.robot.groups[group])
+        return tuple(name for name in self.robot.joint_names if name in wanted)
+
+    def _alone(self, joints: Sequence[str]) -> Robot:
+        """Return the robot with only these joints planned; where the others stand does not matter here."""
+        return self.robot.holding({name: 0.0 for name in self.robot.joint_names if name not in joints})
+
+    def _move(self, place: Place, spec: MoveSpec) -> Iterator[Move]:
+        joints = self._joints(place, spec.group)
+        if joints is None:
+            return
+        alone = self._alone(joints)
+        goal = self._ends(alone, place, spec)
+        vias = self._vias(alone, place, spec.via)
+        if goal:
+            yield Move(joints, goal, vias)
+
+    def _ends(self, robot: Robot, place: Place, spec: MoveSpec) -> Goal:
+        if spec.any_of is not None:
+            parts = [LocatedValue((*place, "any_of", i), one) for i, one in enumerate(spec.any_of)]
+        else:
+            kind = next(kind for kind in ("joints", "configuration", "pose") if getattr(spec, kind) is not None)
+            parts = [LocatedValue(place, AlternativeSpec(**{kind: getattr(spec, kind)}))]
+        found = [self.compiler.alternative(robot, part) for part in parts]
+        return tuple(end for end in found if end is not None)
+
+    def _vias(self, robot: Robot, place: Place, specs: Sequence[ViaSpec]) -> tuple[Via, ...]:
+        found = []
+        for k, spec in enumerate(specs):
+            at = self.compiler.passed(robot, LocatedValue((*place, "via", k), spec))
+            for wish in ("velocity", "time"):
+                if getattr(spec, wish) is not None:
+                    self.compiler.report((*place, "via", k, wish), "a wish", "none in a task: its times are free")
+            if at is not None:
+                found.append(Via(at))
+        return tuple(found)
+
+    def _pose(self, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
+        return self.compiler.pose_goal(self.robot, place, spec)
+
+    def _line(self, place: Place, spec: StraightLineSpec) -> Iterator[StraightLine]:
+        joints = self._joints(place, spec.group)
+        speed = np.inf if spec.speed is None else spec.speed
+        if spec.pose is not None:
+            end = self._pose((*place, "pose"), spec.pose)
+            if end is not None and joints is not None:
+                yield StraightLine(joints, end.frame, (end,), speed=speed)
+            return
+        frame = self._frame(place, spec.frame)
+        by = np.array(spec.by, float)
+        if not np.linalg.norm(by) > 0.0:
+            self.compiler.report((*place, "by"), "no distance at all", "a vector of some length, m")
+        elif frame is not None and joints is not None:
+            yield StraightLine(joints, frame, by=by, in_tool=spec.in_ == "tool", speed=speed)
+
+    def _approach(self, place: Place, spec: ApproachSpec) -> Iterator[Move | StraightLine]:
+        joints = self._joints(place, spec.group)
+        given = [((*place, "pose"), spec.pose)] if spec.pose is not None else []
+        given += [((*place, "any_of", i), one) for i, one in enumerate(spec.any_of or ())]
+        ends = tuple(end for at, one in given if (end := self._pose(at, one)) is not None)
+        if joints is None or len(ends) < len(given):
+            return
+        vias = self._vias(self._alone(joints), place, spec.via)
+        if len({end.frame for end in ends}) > 1:
+            self.compiler.report((*place, "any_of"), "poses of several frames", "poses of one frame")
+            return
+        back = pin.SE3(np.eye(3), -spec.distance * _unit(spec.along))
+        before = tuple(PoseGoal(end.frame, end.X_WG * back, end.position, end.orientation) for end in ends)
+        yield Move(joints, before, vias)
+        yield StraightLine(joints, ends[0].frame, ends, speed=np.inf if spec.speed is None else spec.speed)
+
+    def _retreat(self, place: Place, spec: RetreatSpec) -> Iterator[StraightLine]:
+        joints, frame = self._joints(place, spec.group), self._frame(place, spec.frame)
+        if joints is not None and frame is not None:
+            by, speed = spec.distance * _unit(spec.along), np.inf if spec.speed is None else spec.speed
+            yield StraightLine(joints, frame, by=by, in_tool=spec.in_ == "tool", speed=speed)
+
+    def _frame(self, place: Place, name: str | None) -> str | None:
+        if name is None or name in frame_names(self.robot):
+            return name or self.robot.tool_frame
+        self.compiler.unknown((*place, "frame"), "frame", name, frame_names(self.robot))
+        return None
+
+    def _gripper(self, place: Place, spec: GripperSpec) -> Iterator[Move]:
+        joints = self._joints(place, spec.group)
+        if joints is None:
+            return
+        named = spec.configuration is not None
+        one = StartSpec(configuration=spec.configuration) if named else StartSpec(joints=spec.joints)
+        q = self.compiler.configuration(self._alone(joints), place, one)
+        if q is not None:
+            yield Move(joints, (JointGoal(q),))
+
+    def _attach(self, place: Place, spec: AttachSpec) -> Iterator[Attach]:
+        links = link_names(self.robot)
+        for at, name in [(("link",), spec.link), *((("touch", i), name) for i, name in enumerate(spec.touch))]:
+            if name not in links:
+                self.compiler.unknown((*place, *at), "link", name, links)
+        if not self._known((*place, "object"), spec.object, "attached", self._held, self._free):
+            return
+        body = next((one for one in self.scene.obstacles if one.name == spec.object), None)
+        if body is not None and body.shape.endless:
+            self.compiler.report((*place, "object"), f"'{body.name}', a half-space", "a shape that ends somewhere")
+            return
+        if spec.mass is None and (spec.centre is not None or spec.inertia is not None):
+            self.compiler.report(place, "a centre or an inertia of what has no mass", "`mass` too")
+        if spec.link in links:
+            yield Attach(spec.object, spec.link, frozenset(spec.touch), spec.mass, spec.centre, spec.inertia)
+
+    def _detach(self, place: Place, spec: DetachSpec) -> Iterator[Detach]:
+        if self._known((*place, "object"), spec.object, "released", self._free, self._held):
+            yield Detach(spec.object)
+
+    def _known(self, place: Place, name: str, done: str, there: set[str], needed: set[str]) -> bool:
+        """Record that an object is moved from one set of names to the other; False, and an issue, if it cannot be."""
+        if name in needed:
+            needed.remove(name)
+            there.add(name)
+            return True
+        found = f"unknown object '{name}'"
+        if name in there:
+            found = f"'{name}', which is {'held already' if done == 'attached' else 'not held here'}"
+        self.compiler.report(place, found, choices(name, sorted(needed)))
+        return False
+
+
+def _name(spec: TaskStepSpec) -> str:
+    """Return what a step without a name of its own is called."""
+    about = {"attach": spec.attach, "detach": spec.detach}.get(spec.kind)
+    return spec.kind if about is None else f"{spec.kind} {about.object}"
+
+
+def _unit(direction: Sequence[float]) -> Array:
+    vector = np.array(direction, float)
+    return vector / float(np.linalg.norm(vector))

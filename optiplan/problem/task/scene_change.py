@@ -1,0 +1,74 @@
+"""How the steps of a task change the scene: what is held goes with its link, what is released stays where it is."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.geometry.scene import Attachment, Obstacle, Scene
+from optiplan.problem.task.steps import Attach, Detach, TaskStep
+from optiplan.robot.robot import Robot
+
+Body = TypeVar("Body", Obstacle, Attachment)
+
+
+def scene_after(scene: Scene, action: Attach | Detach, robot: Robot, q: Array) -> Scene:
+    """Return the scene after an event at q (n,): X_LO = X_WL(q)^-1 X_WO, or X_WO = X_WL(q) X_LO.
+
+    Raises:
+        ValueError: the object is not there to be taken, or is not held.
+    """
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    if isinstance(action, Attach):
+        body = _named(scene.obstacles, action.body)
+        X_WL = data.oMf[robot.model.getFrameId(action.link, pin.FrameType.BODY)]
+        weight = action.mass, action.centre, action.inertia
+        held = Attachment(body.name, body.shape, action.link, X_WL.actInv(body.X_WO), action.touch, None, *weight)
+        return replace(
+            scene,
+            obstacles=tuple(one for one in scene.obstacles if one.name != body.name),
+            attached=(*scene.attached, held),
+        )
+    held = _named(scene.attached, action.body)
+    X_WL = data.oMf[robot.model.getFrameId(held.link, pin.FrameType.BODY)]
+    return replace(
+        scene,
+        obstacles=(*scene.obstacles, Obstacle(held.name, held.shape, X_WL * held.X_LO)),
+        attached=tuple(one for one in scene.attached if one.name != held.name),
+    )
+
+
+def scene_during(scene: Scene, step: TaskStep) -> Scene:
+    """Return the scene with the contacts allowed that a step allows."""
+    return scene if step.allowed <= scene.allowed else replace(scene, allowed=scene.allowed | step.allowed)
+
+
+def carrying(robot: Robot, scene: Scene) -> Robot:
+    """Return the robot with the masses of what the scene says it holds, and no others."""
+    payload = tuple((held.link, held.inertia_in_link()) for held in scene.attached if held.mass)
+    if not payload and not robot.mounting.payload:
+        return robot
+    return robot.mounted(replace(robot.mounting, payload=payload))
+
+
+def columns(robot: Robot, joints: Iterable[str]) -> list[int]:
+    """Return the places of joints in a configuration of the robot."""
+    return [robot.joint_names.index(name) for name in joints]
+
+
+def standing(robot: Robot, joints: Iterable[str], q: Array) -> Robot:
+    """Return the robot with all joints but these standing still where they are in q (n,)."""
+    moving = set(joints)
+    held = {name: float(value) for name, value in zip(robot.joint_names, np.asarray(q), strict=True)}
+    return robot.holding({name: value for name, value in held.items() if name not in moving})
+
+
+def _named(bodies: Iterable[Body], name: str) -> Body:
+    found = [body for body in bodies if body.name == name]
+    if not found:
+        raise ValueError(f"there is no '{name}'")
+    return found[0]

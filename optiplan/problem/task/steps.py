@@ -1,0 +1,106 @@
+"""Steps of a task, as planners and the verifier read them."""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.problem.constraints.statements import PathConstraint
+from optiplan.problem.goals_and_vias import Goal, PoseGoal, Via
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """Some joints go to one of these ends, the others stand still.
+
+    Attributes:
+        joints: names of the k joints that move, in the robot's order.
+        goal: ends; configurations are (k,).
+        vias: passed in this order; configurations are (k,).
+    """
+
+    joints: tuple[str, ...]
+    goal: Goal
+    vias: tuple[Via, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class StraightLine:
+    """A frame goes straight to a pose, turning evenly about one axis, or by a vector, not turning.
+
+    Attributes:
+        joints: names of the joints that move.
+        frame: a link or fixed frame of the robot.
+        ends: poses of that frame, the nearest of which is meant; empty where `by` is given.
+        by: (3,) m, in the axes of the world, or of the frame where `in_tool`; None where there are `ends`.
+        in_tool: see `by`.
+        speed: of the frame's origin at most, m/s; infinite: any.
+    """
+
+    joints: tuple[str, ...]
+    frame: str
+    ends: tuple[PoseGoal, ...] = ()
+    by: Array | None = None
+    in_tool: bool = False
+    speed: float = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Attach:
+    """A link takes an obstacle where it stands; the rest is as of `geometry.scene.Attachment`."""
+
+    body: str
+    link: str
+    touch: frozenset[str] = frozenset()
+    mass: float | None = None
+    centre: tuple[float, ...] | None = None
+    inertia: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Detach:
+    """What a link holds becomes an obstacle where it is."""
+
+    body: str
+
+
+@dataclass(frozen=True)
+class Dwell:
+    """The robot stands still for so many seconds at least."""
+
+    seconds: float
+
+
+Action: TypeAlias = Move | StraightLine | Attach | Detach | Dwell
+
+
+@dataclass(frozen=True, eq=False)
+class TaskStep:
+    """A step of a task; an approach is two of them.
+
+    Attributes:
+        number: in the problem file, from 1.
+        kind: its key there: `move`, `line`, `approach`, `retreat`, `attach`, `detach`, `gripper`, `dwell`.
+        name: its own, or its kind and what it is about.
+        action: what is done.
+        allowed: pairs of names that may touch during the step, besides those of the scene.
+        constraints: what holds during the step; their `during` is a part of it.
+    """
+
+    number: int
+    kind: str
+    name: str
+    action: Action
+    allowed: frozenset[frozenset[str]] = frozenset()
+    constraints: tuple[PathConstraint, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """The step as messages name it."""
+        return f"step {self.number} ({self.name})"
+
+    @property
+    def event(self) -> bool:
+        """Whether it takes no time: what is held changes."""
+        return isinstance(self.action, Attach | Detach)

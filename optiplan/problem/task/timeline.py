@@ -1,0 +1,108 @@
+"""A task in time: what the scene is, and what is done, in each part of a motion."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from optiplan.geometry.scene import Scene
+from optiplan.problem.problem import Problem
+from optiplan.problem.task.scene_change import carrying, scene_after, scene_during
+from optiplan.problem.task.steps import Attach, Detach, TaskStep
+from optiplan.trajectory.cut import cut
+from optiplan.trajectory.trajectory import Trajectory
+
+SAME_TIME = 1e-9
+"""Share of the duration: ends and beginnings of segments nearer than this are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScenePart:
+    """A part of a motion in which bodies and what may touch stay the same.
+
+    Attributes:
+        problem: the task's own, with the scene and the payload of this part, and without a task.
+        begin: s.
+        end: s.
+        steps: what is done in it, in words; empty for a motion to one goal.
+    """
+
+    problem: Problem
+    begin: float
+    end: float
+    steps: str = ""
+
+    def motion(self, trajectory: Trajectory) -> Trajectory:
+        """Return this part of the motion."""
+        whole = self.begin == 0.0 and self.end == trajectory.duration
+        return trajectory if whole else cut(trajectory, self.begin, self.end)
+
+
+def mismatch(problem: Problem, trajectory: Trajectory) -> str:
+    """Return in words how the segments of a motion are not the steps of its task in order; empty if they are."""
+    segments, task, T = trajectory.segments, problem.task, trajectory.duration
+    if len(segments) != len(task):
+        return f"{len(segments)} segments for {len(task)} of the task"
+    for step, segment in zip(task, segments, strict=True):
+        if (segment.step, segment.kind) != (step.number, step.kind):
+            return f"a segment of step {segment.step} ({segment.kind}) instead of {step.number} ({step.kind})"
+        lasts = segment.end - segment.begin
+        if not (0.0 <= lasts if not step.event else lasts == 0.0) or not -SAME_TIME * T <= segment.begin:
+            return f"{step.words} from {segment.begin:.6g} to {segment.end:.6g} s"
+    for before, after in pairwise(segments):
+        if abs(after.begin - before.end) > SAME_TIME * T:
+            return f"step {after.step} begins at {after.begin:.6g} s; the one before ends at {before.end:.6g} s"
+    if abs(segments[0].begin) > SAME_TIME * T or abs(segments[-1].end - T) > SAME_TIME * T:
+        return f"segments from {segments[0].begin:.6g} to {segments[-1].end:.6g} s of {T:.6g} s"
+    return ""
+
+
+def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
+    """Return the parts of a motion with scenes of their own; the whole of one to a goal.
+
+    What is held is where the motion has its link at the event. The segments must be the steps of the task, see
+    `mismatch`.
+
+    Raises:
+        ValueError: they are not.
+    """
+    if not problem.task:
+        return [ScenePart(problem, 0.0, trajectory.duration)]
+    words = mismatch(problem, trajectory)
+    if words:
+        raise ValueError(words)
+    found: list[tuple[Scene, Scene, float, float, list[TaskStep]]] = []
+    for step, scene, begin, end in steps_in_time(problem, trajectory):
+        if end <= begin:
+            continue
+        if found and found[-1][0] is scene and found[-1][1].allowed == scene_during(scene, step).allowed:
+            base, during, first, _, steps = found[-1]
+            found[-1] = (base, during, first, end, [*steps, step])
+        else:
+            found.append((scene, scene_during(scene, step), begin, end, [step]))
+    return [
+        ScenePart(part_problem(problem, during.later(begin)), begin, end, _words(steps))
+        for _, during, begin, end, steps in found
+    ]
+
+
+def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[TaskStep, Scene, float, float]]:
+    """Return each step with the scene in which it is done, its begin and its end, s; parts meet without a gap."""
+    scene, T = problem.scene, trajectory.duration
+    begin = 0.0
+    for k, (step, segment) in enumerate(zip(problem.task, trajectory.segments, strict=True)):
+        end = T if k + 1 == len(problem.task) else min(max(segment.end, begin), T)
+        yield step, scene, begin, end
+        if isinstance(step.action, Attach | Detach):
+            scene = scene_after(scene, step.action, problem.robot, trajectory(end))
+        begin = end
+
+
+def part_problem(problem: Problem, scene: Scene) -> Problem:
+    """Return the problem of a part of a task, with the masses of what is held."""
+    robot = carrying(problem.robot, scene)
+    return replace(problem, robot=robot, scene=scene, task=(), path_constraints=())
+
+
+def _words(steps: list[TaskStep]) -> str:
+    numbers = [step.number for step in steps]
+    return f"steps {numbers[0]} to {numbers[-1]}" if numbers[0] != numbers[-1] else f"step {numbers[0]}"

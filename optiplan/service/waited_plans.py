@@ -1,0 +1,142 @@
+"""Plans that callers wait for, past the queue: answered as soon as there is a motion, kept after that."""
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from optiplan.errors import OptiPlanError
+from optiplan.runs.run_folder import TRAJECTORY
+from optiplan.service.execution.run_solver import GRACE, LEAD
+from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob
+from optiplan.service.models import Submission
+from optiplan.service.refusals import Refusal, busy
+from optiplan.service.requests import refusal_of
+from optiplan.service.store.run_table import NewRun, Record
+
+if TYPE_CHECKING:
+    from optiplan.service.planner_service import PlannerService
+
+_log = logging.getLogger("optiplan.service")
+
+WAITING = 8
+"""Callers per interactive process that may wait for it."""
+
+
+@dataclass(frozen=True)
+class WaitedRun:
+    """A run that a caller waited for, its trajectory.json, and what begins to keep it, once it is answered."""
+
+    record: Record
+    motion: bytes | None
+    keep: Callable[[], Any] | None = None
+
+
+class WaitedPlans:
+    """The plans of a service that callers wait for."""
+
+    def __init__(self, service: "PlannerService") -> None:
+        self._service = service
+        self._saving: dict[str, asyncio.Future[None]] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def finish(self) -> None:
+        """Wait until all runs that were answered are kept."""
+        await asyncio.gather(*self._tasks)
+
+    async def kept(self, run: str) -> None:
+        """Wait until a run that was answered is kept."""
+        if (saving := self._saving.get(run)) is not None:
+            await asyncio.shield(saving)
+
+    async def plan(self, submission: Submission, gone: Callable[[], Any]) -> WaitedRun:
+        """Plan while the caller waits.
+
+        Args:
+            submission: what to plan.
+            gone: awaited now and then: whether the caller has gone, so that nobody wants the answer.
+
+        Raises:
+            Refusal: the problem cannot be planned, too many callers wait.
+        """
+        self._service.check_budget(submission)
+        request, began = await self._service.request(submission), time.time()
+        known = self._service.checked(request)
+        if known is not None:
+            record = await self._service.read(
+                lambda: self._service.runs.get(self._service.new_run(submission, known, "").id)
+            )
+            if record is not None and record["status"] == "done":
+                return WaitedRun(record, await self._service.content(record, TRAJECTORY))
+        if self._service.pool.waiting("plan") >= WAITING * self._service.settings.interactive:
+            raise busy("too many callers wait for a plan", 1.0)
+        left = submission.deadline or float("inf")
+        asked = {**request, "do": "plan", "early": True, "budget": max(LEAD, min(submission.budget, left - LEAD))}
+        wall = self._service.settings.reading + submission.budget + GRACE
+        job = SolverJob(asked, wall, until=time.monotonic() + left)
+        answer, whole = await self._answer(job, gone)
+        if "error" in answer.data:
+            raise refusal_of(answer)
+        if answer.death is not None:
+            late = answer.death == "timeout" and left < wall
+            raise Refusal(504 if answer.death == "timeout" else 503, "deadline" if late else answer.detail)
+        new = self._service.new_run(submission, answer.data, "")
+        record = {**vars(new), **answer.data, "status": "failed" if answer.data["failure"] else "done"}
+        record |= {"submitted": began, "started": began, "finished": time.time()}
+        return WaitedRun(record, answer.files.get(TRAJECTORY), self._keeper(new, request, whole, began))
+
+    async def _answer(
+        self, job: SolverJob, gone: Callable[[], Any]
+    ) -> tuple[SolverAnswer, "asyncio.Future[SolverAnswer]"]:
+        """What a process answers as soon as the caller can use it, and the whole of it, which comes later."""
+        loop = asyncio.get_running_loop()
+        early: asyncio.Future[SolverAnswer] = loop.create_future()
+
+        def answered(answer: SolverAnswer) -> None:
+            loop.call_soon_threadsafe(early.set_result, answer)
+
+        job.answered = answered
+        whole = asyncio.wrap_future(self._service.pool.submit("plan", job))
+        while True:
+            await asyncio.wait([early, whole], timeout=0.25, return_when=asyncio.FIRST_COMPLETED)
+            if early.done() or whole.done():
+                return (early if early.done() else whole).result(), whole
+            if await gone():
+                job.cancel.set()
+
+    def _keeper(
+        self, new: NewRun, request: Record, whole: "asyncio.Future[SolverAnswer]", began: float
+    ) -> Callable[[], Any]:
+        """What begins to keep a run that was waited for, once it is answered; who asks for the run until then waits."""
+        saved = self._saving[new.id] = asyncio.get_running_loop().create_future()
+
+        async def keep() -> None:
+            try:
+                end = await whole
+
+                def write() -> None:
+                    self._service.contents.check_room()
+                    digest = self._service.contents.put(json.dumps(request).encode())
+                    self._service.runs.add_ended(
+                        NewRun(**{**vars(new), "request": digest}), self._service.solver.ended(end), began
+                    )
+
+                if end.death is None:
+                    await self._service.write(write)
+            except (OptiPlanError, SQLAlchemyError, OSError) as error:  # costs the record, not the answer
+                _log.warning("run %s is not kept: %s", new.id, error)
+            finally:
+                self._saving.pop(new.id, None)
+                saved.set_result(None)
+
+        async def begin() -> None:  # on its own: the connection is free for the next request meanwhile
+            task = asyncio.ensure_future(keep())
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+
+        return begin

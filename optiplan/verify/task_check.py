@@ -1,0 +1,306 @@
+"""Checks of a task: every step, and every part of the motion with the scene and the load that it has there."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.geometry.scene import Scene
+from optiplan.problem.constraints.statements import OnLine, OrientationCone, PairClearance, PathConstraint
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem, Via
+from optiplan.problem.task.scene_change import columns, scene_during
+from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
+from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
+from optiplan.trajectory.cut import cut
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify import limit_checks
+from optiplan.verify.collision_check import collision
+from optiplan.verify.constraint_check import path_constraints
+from optiplan.verify.continuous.torque import torque
+from optiplan.verify.report import Check, VerifyPolicy
+from optiplan.verify.via_check import vias
+
+STRAIGHT = 1e-4
+"""m: how far a frame may be off its line."""
+
+EVENLY = 1e-3
+"""rad: how far a frame on a line may be from turning about one axis, or not at all."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A step in time: its own problem, the motion while it is done, and when it begins, s."""
+
+    step: TaskStep
+    problem: Problem
+    motion: Trajectory | None
+    begin: float
+    q: Array
+
+
+def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
+    """Return the checks of a motion that does a task; only the first where its segments are not the task's steps."""
+    steps = _segments(problem, trajectory)
+    if not steps.passed:
+        return [steps]
+    parts = list(_parts(problem, trajectory))
+    scenes = scene_parts(problem, trajectory)
+    return [
+        steps,
+        limit_checks.start(problem, trajectory, policy),
+        *_worst_of(_ends(parts), "goal"),
+        *_worst_of(_passed(parts), "via"),
+        *_worst_of(_lines(parts, policy), "line"),
+        _standing(problem, trajectory, parts, policy),
+        *_constraints(problem, trajectory, parts, scenes, policy),
+        limit_checks.rest(problem, trajectory, policy),
+        limit_checks.continuity(problem, trajectory, policy),
+        limit_checks.position(problem, trajectory, policy),
+        *(limit_checks.rate(problem, trajectory, policy, order) for order in (1, 2, 3)),
+        *_worst_of(_in_scenes(torque, scenes, trajectory, policy), "torque"),
+        _collision(_in_scenes(collision, scenes, trajectory, policy)),
+    ]
+
+
+def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
+    """Return what the verdict on a task is about besides: when what is held changes, and what steps let touch."""
+    if mismatch(problem, trajectory):
+        return ()
+    said = []
+    weights = []
+    for step, _, begin, _ in steps_in_time(problem, trajectory):
+        if isinstance(step.action, Attach | Detach):
+            done = "held" if isinstance(step.action, Attach) else "an obstacle"
+            said.append(f"{step.action.body} is {done} from {begin:.3f} s")
+        if isinstance(step.action, Attach) and step.action.mass:
+            weights.append(f"{step.action.body} of {step.action.mass:g} kg")
+    allowed: dict[str, list[int]] = {}
+    for step in problem.task:
+        for pair in step.allowed:
+            allowed.setdefault(" – ".join(sorted(pair)), []).append(step.number)
+    pairs = [f"{pair} in step {', '.join(map(str, numbers))}" for pair, numbers in sorted(allowed.items())]
+    touch = sorted(
+        {
+            " – ".join(sorted((s.action.body, link)))
+            for s in problem.task
+            if isinstance(s.action, Attach)
+            for link in s.action.touch
+        }
+    )
+    return (
+        *([f"what is held: {'; '.join(said)}"] if said else []),
+        *([f"masses while they are held: {', '.join(weights)}"] if weights else []),
+        *([f"contacts allowed while it is held, not checked: {', '.join(touch)}"] if touch else []),
+        *([f"contacts allowed by steps, not checked: {', '.join(pairs)}"] if pairs else []),
+    )
+
+
+def _segments(problem: Problem, trajectory: Trajectory) -> Check:
+    words = mismatch(problem, trajectory)
+    count = problem.task[-1].number
+    detail = f"found {words}" if words else f"{count} steps in order, each with its part of the motion"
+    return Check("steps", "exact", not words, detail=detail)
+
+
+def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
+    """Return each step with its own part of the motion, None for an event or an empty part."""
+    for step, scene, begin, end in steps_in_time(problem, trajectory):
+        own = _scene_problem(problem, scene, step)
+        motion = cut(trajectory, begin, end) if end > begin + 1e-9 * trajectory.duration else None
+        yield _Part(step, own, motion, begin, trajectory(end))
+
+
+def _scene_problem(problem: Problem, scene: Scene, step: TaskStep) -> Problem:
+    return part_problem(problem, scene_during(scene, step))
+
+
+def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
+    """Check where moves and lines end."""
+    for part in parts:
+        action = part.step.action
+        if isinstance(action, Move):
+            ends = [_of_all(part.problem, action.joints, end, part.q) for end in action.goal]
+        elif isinstance(action, StraightLine) and action.ends:
+            ends = list(action.ends)
+        elif isinstance(action, StraightLine) and part.motion is not None:
+            ends = [_moved_by(part, action)]
+        else:
+            continue
+        still = Trajectory(part.problem.robot.joint_names, np.array([0.0, 1.0]), part.q[None, None])
+        check = limit_checks.goal(replace(part.problem, goal=tuple(ends)), still)
+        length = 0.0 if part.motion is None else part.motion.duration
+        yield replace(_named(check, part), time=part.begin + length)
+
+
+def _moved_by(part: _Part, action: StraightLine) -> PoseGoal:
+    assert part.motion is not None
+    assert action.by is not None
+    X = _pose(part.problem, action.frame, part.motion.start)
+    by = X.rotation @ action.by if action.in_tool else action.by
+    return PoseGoal(action.frame, pin.SE3(X.rotation, X.translation + by))
+
+
+def _of_all(problem: Problem, joints: Iterable[str], end: JointGoal | PoseGoal, q: Array) -> JointGoal | PoseGoal:
+    """Return an end of some joints as one of all, the others where they are in q (n,)."""
+    if isinstance(end, PoseGoal):
+        return end
+    whole = np.array(q)
+    whole[columns(problem.robot, joints)] = end.q
+    return JointGoal(whole, end.tolerance)
+
+
+def _passed(parts: Sequence[_Part]) -> Iterator[Check]:
+    """Check the vias of moves."""
+    for part in parts:
+        action = part.step.action
+        if not isinstance(action, Move) or not action.vias:
+            continue
+        motion = part.motion
+        if motion is None:
+            yield Check("via", "exact", False, detail=f"{part.step.words} takes no time", time=part.begin)
+            continue
+        at = [_of_all(part.problem, action.joints, via.at, part.q) for via in action.vias]
+        check = vias(replace(part.problem, vias=tuple(Via(one) for one in at)), motion)
+        yield _later(_named(check, part), part.begin)
+
+
+def _lines(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
+    """Check that the frames of lines move straight and turn about one axis, or not at all."""
+    for part in parts:
+        action = part.step.action
+        if not isinstance(action, StraightLine) or part.motion is None:
+            continue
+        own = replace(part.problem, path_constraints=tuple(_straight(part, action, part.motion)))
+        for check in path_constraints(own, part.motion, policy):
+            yield replace(_later(_named(check, part), part.begin), name="line")
+
+
+def _straight(part: _Part, action: StraightLine, motion: Trajectory) -> Iterator[PathConstraint]:
+    """Return what a line means: the origin on the segment; two axes fixed, or the one that it turns about."""
+    X, Y = (_pose(part.problem, action.frame, q) for q in (motion.start, motion.end))
+    yield OnLine(action.frame, X.translation, Y.translation, STRAIGHT)
+    turn = pin.log3(X.rotation.T @ Y.rotation)
+    angle = float(np.linalg.norm(turn))
+    axes = np.eye(3)[:2] if angle <= EVENLY else (turn / angle)[None]
+    for axis in axes:
+        yield OrientationCone(action.frame, axis, X.rotation @ axis, EVENLY)
+
+
+def _pose(problem: Problem, frame: str, q: Array) -> pin.SE3:
+    data = problem.robot.model.createData()
+    pin.framesForwardKinematics(problem.robot.model, data, q)
+    return data.oMf[problem.robot.frame_id(frame)].copy()
+
+
+def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], policy: VerifyPolicy) -> Check:
+    """Check that joints which a step does not move stand still, all of them at events; and that a dwell lasts.
+
+    Standing still is moving by no more than `jump_tolerance` over the whole step, from the exact extrema.
+    """
+    worst, where, when, failed = 0.0, "", 0.0, ""
+    for part in parts:
+        step, action = part.step, part.step.action
+        if part.motion is None:
+            if isinstance(action, Attach | Detach):
+                speed = np.abs(trajectory(np.array([part.begin]), 1)[0]) / problem.limits.velocity
+                if speed.max() > policy.rest_tolerance:
+                    failed = failed or f"the robot moves at the event of {step.words}"
+            elif isinstance(action, Dwell):
+                failed = failed or f"{step.words} does not last"
+            continue
+        moving = action.joints if isinstance(action, Move | StraightLine) else ()
+        own = [k for k, name in enumerate(problem.robot.joint_names) if name not in moving]
+        low, high = part.motion.extrema(0)
+        moved = float((high - low)[own].max(initial=0.0))
+        if moved > worst:
+            worst, where, when = moved, step.words, part.begin
+        if isinstance(action, Dwell) and part.motion.duration < action.seconds * (1.0 - 1e-9):
+            failed = failed or f"{step.words} lasts {part.motion.duration:.6g} s of {action.seconds:g} s"
+    passed = worst <= policy.jump_tolerance and not failed
+    detail = failed or "joints that a step does not move, and all of them at events"
+    return Check("standstill", "exact", passed, worst, policy.jump_tolerance, "rad", when, where, detail)
+
+
+def _constraints(
+    problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], scenes: Sequence[ScenePart], policy: VerifyPolicy
+) -> Iterator[Check]:
+    """Check path constraints of the whole, and those of steps."""
+    T = trajectory.duration
+    for one in problem.path_constraints:
+        if not isinstance(one, PairClearance):
+            yield from path_constraints(replace(problem, path_constraints=(one,)), trajectory, policy)
+            continue
+        for scene in scenes:
+            low, high = max(one.during[0] * T, scene.begin), min(one.during[1] * T, scene.end)
+            if high > low:
+                lasts = scene.end - scene.begin
+                during = ((low - scene.begin) / lasts, (high - scene.begin) / lasts)
+                own = replace(scene.problem, path_constraints=(replace(one, during=during),))
+                for check in path_constraints(own, scene.motion(trajectory), policy):
+                    yield _later(check, scene.begin)
+    for part in parts:
+        if part.step.constraints and part.motion is not None:
+            own = replace(part.problem, path_constraints=part.step.constraints)
+            for check in path_constraints(own, part.motion, policy):
+                yield _later(_named(check, part), part.begin)
+
+
+SceneCheck = Callable[[Problem, Trajectory, VerifyPolicy], Check]
+
+
+def _in_scenes(
+    check: SceneCheck, scenes: Sequence[ScenePart], trajectory: Trajectory, policy: VerifyPolicy
+) -> Iterator[Check]:
+    """Return a check for every part of the motion with its own scene and load."""
+    for scene in scenes:
+        found = check(scene.problem, scene.motion(trajectory), policy)
+        yield _later(replace(found, detail=f"{scene.steps}: {found.detail}"), scene.begin)
+
+
+def _worst_of(checks: Iterable[Check], name: str) -> list[Check]:
+    """Return the check that failed or came nearest to its limit, of several alike; nothing of none."""
+    found = list(checks)
+    if not found:
+        return []
+    worst = max(found, key=lambda check: (not check.passed, _share(check)))
+    kinds = {check.kind for check in found}
+    kind = next(kind for kind in ("sampled", "unchecked", "continuous", "exact") if kind in kinds)
+    detail = f"worst of {len(found)}: {worst.detail}" if len(found) > 1 else worst.detail
+    return [replace(worst, name=name, kind=kind, detail=detail)]
+
+
+def _share(check: Check) -> float:
+    if check.worst is None or check.limit is None:
+        return 0.0
+    return check.worst / check.limit if check.limit > 0.0 else check.worst
+
+
+def _collision(checks: Iterable[Check]) -> Check:
+    """Return one check of contacts of several parts, with the least clearance and the work of all."""
+    found = list(checks)
+    measured = [check for check in found if check.worst is not None] or found
+    worst = min(measured, key=lambda check: (check.passed, np.inf if check.worst is None else check.worst))
+    witness: dict[str, Any] = dict(worst.witness)
+    for key in ("intervals", "queries", "believed"):
+        witness[key] = sum(int(check.witness[key]) for check in found)
+    witness["pairs"] = max(int(check.witness["pairs"]) for check in found)
+    for key in ("proved_clearance", "met_clearance"):
+        known = [check.witness[key] for check in found if check.witness[key] is not None]
+        complete = key != "proved_clearance" or all(check.passed for check in found)
+        witness[key] = min(known) if known and complete else None
+    detail = f"least of {len(found)} parts with scenes of their own: {worst.detail}" if len(found) > 1 else worst.detail
+    return replace(worst, passed=all(check.passed for check in found), detail=detail, witness=witness)
+
+
+def _named(check: Check, part: _Part) -> Check:
+    """Return a check that says of which step it is."""
+    words = f"{part.step.words}: {check.detail}" if check.detail else part.step.words
+    return replace(check, detail=words)
+
+
+def _later(check: Check, begin: float) -> Check:
+    """Return a check of a part of the motion in the time of the whole."""
+    return check if check.time is None else replace(check, time=check.time + begin)

@@ -1,0 +1,68 @@
+"use strict";
+// The steps of a task: a strip below the slider, the step of the moment in words, and a list to jump by.
+const OptiPlanSteps = (() => {
+  const { make } = OptiPlanCurves, byId = (id) => document.getElementById(id);
+  const EVENTS = ["attach", "detach"];
+
+  const named = (one) => `${one.step} · ${one.name}`;
+
+  // The steps of a run in time; those of one number and name that follow each other are one.
+  function merged(run) {
+    const found = [];
+    for (const one of run.segments || []) {
+      const last = found[found.length - 1];
+      if (last && last.step === one.step) last.end = one.end; else found.push({ ...one });
+    }
+    return found;
+  }
+
+  function at(steps, t) { return steps.find((one) => t < one.end) || steps[steps.length - 1]; }
+
+  class Steps {
+    constructor(clock) {
+      this.clock = clock;
+      this.steps = [];
+      clock.listen(() => this.say());
+    }
+
+    fill(run, place) {
+      this.steps = merged(run);
+      const { clock } = this, T = clock.duration || 1, strip = [];
+      this.steps.forEach((one, k) => {
+        const event = EVENTS.includes(one.kind), mark = make("span", event ? "event" : "step" + (k % 2 ? " odd" : ""));
+        mark.style.left = place(one.begin / T);
+        if (!event) mark.style.width = `calc(${(one.end - one.begin) / T} * (100% - 16px))`;
+        mark.title = `${named(one)}, from ${one.begin.toFixed(2)} s`;
+        mark.addEventListener("click", () => clock.jump(one.begin));
+        strip.push(mark);
+      });
+      byId("strip").replaceChildren(...strip);
+      byId("strip").hidden = byId("now").hidden = !this.steps.length;
+      this.rows = this.steps.map((one) => {
+        const row = make("button", "step-row"), time = make("span", "time", one.begin.toFixed(2) + " s");
+        row.type = "button";
+        row.append(make("span", "", named(one)), time);
+        row.addEventListener("click", () => clock.jump(one.begin));
+        return row;
+      });
+      const list = byId("steps");
+      list.hidden = !this.steps.length;
+      const folded = make("details", "opened");
+      folded.open = true;
+      folded.append(make("summary", "", `${this.steps.length} steps`), ...this.rows);
+      list.replaceChildren(folded);
+      this.said = null;
+      this.say();
+    }
+
+    say() {
+      if (!this.steps.length) return;
+      const now = at(this.steps, this.clock.time), k = this.steps.indexOf(now);
+      if (this.said === k) return;
+      this.said = k;
+      byId("now").textContent = named(now);
+      this.rows.forEach((row, i) => row.classList.toggle("selected", i === k));
+    }
+  }
+  return { Steps };
+})();

@@ -1,0 +1,188 @@
+"""A task is planned, proved, stored and read again; each way of cheating is refused."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import optiplan as op
+from optiplan.problem.load import load_problem, problem_from_dict
+from optiplan.problem.task.timeline import scene_parts
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.verify import verify
+from optiplan.viewer.moving_objects import moved_by, object_stays
+from optiplan.viewer.runs import ViewedRun
+from optiplan.viewer.scene import build_scene
+
+FILE = Path(__file__).parents[2] / "problem" / "one_cube.yaml"
+
+
+@pytest.fixture(scope="module")
+def run():
+    """A verified motion of a task with every kind of step."""
+    found = op.plan(load_problem(FILE), budget=120.0)
+    assert found.verified, (found.failure, found.report)
+    return found
+
+
+def check(problem, trajectory, name):
+    return next(check for check in verify(problem, trajectory).checks if check.name == name)
+
+
+def test_every_step_has_its_part_of_one_motion(run):
+    segments = run.trajectory.segments
+    assert [segment.step for segment in segments] == [1, 1, 2, 3, 4, 5, 5, 6, 7, 8, 9]
+    assert segments[0].begin == 0.0
+    assert segments[-1].end == pytest.approx(run.duration)
+    assert segments[2].begin == segments[2].end
+    assert segments[9].end - segments[9].begin == pytest.approx(0.2)
+    names = {check.name: check.kind for check in run.report.checks}
+    assert names["line"] == names["collision"] == names["torque"] == "continuous"
+    assert names["steps"] == names["goal"] == names["standstill"] == "exact"
+    assert run.lower_bound_of == "stops"
+    assert 1.0 < run.ratio < 2.0
+
+
+def test_the_arm_does_not_stop_where_it_need_not(run):
+    segments, speed = run.trajectory.segments, []
+    for at in (segments[0].end, segments[4].end, segments[5].end):  # into the line, out of it, into the next
+        speed.append(np.abs(run.trajectory(at, 1)).max())
+    assert min(speed) > 0.1
+    assert run.duration < run.info["duration_with_stops"]
+    for event in (segments[2], segments[8]):
+        assert np.abs(run.trajectory(event.begin, 1)).max() < 1e-6
+
+
+def test_the_proof_is_about_what_is_held(run):
+    parts = scene_parts(run.problem, run.trajectory)
+    assert [[held.name for held in part.problem.scene.attached] for part in parts] == [[], ["cube"], []]
+    assert [part.problem.robot.mounting.mass for part in parts] == pytest.approx([0.0, 0.1, 0.0])
+    assert "cube is held from" in " ".join(run.report.scope)
+    released = parts[-1].problem.scene.obstacles[-1]
+    assert np.allclose(released.X_WO.translation, [0.5, -0.2, 0.027], atol=2e-3)
+
+
+def test_it_is_stored_and_proved_again_from_the_files(run, tmp_path):
+    run.save(tmp_path / "run")
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert [event["kind"] for event in record["events"]] == ["attach", "gripper", "gripper", "detach"]
+    again = op.verify(problem_from_dict(record["problem"]), tmp_path / "run")
+    assert again.verified, again
+    slower = run.trajectory.scaled(1.5 * run.duration)
+    assert op.verify(run.problem, slower).verified
+
+
+def moved(run, k, **times):
+    """The motion with another time of one segment, and its neighbours to fit."""
+    segments = list(run.trajectory.segments)
+    segments[k] = replace(segments[k], **times)
+    if "begin" in times:
+        segments[k - 1] = replace(segments[k - 1], end=times["begin"])
+    if "end" in times:
+        segments[k + 1] = replace(segments[k + 1], begin=times["end"])
+    return replace(run.trajectory, segments=tuple(segments))
+
+
+def test_a_motion_without_its_steps_is_refused(run):
+    bare = replace(run.trajectory, segments=())
+    found = check(run.problem, bare, "steps")
+    assert not found.passed
+    assert "0 segments for 11" in found.detail
+    swapped = replace(run.trajectory, segments=tuple(reversed(run.trajectory.segments)))
+    assert not verify(run.problem, swapped).verified
+
+
+def test_an_event_while_the_arm_moves_is_refused(run):
+    early = run.trajectory.segments[2].begin - 0.05
+    trajectory = moved(run, 2, begin=early, end=early)
+    report = verify(run.problem, trajectory)
+    failed = {check.name for check in report.failures}
+    assert {"standstill", "goal"} <= failed
+    assert "moves at the event of step 2" in check(run.problem, trajectory, "standstill").detail
+
+
+def test_a_dwell_that_is_too_short_is_refused(run):
+    begin = run.trajectory.segments[9].begin
+    found = check(run.problem, moved(run, 9, end=begin + 0.1), "standstill")
+    assert not found.passed
+
+
+def test_a_line_that_is_none_is_refused(run):
+    """The end of the free move counted as part of the line is not straight."""
+    found = check(run.problem, moved(run, 1, begin=run.trajectory.segments[1].begin - 0.3), "line")
+    assert not found.passed
+    assert "step 1" in found.detail
+
+
+def test_what_is_held_must_not_touch_anything(run):
+    """A rod through the way of the cube alone, which the arm itself passes above."""
+    segments = run.trajectory.segments
+    middle = 0.5 * (segments[5].begin + segments[5].end)
+    part = scene_parts(run.problem, run.trajectory)[1]
+    model = part.problem.robot.model
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, run.trajectory(middle))
+    (held,) = part.problem.scene.attached
+    place = (data.oMf[model.getFrameId(held.link)] * held.X_LO).translation - [0.0, 0.0, 0.03]
+    pin_in_the_way = op.Sphere("pin", 0.01, position=place.tolist())
+    problem = run.problem.with_scene(run.problem.scene.with_(pin_in_the_way))
+    found = check(problem, run.trajectory, "collision")
+    assert not found.passed
+    assert set(found.witness["pair"]) == {"cube", "pin"}
+
+
+def test_a_step_that_cannot_be_done_is_named(run):
+    far = [dict(step) for step in run.problem.source["task"]]
+    far[4] = {
+        "name": "too far",
+        "approach": {"pose": {"position": [1.5, 0, 0.1], "rpy": [3.14, 0, 0]}, "distance": 0.1},
+    }
+    failed = op.plan(run.problem.with_task(far), budget=30.0)
+    assert failed.failure.kind == "goal-unreachable"
+    assert failed.failure.detail.startswith("step 5 (too far): ")
+    assert failed.failure.witness["step"] == 5
+    assert len(failed.failure.witness["q"]) == run.problem.robot.n
+
+
+def test_looking_ahead_leaves_out_ends_without_a_way_on():
+    """Of two ways to grasp only one leaves room for the line out; the nearer one must be given up."""
+    ready = load_problem(FILE)
+    near = {"joints": [0.3, *ready.start[1:7]]}
+    task = [{"move": {"any_of": [near, {"joints": [-0.6, *ready.start[1:7]]}]}}, {"line": {"by": [0.0, 0.3, 0.0]}}]
+    blocked = op.Box("block", size=(0.02, 0.02, 0.4), position=(0.32, 0.33, 0.5))
+    problem = op.Problem("panda", "ready", task=task, scene=[blocked])
+    run = op.plan(problem, budget=60.0)
+    assert run.verified
+    assert run.trajectory(run.trajectory.segments[0].end)[0] == pytest.approx(-0.6, abs=1e-5)
+
+
+def test_objects_go_with_what_holds_them_on_the_page(run):
+    (cube,) = object_stays(run.problem, run.trajectory, moved_by(run.problem.task))
+    assert [stay.body > 0 for stay in cube.stays] == [False, True, False]
+    scene = build_scene(run.problem, [("one", run.trajectory, None)])
+    (shown,) = scene.runs[0]["objects"]
+    assert shown["name"] == "cube"
+    assert [stay["begin"] for stay in shown["stays"]] == pytest.approx([stay.begin for stay in cube.stays])
+    assert [part["name"] for part in scene.parts if part["set"] == "obstacle"] == ["table"]
+    assert len(scene.runs[0]["segments"]) == 11
+
+
+def test_runs_of_several_problems_have_their_own_obstacles(run):
+    other = run.problem.with_scene(run.problem.scene.with_(op.Sphere("ball", 0.05, position=(0.3, 0.5, 0.5))))
+    one = ViewedRun("one", run.trajectory, None, problem=run.problem)
+    two = ViewedRun("two", None, None, problem=other)
+    scene = build_scene(run.problem, [one, two])
+    assert scene.several
+    assert [sorted(thing["name"] for thing in shown["objects"]) for shown in scene.runs] == [
+        ["cube", "table"],
+        ["ball", "cube", "table"],
+    ]
+
+
+def test_a_sampled_planner_does_the_moves_too(run):
+    found = op.plan(run.problem, "rrtconnect", budget=60.0)
+    assert found.verified, (found.failure, found.report)
+    assert isinstance(found.trajectory, Trajectory)

@@ -1,0 +1,115 @@
+"""Tasks of several steps: what is read, what is refused, and where."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import optiplan as op
+from optiplan.errors import InputError
+from optiplan.problem.load import check_file, load_problem, problem_from_dict
+from optiplan.problem.task.scene_change import carrying, scene_after
+from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine
+
+FILE = Path(__file__).with_name("one_cube.yaml")
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return load_problem(FILE)
+
+
+def test_an_approach_is_a_move_and_a_line(problem):
+    kinds = [type(step.action) for step in problem.task]
+    line, move = StraightLine, Move
+    assert kinds == [move, line, Attach, move, line, move, line, move, Detach, Dwell, line]
+    assert [step.number for step in problem.task] == [1, 1, 2, 3, 4, 5, 5, 6, 7, 8, 9]
+    before, at = problem.task[0].action.goal[0].X_WG, problem.task[1].action.ends[0].X_WG
+    assert np.allclose(at.actInv(before).translation, [0, 0, -0.1])
+
+
+def test_joints_of_all_groups_are_planned(problem):
+    assert problem.robot.joint_names[-1] == "panda_finger_joint1"
+    assert problem.robot.n == 8
+    assert problem.task[3].action.joints == ("panda_finger_joint1",)
+    assert len(problem.task[0].action.joints) == 7
+
+
+def test_source_python_and_file_are_one_problem(problem, tmp_path):
+    assert problem_from_dict(problem.source).hash == problem.hash
+    problem.save(tmp_path / "again.yaml")
+    assert load_problem(tmp_path / "again.yaml").hash == problem.hash
+    down = {"rpy": (3.14159265, 0, 0)}
+    fingers = ["panda_leftfinger", "panda_rightfinger"]
+    task = (
+        op.Task()
+        .approach(op.Pose((0.5, 0.2, 0.03), **down), 0.1, name="reach")
+        .attach("cube", "panda_hand", touch=fingers, mass=0.1)
+        .gripper("hand", [0.025], name="close")
+        .retreat(0.1, name="lift")
+        .approach(op.Pose((0.5, -0.2, 0.031), **down), 0.1, name="put down")
+        .gripper("hand", [0.04], name="open")
+        .detach("cube")
+        .dwell(0.2)
+        .line(by=(0, 0, 0.1), speed=0.2, name="away")
+    )
+    built = op.Problem(op.load_robot("panda"), "ready", task=task, scene=problem.scene, name="one-cube")
+    assert built.hash == problem.hash
+    assert repr(task).startswith("Task: reach, attach cube, close")
+
+
+def test_what_is_held_goes_along_and_stays_where_it_is_released(problem):
+    robot, q = problem.robot, np.array(problem.start)
+    scene = scene_after(problem.scene, problem.task[2].action, robot, q)
+    (held,) = scene.attached
+    assert [body.name for body in scene.obstacles] == ["table"]
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    link = robot.model.getFrameId("panda_hand")
+    assert np.allclose((data.oMf[link] * held.X_LO).homogeneous, problem.scene.obstacles[1].X_WO.homogeneous)
+    assert carrying(robot, scene).mounting.mass == pytest.approx(0.1)
+    other = q + 0.1 * np.arange(8) / 8
+    released = scene_after(scene, Detach("cube"), robot, other).obstacles[-1]
+    pin.framesForwardKinematics(robot.model, data, other)
+    assert np.allclose(released.X_WO.homogeneous, (data.oMf[link] * held.X_LO).homogeneous)
+
+
+@pytest.mark.parametrize(
+    ("found", "instead", "line", "field", "words"),
+    [
+        ("{object: cube, link: panda_hand", "{object: cup, link: panda_hand", 11, "task[1].attach.object", "unknown object 'cup'"),
+        ("{object: cube, link: panda_hand", "{object: cube, link: hand", 11, "task[1].attach.link", "unknown link 'hand'"),
+        ("group: hand, joints: [0.025]", "group: hnad, joints: [0.025]", 12, "task[2].gripper.group", "unknown group 'hnad'"),
+        ("joints: [0.025]", "joints: [0.05]", 12, "task[2].gripper.joints[0]", "outside its limits"),
+        ("retreat: {distance: 0.1}", "retreat: {distance: -0.1}", 13, "task[3].retreat.distance", "-0.1"),
+        ("retreat: {distance: 0.1}", "retreat: {distance: 0.1}, dwell: 1", 13, "task[3]", "retreat and dwell"),
+        ("- dwell: 0.2", "- detach: {object: cube}", 17, "task[7].detach.object", "not held here"),
+        ("by: [0, 0, 0.1]", "by: [0, 0, 0]", 18, "task[8].line.by", "no distance"),
+        ("by: [0, 0, 0.1]", "by: [0, 0, 0.1], frame: tip", 18, "task[8].line.frame", "unknown frame 'tip'"),
+        ("- dwell: 0.2", "- {dwell: 0.2, allowed_collisions: [[cube, tabel]]}", 17, "task[7].allowed_collisions[0][1]", "'tabel'"),
+        ("task:", "goal: {configuration: ready}\ntask:", 9, "goal", "beside a task"),
+    ],
+)  # fmt: skip
+def test_bad_steps_are_refused_with_their_line(tmp_path, found, instead, line, field, words):
+    text = FILE.read_text()
+    assert found in text
+    path = tmp_path / "bad.yaml"
+    path.write_text(text.replace(found, instead, 1))
+    issues = [issue for issue in check_file(path) if issue.field == field]
+    assert [issue.line for issue in issues] == [line], check_file(path)
+    assert words in issues[0].found + issues[0].expected
+
+
+def test_a_problem_has_a_goal_or_a_task(tmp_path):
+    path = tmp_path / "none.yaml"
+    path.write_text("version: 1\nrobot: panda\nstart: {configuration: ready}\n")
+    (issue,) = check_file(path)
+    assert (issue.field, issue.found) == ("goal", "nothing")
+
+
+def test_steps_in_python_are_checked():
+    with pytest.raises(InputError, match="distance"):
+        op.Task().retreat(-1.0)
+    with pytest.raises(InputError, match=r"op.Task\(\)"):
+        op.Problem("panda", "ready", task=3)

@@ -1,0 +1,44 @@
+"""Parts of motions, and their segments."""
+
+import numpy as np
+import pytest
+
+from optiplan.errors import InputError
+from optiplan.trajectory.cut import cut
+from optiplan.trajectory.segments import Segment
+from optiplan.trajectory.trajectory import Trajectory
+
+
+@pytest.fixture
+def motion():
+    rng = np.random.default_rng(1)
+    steps = (Segment(1, "move", "there", 0.0, 0.8), Segment(2, "attach", "attach it", 0.8, 0.8))
+    return Trajectory(("a", "b"), np.array([0.0, 0.5, 0.8, 1.4]), rng.standard_normal((3, 6, 2)), steps)
+
+
+@pytest.mark.parametrize(("begin", "end"), [(0.0, 1.4), (0.2, 0.3), (0.5, 0.8), (0.1, 1.3)])
+def test_a_part_is_the_motion_in_its_own_time(motion, begin, end):
+    part = cut(motion, begin, end)
+    t = np.linspace(0.0, end - begin, 44)[1:-1]
+    assert part.duration == pytest.approx(end - begin)
+    for order in range(4):
+        assert np.allclose(part(t, order), motion(t + begin, order), atol=1e-9)
+
+
+def test_an_empty_part_is_refused(motion):
+    with pytest.raises(ValueError, match="end after the beginning"):
+        cut(motion, 0.3, 0.3)
+
+
+def test_segments_are_scaled_and_stored(motion):
+    slower = motion.scaled(2.8)
+    assert [segment.end for segment in slower.segments] == pytest.approx([1.6, 1.6])
+    data = motion.to_dict(rate=10.0)
+    assert data["events"] == [{"t": 0.8, "end": 0.8, "step": 2, "kind": "attach", "name": "attach it"}]
+    assert Trajectory.from_dict(data).segments == motion.segments
+
+
+@pytest.mark.parametrize("wrong", [3, [{"step": 1}], [{"step": 1, "kind": "a", "name": "b", "begin": "x", "end": 1}]])
+def test_broken_segments_are_refused(motion, wrong):
+    with pytest.raises(InputError, match="segments"):
+        Trajectory.from_dict(motion.to_dict() | {"segments": wrong})
