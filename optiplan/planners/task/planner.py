@@ -36,7 +36,7 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     """
     began, watch = time.perf_counter(), Stopwatch()
     if problem.scene.moving or problem.moving_start:
-        what = "obstacles that move" if problem.scene.moving else "a robot that is moving at the start"
+        what = "an obstacle that moves" if problem.scene.moving else "a robot that is moving at the start"
         return PlanResult(
             None, Failure("unsupported", f"tasks are planned from rest among what stands still, not {what}")
         )
