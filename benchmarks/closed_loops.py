@@ -58,6 +58,7 @@ def main() -> None:
             options.tables.mkdir(parents=True, exist_ok=True)
             write_markdown(options.tables / f"{name}.md", headings, rows)
         if options.pictures is not None:
+            options.pictures.mkdir(parents=True, exist_ok=True)
             picture.savefig(options.pictures / f"{name}.png", dpi=110)
     print_json(told)
 

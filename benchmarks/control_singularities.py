@@ -39,7 +39,7 @@ Step = Callable[[Array, pin.SE3, Array], Array]
 
 @dataclass
 class Passage:
-    """Tool errors, mm; velocities and accelerations as multiples of the limits; the least singular value of J, m/rad."""
+    """Tool errors, mm; velocities and accelerations as multiples of the limits; the least singular value of J."""
 
     rms: float
     peak: float

@@ -189,7 +189,7 @@ def main() -> None:
         f"{found.done} of {given.jobs}",
         *(str(len(x)) for x in counts),
     ]
-    row.append(" / ".join(str(count) for count in sorted(found.shares.values())) if found.shares else "")
+    row.append("" if given.rounds else " / ".join(str(count) for count in sorted(found.shares.values())))
     write_markdown(given.markdown, HEADINGS, [[*row, seconds]])
     raise SystemExit(0 if found.faultless else 1)
 

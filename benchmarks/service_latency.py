@@ -22,6 +22,8 @@ from optiplan.resources import problems_dir
 from optiplan.service.cell import CellPlanner
 
 PROBLEMS = ("01_reach", "07_any_of", "12_planar", "14_half_space", "19_lspb")
+PAUSE = 0.1
+"""s before each request: the run before is kept by then, which would take the processor from this one."""
 HEADINGS = ("problem", "by", "requests", "overhead ms 50 %", "90 %", "99 %", "planning ms 50 %")
 WARM = 5
 """Requests before any is measured."""
@@ -31,6 +33,7 @@ def overheads(plan: Callable[[int], float], requests: int) -> np.ndarray:
     """Return the ms that requests took beyond planning; `plan` makes one and returns the seconds of planning."""
     found = []
     for number in range(WARM + requests):
+        time.sleep(PAUSE)
         began = time.perf_counter()
         planned = plan(number)
         found.append(1e3 * (time.perf_counter() - began - planned))

@@ -8,12 +8,13 @@ Nothing in them is drawn by hand.
 * `failure.png`: the straight motion to the same goal, refused, where it touches.
 * `comparison.png`: six planners on the same problem.
 * `two-arms.png`: both arms of `problems/18_baxter_dual.yaml`.
+* `task-cubes.png`, `task-delbot.png`, `task-srra.png`, `task-tray.png`: the four tasks of `problems/`.
 
 Needs chromium and the extra `pictures` (playwright, pillow).
 """
 
 import sys
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import optiplan as op
@@ -25,7 +26,7 @@ from optiplan.viewer.scene import build_scene
 HERE = Path(__file__).parent
 PROBLEM = "02_shelf"
 PLANNERS = ("trajopt", "bitstar", "prm", "rrtstar", "rrtconnect", "quintic")
-BUDGET = 6.0  # s for each planner
+BUDGET, TASK_BUDGET = 6.0, 60.0  # s for each planner
 WIDE, PHONE = (1280, 800), (390, 844)  # px
 CAMERA = "cam=-0.92,-2.18,1.55,0.31,0.04,0.45"
 """Where the camera is and what it looks at, m, in the world of the problem."""
@@ -34,7 +35,8 @@ CAMERA = "cam=-0.92,-2.18,1.55,0.31,0.04,0.45"
 @cache
 def plan(planner: str, problem: str = PROBLEM) -> op.Run:
     """The problem planned by this planner, and what came judged by the verifier."""
-    run = op.plan(op.load_problem(problem), planner, budget=BUDGET)
+    task = op.load_problem(problem)
+    run = op.plan(task, planner, budget=TASK_BUDGET if task.task else BUDGET)
     print(planner, run.failure.detail if run.failure else f"{run.duration:.3f} s, verified: {run.verified}")
     return run
 
@@ -97,6 +99,21 @@ def two_arms() -> None:
     save_picture(page(run), HERE / "two-arms.png", "t=0.55&paused&tab=torque", WIDE)
 
 
+TASKS = {
+    "task-cubes": ("42_panda_sorts_cubes", 4.5),
+    "task-delbot": ("43_delbot_fetches", 1.9),
+    "task-srra": ("44_srra_tends_and_drills", 2.9),
+    "task-tray": ("45_baxter_carries_a_tray", 4.7),
+}
+"""Pictures of tasks: the problem, and the instant, s."""
+
+
+def task(name: str) -> None:
+    """Write the picture of a task."""
+    problem, time = TASKS[name]
+    save_picture(page(plan("trajopt", problem)), HERE / f"{name}.png", f"t={time}&paused", WIDE)
+
+
 PICTURES = {
     "shelf": shelf,
     "curves": curves,
@@ -105,6 +122,7 @@ PICTURES = {
     "failure": failure,
     "comparison": comparison,
     "two-arms": two_arms,
+    **{name: partial(task, name) for name in TASKS},
 }
 
 if __name__ == "__main__":

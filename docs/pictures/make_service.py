@@ -29,7 +29,7 @@ GPU = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-un
 SIZES = {"": (1280, 800), "-phone": (390, 844)}
 """px, by the end of a picture's name."""
 SHOWN = ("01_reach", "02_shelf", "07_any_of", "18_baxter_dual")
-BENCHED = {"planners": ["trajopt", "rrtconnect", "kpiece", "quintic"], "seeds": [0, 1, 2], "budget": 5.0}
+BENCHED = {"planners": ["trajopt", "rrtconnect", "quintic", "cubic"], "seeds": [0, 1], "budget": 3.0}
 
 
 def fill(url: str) -> None:
@@ -66,7 +66,7 @@ def studio(page: Page, name: str) -> None:
     page.select_option("#example", "")
     page.reload()
     page.wait_for_selector("#issues .fine")
-    page.fill("#budget", "6")
+    page.fill("#budget", "8")
     page.click("#plan")
     page.wait_for_selector("#improvements li")
     page.wait_for_timeout(2000)
@@ -89,9 +89,8 @@ def live(page: Page, name: str) -> None:
 
 
 def save(page: Page, name: str) -> None:
-    """Save what is seen, in few colours."""
-    image = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-    image.quantize(160, dither=Image.Dither.NONE).save(HERE / f"{name}.png", optimize=True)
+    """Save what is seen."""
+    Image.open(io.BytesIO(page.screenshot())).convert("RGB").save(HERE / f"{name}.png", optimize=True)
     print(name, (HERE / f"{name}.png").stat().st_size // 1000, "kB")
 
 

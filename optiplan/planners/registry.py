@@ -219,7 +219,9 @@ def _spline() -> PlannerClass:
     return Spline
 
 
-@_listed("taskspace", "Cartesian", "what the task-space controller does by itself to get to the goal, rolled out")
+@_listed(
+    "taskspace", "Cartesian", "the task-space controller rolled out, led along a sampled path where it stands still"
+)
 def _taskspace() -> PlannerClass:
     from optiplan.planners.cartesian.taskspace import TaskSpace
 

@@ -101,6 +101,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     if robot is not None:
         ends = compiler.start(robot), compiler.goal(robot), compiler.vias(robot)
         steps = TaskReader(compiler, robot, scene).steps()
+        issues += _standing(document, scene) if steps else []
         places = _Places(*ends, steps, compiler.constraints(robot, scene))
     issues += _goal_or_task(document)
     issues += compiler.issues
@@ -158,6 +159,15 @@ def _goal_or_task(document: Document) -> list[Issue]:
     beside = [key for key in ("goal", "via") if data.get(key)]
     where = {"goal": "a step of the task", "via": "`via` of a step of the task"}
     return [document.issue((key,), f"`{key}` beside a task", where[key]) for key in beside]
+
+
+def _standing(document: Document, scene: Scene) -> list[Issue]:
+    """Report obstacles that move beside a task: when its steps are done is not known beforehand."""
+    return [
+        document.issue(("scene", "obstacles", k), f"'{body.name}', which moves, beside a task", "obstacles that stand")
+        for k, body in enumerate(scene.obstacles)
+        if body.motion is not None
+    ]
 
 
 def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:

@@ -91,6 +91,7 @@ class CellPlanner:
         budget: float = 1.0,
         deadline: float | None = None,
         planner: str | None = None,
+        rate: float = 200.0,
     ) -> CellMotion:
         """Plan from a state to a target and wait for the answer; nothing is raised, `status` says what happened.
 
@@ -104,8 +105,10 @@ class CellPlanner:
             budget: s for planning and proof.
             deadline: s from now after which no answer is wanted.
             planner: another one than the problem's.
+            rate: points a second of the answer, at least; fewer are quicker to send where motions are long.
         """
         asked: dict[str, Any] = {"problem": self.problem, "budget": budget, "deadline": deadline, "planner": planner}
+        asked["rate"] = rate
         if joints is not None:
             state = {"joints": joints, "velocity": velocities, "acceleration": accelerations}
             asked["start"] = {key: [float(x) for x in values] for key, values in state.items() if values is not None}

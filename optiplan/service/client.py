@@ -74,7 +74,7 @@ class Client:
             ServerError: there is no server, it refuses, or the answer is of another problem.
         """
         asked = _problem(problem)
-        given = self._submission(asked, planner, options, budget, seed, deadline)
+        given = self._submission(asked, planner, options, budget, seed, deadline) | {"rate": 0}
         answer = self._send("POST", "/api/plan", json=given, timeout=(deadline or budget) + PATIENCE).json()
         return self._run(asked, answer)
 

@@ -56,6 +56,18 @@ class Submission(ProblemInput):
     )
 
 
+class PlanRequest(Submission):
+    """A submission whose answer is waited for."""
+
+    rate: float | None = Field(
+        None,
+        ge=0,
+        le=2000,
+        description="Samples a second in the answer's trajectory, 200 unless given; 0: its pieces alone, which are the "
+        "motion, and quicker to send and to read where a motion is long",
+    )
+
+
 class IssueAnswer(BaseModel):
     """One thing that is wrong with an input."""
 

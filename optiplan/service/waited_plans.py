@@ -8,16 +8,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from pydantic_core import to_json
 from sqlalchemy.exc import SQLAlchemyError
 
 from optiplan.errors import OptiPlanError
 from optiplan.runs.run_folder import TRAJECTORY
 from optiplan.service.execution.run_solver import GRACE, LEAD
 from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob
-from optiplan.service.models import Submission
+from optiplan.service.models import PlanRequest
 from optiplan.service.refusals import Refusal, busy
 from optiplan.service.requests import refusal_of
 from optiplan.service.store.run_table import NewRun, Record
+from optiplan.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from optiplan.service.planner_service import PlannerService
@@ -54,7 +56,7 @@ class WaitedPlans:
         if (saving := self._saving.get(run)) is not None:
             await asyncio.shield(saving)
 
-    async def plan(self, submission: Submission, gone: Callable[[], Any]) -> WaitedRun:
+    async def plan(self, submission: PlanRequest, gone: Callable[[], Any]) -> WaitedRun:
         """Plan while the caller waits.
 
         Args:
@@ -72,11 +74,18 @@ class WaitedPlans:
                 lambda: self._service.runs.get(self._service.new_run(submission, known, "").id)
             )
             if record is not None and record["status"] == "done":
-                return WaitedRun(record, await self._service.content(record, TRAJECTORY))
+                stored = await self._service.content(record, TRAJECTORY)
+                return WaitedRun(record, await self._service.read(lambda: _sampled(stored, submission.rate)))
         if self._service.pool.waiting("plan") >= WAITING * self._service.settings.interactive:
             raise busy("too many callers wait for a plan", 1.0)
         left = submission.deadline or float("inf")
-        asked = {**request, "do": "plan", "early": True, "budget": max(LEAD, min(submission.budget, left - LEAD))}
+        asked = {
+            **request,
+            "do": "plan",
+            "early": True,
+            "rate": submission.rate,
+            "budget": max(LEAD, min(submission.budget, left - LEAD)),
+        }
         wall = self._service.settings.reading + submission.budget + GRACE
         job = SolverJob(asked, wall, until=time.monotonic() + left)
         answer, whole = await self._answer(job, gone)
@@ -140,3 +149,8 @@ class WaitedPlans:
             task.add_done_callback(self._tasks.discard)
 
         return begin
+
+
+def _sampled(motion: bytes, rate: float | None) -> bytes:
+    """A trajectory.json with so many samples a second; None: as it is."""
+    return motion if rate is None else to_json(Trajectory.from_dict(json.loads(motion)).to_dict(rate or None))

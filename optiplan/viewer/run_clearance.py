@@ -92,8 +92,7 @@ def _measured(part: ScenePart, motion: Trajectory, duration: float, even: int) -
     model = CollisionModel(checked_robot(part.problem, policy), part.problem.scene)
     if not model.pairs:
         return None
-    motion = with_obstacles(motion, model.motions)
-    record = ClearanceRecord()
+    motion, record = with_obstacles(motion, model.motions), ClearanceRecord()
     proof = certify(model, motion, policy, record)
     bound = record.bound(motion.duration, len(model.pairs)) if proof.proved else None
     own = max(4, int(np.ceil(even * motion.duration / duration)))

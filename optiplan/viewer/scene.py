@@ -26,6 +26,13 @@ from optiplan.viewer.surfaces import Colour, encode, packed, visual_surfaces
 _PLAIN: Colour = (0.93, 0.94, 0.95, 1.0)
 _COLLISION: Colour = (0.45, 0.62, 0.78, 1.0)
 _HELD: Colour = (0.90, 0.62, 0.25, 1.0)
+_NAMED: dict[str, Colour] = {
+    "red": (0.80, 0.28, 0.26, 1.0),
+    "green": (0.33, 0.62, 0.36, 1.0),
+    "blue": (0.25, 0.47, 0.80, 1.0),
+    "yellow": (0.90, 0.75, 0.25, 1.0),
+}
+"""Colours of objects whose names begin with such a word."""
 _OBJECTS: tuple[Colour, ...] = (
     _HELD,
     (0.30, 0.52, 0.80, 1.0),
@@ -255,7 +262,9 @@ def _moving_objects(
             for stay in one.stays
         ]
         held = {held.name for held in problem.scene.attached}
-        colour = _OBJECTS[sorted(taken).index(one.name) % len(_OBJECTS)] if one.name in taken else None
+        colour = _NAMED.get(one.name.partition("_")[0])
+        if one.name in taken and colour is None:
+            colour = _OBJECTS[sorted(taken).index(one.name) % len(_OBJECTS)]
         colour = colour or (_HELD if one.name in held else obstacle_colour(one.shape))
         look = {"geometry": drawn, "colour": list(colour), "name": one.name, "owner": one.name}
         found.append(look | {"stays": stays})

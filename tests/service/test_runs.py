@@ -105,6 +105,11 @@ def test_best_so_far_is_verified_and_ends_with_the_answer(server, problems, plan
     assert best
     assert best == sorted(best, reverse=True)
     assert server.ended(run)["duration"] == best[-1]
+    with server.http.stream("GET", f"/api/runs/{run}/events") as lines:
+        again = [json.loads(line[5:]) for line in lines.iter_lines() if line.startswith("data:")]
+    assert [event["duration"] for event in again if event["type"] == "best"] == best, "who comes late sees it too"
+    assert again[-1] == {"type": "end", "status": "done", "verified": True}
+    assert sum(event["type"] == "end" for event in again) == 1
 
 
 def test_motions_that_the_verifier_refuses_are_not_told(problems):
@@ -219,3 +224,20 @@ def test_pictures_show_the_scene_and_the_path_within_it(server, problems):
     assert scene.status_code == 200
     assert "polyline" not in scene.text
     assert server.http.get(f"/api/problems/{'0' * 64}/thumbnail.svg").status_code == 404
+
+
+@pytest.mark.parametrize(("rate", "least", "most"), [(0, 0, 0), (20, 20, 25), (None, 190, 10_000)])
+def test_who_waits_says_how_many_samples_and_the_stored_file_has_all(server, rate, least, most):
+    given = {"problem": QUICK, "seed": 70 + least, "budget": 5.0, "rate": rate}
+    answer = server.http.post("/api/plan", json=given).json()
+    motion = answer["trajectory"]
+    per_second = len(motion.get("t", [])) / answer["duration"]
+    assert least <= per_second <= most
+    stored = server.http.get(f"/api/runs/{answer['id']}/trajectory.json").json()
+    assert stored["pieces"] == motion["pieces"]
+    assert len(stored["t"]) / answer["duration"] > 190
+    again = server.http.post("/api/plan", json=given).json()
+    assert again["id"] == answer["id"]
+    assert again["trajectory"] == motion, "the store answers likewise"
+    assert server.http.post("/api/plan", json={**given, "rate": -1}).status_code == 422
+    assert server.http.post("/api/runs", json={**given, "rate": 5}).status_code == 422

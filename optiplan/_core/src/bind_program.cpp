@@ -28,7 +28,7 @@ namespace {
 using DenseRows = std::tuple<Indices, Vector, Matrix, Vector, double, double>;
 
 std::shared_ptr<Spline> make_spline(Matrix derivatives, Indices order, Matrix rates, Matrix gram, Matrix limits,
-                                    std::size_t fixed, double time, double jerk) {
+                                    std::size_t fixed, double time, double jerk, bool open_end) {
     auto spline = std::make_shared<Spline>();
     spline->points = derivatives.shape(1), spline->joints = rates.shape(1), spline->fixed = fixed;
     expect(2 * fixed < spline->points, "no free control point");
@@ -43,7 +43,7 @@ std::shared_ptr<Spline> make_spline(Matrix derivatives, Indices order, Matrix ra
     spline->rates = to_vector(rates), spline->gram = to_vector(gram);
     spline->lower.assign(limits.data(), limits.data() + spline->joints);
     spline->upper.assign(limits.data() + spline->joints, limits.data() + 2 * spline->joints);
-    spline->time = time, spline->jerk = jerk;
+    spline->time = time, spline->jerk = jerk, spline->open_end = open_end;
     return spline;
 }
 
@@ -257,7 +257,7 @@ void bind_program(nb::module_ &m) {
     using namespace nb::literals;
     nb::class_<Spline>(m, "Spline")
         .def(nb::new_(&make_spline), "derivatives"_a, "order"_a, "rates"_a, "gram"_a, "limits"_a, "fixed"_a, "time"_a,
-             "jerk"_a)
+             "jerk"_a, "open_end"_a = false)
         .def("shortest_duration", [](const Spline &spline, Matrix control) {
             expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
             return spline.shortest_duration(control.data());

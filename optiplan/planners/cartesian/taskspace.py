@@ -1,8 +1,8 @@
 """`taskspace`: the controller's own motion to the goal, rolled out, joined by polynomials and slowed to fit.
 
-No search: what the task-space controller does about obstacles and limits is all that is done, so it may end at the
-nearest configuration instead of the goal. It is quick, it is what a robot under this controller would do, and it says
-where that ends.
+First without a search: what the task-space controller does about obstacles and limits is all that is done, so it may
+end at the nearest configuration instead of the goal. Where it does, it is led along a sampled path, if `lead` allows
+that: a configuration that moves ahead of it, which it follows by its own limits and clearance.
 """
 
 from collections.abc import Iterator
@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.collision.native_model import planning_model
 from optiplan.control.controller import Controller
 from optiplan.control.defaults import default_limits
 from optiplan.control.limits.clearance import ClearanceLimit
@@ -29,6 +30,8 @@ from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.limit_violations import beyond_limits, excess
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.option_schema import PlannerOptions, option
+from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
+from optiplan.planners.sampling.shrunk_obstacles import thinned
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.from_samples import from_samples
@@ -39,8 +42,16 @@ _KNOTS = 5
 """Steps between the samples that polynomials join."""
 _INSIDE = 1e-4
 """rad or m: how far the roll-out keeps from the ends of joints, for the polynomials between its samples."""
-_STUCK = 100
-"""Steps at the nearest configuration after which the roll-out is given up."""
+_STALLED, _GAIN = 1.5, 0.02
+"""s of simulated motion within which the distance to the goal has to shrink by this share, or the roll-out is over."""
+_AHEAD = 0.05
+"""s at the velocity limits: how far ahead of the robot the configuration runs that leads it."""
+_SEARCH = 0.3
+"""Share of the remaining budget for a path."""
+_ROOM = (0.02, 0.008, 0.004)
+"""m; how far paths keep from obstacles, the first that leads to the goal is taken."""
+_GOALS = 4
+"""Goal configurations to which a path is sought."""
 _CLOSE = 0.3
 """Share of the goal's tolerances within which the roll-out may end."""
 _FITS = 8
@@ -53,10 +64,11 @@ class TaskSpaceOptions(PlannerOptions):
     dt: float = option(0.004, "s, of a step.", least=1e-4, most=0.05)
     clearance: float = option(0.002, "m; how far the roll-out keeps from everything.", least=0.0)
     seconds: float = option(30.0, "s of simulated motion after which it is given up.", above=0)
+    lead: bool = option(True, "lead the controller along a sampled path where it does not get to the goal by itself.")
 
 
 class TaskSpace(Planner[TaskSpaceOptions]):
-    """The goals in their order, until a roll-out ends at one of them."""
+    """The goals in their order, until a roll-out ends at one of them; then led along a path."""
 
     Options = TaskSpaceOptions
 
@@ -67,27 +79,66 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         with watch.stage("goals"):
             if work.model.collides(problem.start):
                 return PlanResult(None, end_collides(work.model, problem.start, "start"), watch.seconds)
-            goals = ranked_goals(problem, work.model, budget, 1)
+            goals = ranked_goals(problem, work.model, budget, _GOALS)
         if isinstance(goals, Failure):
             return PlanResult(None, goals, watch.seconds)
-        failures: list[Failure] = []
-        for k, goal in enumerate(problem.goal):
-            progress("roll-out", k / len(problem.goal))
-            with watch.stage("roll-out"):
+        found, info = self._alone(work, progress)
+        if isinstance(found, Failure) and self.options.lead and not budget.over:
+            led, more = self._led(work, goals, progress)
+            found, info = (found, info) if led is None else (led, more)
+        if isinstance(found, Failure):
+            return PlanResult(None, found, watch.seconds)
+        return PlanResult(found, None, watch.seconds, info)
+
+    def _alone(self, work: Work, progress: Progress) -> tuple[Trajectory | Failure, dict[str, int]]:
+        """The controller's own motion to one of the goals, or why there is none to the first."""
+        first: Failure | None = None
+        for k, goal in enumerate(work.problem.goal):
+            progress("roll-out", 0.5 * k / len(work.problem.goal))
+            with work.watch.stage("roll-out"):
                 found = self._attempt(work, goal)
             if isinstance(found, Trajectory):
-                return PlanResult(found, None, watch.seconds, {"goal": k})
-            failures.append(found)
-            if budget.over:
-                return PlanResult(None, out_of_time(budget, "rolling out"), watch.seconds)
-        return PlanResult(None, failures[0], watch.seconds)
+                return found, {"goal": k}
+            first = found if first is None else first
+            if work.budget.over:
+                return out_of_time(work.budget, "rolling out"), {}
+        assert first is not None
+        return first, {}
 
-    def _attempt(self, work: Work, goal: JointGoal | PoseGoal) -> Trajectory | Failure:
+    def _led(
+        self, work: Work, goals: list[Array], progress: Progress
+    ) -> tuple[Trajectory | Failure | None, dict[str, int]]:
+        """The motion along a path to one of the goals, or why it ends before; None without a path."""
+        failure: Failure | None = None
+        for k, room in enumerate(_ROOM):
+            progress("led roll-out", 0.5 + 0.5 * k / len(_ROOM))
+            if work.budget.over:
+                break
+            with work.watch.stage("path"):
+                path = self._path(work, goals, room)
+            if isinstance(path, Failure):
+                continue
+            with work.watch.stage("roll-out"):
+                found = self._attempt(work, JointGoal(path[-1]), path)
+            if isinstance(found, Trajectory):
+                return found, {"waypoints": len(path)}
+            failure = replace(found, detail=f"led along a path of {len(path)} points: {found.detail}")
+        return failure, {}
+
+    def _path(self, work: Work, goals: list[Array], room: float) -> Array | Failure:
+        """Waypoints (k, n) to one of the goals, among obstacles thicker by `room`, m."""
+        problem = work.problem
+        model = planning_model(problem.robot, thinned(problem.scene, -room)) if room > 0.0 else work.model
+        options = SamplingOptions(work.budget.share(_SEARCH), seed=problem.seed)
+        found = sample_path(model, problem.start, goals, problem.limits, options)
+        return found if isinstance(found, Failure) else found.waypoints
+
+    def _attempt(self, work: Work, goal: JointGoal | PoseGoal, path: Array | None = None) -> Trajectory | Failure:
         """The motion to one goal, within limits and free, or why there is none."""
         problem, limits, model = work.problem, work.problem.limits, work.model
         states = [State(problem.start)]
         last: ControlStep | None = None
-        for last in self._steps(problem, goal, states[0]):
+        for last in self._steps(problem, goal, states[0], path):
             states.append(last.state)
             if work.budget.over:
                 return out_of_time(work.budget, "rolling out")
@@ -106,17 +157,26 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         slower = within_torque(model.robot, limits, motion)
         return too_heavy(model.robot, limits, np.array([motion.start, motion.end])) if slower is None else slower
 
-    def _steps(self, problem: Problem, goal: JointGoal | PoseGoal, state: State) -> Iterator[ControlStep]:
-        """Steps until the robot stands at the goal, or at the nearest configuration to it."""
+    def _steps(
+        self, problem: Problem, goal: JointGoal | PoseGoal, state: State, path: Array | None
+    ) -> Iterator[ControlStep]:
+        """Steps until the robot stands at the goal, or comes no nearer to it."""
         controller = self._controller(problem, goal)
-        dt, stuck, arrived = self.options.dt, 0, False
+        lead = None if path is None else _Lead(path, problem.limits.velocity)
+        dt, arrived = self.options.dt, False
+        least, since = np.inf, 0.0
         for _ in range(int(self.options.seconds / dt)):
-            arrived = arrived or (_distance(problem, goal, state.q) < _CLOSE and not np.abs(state.v).max() > 0.01)
-            step = controller.stop(state, dt) if arrived else controller.step(state, dt)
+            if lead is not None:
+                controller.tasks[0].target = lead.ahead_of(state.q)
+            off = _distance(problem, goal, state.q)
+            left = off if lead is None else off + lead.left / _AHEAD
+            arrived = arrived or (off < _CLOSE and not np.abs(state.v).max() > 0.01)
+            since = 0.0 if left < (1.0 - _GAIN) * least else since + dt
+            least = left if since == 0.0 else least
+            step = controller.stop(state, dt) if arrived or since > _STALLED else controller.step(state, dt)
             state = step.state
             yield step
-            stuck = stuck + 1 if step.status in ("nearest", "stopped") else 0
-            if (arrived and not state.v.any()) or stuck >= _STUCK:
+            if (arrived or since > _STALLED) and not state.v.any():
                 return
 
     def _controller(self, problem: Problem, goal: JointGoal | PoseGoal) -> Controller:
@@ -130,6 +190,39 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         inside = PositionLimit(problem.limits.lower + _INSIDE, problem.limits.upper - _INSIDE)
         others = [limit for limit in default_limits() if not isinstance(limit, PositionLimit)]
         return Controller(robot, tasks, limits=[inside, *others, ClearanceLimit(problem.scene, self.options.clearance)])
+
+
+class _Lead:
+    """A configuration that runs along a path (k, n), never farther ahead of the robot than `_AHEAD`.
+
+    Attributes:
+        left: s at the velocity limits that are left of the path.
+    """
+
+    def __init__(self, path: Array, velocity: Array) -> None:
+        self._path, self._velocity = path, velocity
+        self._times = np.concatenate([[0.0], np.cumsum((np.abs(np.diff(path, axis=0)) / velocity).max(axis=1))])
+        self._at = 0.0
+
+    @property
+    def left(self) -> float:
+        return float(self._times[-1] - self._at)
+
+    def ahead_of(self, q: Array) -> Array:
+        """Run on as far as the robot at q (n,) lets it: (n,)."""
+        target = self._point(self._at)
+        while self.left > 0.0:
+            at = min(self._at + 0.05 * _AHEAD, float(self._times[-1]))
+            following = self._point(at)
+            if float((np.abs(following - q) / self._velocity).max()) > _AHEAD:
+                break
+            self._at, target = at, following
+        return target
+
+    def _point(self, time: float) -> Array:
+        k = min(int(np.searchsorted(self._times, time, side="right")) - 1, len(self._times) - 2)
+        share = (time - self._times[k]) / max(self._times[k + 1] - self._times[k], 1e-12)
+        return np.asarray(self._path[k] + share * (self._path[k + 1] - self._path[k]))
 
 
 def _distance(problem: Problem, goal: JointGoal | PoseGoal, q: Array) -> float:

@@ -35,6 +35,9 @@ _SHARES = (0.5, 0.25, 0.1)
 _ENOUGH = 0.05
 """Share of the time with stops that is to be gained; junctions of other sizes are tried as long as it is less."""
 
+_HOPELESS = 0.02
+"""Share of the time with stops; a motion in one go that is slower by more is not tried with other junctions."""
+
 _POINTS = 40
 """Of the spline that stands for a move."""
 
@@ -98,7 +101,8 @@ def _joined(group: list[Stretch], budget: Budget) -> list[Stretch]:
         found = _in_one_go(group, first, budget)
         if found is not None and found.ends[-1] < (stopping if best is None else best.ends[-1]):
             best = found
-        if budget.over or (best is not None and best.ends[-1] < (1.0 - _ENOUGH) * stopping):
+        slow = found is not None and found.ends[-1] > (1.0 + _HOPELESS) * stopping
+        if budget.over or slow or (best is not None and best.ends[-1] < (1.0 - _ENOUGH) * stopping):
             break
     if best is not None:
         return [best]

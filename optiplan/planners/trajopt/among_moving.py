@@ -68,7 +68,7 @@ def plan_among_moving(
     waiting = delayed(problem, [static.trajectory], model, budget.share(_DELAYS))
     info: dict[str, Any] = {"attempts": [*static.info.get("attempts", ())], "cut_short": False}
     found: list[Candidate] = []
-    cost = problem.objective.cost
+    cost = problem.cost
 
     def offer(motion: Trajectory) -> None:
         if not found or cost(motion) < cost(found[-1].trajectory):
@@ -101,21 +101,21 @@ def _curves(
     It ends early with a curve that costs hardly more than the first motion.
     """
     budget, offer, info = within
-    enough = _CLOSE * problem.objective.cost(seeds[0])
+    enough = _CLOSE * problem.cost(seeds[0])
     end = seeds[0].state(seeds[0].duration)
     curves = TimedOptimiser(problem, optimiser, EndStates(problem.start_state, end))
     best: Attempt | None = None
     rng = np.random.default_rng(problem.seed)
     guesses = [(curves.along(motion), motion.duration) for motion in seeds]
     for k in range(len(seeds) + _BUMPS):
-        if budget.over or (best is not None and problem.objective.cost(best.trajectory) <= enough):
+        if budget.over or (best is not None and problem.cost(best.trajectory) <= enough):
             return
         if k >= len(seeds):
             base, T = guesses[0] if best is None else (best.control, best.trajectory.duration)
             guesses.append((with_bump(optimiser.basis, base, T, problem.limits, rng), T))
         before = optimiser.steps
         attempt = curves.run(*guesses[k], budget)
-        free = attempt is not None and not attempt.touches and not attempt.broken
+        free = attempt is not None and attempt.free
         entry = {"seed": "in time", "free": free, "iterations": optimiser.steps - before}
         info["attempts"].append(entry | ({} if attempt is None else {"duration": attempt.trajectory.duration}))
         if attempt is not None and free:

@@ -56,12 +56,12 @@ class Tasks:
         budget, given = Budget(request["budget"]), problem.with_seed(choice.seed)
         told = progress if request.get("early") else ProvedIncumbents(given, progress)
         run = pipeline.attempt(given, choice.planner, choice.options, budget, told)
-        about, motion = _about(run) | _identity(problem, choice), motion_file(run)
+        about, rate = _about(run) | _identity(problem, choice), request.get("rate")
         if request.get("early"):
-            progress.answered(about, motion)
+            progress.answered(about, motion_file(run, RATE if rate is None else rate or None))
         else:
             told.rest(run.improvements)
-        return about, {**motion, **record_file(run)}
+        return about, {**motion_file(run), **record_file(run)}
 
     def page(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """The page of runs, each of them from the texts of its two files."""
@@ -126,11 +126,11 @@ def record_file(run: Run) -> dict[str, bytes]:
     return {RUN: (record + "\n").encode()}
 
 
-def motion_file(run: Run) -> dict[str, bytes]:
-    """The content of `trajectory.json`, as a run folder has it; nothing without a motion."""
+def motion_file(run: Run, rate: float | None = RATE) -> dict[str, bytes]:
+    """The content of `trajectory.json`, as a run folder has it, sampled at a rate, Hz; nothing without a motion."""
     if run.trajectory is None:
         return {}
-    return {TRAJECTORY: to_json(run.trajectory.to_dict(rate=RATE)) + b"\n"}  # numbers are finite, as of any trajectory
+    return {TRAJECTORY: to_json(run.trajectory.to_dict(rate=rate)) + b"\n"}  # numbers are finite, as of any trajectory
 
 
 def _identity(problem: Problem, choice: PlannerChoice) -> dict[str, Any]:

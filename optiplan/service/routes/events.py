@@ -74,14 +74,19 @@ class EventFeed:
     response_class=EventSourceResponse,
 )
 async def events(run: RunPath, service: Service, request: Request) -> EventSourceResponse:
-    """Watch a run: `status`, `stage` (with fraction), `best` (seconds, duration of a verified motion), `end`."""
+    """Watch a run: `status`, `stage` (with fraction), `best` (seconds, duration of a verified motion), `end`.
+
+    Of a run that has ended, what happened then.
+    """
     record = await service.run(run)
     feed: EventFeed = request.app.state.feed
 
     async def lines() -> AsyncIterator[dict[str, str]]:
         if record["status"] in ENDED:
-            data = {"type": "end", "status": record["status"], "verified": record["verified"]}
-            yield {"event": "end", "data": json.dumps(data)}
+            then = await service.read(lambda: service.runs.events_after(0, [run]))
+            end = {"type": "end", "status": record["status"], "verified": record["verified"]}
+            for data in (*(one for _, _, one in then if one["type"] != "end"), end):
+                yield {"event": data["type"], "data": json.dumps(data)}
             return
         yield {"event": "status", "data": json.dumps({"type": "status", "status": record["status"]})}
         async for data in feed.events(run):

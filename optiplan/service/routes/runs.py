@@ -13,7 +13,7 @@ from starlette.background import BackgroundTask
 
 from optiplan.runs.export import FORMATS, export
 from optiplan.runs.run_folder import RUN, TRAJECTORY
-from optiplan.service.models import PlanAnswer, RunAnswer, RunList, Submission
+from optiplan.service.models import PlanAnswer, PlanRequest, RunAnswer, RunList, Submission
 from optiplan.service.refusals import Refusal, not_found
 from optiplan.service.routes.answers import Json, RunPath, Service, errors, files, run_answer, run_answers
 from optiplan.service.store.run_table import ENDED
@@ -112,7 +112,7 @@ async def exported(
 
 
 @router.post("/plan", response_model=PlanAnswer, responses=errors(404, 413, 422, 503, 504, 507))
-async def plan(submission: Submission, service: Service, request: Request) -> Response:
+async def plan(submission: PlanRequest, service: Service, request: Request) -> Response:
     """Plan and wait for the answer, past the queue: for callers that need the motion now. Who goes away, cancels."""
     run = await service.waited.plan(submission, request.is_disconnected)
     head = json.dumps(run_answer(run.record), allow_nan=False, separators=(",", ":"))

@@ -121,6 +121,29 @@ def test_a_descent_asks_whether_to_stop() -> None:
         native.optimise(control, 60, interrupted)
 
 
+@pytest.mark.parametrize("native", [True, False])
+def test_a_descent_asks_once_whether_to_go_on_from_the_first_curve_that_keeps_clear(native: bool) -> None:
+    problem, way = walled()
+    made, control = transcription(problem, NativeCollisionModel(problem.robot, problem.scene), way)
+    descender = NativeSqp(made) if native else sqp.Sqp(Subproblem(made, "piqp"))
+    descender.set_samples(SAMPLES)
+    asked: list[tuple[np.ndarray, float]] = []
+
+    def ask(control: np.ndarray, duration: float) -> bool:
+        asked.append((control, duration))
+        return len(asked) > 1
+
+    assert not sqp.evaluate(made, control, 0.0).feasible
+    ended = descender.optimise(control, 60, lambda: False, go_on=ask)
+    assert len(asked) == 1
+    assert np.array_equal(ended.control, asked[0][0])
+    assert sqp.evaluate(made, *asked[0]).feasible
+    further = descender.optimise(control, 60, lambda: False, go_on=ask)
+    assert len(asked) == 2
+    assert further.steps > ended.steps
+    assert further.duration <= ended.duration
+
+
 def interrupted() -> bool:
     raise KeyboardInterrupt
 

@@ -12,6 +12,8 @@ import pytest
 from optiplan.collision.model import CollisionModel
 from optiplan.planners import base
 from optiplan.planners.base import Budget, Failure
+from optiplan.planners.sampling.sample_path import SampledPath
+from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt import planner, stopping_rule
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
@@ -22,6 +24,7 @@ from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
 from optiplan.runs.run import Run
 from optiplan.trajectory.timing.stops import stop_at_corners
+from optiplan.verify.verify import verify
 from tests.planners import cases
 from tests.robot.robots import BARE, LINK, joint, write_robot
 
@@ -190,7 +193,7 @@ def test_a_straight_line_that_leads_to_nothing_is_given_up_and_says_what_it_took
 def test_lines_wait_for_a_search_that_fails_once_one_has_led_to_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing comes of any curve: with a path there is no second line; without one there is, with all its time."""
     seen: list[bool] = []
-    monkeypatch.setattr(Optimiser, "run", lambda self, *given, patient: seen.append(patient))
+    monkeypatch.setattr(Optimiser, "run", lambda self, *given, patient, first: seen.append(patient))
     problem, quiet = cases.wall(), lambda stage, fraction: None
     seeds = [
         entry["seed"] for entry in TrajOpt(TrajOptOptions(seeds=2)).plan(problem, Budget(5.0), quiet).info["attempts"]
@@ -204,3 +207,47 @@ def test_lines_wait_for_a_search_that_fails_once_one_has_led_to_nothing(monkeypa
     assert [entry["seed"] for entry in result.info["attempts"]] == ["straight", "line", "line"]
     assert seen[-3:] == [False, True, True]
     assert result.failure is failure
+
+
+def test_the_first_free_curve_is_a_candidate_before_it_is_short() -> None:
+    """The line leads through the wall: the first curve around it comes some steps before the fastest one."""
+    problem = cases.wall()
+    result = TrajOpt(TrajOptOptions(seeds=1)).plan(problem, Budget(5.0), lambda stage, fraction: None)
+    first, *_, last = [*(one.trajectory for one in result.earlier), result.trajectory]
+    assert last.duration < first.duration
+    assert verify(problem, first).verified
+    found: list[float] = []
+    run = planner._Run(problem, Budget(5.0), lambda stage, fraction: None, TrajOptOptions())
+    line = run._along(np.array([problem.start, problem.goal[0].q]))
+    attempt = run.optimiser.run(line, Budget(5.0), first=lambda one: found.append(one.trajectory.duration))
+    assert attempt.free
+    assert len(found) == 1
+    assert found[0] >= attempt.trajectory.duration
+
+
+@pytest.mark.parametrize(("shorter", "kinds"), [(1.0, []), (0.9, ["sampled"])])
+def test_a_path_on_an_optimised_curve_is_optimised_again_only_where_shortcuts_helped(
+    shorter: float, kinds: list[str]
+) -> None:
+    problem = cases.free()
+    run = planner._Run(problem, Budget(5.0), lambda stage, fraction: None, TrajOptOptions())
+    ends = np.array([problem.start, problem.goal[0].q])
+    attempt = run.optimiser.run(run._along(ends), Budget(5.0))
+    cost = float(path_time(ends, problem.limits.velocity).sum())
+    run.repaired = attempt, cost
+    run._sampled(SampledPath(ends, 0, shorter * cost, {}))
+    seeds = [entry["seed"] for entry in run.info["attempts"] if entry["seed"] != "close"]
+    assert seeds == kinds
+    assert run.candidates
+    assert run.repaired is None
+
+
+def test_a_path_that_takes_far_longer_than_the_best_motion_is_left() -> None:
+    problem = cases.free()
+    run = planner._Run(problem, Budget(5.0), lambda stage, fraction: None, TrajOptOptions())
+    ends = np.array([problem.start, problem.goal[0].q])
+    run._attempt("straight", run._along(ends), run.budget)
+    before = len(run.info["attempts"])
+    run._sampled(SampledPath(ends, 0, 2.0 * run.best, {}))
+    assert len(run.info["attempts"]) == before
+    assert run.patience.in_vain == 1

@@ -18,7 +18,18 @@ Stencil stencil_of(const double *row, std::size_t count) {
     return found;
 }
 
-Stencil free_part(const Stencil &stencil, std::size_t fixed, std::size_t free) {
+Stencil free_part(const Stencil &stencil, std::size_t fixed, std::size_t free, bool open_end) {
+    if (open_end) {  // those beyond the last variable move with it
+        const std::size_t last = fixed + free - 1;
+        Stencil joined;
+        joined.first = std::min(stencil.first, last);
+        for (std::size_t k = 0; k < stencil.count; ++k) {
+            const std::size_t at = std::min(stencil.first + k, last) - joined.first;
+            joined.weights[at] += stencil.weights[k];
+            joined.count = std::max(joined.count, at + 1);
+        }
+        return free_part(joined, fixed, free);
+    }
     const std::size_t begin = std::clamp(stencil.first, fixed, fixed + free);
     const std::size_t end = std::clamp(stencil.first + stencil.count, fixed, fixed + free);
     Stencil found;

@@ -18,8 +18,9 @@ struct Stencil {
     std::array<double, REACH> weights{};
 };
 
-// Weights of a stencil over the free control points alone; `first` counts from the first free one.
-Stencil free_part(const Stencil &stencil, std::size_t fixed, std::size_t free);
+// Weights of a stencil over the free control points alone; `first` counts from the first free one. With an open end the
+// last `fixed` control points, which are equal there, count as one more free one.
+Stencil free_part(const Stencil &stencil, std::size_t fixed, std::size_t free, bool open_end = false);
 
 // Row r of a dense matrix, whose entries away from zero are at most REACH neighbours.
 Stencil stencil_of(const double *row, std::size_t count);
@@ -34,7 +35,12 @@ struct Spline {
     Vec lower, upper;                               // (n,) of the joints
     double time = 1.0, jerk = 0.0;                  // the objective: time T + jerk (integral of squared jerk)
 
-    std::size_t free() const { return points - 2 * fixed; }
+    bool open_end = false;                          // whether the end is free: the last `fixed` points move as one
+
+    std::size_t free() const { return points - 2 * fixed + (open_end ? 1 : 0); }
+
+    // The control points that variable i moves: the first of them, and how many.
+    std::size_t count(std::size_t i) const { return open_end && i + 1 == free() ? fixed : 1; }
     const double *limit(std::size_t row) const { return rates.data() + (order[row] - 1) * joints; }
 
     // D C of row r: (n,)

@@ -45,7 +45,9 @@ Step StepSolver::solve(const double *control, double duration, const std::vector
     step.control.assign(control, control + spline.points * n);
     double *moving = step.control.data() + spline.fixed * n;
     for (std::size_t i = 0; i < program_.points; ++i)
-        for (std::size_t j = 0; j < n; ++j) moving[i * n + j] += found.x[i * program_.joints + j] * scale_[j];
+        for (std::size_t copy = 0; copy < spline.count(i); ++copy)
+            for (std::size_t j = 0; j < n; ++j)
+                moving[(i + copy) * n + j] += found.x[i * program_.joints + j] * scale_[j];
     step.duration = duration * (1.0 + found.t);
     double now = 0.0;
     for (const Inequalities *part : soft) now += part->cost();
@@ -72,7 +74,7 @@ void StepSolver::bound(const double *control, double duration, double radius) {
     rows.weight.assign(count * wide, 0.0), rows.share.assign(count * wide, 0.0);
     const double power[4] = {1.0, duration, duration * duration, duration * duration * duration};
     for (std::size_t r = 0; r < count; ++r) {
-        rows.stencils[r] = free_part(spline.derivatives[r], spline.fixed, spline.free());
+        rows.stencils[r] = free_part(spline.derivatives[r], spline.fixed, spline.free(), spline.open_end);
         rows.order[r] = spline.order[r];
         spline.derivative(r, control, rows.share.data() + r * wide);
         const double *limit = spline.limit(r);
@@ -97,14 +99,17 @@ void StepSolver::shape(const double *control, double duration) {
     const double factor = 2.0 * spline.jerk * std::pow(duration, -5) / duration;
     program_.gradient_t -= 5.0 * spline.jerk_cost(control, duration) / duration;
     for (std::size_t i = 0; i < free; ++i) {
-        const double *gram = spline.gram.data() + (i + spline.fixed) * points;
         double *gradient = program_.gradient.data() + i * wide;
-        for (std::size_t k = 0; k < points; ++k)
-            if (gram[k] != 0.0) add_scaled(gradient, factor * gram[k], control + k * n, n);
+        for (std::size_t row = i + spline.fixed; row < i + spline.fixed + spline.count(i); ++row) {
+            const double *gram = spline.gram.data() + row * points;
+            for (std::size_t k = 0; k < points; ++k)
+                if (gram[k] != 0.0) add_scaled(gradient, factor * gram[k], control + k * n, n);
+            for (std::size_t d = 0; d < REACH && i + d < free; ++d)
+                for (std::size_t k = i + spline.fixed + d; k < i + spline.fixed + d + spline.count(i + d); ++k)
+                    for (std::size_t j = 0; j < n; ++j)
+                        program_.hessian[(i * REACH + d) * wide + j] += factor * gram[k] * scale_[j] * scale_[j];
+        }
         for (std::size_t j = 0; j < n; ++j) gradient[j] *= scale_[j];
-        for (std::size_t d = 0; d < REACH && i + d < free; ++d)
-            for (std::size_t j = 0; j < n; ++j)
-                program_.hessian[(i * REACH + d) * wide + j] = factor * gram[i + spline.fixed + d] * scale_[j] * scale_[j];
     }
 }
 
