@@ -8,7 +8,7 @@ nearest to the motion moves by 5 cm in a random direction; the goal's pose does;
 anew and with `warm_start`, which takes `Problem.with_…`, planning, proof and metrics each time. Changes that make the
 problem bad input (a start or goal in collision) are drawn again, up to ten times. Shares are of the time of the plan
 anew in the same run; *on the way* also shows the largest step of the acceleration at the start, as a share of its
-limit. The last line printed is one JSON object.
+limit. *Planning alone* leaves out the change, proof and metrics, which both need. The last line printed is JSON.
 """
 
 import os
@@ -39,6 +39,7 @@ HEADINGS = (
     "verified warm",
     "time warm / anew: median",
     "90 %",
+    "planning alone: median",
     "time anew, s, median",
     "duration warm / anew: median",
     "90 %",
@@ -113,6 +114,7 @@ def compared(problem: op.Problem, first: op.Run, parts: Parts, budget: float) ->
         run = op.plan(problem.with_parts(**parts), budget=budget, warm_start=earlier)
         seconds = time.perf_counter() - began
         found |= {f"{way}_s": seconds, f"{way}_duration": run.duration if run.verified else None}
+        found[f"{way}_plan_s"] = run.timings["plan"]
     return found | {"step": step(run)}
 
 
@@ -179,6 +181,7 @@ def line(kind: str, rows: list[dict[str, Any]]) -> list[str]:
         f"{len(rows)}",
         *(f"{sum(row[key] is not None for row in rows)}" for key in ("anew_duration", "warm_duration")),
         *(f"{100 * share:.0f} %" for share in time_share),
+        f"{100 * percentiles([row['warm_plan_s'] / row['anew_plan_s'] for row in both], 50)[0]:.0f} %",
         f"{percentiles([row['anew_s'] for row in both], 50)[0]:.2f}",
         *(f"{ratio:.3f}" for ratio in longer),
         f"{max(steps):.0e}" if steps else "",

@@ -17,7 +17,7 @@ from tests.test_layers import GROUND, ROOMS
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 TUTORIAL = sorted((DOCS / "tutorial").glob("*.md"))
-RUN = [*TUTORIAL, *(DOCS / "how-to" / f"{name}.md" for name in ("retime", "outside-planner"))]
+RUN = [*TUTORIAL, *(DOCS / "how-to" / f"{name}.md" for name in ("retime", "replanning", "outside-planner"))]
 BLOCK = re.compile(
     r"(?:<!-- (?P<mark>[^>]*) -->\n)?```(?P<language>\w+)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)```", re.DOTALL
 )

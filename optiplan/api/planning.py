@@ -83,6 +83,8 @@ def plan(
     known = _known(problem, warm_start)
     try:
         run = pipeline.run(problem, asked, chosen, clock, told, known)
+        if known is not None and run.trajectory is not None and not run.verified and not clock.over:
+            run = pipeline.run(problem, asked, chosen, clock.share(1.0), told)  # the earlier motion led astray
     except UnknownChoiceError as error:
         argument = "planner" if error.kind == "planner" else "options"
         raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None

@@ -187,7 +187,7 @@ class Scene:
 
     def later(self, t: float) -> "Scene":
         """The scene as it is t seconds from now, in which what moves goes on from where it is then."""
-        return replace(self, obstacles=tuple(_later(body, t) for body in self.obstacles))
+        return replace(self, obstacles=tuple(_later(body, t) for body in self.obstacles)) if self.moving else self
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from optiplan.geometry.obstacle_motion import ObstacleMotion
+from optiplan.trajectory.cut import cut
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -18,7 +19,7 @@ def with_obstacles(trajectory: Trajectory, motions: Sequence[ObstacleMotion]) ->
         return trajectory
     stops = sorted({motion.until for motion in motions if 0.0 < motion.until < trajectory.duration})
     edges = [0.0, *stops, trajectory.duration]
-    parts = [trajectory.part(a, b) for a, b in pairwise(edges)] if stops else [trajectory]
+    parts = [cut(trajectory, a, b) for a, b in pairwise(edges)] if stops else [trajectory]
     inner = [part.breakpoints[:-1] + begin for part, begin in zip(parts, edges, strict=False)]  # stops to the last bit
     breakpoints = np.append(np.concatenate(inner), trajectory.duration)
     own = np.concatenate([part.coefficients for part in parts])

@@ -1,6 +1,5 @@
 """`Trajectory`: piecewise polynomials in time, the one representation that every planner returns."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -184,24 +183,6 @@ class Trajectory:
             InputError: a time outside [0, duration], or not a number.
         """
         return State(*(self(float(t), order) for order in range(3)))
-
-    def part(self, begin: float, end: float) -> "Trajectory":
-        """Return the motion from one time to another, s, whose own time starts at 0.
-
-        Raises:
-            ValueError: unless 0 <= begin < end <= duration.
-        """
-        if not 0.0 <= begin < end <= self.duration:
-            raise ValueError(f"begin, end: found {begin}, {end}; expected increasing times in [0, {self.duration}]")
-        first = int(np.searchsorted(self.breakpoints[1:-1], begin, side="right"))
-        last = int(np.searchsorted(self.breakpoints[1:-1], end, side="left"))
-        edges = np.concatenate([[begin], self.breakpoints[first + 1 : last + 1], [end]])
-        coefficients = self.coefficients[first : last + 1].copy()
-        orders = range(coefficients.shape[1])
-        here = [self.derivatives(k)[first : first + 1] for k in orders]
-        by = begin - self.breakpoints[first]
-        coefficients[0] = [polynomial.evaluate(c[0].T, by) / math.factorial(k) for k, c in enumerate(here)]
-        return Trajectory(self.joint_names, edges - begin, coefficients)
 
     def extrema(self, order: int) -> tuple[Array, Array]:
         """Exact minimum and maximum of a derivative over all time: two arrays of shape (n,), rad/s^order."""

@@ -54,7 +54,8 @@ class SceneData:
     Attributes:
         name: of the problem; the page's title.
         geometries: each shape once.
-        parts: `{set, name, owner, body, geometry, pose, colour}`; body 0 is the world, body j the robot's joint j;
+        parts: `{set, name, owner, body, geometry, pose, colour}`, and of an obstacle that moves its `motion`, as in the
+            problem; body 0 is the world, body j the robot's joint j;
             `owner` is the link, attachment or obstacle as reports name it; a robot without any geometry has its frames
             in the set `frame`.
         joints: names of the planned joints, short, and the body that each moves.
@@ -279,6 +280,8 @@ def _add_objects(parts: _Parts, problem: Problem, moving: frozenset[str]) -> Non
     for obstacle in (one for one in problem.scene.obstacles if one.name not in moving):
         drawn = parts.geometry(obstacle.shape, partial(_encode_shape, obstacle.shape))
         parts.add("obstacle", obstacle.name, 0, obstacle.X_WO, (drawn, obstacle_colour(obstacle.shape)))
+        if obstacle.motion is not None:
+            parts.parts[-1]["motion"] = obstacle.motion.to_data()
 
 
 def _encode_shape(shape: Shape) -> dict[str, Any]:

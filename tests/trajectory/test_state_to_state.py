@@ -85,7 +85,7 @@ def feasible(start, end, T, limits, steps=160):
 def test_no_motion_beats_the_bound():
     """A discretised motion of one joint is a motion: where one exists, the bound is below it, and hardly so."""
     rng = np.random.default_rng(3)
-    one = LIMITS.of(slice(0, 1))
+    one = LIMITS.of_joints([0])
     for _ in range(8):
         start, end = (State(s.q[:1], s.v[:1], s.a[:1]) for s in (states(rng, 0.8), states(rng, 0.8)))
         bound = float(moving_bounds(start, [end], one)[0])

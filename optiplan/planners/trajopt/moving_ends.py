@@ -17,7 +17,7 @@ from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.trajectory.timing.torque_scaling import RESERVE, torque_scale, torque_share
 from optiplan.trajectory.trajectory import Trajectory
 
-SETTLED = 2e-3
+SETTLED = 5e-4
 """Share of the duration by which two durations in a row may differ in the end."""
 
 ROUNDS = 8

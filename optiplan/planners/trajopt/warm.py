@@ -17,6 +17,7 @@ from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, to
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory.cut import cut
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -167,4 +168,4 @@ def _ahead(problem: Problem, earlier: Trajectory) -> Trajectory:
         v = earlier(here, 1)
         here += float((problem.start - earlier(here)) @ v) / max(float(v @ v), 1e-12)
         here = float(np.clip(here, 0.0, t[-2]))
-    return earlier.part(here, earlier.duration)
+    return cut(earlier, here, earlier.duration)

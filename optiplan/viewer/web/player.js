@@ -91,6 +91,7 @@
     if (!scene || posed === clock.time) return;
     posed = clock.time;
     for (const run of scene.runs) setPose(run, clock.time);
+    scene.moveObstacles(clock.time);
     const run = data.runs[app.selected];
     scene.rod.show(run && run.clearance ? OptiPlanDock.nearest(run, clock.time) : null);
     scene.dirty();

@@ -122,15 +122,3 @@ def test_replanner():
         replanner.plan(start=[9.0, 9.0])
     with pytest.raises(op.InputError, match="Replanner"):
         op.Replanner("12_planar")
-
-
-def test_parts_of_a_motion():
-    motion = op.plan(op.load_problem("12_planar"), "scurve", budget=1.0).trajectory or plan(cases.planar()).trajectory
-    begin, end = 0.21 * motion.duration, 0.83 * motion.duration
-    part = motion.part(begin, end)
-    t = np.linspace(0.0, part.duration, 100)
-    for order in range(4):
-        assert part(t[:-1], order) == pytest.approx(motion(t[:-1] + begin, order), abs=1e-8)
-    assert motion.part(0.0, motion.duration).coefficients == pytest.approx(motion.coefficients)
-    with pytest.raises(ValueError, match="increasing"):
-        motion.part(0.5, 0.5)

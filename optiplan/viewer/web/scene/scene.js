@@ -87,7 +87,18 @@ const OptiPlanScene = (() => {
         const mesh = this.mesh(part, this.surface(part.colour, plane ? { transparent: true, opacity: 0.28, depthWrite: false } : {}));
         mesh.castShadow = !plane;
         mesh.userData.plane = plane && this.data.geometries[part.geometry];
+        mesh.userData.motion = part.motion && { ...part.motion, from: part.pose.slice(0, 3) };
         this.layers.obstacle.add(mesh);
+      }
+    }
+
+    // Obstacles that move are put where they are at a time, s: from their pose by a polynomial of it.
+    moveObstacles(t) {
+      for (const mesh of this.layers.obstacle.children) {
+        const motion = mesh.userData.motion;
+        if (!motion) continue;
+        const time = Math.min(t, motion.until === undefined ? Infinity : motion.until);
+        motion.polynomial.forEach((row, axis) => mesh.position.setComponent(axis, motion.from[axis] + row.reduceRight((sum, c) => sum * time + c, 0)));
       }
     }
 
