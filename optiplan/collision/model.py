@@ -89,7 +89,7 @@ class CollisionModel:
         self.pairs = self._list_pairs()
         for pair in self.pairs:
             self.geometry.addCollisionPair(pin.CollisionPair(pair.a, pair.b))
-        self.bounds = PairBounds(robot.model, self.geometry, [(p.a, p.b) for p in self.pairs])
+        self.bounds = PairBounds(robot.kinematics, self.geometry, [(p.a, p.b) for p in self.pairs], robot.link_boxes)
         self._data = robot.model.createData()
         self.outline = Outline(robot.model, self.geometry)
 

@@ -16,6 +16,7 @@ from optiplan.arrays import Array
 from optiplan.config.document import Document, plain, read_yaml, validate
 from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_argument
 from optiplan.files import bound, read_bytes, reading, write_text
+from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.description_files import read_sources
 from optiplan.robot.dh.table import DhTable
 from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to
@@ -34,6 +35,7 @@ from optiplan.robot.reference import (
     robot_names,
     said,
 )
+from optiplan.robot.self_collision.pair_bounds import LocalBox, local_box
 from optiplan.robot.self_collision.pair_survey import PairSurvey, survey_pairs
 from optiplan.robot.self_collision.pairs import PROVED, declared_pairs, set_pairs, srdf_words, unchecked_pairs
 from optiplan.robot.spec import MecanumSpec, RobotSpec
@@ -158,6 +160,16 @@ class Robot:
     def has_inertia(self) -> bool:
         """Whether any link that a joint moves has a mass; without one torque cannot be told."""
         return any(inertia.mass > 0.0 for inertia in list(self.model.inertias)[1:])
+
+    @cached_property
+    def kinematics(self) -> BatchKinematics:
+        """Forward kinematics of many configurations at once."""
+        return BatchKinematics(self.model)
+
+    @cached_property
+    def link_boxes(self) -> tuple[LocalBox, ...]:
+        """Bounding volumes of the bodies of `geometry`."""
+        return tuple(local_box(body.geometry) for body in self.geometry.geometryObjects)
 
     @cached_property
     def visual(self) -> pin.GeometryModel:

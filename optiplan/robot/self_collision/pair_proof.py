@@ -105,7 +105,7 @@ class PairProof:
             pairs: (P, 2) bodies of each pair.
             limits: lower and upper, (n,), infinite for joints without end.
         """
-        self.bounds = PairBounds(model, geometry, [(int(a), int(b)) for a, b in pairs])
+        self.bounds = PairBounds(BatchKinematics(model), geometry, [(int(a), int(b)) for a, b in pairs])
         self.moves = self.bounds.depends
         follows = np.abs(self.bounds.kinematics.coupling) > 0.0  # (J, n)
         # What a follower does in one turn of its leader, or at half a turn, is another matter: no turns, no chords.

@@ -195,7 +195,7 @@ class _Search:
         margins = []
         for k in range(0, len(first), _CHUNK):
             Q, D = 0.5 * (low + high)[k : k + _CHUNK], 0.5 * (high - low)[k : k + _CHUNK] + 1e-15
-            margins.append(self.model.lower_bounds(Q) - self.model.travel(Q, D) - ROUNDING)
+            margins.append(self.model.bounds.apart(Q, D, self.policy.clearance + _FAR + ROUNDING) - ROUNDING)
         margin = np.concatenate(margins)
         clear, far = margin > self.policy.clearance + _EASY, margin > self.policy.clearance + _FAR
         self.keep(margin[far])

@@ -86,9 +86,9 @@ class Motion:
             curvature_loss += 0.5 * half**2 * curve.sum(axis=1) + (boxes.jump[rows] * moves * lever).sum(axis=1)
             omega, u = self._twist(boxes.v[rows] * moves, query.direction[rows], query.point[rows])
             turn, shift = _cross(normals, omega), np.einsum("ki,ki->k", normals, u)
-            for end, s in ((0, half), (1, -half)):
-                direction = sign * (normals + s[:, None] * turn)
-                gap[end] -= self._bodies.support(query.placed, side, direction) + sign * s * shift
+            s = np.stack([half, -half])
+            direction = sign * (normals + s[:, :, None] * turn)
+            gap -= self._bodies.support(query.placed, side, direction) + sign * s * shift
         return SeparationRate(travel, np.nan_to_num(gap.min(axis=0), nan=-np.inf), curvature_loss)
 
     def _of_all_joints(self, boxes: Boxes) -> Boxes:
