@@ -183,8 +183,12 @@ def integral(f: Callable[[Array], Array], trajectory: Trajectory) -> Array:
 
 def _panels(trajectory: Trajectory) -> tuple[Array, Array]:
     """Beginnings and ends of the first panels: the pieces, cut into parts of at most a 16th of the motion."""
-    edges = np.union1d(trajectory.breakpoints, np.linspace(0.0, trajectory.duration, _PANELS + 1))
-    return edges[:-1], edges[1:]
+    h = np.diff(trajectory.breakpoints)
+    parts = np.maximum(np.ceil(h * (_PANELS / trajectory.duration) - 1e-9), 1.0).astype(np.intp)
+    piece = np.repeat(np.arange(len(h)), parts)
+    within = np.arange(len(piece)) - (np.cumsum(parts) - parts)[piece]
+    a = trajectory.breakpoints[piece] + within * (h / parts)[piece]
+    return a, np.append(a[1:], trajectory.duration)
 
 
 def _gauss_kronrod(f: Callable[[Array], Array], a: Array, b: Array) -> tuple[Array, Array]:
