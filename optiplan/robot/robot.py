@@ -22,6 +22,7 @@ from optiplan.robot.dh.table import DhTable
 from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to
 from optiplan.robot.limits import Limits, build_limits
 from optiplan.robot.link_geometry import LinkGeometry, treat
+from optiplan.robot.loaded_robots import LoadedRobots
 from optiplan.robot.mimic_joints import Mimic, screws
 from optiplan.robot.mounting import Mounting
 from optiplan.robot.named_configurations import configurations, tool_frame
@@ -260,6 +261,9 @@ def _reload(
     return replace(robot, limits=limits, tool_frame=tool_frame).mounted(mounting)
 
 
+_loaded = LoadedRobots()
+
+
 @reading()
 def load_robot(
     ref: str | Mapping[str, Any],
@@ -268,6 +272,8 @@ def load_robot(
     group: str | None = None,
 ) -> Robot:
     """Load a robot by name, by the path of its robot.yaml relative to `base`, or by what would stand in one.
+
+    One that was loaded before, and whose files are as they were, is the same object.
 
     Args:
         ref: a name of `robot_names()`, a path, or the keys of a robot.yaml, of which `version` and `name` may be left
@@ -280,6 +286,18 @@ def load_robot(
         InputError: anything in the robot.yaml or its URDF, SRDF and meshes that cannot be used.
         UnknownChoiceError: `ref` is neither a robot's name nor a path, or there is no such group.
     """
+    key, began = _loaded.key(ref, base, locked, group), _loaded.now()
+    robot = _loaded.get(key)
+    if robot is None:
+        robot = _read_robot(ref, base, locked, group)
+        _loaded.keep(key, robot, began)
+    return robot
+
+
+def _read_robot(
+    ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
+) -> Robot:
+    """Read the files of a robot and build it; see `load_robot`."""
     document = description(ref, base) if isinstance(ref, Mapping) else read_yaml(robot_file(ref, base).resolve())
     spec = validate(RobotSpec, document)
     urdf, srdf, srdf_path = read_sources(spec, document)
