@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.arrays import Array
+from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel, Contact
 from optiplan.config.document import Document, Place, validate
 from optiplan.config.messages import field_name
@@ -98,7 +99,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     if robot is not None and not any(
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
     ):
-        issues += _collisions(document, CollisionModel(robot, scene), compiler.draft, places)
+        issues += _collisions(document, collision_model(robot, scene), compiler.draft, places)
     if issues or spec is None or robot is None or places.start is None:
         return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
     source, digest = source_of(spec, document.path.stem.strip("<>"), base, robot)

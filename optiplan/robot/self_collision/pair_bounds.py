@@ -32,14 +32,14 @@ class PairBounds:
         kinematics: BatchKinematics,
         geometry: pin.GeometryModel,
         pairs: Sequence[tuple[int, int]],
-        boxes: Sequence[LocalBox] = (),
+        boxes: Sequence[LocalBox] | None = None,
     ) -> None:
-        """Take the bodies of `geometry`, of which the bounding volumes of the first are known already."""
+        """Take the bodies of `geometry`, and their bounding volumes where they are known."""
         self.kinematics = kinematics
         bodies = list(geometry.geometryObjects)
         self.joint = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
         self.placement = np.array([body.placement.homogeneous for body in bodies]).reshape(-1, 4, 4)
-        boxes = [*boxes, *(local_box(body.geometry) for body in bodies[len(boxes) :])]
+        boxes = [local_box(body.geometry) for body in bodies] if boxes is None else boxes
         self.centre = np.array([box[0] for box in boxes]).reshape(-1, 3)
         self.half = np.array([box[1] for box in boxes]).reshape(-1, 3)
         self.radius = np.array([box[2] for box in boxes])

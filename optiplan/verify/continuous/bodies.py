@@ -61,14 +61,14 @@ class PlacedBody:
         return PlacedBody(self.bodies[chosen], self.poses[chosen])
 
     @cached_property
-    def groups(self) -> tuple[list[tuple[int, Index]], list[tuple[int, Index]]]:
-        """For both sides: each body and where it stands among the K."""
-        sides = []
-        for side in (0, 1):
-            order = np.argsort(self.bodies[:, side], kind="stable")
-            found, first = np.unique(self.bodies[order, side], return_index=True)
-            sides.append(list(zip(found.tolist(), np.split(order, first[1:]), strict=False)))
-        return sides[0], sides[1]
+    def groups(self) -> list[tuple[int, Index]]:
+        """Each body and where it stands among the 2 K, all of side a before all of side b."""
+        every = self.bodies.T.ravel()
+        order = np.argsort(every, kind="stable")
+        found = every[order]
+        first = np.flatnonzero(found[1:] != found[:-1]) + 1
+        parts = np.split(order, first) if len(order) else []
+        return [(int(every[part[0]]), part) for part in parts]
 
 
 class Bodies:
@@ -120,32 +120,31 @@ class Bodies:
         bodies = self.pairs[pairs]
         return PlacedBody(bodies, joint_poses[rows[:, None], self.joints[bodies]] @ self.placements[bodies])
 
-    def support(self, placed: PlacedBody, side: int, directions: Array) -> Array:
-        """h(n) = max of n . x over the body of one side, in the world, m: (K,), of several directions each (D, K).
+    def support(self, placed: PlacedBody, directions: Array) -> Array:
+        """h(n) = max of n . x over both bodies of K pairs, in the world, m.
 
         Args:
-            placed: K bodies of each side.
-            side: which.
-            directions: n (K, 3), or (D, K, 3), world, of any length.
+            placed: the pairs.
+            directions: n (…, 2, K, 3) for sides a and b, world, of any length; several for each body with more axes.
+
+        Returns:
+            (…, 2, K).
         """
-        poses, bodies = placed.poses[:, side], placed.bodies[:, side]
-        # n^T R = (R^T n)^T, the direction in the frame of the body
-        local = (directions[..., None, :] @ poses[:, :3, :3])[..., 0, :]
-        result = np.einsum("ki,...ki->...k", poses[:, :3, 3], directions)
+        poses, bodies = placed.poses.swapaxes(0, 1), placed.bodies.T
+        local = (directions[..., None, :] @ poses[..., :3, :3])[..., 0, :]  # n^T R = (R^T n)^T, in the body's frame
         size = self._round[bodies]
         flat = local[..., 0] ** 2 + local[..., 1] ** 2
-        result += (
-            np.einsum("ki,...ki->...k", size[:, :3], np.abs(local))
-            + size[:, 3] * np.sqrt(flat)
-            + size[:, 4] * np.sqrt(flat + local[..., 2] ** 2)
-        )
-        for body, chosen in placed.groups[side]:
+        result = np.einsum("ski,...ski->...sk", poses[..., :3, 3], directions)
+        result += np.einsum("ski,...ski->...sk", size[..., :3], np.abs(local))
+        result += size[..., 3] * np.sqrt(flat) + size[..., 4] * np.sqrt(flat + local[..., 2] ** 2)
+        several = local.reshape(-1, bodies.size, 3)
+        found = result.reshape(-1, bodies.size)
+        for body, chosen in placed.groups:
             known = self._known[body]
             if len(known.vertices) or not _is_round(known.solid):
-                n = local[..., chosen, :]
-                own = support(known.solid, known.vertices, n.reshape(-1, 3))
-                result[..., chosen] += own.reshape(n.shape[:-1])
-        return np.asarray(result)
+                n = several[:, chosen]
+                found[:, chosen] += support(known.solid, known.vertices, n.reshape(-1, 3)).reshape(n.shape[:2])
+        return found.reshape(result.shape)
 
 
 def support(shape: Shape | None, vertices: Array, n: Array) -> Array:

@@ -49,7 +49,7 @@ class PairDistances:
     """
 
     def __init__(self, model: CollisionModel, bodies: Bodies) -> None:
-        self._model, self._bodies = model, bodies
+        self._outline, self._bodies = model.outline, bodies
         self._robot, self._geometry = model.robot.model, model.geometry
         self._data = self._robot.createData()
         self._convex: Flags = np.logical_and(*bodies.kind(coal.ShapeBase).T)
@@ -66,7 +66,7 @@ class PairDistances:
 
     @cached_property
     def _outlined(self) -> pin.GeometryData:
-        data = self._model.outline.geometry.createData()
+        data = self._outline.geometry.createData()
         exact_queries(data)
         return data
 
@@ -133,7 +133,7 @@ class PairDistances:
 
     def _gap(self, placed: PlacedBody, normals: Array) -> Array:
         """-h_b(-n) - h_a(n), m: a lower bound of the distance for each unit normal (K, 3); -inf where it is NaN."""
-        gap = -self._bodies.support(placed, 1, -normals) - self._bodies.support(placed, 0, normals)
+        gap = -self._bodies.support(placed, np.stack([normals, -normals])).sum(axis=0)
         return np.nan_to_num(gap, nan=-np.inf)
 
     def _measure(
@@ -142,7 +142,7 @@ class PairDistances:
         """Measure with coal: distances (K,) and unit normals from a to b (K, 3), NaN where it gives none."""
         measured, normals = np.empty(len(rows)), np.empty((len(rows), 3))
         results, last = placed.distanceResults, -1
-        geometry = self._model.outline.geometry if hulls else self._geometry
+        geometry = self._outline.geometry if hulls else self._geometry
         for k, (row, pair) in enumerate(zip(rows.tolist(), pairs.tolist(), strict=True)):
             if row != last:
                 pin.updateGeometryPlacements(self._robot, self._data, geometry, placed, Q[row])
