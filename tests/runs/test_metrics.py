@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.problem.problem import JointGoal
 from optiplan.kinematics.manipulability import measures
+from optiplan.problem.problem import JointGoal
 from optiplan.runs import metrics
 from optiplan.runs.metrics import Metrics, integral, measure, peak_jerk, yoshikawa
 from optiplan.trajectory.trajectory import Trajectory

@@ -12,7 +12,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.geometry.enclosure import winding_number
 from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
 from optiplan.geometry.shapes import shape_of_body
-from optiplan.verify.continuous.bodies import Bodies, vertices_of, support, vertices_of
+from optiplan.verify.continuous.bodies import Bodies, support, vertices_of
 from optiplan.verify.continuous.intervals import Intervals, boxes, step_sizes
 from optiplan.verify.continuous.motion_bounds import DistanceQuery, Motion
 from optiplan.verify.continuous.separating_planes import PairDistances

@@ -3,9 +3,9 @@
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from optiplan.arrays import Array
+from optiplan.trajectory.bspline import basis_functions
 
 DEGREE = 4
 """Degree of the spline: its acceleration is smooth and its jerk continuous and linear in each span."""
@@ -64,7 +64,7 @@ class SplineBasis:
         """Matrix (N, K) that takes C to the derivative of an order (0 to 2) with respect to u, at u (N,)."""
         degree = DEGREE - order
         knots = self.knots[order : len(self.knots) - order]
-        return np.asarray(BSpline.design_matrix(np.clip(u, 0.0, 1.0), knots, degree) @ self.derivative[order])
+        return np.asarray(basis_functions(np.clip(u, 0.0, 1.0), knots, degree) @ self.derivative[order])
 
     def fit(self, u: Array, points: Array) -> Array:
         """Fit control points (K, n) of the least-squares spline through points (N, n) at u (N,), at rest at both ends.

@@ -1,15 +1,16 @@
 """Quadratic program of one step: linearised constraints inside a trust region."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import qpsolvers
-import scipy.sparse as sp
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.transcription import SoftRows, Transcription
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
 
 REGULARISATION = 5e-3
 """Cost of the squared change of each control point, in the program's own variables: it makes it strictly convex."""
@@ -52,9 +53,9 @@ class Step(NamedTuple):
 class _Objective(NamedTuple):
     """1/2 x' `quadratic` x + `linear`' x, of which `hessian` is the part shared with the merit."""
 
-    quadratic: sp.csc_matrix
+    quadratic: "sp.csc_matrix"
     linear: Array
-    hessian: sp.csc_matrix
+    hessian: "sp.csc_matrix"
 
     def cost(self, x: Array, count: int) -> float:
         """Return the model's change of the merit over T at the given slacks, without the regularisation."""
@@ -95,6 +96,9 @@ class Subproblem:
             radius: of the trust region, in shares of v_j `span`.
             span: s.
         """
+        import qpsolvers
+        import scipy.sparse as sp
+
         free, limits = self.transcription.basis.free, self.transcription.limits
         moving = control[free]
         scale, count = np.tile(limits.velocity * span, len(moving)), moving.size
@@ -132,6 +136,8 @@ class Subproblem:
 
     def _program(self, control: Array, duration: float, scale: Array, prices: Array) -> "_Objective":
         """Return the objective: time, jerk and the slacks' prices, over T, with a small regularisation."""
+        import scipy.sparse as sp
+
         jerk, weight = self.transcription.jerk_cost(control, duration), self.transcription.objective.time
         hessian = jerk.hessian.multiply(scale[:, None]).multiply(scale[None, :]) / duration
         curvature = hessian + REGULARISATION * sp.eye(len(scale))

@@ -1,18 +1,20 @@
 """Cost and constraint violations of a curve at its samples, and their derivatives by the control points."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-import scipy.sparse as sp
 
 from optiplan.arrays import Array, Index
 from optiplan.collision.model import CollisionModel, Contacts
 from optiplan.planners.trajopt.bspline_basis import FIXED, SplineBasis
 from optiplan.problem.problem import Problem
 from optiplan.robot.mimic_joints import unfold
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
 
 CUTOFF = 0.04
 """Pairs nearer than this, m, get a row in the quadratic program."""
@@ -107,7 +109,7 @@ class JerkCost(NamedTuple):
     """Cost and its derivatives: `hessian` (M n, M n) sparse and `gradient` (M n,) by the free control points."""
 
     cost: float
-    hessian: sp.csc_matrix
+    hessian: "sp.csc_matrix"
     gradient: Array
     by_duration: float
 
@@ -151,6 +153,8 @@ class Transcription:
 
     def jerk_cost(self, control: Array, duration: float) -> JerkCost:
         """Return the cost w * (integral of squared jerk) = w T^-5 C' H C, with w from the objective."""
+        import scipy.sparse as sp
+
         joints, free = control.shape[1], self.basis.free
         if self.objective.jerk == 0.0:
             moving = (self.basis.size - 2 * FIXED) * joints

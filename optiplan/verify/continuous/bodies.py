@@ -162,7 +162,7 @@ def _is_round(solid: Shape | None) -> bool:
 
 
 def _round(solid: Shape | None) -> tuple[float, ...]:
-    """a (3,), r and s of h(n) = a . |n| + r ||(n_x, n_y)|| + s ||n||, m, as in `Shape.support`; 0 for other shapes."""
+    """A (3,), r and s of h(n) = a . |n| + r ||(n_x, n_y)|| + s ||n||, m, as in `Shape.support`; 0 for other shapes."""
     match solid:
         case Box():
             x, y, z = solid.size
