@@ -68,7 +68,7 @@ HUGE = float(2**64)
 class Strict(BaseModel):
     """Base of every schema class: unknown keys are refused, the value cannot be changed."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)  # built by the first value
 
 
 Model = TypeVar("Model", bound=BaseModel)

@@ -93,7 +93,7 @@ def may_hold_extrema(coefficients: Array) -> np.ndarray[tuple[int, int], np.dtyp
 
 @cache
 def bernstein_basis(degree: int) -> Array:
-    """Matrix (d + 1, d + 1) that takes coefficients c_k to Bernstein coefficients: b_i = sum_k C(i, k) / C(d, k) c_k."""
+    """Matrix (d + 1, d + 1) that gives Bernstein coefficients b_i = sum_k C(i, k) / C(d, k) c_k of the c_k."""
     sizes = range(degree + 1)
     return np.array([[comb(i, k) / comb(degree, k) for k in sizes] for i in sizes])
 
