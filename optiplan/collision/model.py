@@ -17,7 +17,7 @@ from optiplan.geometry.mesh_hulls import SETTLED, Outline, exact_queries, is_fla
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import build_geometry
 from optiplan.robot.robot import Robot
-from optiplan.robot.self_collision.pair_bounds import LocalBox, PairBounds, local_box
+from optiplan.robot.self_collision.pair_bounds import PairBounds, local_box
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +87,11 @@ class CollisionModel:
         self.names = tuple(name for name, _ in bodies)
         self.geometry = geometry_of([body for _, body in bodies])
         others = list(self.geometry.geometryObjects)[len(robot.link_boxes) :]
-        boxes = [*robot.link_boxes, *(local_box(body.geometry) for body in others)]
-        self.pairs = self._list_pairs(boxes)
+        self._boxes = [*robot.link_boxes, *(local_box(body.geometry) for body in others)]
+        self.pairs = self._list_pairs()
         for pair in self.pairs:
             self.geometry.addCollisionPair(pin.CollisionPair(pair.a, pair.b))
-        self.bounds = PairBounds(robot.kinematics, self.geometry, [(p.a, p.b) for p in self.pairs], boxes)
+        self.bounds = PairBounds(robot.kinematics, self.geometry, [(p.a, p.b) for p in self.pairs], self._boxes)
         self._data = robot.model.createData()
         self.outline = Outline(robot.model, self.geometry)
 
@@ -295,7 +295,7 @@ class CollisionModel:
             )
         return found
 
-    def _list_pairs(self, boxes: list[LocalBox]) -> tuple[Pair, ...]:
+    def _list_pairs(self) -> tuple[Pair, ...]:
         links = len(self.robot.geometry.geometryObjects)
         held = range(links, links + len(self.scene.attached))
         moving = range(links + len(self.scene.attached))
@@ -310,7 +310,7 @@ class CollisionModel:
         excused = {name for pair in self.scene.allowed for name in pair}
         kept = [(a, b) for a, b in found if not self._allowed(a, b, excused)]
         standing = [(a, b) for a in still for b in obstacles if not self._allowed(a, b, excused)]
-        kept += overlapping(self.geometry, np.array(standing, dtype=np.intp).reshape(-1, 2), boxes)
+        kept += overlapping(self.geometry, np.array(standing, dtype=np.intp).reshape(-1, 2), self._boxes)
         return tuple(Pair(k, a, b, self.names[a], self.names[b]) for k, (a, b) in enumerate(kept))
 
     def _allowed(self, a: int, b: int, excused: set[str]) -> bool:
