@@ -1,10 +1,10 @@
 """Planners of other projects and ours on the same problems, one after the other on one core: time, claims, durations.
 
-    python benchmarks/peers_run.py --peer roboplan=/path/to/venv/bin/python:roboplan_rrt.py \\
-        --peer ompl=/path/to/venv/bin/python:ompl_moveit.py --every 10 --markdown peers.md --picture peers.png
+    python benchmarks/peers_run.py --every 10 --markdown peers.md --picture peers.png
+        --peer roboplan=VENV/bin/python:roboplan_rrt.py --peer ompl=VENV/bin/python:ompl_moveit.py
 
-Each peer has an adapter in `benchmarks/peers` and a virtual environment of its own (its README says which). *Claims*: the
-planner says it has a motion; *verified*: our verifier proves it; *confirmed*: the second look of `mbm.py`, triangle
+Each peer has an adapter in `benchmarks/peers` and a virtual environment of its own (its README says which). *Claims*:
+the planner says it has a motion; *verified*: our verifier proves it; *confirmed*: the second look of `mbm.py`, triangle
 meshes at small steps. *Time* is the planner's own: of ours until the first verified answer and until it stops, of peers
 what their adapter reports of search and simplifying, start of Python and loading left out. *Duration* is of the timed
 motion, over the best known of the problem where there is one; jerk limits are lifted for all with `--no-jerk`. The last
