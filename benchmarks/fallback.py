@@ -3,7 +3,8 @@
     python benchmarks/fallback.py --every 25
     python benchmarks/fallback.py --every 10 --budget 20 --markdown fallback.md
 
-Each runs in a process of its own. `OPTIPLAN_CORE=none` is what runs where no extension could be built. The verifier never uses the core: its time is in
+Each runs in a process of its own. `OPTIPLAN_CORE=none` is what runs where no extension could be built. The verifier
+never uses the core: its time is in
 both columns. The last line printed is one JSON object.
 """
 
