@@ -24,7 +24,7 @@ from optiplan.errors import InputError, Issue
 from optiplan.files import read_bytes
 
 try:
-    from _ruamel_yaml import CParser  # libyaml, of ruamel.yaml.clib
+    from _ruamel_yaml import CParser  # type: ignore[import-not-found,unused-ignore]  # libyaml, of ruamel.yaml.clib
 except ImportError:  # a platform that it has no wheel for
     CParser = None
 

@@ -31,9 +31,9 @@ def summary_data(store: Store, done: Summary, standing: Standing | None = None) 
         medians = {name: _median(store, row["planner"], name) for name in ("plan_time", "plan_cpu", "ratio")}
         planners[row["planner"]] = {key: row[key] for key in row.keys() if key != "planner"} | medians
     if standing is not None:
-        for label, row in planners.items():
+        for label, numbers in planners.items():
             ratio = standing.ratio.get(label)
-            row["over_best_known"] = None if ratio is None else float(np.median(ratio))
+            numbers["over_best_known"] = None if ratio is None else float(np.median(ratio))
     beaten = {} if standing is None else {"best_known": {"new": standing.new, "beaten": standing.beaten}}
     return {
         "results": str(store.path),

@@ -76,7 +76,7 @@ class PairBounds:
         """
         poses = self.kinematics.poses(Q)
         travel = self._own_travel(poses, D)[:, self._mover_of].sum(axis=2)
-        return self._distances(poses, travel + enough) - travel
+        return np.asarray(self._distances(poses, travel + enough) - travel)
 
     def _distances(self, joint_poses: Array, enough: Array) -> Array:
         """As `distances`, but only of the balls where these are farther apart than `enough`, (N, P)."""

@@ -144,7 +144,7 @@ class Bodies:
             if len(known.vertices) or not _is_round(known.solid):
                 n = several[:, chosen]
                 found[:, chosen] += support(known.solid, known.vertices, n.reshape(-1, 3)).reshape(n.shape[:2])
-        return found.reshape(result.shape)
+        return np.asarray(found.reshape(result.shape))
 
 
 def support(shape: Shape | None, vertices: Array, n: Array) -> Array:
