@@ -18,7 +18,7 @@ PORT ?= 7000
 BUILD_TOOLS := 'cmake>=3.18,<5' 'ninja>=1.11,<2' 'nanobind>=2.4,<4'
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help demo core test sanitize docs lint format clean
+.PHONY: help demo core test sanitize bench-smoke docs lint format clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
@@ -49,6 +49,9 @@ sanitize: ## distances of the native core under the sanitizers for memory and un
 	$${CXX:-c++} -std=c++17 -O1 -g -Wall -Wextra -ffp-contract=off -fsanitize=address,undefined -fno-sanitize-recover=all \
 	  -Ioptiplan/_core/src tests/core/convex_check.cpp optiplan/_core/src/convex/*.cpp -o build/convex_check
 	build/convex_check $${ROUNDS:-20}
+
+bench-smoke: $(RUN) $(CORE) ## how quick this machine is, as multiples of 10,000 distances of coal (a minute)
+	$(BIN)/python benchmarks/smoke.py
 
 lint: $(DEV) ## ruff and mypy --strict
 	$(BIN)/ruff check .

@@ -9,7 +9,9 @@ judged twice: *verified* is the verifier's word; *confirmed* is a second look th
 files: the robot's triangle meshes as they are, not hulls, against the obstacles, by plain collision queries at joint
 steps of at most 0.01 rad. Problems that are bad input, since their start or goal collides, are counted and listed; all
 shares are of the others. *First* is the time after which the first verified answer was there, *cpu* processor time of
-planning. Ctrl-C ends early and still prints what was done. The last line printed is one JSON object.
+planning. *Best known* is the duration over the shortest ever verified and confirmed, from `benchmarks/best_known`;
+`--update` writes what beats it (or is new) into that table. Ctrl-C ends early and still prints what was done. The last
+line printed is one JSON object.
 """
 
 import os
@@ -28,6 +30,9 @@ from published import SHARED, commit, import_sets, percentiles, print_json, prin
 from rich.console import Console
 from rich.progress import track
 
+import optiplan
+from optiplan.bench.execution.run_task import packed
+from optiplan.bench.results.best_known import BestKnown, BestKnownTable, options_text
 from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget
@@ -38,6 +43,7 @@ from optiplan.runs.pipeline import run
 from optiplan.runs.run import Run
 from optiplan.trajectory.trajectory import Trajectory
 
+BEST_KNOWN = Path(__file__).parent / "best_known"
 STEP = 0.01  # rad, largest joint step of the second look
 HEADINGS = (
     "set",
@@ -50,6 +56,7 @@ HEADINGS = (
     "first s 50 / 95",
     "verify s 50",
     "ratio 50 / 90",
+    "best known 50 / 90",
     "duration sum s",
 )
 
@@ -66,12 +73,15 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--budget", type=float, default=20.0, help="seconds for each problem")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--markdown", type=Path, help="write the table to this file")
+    parser.add_argument("--best-known", type=Path, help="table of best known durations (benchmarks/best_known/…)")
+    parser.add_argument("--update", action="store_true", help="write durations that beat it into that table")
     return parser.parse_args()
 
 
 def main() -> None:
     """Import, plan, print."""
     arguments = parse()
+    known = BestKnownTable(arguments.best_known or BEST_KNOWN / f"mbm-{arguments.robot}.csv")
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
         sets = import_sets(arguments.robot, Path(folder), arguments.every, arguments.offset)
@@ -81,7 +91,9 @@ def main() -> None:
         try:
             warm_up(files, arguments)
             for file in track(files, "planning", console=Console(stderr=True), transient=True):
-                rows.append(solve(file, arguments, look))
+                rows.append(solve(file, arguments, look, known))
+                if arguments.update and rows[-1].get("beaten"):
+                    known.write()
         except KeyboardInterrupt:
             pass
     remarks = [] if len(rows) == len(files) else [f"Interrupted after {len(rows)} of {len(files)} problems."]
@@ -110,8 +122,8 @@ def silent(stage: str, fraction: float) -> None:
     """Report no progress."""
 
 
-def solve(file: Path, arguments: argparse.Namespace, look: "SecondLook") -> dict[str, Any]:
-    """One problem planned, verified and looked at a second time."""
+def solve(file: Path, arguments: argparse.Namespace, look: "SecondLook", known: BestKnownTable) -> dict[str, Any]:
+    """One problem planned, verified, looked at a second time, and held against the best known."""
     row: dict[str, Any] = {"set": file.parent.name, "problem": file.stem, "bad_input": None}
     began = time.perf_counter()
     try:
@@ -122,7 +134,26 @@ def solve(file: Path, arguments: argparse.Namespace, look: "SecondLook") -> dict
     done = run(problem, arguments.planner, {}, Budget(arguments.budget), silent)
     began = time.perf_counter()
     confirmed = done.trajectory is not None and look.confirms(problem, done.trajectory)
-    return {**row, "confirmed": confirmed, "look_s": round(time.perf_counter() - began, 4), **measured(done)}
+    row |= {"confirmed": confirmed, "look_s": round(time.perf_counter() - began, 4), **measured(done)}
+    if not (confirmed and done.verified):
+        return row
+    beaten = known.offer(entry(f"{row['set']}/{row['problem']}", done, arguments))
+    return row | {"beaten": beaten, "over_best": known.ratio(problem.hash, done.duration)}
+
+
+def entry(name: str, done: Run, arguments: argparse.Namespace) -> BestKnown:
+    """A verified run as a line of the table of best known durations."""
+    return BestKnown(
+        problem=name,
+        hash=done.problem.hash,
+        duration=done.duration,
+        planner=arguments.planner,
+        options=options_text(done.options),
+        seed=arguments.seed,
+        budget=arguments.budget,
+        version=f"{optiplan.__version__} {commit()}",
+        trajectory=packed(done.trajectory)[0],
+    )
 
 
 def measured(done: Run) -> dict[str, Any]:
@@ -218,6 +249,8 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         **{f"{key}_s": figures(f"{key}_s", good, 50, 90, 95, 100) for key in ("plan", "cpu", "verify", "load", "look")},
         "first_s": figures("first_s", verified, 50, 95, 100),
         "ratio": figures("ratio", verified, 50, 90, 95, 100, digits=4),
+        "over_best": figures("over_best", [row for row in verified if "over_best" in row], 50, 90, 100, digits=4),
+        "beaten": sum(row.get("beaten", False) for row in good),
         "duration_sum": round(sum(row["duration"] for row in verified), 4),
     }
 
@@ -231,8 +264,8 @@ def lines(rows: list[dict[str, Any]]) -> Any:
         shares = (f"{s[key]} of {good} ({100 * s[key] / max(good, 1):.1f} %)" for key in ("verified", "confirmed"))
         plan, first = joined(s["plan_s"], 2, "50", "95", "100"), joined(s["first_s"], 2, "50", "95")
         times = (plan, joined(s["cpu_s"], 2, "50"), first, joined(s["verify_s"], 2, "50"))
-        ratio = joined(s["ratio"], 3, "50", "90")
-        yield (name, str(s["problems"]), str(s["bad_input"]), *shares, *times, ratio, f"{s['duration_sum']:.2f}")
+        ratios = (joined(s["ratio"], 3, "50", "90"), joined(s["over_best"], 3, "50", "90"))
+        yield (name, str(s["problems"]), str(s["bad_input"]), *shares, *times, *ratios, f"{s['duration_sum']:.2f}")
 
 
 def joined(figures: dict[str, float], digits: int, *which: str) -> str:

@@ -105,6 +105,36 @@ def read_bytes(path: Path, most: int = MOST) -> bytes:
     return content
 
 
+@dataclass(frozen=True)
+class Signature:
+    """What tells one version of a file from another, without reading it.
+
+    Attributes:
+        path: the real path.
+        device, inode, size: of the file.
+        modified: nanoseconds, as its owner says.
+        changed: s, when content or name were changed last, as the file system says.
+    """
+
+    path: Path
+    device: int
+    inode: int
+    size: int
+    modified: int
+    changed: float
+
+
+def signature(path: Path) -> Signature:
+    """Look at a file that `read_bytes` would open.
+
+    Raises:
+        OSError: as `read_bytes`.
+    """
+    where = _check(path)
+    found = where.stat()
+    return Signature(where, found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns * 1e-9)
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path` to write to, and rename it to `path` once what is there is on the disk.

@@ -17,8 +17,9 @@ from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.geometry.mesh_hulls import SETTLED, Outline, exact_queries, is_flat
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import build_geometry
+from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.robot import Robot
-from optiplan.robot.self_collision.pair_bounds import PairBounds
+from optiplan.robot.self_collision.pair_bounds import PairBounds, local_box
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,10 +94,13 @@ class CollisionModel:
         bodies = self._bodies()
         self.names = tuple(name for name, _ in bodies)
         self.geometry = geometry_of([body for _, body in bodies])
+        others = list(self.geometry.geometryObjects)[len(robot.link_boxes) :]
+        self._boxes = [*robot.link_boxes, *(local_box(body.geometry) for body in others)]
         self.pairs = self._list_pairs()
         for pair in self.pairs:
             self.geometry.addCollisionPair(pin.CollisionPair(pair.a, pair.b))
-        self.bounds = PairBounds(self.model, self.geometry, [(p.a, p.b) for p in self.pairs])
+        self.kinematics = BatchKinematics(self.model) if self.motions else robot.kinematics
+        self.bounds = PairBounds(self.kinematics, self.geometry, [(p.a, p.b) for p in self.pairs], self._boxes)
         self._data = self.model.createData()
         self.outline = Outline(self.model, self.geometry)
 
@@ -335,7 +339,7 @@ class CollisionModel:
         standing = [(a, b) for a in still for b in obstacles if not self._allowed(a, b, excused)]
         kept += [(a, b) for a, b in standing if parents[b] != 0]
         standing = [(a, b) for a, b in standing if parents[b] == 0]
-        kept += overlapping(self.geometry, np.array(standing, dtype=np.intp).reshape(-1, 2))
+        kept += overlapping(self.geometry, np.array(standing, dtype=np.intp).reshape(-1, 2), self._boxes)
         return tuple(Pair(k, a, b, self.names[a], self.names[b]) for k, (a, b) in enumerate(kept))
 
     def _allowed(self, a: int, b: int, excused: set[str]) -> bool:

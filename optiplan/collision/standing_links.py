@@ -1,10 +1,13 @@
 """Links that nothing moves: which obstacles do they stand in, rather than on?"""
 
+from collections.abc import Sequence
+
 import coal
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
+from optiplan.robot.self_collision.pair_bounds import LocalBox
 
 STANDING_OVERLAP = 5e-3
 """Depth, m, to which a link that nothing moves may be sunk into an obstacle that it stands on.
@@ -13,8 +16,8 @@ Makers' meshes reach below the plane that the robot is screwed to, that of the U
 """
 
 
-def overlapping(geometry: pin.GeometryModel, pairs: Index) -> list[tuple[int, int]]:
-    """Return those of pairs (K, 2) of static bodies that overlap by more than `STANDING_OVERLAP`.
+def overlapping(geometry: pin.GeometryModel, pairs: Index, boxes: Sequence[LocalBox]) -> list[tuple[int, int]]:
+    """Return those of pairs (K, 2) of static bodies, that overlap by more than `STANDING_OVERLAP`; `boxes` are of all.
 
     The depth in a mesh is not known, and neither is inside from outside: a pair with a mesh is kept where the two
     touch, and where their boxes overlap, for the verifier to look whether one holds the other.
@@ -22,7 +25,7 @@ def overlapping(geometry: pin.GeometryModel, pairs: Index) -> list[tuple[int, in
     if not len(pairs):
         return []
     bodies = list(geometry.geometryObjects)
-    low, high = np.array([_world_box(body) for body in bodies]).transpose(1, 0, 2)
+    low, high = _world_boxes(bodies, boxes)
     a, b = pairs.T
     meets: Flags = ((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)
     request, found = coal.DistanceRequest(), []
@@ -36,14 +39,15 @@ def overlapping(geometry: pin.GeometryModel, pairs: Index) -> list[tuple[int, in
     return found
 
 
-def _world_box(body: pin.GeometryObject) -> tuple[Array, Array]:
-    """Corners of the box along the world's axes that holds a body which stands still; infinite for a half-space."""
-    if isinstance(body.geometry, coal.Halfspace):
-        return np.full(3, -np.inf), np.full(3, np.inf)
-    body.geometry.computeLocalAABB()
-    low, high = np.array(body.geometry.aabb_local.min_), np.array(body.geometry.aabb_local.max_)
-    centre, reach = body.placement * (0.5 * (low + high)), np.abs(body.placement.rotation) @ (0.5 * (high - low))
-    return centre - reach, centre + reach
+def _world_boxes(bodies: Sequence[pin.GeometryObject], boxes: Sequence[LocalBox]) -> tuple[Array, Array]:
+    """Corners, (G, 3) each, of boxes along the world's axes that hold bodies which stand still; inf for half-spaces."""
+    centre, half = (np.array([box[k] for box in boxes]) for k in (0, 1))
+    X = np.array([body.placement.homogeneous for body in bodies])
+    endless = np.isinf(half).any(axis=1)
+    middle = (X[:, :3, :3] @ centre[:, :, None])[..., 0] + X[:, :3, 3]
+    reach = (np.abs(X[:, :3, :3]) @ np.where(endless[:, None], 0.0, half)[:, :, None])[..., 0]
+    reach[endless] = np.inf
+    return middle - reach, middle + reach
 
 
 def _transform(placement: pin.SE3) -> coal.Transform3s:

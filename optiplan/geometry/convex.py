@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from optiplan import cache
 from optiplan.arrays import Array
-from optiplan.geometry.convex_hulls import FLAT, Hull, covering_hull, thickened_hull
+from optiplan.geometry.convex_hulls import FLAT, Hull, kept_hull, thickened_hull
 from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.geometry.over_cover import MeshSolid
 
@@ -79,7 +79,7 @@ def body_of(points: Array) -> Hull:
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if len(points) < 4 or spread[-1] <= FLAT:
         return thickened_hull(points)
-    return covering_hull(points)
+    return kept_hull(points)
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,15 @@ from typing import Any
 import coal
 import numpy as np
 
+from optiplan import cache
 from optiplan.arrays import Array, Index
 from optiplan.geometry.over_cover import MeshSolid
 
 FLAT = 1e-5
 """Thickness (m) given to meshes that have none, on either side."""
+
+_VERSION = b"1"
+"""Of what is kept on disk: another one where `covering_hull` gives something else."""
 
 _LEAST_RATIO = 1e-6
 """Thickness, as a part of the extent, below which qhull's rounding decides what is a corner."""
@@ -32,6 +36,20 @@ class Hull:
     vertices: Array
     triangles: Index
     over_cover: float = 0.0
+
+    @classmethod
+    def of_bytes(cls, content: bytes) -> "Hull":
+        """What `to_bytes` made."""
+        (count, faces), rest = np.frombuffer(content[:16], np.int64), content[16:]
+        corners = np.frombuffer(rest[: 24 * count], np.float64).reshape(-1, 3).copy()
+        triangles = np.frombuffer(rest[24 * count : 24 * (count + faces)], np.int64).reshape(-1, 3).astype(np.intp)
+        return cls(corners, triangles, float(np.frombuffer(rest[-8:], np.float64)[0]))
+
+    def to_bytes(self) -> bytes:
+        """Numbers of vertices and triangles, both arrays, and the cover."""
+        sizes = np.array([len(self.vertices), len(self.triangles)], np.int64)
+        parts = sizes, self.vertices.astype(np.float64), self.triangles.astype(np.int64), np.array([self.over_cover])
+        return b"".join(np.ascontiguousarray(part).tobytes() for part in parts)
 
     def build(self) -> coal.ConvexBase:
         """Build the geometry of coal."""
@@ -75,6 +93,17 @@ def covering_hull(vertices: Array) -> Hull:
         return _within_limits(ConvexHull(distinct, qhull_options="Qt"))
     except QhullError:
         return thickened_hull(distinct)
+
+
+def kept_hull(vertices: Array) -> Hull:
+    """`covering_hull`, from disk where it was made before: for shapes of which a robot or a scene is made.
+
+    Raises:
+        ValueError: as `covering_hull`.
+    """
+    points = np.ascontiguousarray(vertices, dtype=np.float64).reshape(-1, 3)
+    name = f"hulls/{cache.digest([_VERSION, points.tobytes()])}"
+    return Hull.of_bytes(cache.kept(name, lambda: covering_hull(points).to_bytes()))
 
 
 def thickened_hull(points: Array) -> Hull:

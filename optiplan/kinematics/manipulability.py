@@ -6,7 +6,6 @@ from typing import Literal
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
 from optiplan.robot.robot import Robot
 
 JacobianRows = Literal["full", "translation", "rotation"]
@@ -28,9 +27,9 @@ class ToolKinematics:
     def __init__(self, robot: Robot, frame: str | None = None) -> None:
         name = robot.tool_frame if frame is None else frame
         placed = robot.model.frames[robot.frame_id(name)]
-        self.kinematics = BatchKinematics(robot.model)
+        self.kinematics = robot.kinematics
         self._joint, self._X_JT = int(placed.parentJoint), np.array(placed.placement.homogeneous)
-        self._moves: Array = carrying_joints(robot.model)[self._joint].astype(np.float64)
+        self._moves: Array = self.kinematics.carries[self._joint].astype(np.float64)
 
     def evaluate(self, Q: Array) -> tuple[Array, Array]:
         """X_WT (N, 4, 4), m, and J (N, 6, n) at Q (N, n).

@@ -7,7 +7,6 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.kinematics.ik.arm_recognition import recognise
-from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.robot import Robot
 
 Wrist = Literal["spherical", "parallel"]
@@ -49,7 +48,7 @@ class SingularityModel:
 
     def __init__(self, robot: Robot, wrist: Wrist) -> None:
         self.wrist = wrist
-        self._kinematics = BatchKinematics(robot.model)
+        self._kinematics = robot.kinematics
 
     def factors(self, Q: Array) -> Factors:
         """Factors at Q (N, 6)."""

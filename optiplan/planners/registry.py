@@ -22,7 +22,7 @@ LIBRARIES = {
     "sampling": ("ompl.geometric", "toppra.algorithm"),
     "Cartesian": ("toppra.algorithm",),
 }
-"""Slow to import, by family: imported when a planner is made, so that import time is not charged to its budget."""
+"""Slow to import, by family, and not always needed."""
 
 
 @dataclass(frozen=True)
@@ -263,12 +263,14 @@ def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner
         UnknownChoiceError: no such planner, or no such option; lists the valid ones with their types.
         InputError: values of the wrong type or out of range; holds all of the wrong type.
     """
-    entry = planner_entry(name)
-    cls = entry.load()
-    made = make_options(name, cls.Options, options or {})
-    for module in LIBRARIES.get(entry.family, ()):
+    cls = planner_entry(name).load()
+    return cls(make_options(name, cls.Options, options or {}))
+
+
+def load_libraries(name: str) -> None:
+    """Import what the planner of that name may need, so that import time is not charged to its budget."""
+    for module in LIBRARIES.get(PLANNERS[name].family, ()) if name in PLANNERS else ():
         import_module(module)
-    return cls(made)
 
 
 def planner_object(given: Any) -> Planner[Any] | None:

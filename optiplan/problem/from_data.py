@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.arrays import Array
+from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel, Contact
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.config.document import Document, Place, validate
@@ -112,7 +113,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     if robot is not None and not any(
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
     ):
-        model = CollisionModel(robot, scene)
+        model = collision_model(robot, scene)
         later = CollisionModel(robot, scene.standing) if scene.moving else model  # what moves may be elsewhere by then
         issues += _collisions(document, (model, later), compiler.draft, places)
     if issues or spec is None or robot is None or limits is None or places.start is None:

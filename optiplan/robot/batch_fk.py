@@ -18,12 +18,15 @@ class BatchKinematics:
     Attributes:
         coupling: A (J, n); `offset`: b (J,), rad or m.
         revolute: (J,), 1 for a joint that turns, 0 for one that slides.
+        carries: (J + 1, J) which joints carry what is fixed to each joint, and to the world, which is 0.
     """
 
     def __init__(self, model: pin.Model) -> None:
         self._parents = [int(p) for p in model.parents]
         self._placements = [np.array(M.homogeneous) for M in model.jointPlacements]
         self._screws = screws(model)
+        self.carries = carrying_joints(model)
+        self._terms = _motion_terms(self._placements[1:], self._screws)
         self.coupling, self.offset = coupling(model)
         self._follows = model.njoints - 1 > model.nv
         self.revolute: Array = (np.linalg.norm(self._screws[:, 3:], axis=1) > 0.5).astype(np.float64)
@@ -50,12 +53,14 @@ class BatchKinematics:
 
     def poses(self, Q: Array) -> Array:
         """X_WJ of every joint (0 is the world) at configurations Q (N, n): array (N, J + 1, 4, 4)."""
+        positions = self.joint_rates(Q) + self.offset if self._follows else Q
+        q = positions.T  # (J, N)
+        local = np.stack([np.ones_like(q), np.sin(q), 1.0 - np.cos(q), q], axis=2) @ self._terms
+        local = local.reshape(*q.shape, 4, 4)
         result = np.empty((len(Q), len(self._parents), 4, 4))
         result[:, 0] = np.eye(4)
-        positions = self.joint_rates(Q) + self.offset if self._follows else Q
         for j in range(1, len(self._parents)):
-            fixed = result[:, self._parents[j]] @ self._placements[j]
-            result[:, j] = fixed @ _screw_motion(self._screws[j - 1], positions[:, j - 1])
+            np.matmul(result[:, self._parents[j]], local[j - 1], out=result[:, j])
         return result
 
     def axes(self, poses: Array) -> tuple[Array, Array]:
@@ -95,13 +100,16 @@ def carrying_joints(model: pin.Model) -> npt.NDArray[np.bool_]:
     return carries
 
 
-def _screw_motion(screw: Array, q: Array) -> Array:
-    """exp([S] q) for a unit rotation about, or a unit translation along, an axis through the origin: (N, 4, 4)."""
-    linear, angular = screw[:3], screw[3:]
-    motion = np.zeros((len(q), 4, 4))
-    motion[:, 3, 3] = 1.0
-    skew = np.array([[0.0, -angular[2], angular[1]], [angular[2], 0.0, -angular[0]], [-angular[1], angular[0], 0.0]])
-    sine, versine = np.sin(q)[:, None, None], (1.0 - np.cos(q))[:, None, None]
-    motion[:, :3, :3] = np.eye(3) + sine * skew + versine * (skew @ skew)
-    motion[:, :3, 3] = q[:, None] * linear
-    return motion
+def _motion_terms(placements: list[Array], screws: Array) -> Array:
+    """C (J, 4, 16) of X_PJ exp([S] q) = C_0 + sin(q) C_1 + (1 - cos(q)) C_2 + q C_3, each C_k a matrix (4, 4).
+
+    [S] is a unit rotation about, or a unit translation along, an axis through the origin.
+    """
+    terms = np.zeros((len(placements), 4, 4, 4))
+    for j, (linear, angular) in enumerate(zip(screws[:, :3], screws[:, 3:], strict=True)):
+        skew = np.zeros((4, 4))
+        skew[:3, :3] = pin.skew(angular)
+        slide = np.zeros((4, 4))
+        slide[:3, 3] = linear
+        terms[j] = placements[j] @ np.stack([np.eye(4), skew, skew @ skew, slide])
+    return terms.reshape(-1, 4, 16)

@@ -16,12 +16,14 @@ from optiplan.arrays import Array
 from optiplan.config.document import Document, plain, read_yaml, validate
 from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_argument
 from optiplan.files import bound, read_bytes, reading, write_text
+from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.description_files import read_sources
 from optiplan.robot.dh.table import DhTable
 from optiplan.robot.held_joints import held_model
 from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to
 from optiplan.robot.limits import Limits, build_limits
 from optiplan.robot.link_geometry import LinkGeometry, treat
+from optiplan.robot.loaded_robots import LoadedRobots
 from optiplan.robot.mimic_joints import Mimic, screws
 from optiplan.robot.mounting import Mounting
 from optiplan.robot.named_configurations import configurations, tool_frame
@@ -35,6 +37,7 @@ from optiplan.robot.reference import (
     robot_names,
     said,
 )
+from optiplan.robot.self_collision.pair_bounds import LocalBox, local_box
 from optiplan.robot.self_collision.pair_survey import PairSurvey, survey_pairs
 from optiplan.robot.self_collision.pairs import PROVED, declared_pairs, set_pairs, srdf_words, unchecked_pairs
 from optiplan.robot.spec import MecanumSpec, RobotSpec
@@ -163,6 +166,16 @@ class Robot:
         return any(inertia.mass > 0.0 for inertia in list(self.model.inertias)[1:])
 
     @cached_property
+    def kinematics(self) -> BatchKinematics:
+        """Forward kinematics of many configurations at once."""
+        return BatchKinematics(self.model)
+
+    @cached_property
+    def link_boxes(self) -> tuple[LocalBox, ...]:
+        """Bounding volumes of the bodies of `geometry`."""
+        return tuple(local_box(body.geometry) for body in self.geometry.geometryObjects)
+
+    @cached_property
     def visual(self) -> pin.GeometryModel:
         """Visual geometry, read at the first use, since only viewers need it."""
         return self.build_visual()
@@ -285,6 +298,9 @@ def _reload(
     return replace(robot.holding(held), limits=limits, tool_frame=tool_frame).mounted(mounting)
 
 
+_loaded = LoadedRobots()
+
+
 @reading()
 def load_robot(
     ref: str | Mapping[str, Any],
@@ -293,6 +309,8 @@ def load_robot(
     group: str | None = None,
 ) -> Robot:
     """Load a robot by name, by the path of its robot.yaml relative to `base`, or by what would stand in one.
+
+    One that was loaded before, and whose files are as they were, is the same object.
 
     Args:
         ref: a name of `robot_names()`, a path, or the keys of a robot.yaml, of which `version` and `name` may be left
@@ -306,6 +324,18 @@ def load_robot(
         InputError: anything in the robot.yaml or its URDF, SRDF and meshes that cannot be used.
         UnknownChoiceError: `ref` is neither a robot's name nor a path, or there is no such group.
     """
+    key, began = _loaded.key(ref, base, locked, group), _loaded.now()
+    robot = _loaded.get(key)
+    if robot is None:
+        robot = _read_robot(ref, base, locked, group)
+        _loaded.keep(key, robot, began)
+    return robot
+
+
+def _read_robot(
+    ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
+) -> Robot:
+    """Read the files of a robot and build it; see `load_robot`."""
     document = description(ref, base) if isinstance(ref, Mapping) else read_yaml(robot_file(ref, base).resolve())
     spec = validate(RobotSpec, document)
     urdf, srdf, srdf_path = read_sources(spec, document)

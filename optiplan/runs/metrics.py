@@ -1,8 +1,7 @@
 """Objective metrics of a motion: lengths, peak jerk, torque, clearance, manipulability.
 
-Lengths and torques are integrals over time, computed panel by panel by
-Gauss-Legendre quadrature (five points); a panel is halved until halving it changes the integral by less than its
-share of 1e-6 of the whole.
+Lengths and torques are integrals over time, computed panel by panel by Gauss-Kronrod quadrature: a panel is halved
+until the rules of five and of eleven points differ by less than its share of 1e-6 of the whole.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
+from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, measures, scaled
 from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.objectives.objective import UNITS
 from optiplan.problem.problem import Problem
@@ -22,18 +21,32 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
 
-_NODES, _WEIGHTS = np.array(  # of five points on [0, 1]
+_NODES, _WEIGHTS = np.array(  # of eleven points on [0, 1] (Kronrod); every second node is one of the five of Gauss
     [
-        [0.04691007703066800, 0.23076534494715845, 0.5, 0.76923465505284155, 0.95308992296933200],
-        [0.11846344252809454, 0.23931433524968324, 0.28444444444444444, 0.23931433524968324, 0.11846344252809454],
+        [0.007957319952578768, 0.021291018375540916],
+        [0.046910077030668004, 0.057616658311236697],
+        [0.122916636714575390, 0.093400398278246329],
+        [0.230765344947158454, 0.120520169614323793],
+        [0.360184793419108403, 0.136424900956279461],
+        [0.500000000000000000, 0.141493708928745607],
+        [0.639815206580891597, 0.136424900956279461],
+        [0.769234655052841546, 0.120520169614323793],
+        [0.877083363285424610, 0.093400398278246329],
+        [0.953089922969331996, 0.057616658311236697],
+        [0.992042680047421232, 0.021291018375540916],
     ]
+).T
+_GAUSS = np.array(
+    [0.11846344252809454, 0.23931433524968324, 0.28444444444444444, 0.23931433524968324, 0.11846344252809454]
 )
 _ACCURACY = 1e-6  # of an integral, relative
 _NOTHING = 1e-3  # m, rad, (N m)^2 s: integrals smaller than this need no more digits than this one
-_PANELS = 64  # least number per motion: a kink between their points is negligible
-_HALVINGS = 12  # at most, of a panel: speed has kinks where the tool stands still
+_PANELS = 16  # least number per motion: a kink between their points is negligible
+_HALVINGS = 14  # at most, of a panel: speed has kinks where the tool stands still
 _MOST_PANELS = 20_000  # panels at a time; beyond that the integral is not refined further
 _JUMP = 1e-5  # share of a velocity or acceleration limit that counts as a jump; the verifier's own tolerance
+_CLOSER = 17  # samples between the neighbours of the smallest of a measure, in each round
+_ROUNDS = 9  # at most, of looking closer
 
 
 @dataclass(frozen=True)
@@ -82,8 +95,9 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
     robot = problem.robot
     if trajectory.joint_names != robot.joint_names or (problem.task and mismatch(problem, trajectory)):
         return None
-    parts = [(part.problem.robot, part.motion(trajectory)) for part in scene_parts(problem, trajectory)]
-    integrals = np.sum([integral(_Instant(loaded, motion), motion) for loaded, motion in parts], axis=0)
+    motions = [(part.problem.robot, part.motion(trajectory)) for part in scene_parts(problem, trajectory)]
+    parts = [_Instant(loaded, motion) for loaded, motion in motions]
+    integrals = np.sum([integral(part, motion) for part, (_, motion) in zip(parts, motions, strict=True)], axis=0)
     squared = integrals[3:] / trajectory.duration
     joint, jerk, share = peak_jerk(trajectory, problem)
     proved, lowest = _clearance(report)
@@ -98,7 +112,7 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
         joint_torques=dict(zip(robot.joint_names, np.sqrt(squared).tolist(), strict=True)),
         clearance=proved,
         lowest_clearance=lowest,
-        manipulability=least_manipulability(robot, trajectory),
+        manipulability=min(part.least_manipulability() for part in parts),
         objective=objective_of(problem, trajectory),
         wheel_rates=peak_wheel_rates(robot, trajectory),
     )
@@ -114,19 +128,56 @@ def objective_of(problem: Problem, trajectory: Trajectory) -> dict[str, dict[str
 
 
 class _Instant:
-    """At times t (N,): |v_WT| (m/s), |w_WT| (rad/s), |dq/dt| and tau_j^2 of every joint, as an array (N, 3 + n)."""
+    """At times t (N,): |v_WT| (m/s), |w_WT| (rad/s), |dq/dt| and tau_j^2 of every joint, as an array (N, 3 + n).
+
+    Keeps the manipulability of every instant that was asked for.
+    """
 
     def __init__(self, robot: Robot, trajectory: Trajectory) -> None:
         self._model, self._data = robot.model, robot.model.createData()
         self._tool, self._trajectory = ToolKinematics(robot), trajectory
+        self._rows: JacobianRows = "full" if robot.n >= 6 else "translation"
+        self._seen: list[tuple[Array, Array]] = []
 
     def __call__(self, t: Array) -> Array:
         Q, V, A = (self._trajectory(t, order) for order in range(3))
-        twist = np.einsum("kij,kj->ki", self._tool.evaluate(Q)[1], V)
-        motion = zip(Q, V, A, strict=True)
-        tau = np.array([pin.rnea(self._model, self._data, q, v, a).copy() for q, v, a in motion])
-        speeds = [np.linalg.norm(part, axis=1) for part in (twist[:, :3], twist[:, 3:], V)]
+        J = self._tool.evaluate(Q)[1]
+        self._seen.append((t, yoshikawa(scaled(J, self._rows))))
+        twist = np.einsum("kij,kj->ki", J, V)
+        tau = np.empty_like(Q)
+        for row, q, v, a in zip(tau, Q, V, A, strict=True):
+            row[:] = pin.rnea(self._model, self._data, q, v, a)
+        speeds = [np.sqrt(np.einsum("ki,ki->k", part, part)) for part in (twist[:, :3], twist[:, 3:], V)]
         return np.column_stack([*speeds, tau**2])
+
+    def least_manipulability(self) -> float:
+        """Return the smallest Yoshikawa measure along the motion.
+
+        Holds at: both ends and the instants kept, then up to 9 times 17 between the neighbours of the smallest.
+        """
+        ends = np.array([0.0, self._trajectory.duration])
+        self(ends)
+        times, values = (np.concatenate(column) for column in zip(*self._seen, strict=True))
+        t, first = np.unique(times, return_index=True)
+        value = values[first]
+        least = np.inf
+        for _ in range(_ROUNDS):
+            k = int(np.argmin(value))
+            if value[k] >= (1.0 - _ACCURACY) * least:
+                break
+            least = float(value[k])
+            t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)], _CLOSER)
+            value = measures(scaled(self._tool.evaluate(self._trajectory(t))[1], self._rows)).yoshikawa
+        return least
+
+
+def yoshikawa(J: Array) -> Array:
+    """sqrt(det(J J^T)) of J (N, m, n), for n < m sqrt(det(J^T J)): (N,).
+
+    Quicker than the product of the singular values, and off by 1e-8 of the largest possible near a singularity.
+    """
+    square = J @ J.swapaxes(1, 2) if J.shape[1] <= J.shape[2] else J.swapaxes(1, 2) @ J
+    return np.asarray(np.sqrt(np.maximum(np.linalg.det(square), 0.0)))
 
 
 def integral(f: Callable[[Array], Array], trajectory: Trajectory) -> Array:
@@ -135,32 +186,35 @@ def integral(f: Callable[[Array], Array], trajectory: Trajectory) -> Array:
     Panels begin and end at breakpoints, where f may jump.
     """
     a, b = _panels(trajectory)
-    coarse, total = _gauss(f, a, b), np.zeros(1)
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (a + b)
-        left, right = _gauss(f, a, middle), _gauss(f, middle, b)
-        fine = left + right
+    total: Array = np.zeros(1)
+    for halving in range(_HALVINGS + 1):
+        rough_value, fine = _gauss_kronrod(f, a, b)
         allowed = _ACCURACY * np.maximum(total + fine.sum(axis=0), _NOTHING) * ((b - a) / trajectory.duration)[:, None]
-        rough = (np.abs(fine - coarse) > allowed).any(axis=1)
-        total = total + fine[~rough].sum(axis=0)
-        a, b = np.concatenate([a[rough], middle[rough]]), np.concatenate([middle[rough], b[rough]])
-        coarse = np.concatenate([left[rough], right[rough]])
-        if not rough.any() or len(a) > _MOST_PANELS:
+        rough = (np.abs(fine - rough_value) > allowed).any(axis=1)
+        if not rough.any() or len(a) > _MOST_PANELS or halving == _HALVINGS:
             break
-    return np.asarray(total + coarse.sum(axis=0))
+        total = total + fine[~rough].sum(axis=0)
+        a, b = a[rough], b[rough]
+        middle = 0.5 * (a + b)
+        a, b = np.concatenate([a, middle]), np.concatenate([middle, b])
+    return np.asarray(total + fine.sum(axis=0))
 
 
 def _panels(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Beginnings and ends of the first panels: the pieces, cut into parts of at most a 64th of the motion."""
-    edges = np.union1d(trajectory.breakpoints, np.linspace(0.0, trajectory.duration, _PANELS + 1))
-    return edges[:-1], edges[1:]
+    """Beginnings and ends of the first panels: the pieces, cut into parts of at most a 16th of the motion."""
+    h = np.diff(trajectory.breakpoints)
+    parts = np.maximum(np.ceil(h * (_PANELS / trajectory.duration) - 1e-9), 1.0).astype(np.intp)
+    piece = np.repeat(np.arange(len(h)), parts)
+    within = np.arange(len(piece)) - (np.cumsum(parts) - parts)[piece]
+    a = trajectory.breakpoints[piece] + within * (h / parts)[piece]
+    return a, np.append(a[1:], trajectory.duration)
 
 
-def _gauss(f: Callable[[Array], Array], a: Array, b: Array) -> Array:
-    """Five-point quadrature of f over panels from a (m,) to b (m,): array (m, k)."""
+def _gauss_kronrod(f: Callable[[Array], Array], a: Array, b: Array) -> tuple[Array, Array]:
+    """Integrals of f over panels from a (m,) to b (m,), by five points and by eleven: two arrays (m, k)."""
     t = a[:, None] + (b - a)[:, None] * _NODES
-    values = f(t.ravel()).reshape(len(a), len(_NODES), -1)
-    return np.asarray((b - a)[:, None] * np.einsum("mik,i->mk", values, _WEIGHTS))
+    values = f(t.ravel()).reshape(len(a), len(_NODES), -1) * (b - a)[:, None, None]
+    return np.einsum("mik,i->mk", values[:, 1::2], _GAUSS), np.einsum("mik,i->mk", values, _WEIGHTS)
 
 
 def peak_jerk(trajectory: Trajectory, problem: Problem) -> tuple[int, float, float | None]:
@@ -191,28 +245,6 @@ def peak_wheel_rates(robot: Robot, trajectory: Trajectory) -> dict[str, float] |
     t = np.append((a[:, None] + (b - a)[:, None] * np.linspace(0.0, 0.875, 8)).ravel(), b[-1])
     rates = wheel_rates_along(robot, trajectory(t), trajectory(t, 1))
     return None if rates is None else dict(zip(WHEELS, np.abs(rates).max(axis=0).tolist(), strict=True))
-
-
-def least_manipulability(robot: Robot, trajectory: Trajectory) -> float:
-    """Return the smallest Yoshikawa measure along the motion.
-
-    Holds at: 4 samples a panel, then eight times 17 samples between the neighbours of the smallest.
-    """
-    tool = ToolKinematics(robot)
-
-    def measured(t: Array) -> Array:
-        J = scaled(tool.evaluate(trajectory(t))[1], "full" if robot.n >= 6 else "translation")
-        return measures(J).yoshikawa
-
-    a, b = _panels(trajectory)
-    t = np.append((a[:, None] + (b - a)[:, None] * np.linspace(0.0, 0.75, 4)).ravel(), b[-1])
-    least = np.inf
-    for _ in range(9):
-        value = measured(t)
-        k = int(np.argmin(value))
-        least = min(least, float(value[k]))
-        t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)], 17)
-    return least
 
 
 def _clearance(report: Report) -> tuple[float | None, float | None]:

@@ -10,7 +10,7 @@ from typing import Any
 from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.via_legs import plan_through
-from optiplan.planners.registry import make_planner, options_set
+from optiplan.planners.registry import load_libraries, make_planner, options_set
 from optiplan.planners.task.planner import plan_task
 from optiplan.problem.problem import Problem
 from optiplan.runs.common_bound import bound_of
@@ -18,6 +18,9 @@ from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
 from optiplan.trajectory.trajectory import Trajectory
+
+_AMPLE = 10.0
+"""s; with such a budget libraries are imported where they are needed, half a second once in a process."""
 
 _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
@@ -39,7 +42,7 @@ def run(  # noqa: PLR0913
         problem: its own `planner` and `options` are ignored.
         planner: name in the registry, or a planner itself, which the run calls by its class.
         options: of the planner of that name; a planner itself has its own.
-        budget: counted from the planner's start; loading its libraries is not part of it.
+        budget: counted from the planner's start; below 10 s, loading its libraries is not part of it.
         progress: called with the planner's stages, then `verify`.
         earlier: a motion that planners may begin at, of a problem not far from this one.
 
@@ -49,6 +52,8 @@ def run(  # noqa: PLR0913
     """
     if isinstance(planner, str):
         name, chosen = planner, make_planner(planner, options)
+        if budget.seconds < _AMPLE:
+            load_libraries(name)
     else:
         name, chosen, options = type(planner).__name__, planner, options_set(planner)
     budget.start()

@@ -4,7 +4,6 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.robot import Robot
 
 
@@ -15,7 +14,7 @@ class ToolPoses:
         index = robot.frame_id(frame or robot.tool_frame)
         placed = robot.model.frames[index]
         self._joint, self._placement = int(placed.parentJoint), np.array(placed.placement.homogeneous)
-        self._kinematics = BatchKinematics(robot.model)
+        self._kinematics = robot.kinematics
 
     def of(self, Q: Array) -> Array:
         """X_WF at configurations Q (K, n): (K, 4, 4)."""

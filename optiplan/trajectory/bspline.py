@@ -41,6 +41,28 @@ def pieces(knots: Array, control_points: Array, degree: int) -> tuple[Array, Arr
     return np.append(left, knots[spans[-1] + 1]), coefficients
 
 
+def basis_functions(x: Array, knots: Array, degree: int) -> Array:
+    """Matrix B (k, N) with B @ control_points the values at x (k,) of the B-spline with these knots.
+
+    B_i,d(x) = (x - t_i) / (t_{i+d} - t_i) B_i,d-1(x) + (t_{i+d+1} - x) / (t_{i+d+1} - t_{i+1}) B_{i+1},d-1(x), with
+    0 / 0 = 0. Source: de Boor, A Practical Guide to Splines, ch. IX.
+
+    Args:
+        x: in [knots[degree], knots[N]]; at the end of the domain the values are from the left.
+        knots: (N + degree + 1,) not decreasing.
+        degree: 0 or more.
+    """
+    x, t = np.asarray(x, float)[:, None], np.asarray(knots, float)
+    inner = np.flatnonzero(np.diff(t) > 0.0)
+    span = inner[np.clip(np.searchsorted(t[inner], x[:, 0], side="right") - 1, 0, len(inner) - 1)]
+    basis = (np.arange(len(t) - 1) == span[:, None]).astype(np.float64)
+    for d in range(1, degree + 1):
+        width = t[d:] - t[:-d]
+        slope = np.divide(x - t[:-d], width, out=np.zeros((len(x), len(width))), where=width > 0.0)
+        basis = slope[:, :-1] * basis[:, :-1] + (1.0 - slope[:, 1:]) * basis[:, 1:]
+    return np.asarray(basis)
+
+
 def _de_boor(t: Array, points: Array, degree: int, spans: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Array:
     """Value (m, n) of the spline at the left end of each span t[spans], taken from the right."""
     x = t[spans]

@@ -3,6 +3,7 @@
 Coefficients ascend along the last axis: p(x) = sum_k c[..., k] x^k.
 """
 
+from functools import cache
 from math import comb
 
 import numpy as np
@@ -10,6 +11,8 @@ import numpy as np
 from optiplan.arrays import Array
 
 _NEWTON_STEPS = 100
+_ROUNDING = 2.0**-51
+"""Share of the sum of the sizes of a polynomial's terms below which its value is rounding."""
 
 
 def evaluate(coefficients: Array, x: Array) -> Array:
@@ -34,8 +37,8 @@ def unit_roots(coefficients: Array) -> Array:
 
     Roots of p separate at most once between neighbouring roots of p', so degree by degree each monotone stretch with a
     change of sign is bracketed and solved by Newton's method kept inside its bracket. Nothing is divided by a leading
-    coefficient, which may vanish. Where a stretch has no root one of its ends is returned: harmless to whoever looks
-    for extrema, because both ends are candidates as well.
+    coefficient, which may vanish. Where a stretch has no root, or one of its ends is one up to rounding, that end is
+    returned: harmless to whoever looks for extrema, because both ends are candidates as well.
 
     Args:
         coefficients: (N, d + 1).
@@ -54,8 +57,10 @@ def unit_roots(coefficients: Array) -> Array:
     count = len(coefficients)
     edges = np.concatenate([np.zeros((count, 1)), inner, np.ones((count, 1))], axis=1)
     value = evaluate(coefficients[:, None, :], edges)
-    roots = edges[:, :-1].copy()
-    change = (value[:, :-1] < 0) != (value[:, 1:] < 0)
+    nothing = np.abs(value) <= _ROUNDING * np.abs(coefficients).sum(axis=1, keepdims=True)
+    roots = np.where(nothing[:, 1:] & ~nothing[:, :-1], edges[:, 1:], edges[:, :-1])
+    # A motion from rest has a multiple root at its start, which Newton's method would only creep up to.
+    change = ((value[:, :-1] < 0) != (value[:, 1:] < 0)) & ~(nothing[:, :-1] | nothing[:, 1:])
     if change.any():
         row, column = np.nonzero(change)
         rising = value[row, column] < 0
@@ -80,12 +85,17 @@ def may_hold_extrema(coefficients: Array) -> np.ndarray[tuple[int, int], np.dtyp
     A polynomial stays between its smallest and largest Bernstein coefficient b_i = sum_k C(i, k) / C(d, k) c_k and
     takes b_0 and b_d at the ends; so one whose coefficients lie within what others reach needs no closer look.
     """
-    d = coefficients.shape[-1] - 1
-    to_bernstein = np.array([[comb(i, k) / comb(d, k) for k in range(d + 1)] for i in range(d + 1)])
-    b = coefficients @ to_bernstein.T
+    b = coefficients @ bernstein_basis(coefficients.shape[-1] - 1).T
     ends = b[..., [0, -1]]
     lowest, highest = ends.min(axis=(0, 2)), ends.max(axis=(0, 2))
     return np.asarray((b.min(axis=2) <= lowest) | (b.max(axis=2) >= highest))
+
+
+@cache
+def bernstein_basis(degree: int) -> Array:
+    """Matrix (d + 1, d + 1) that gives Bernstein coefficients b_i = sum_k C(i, k) / C(d, k) c_k of the c_k."""
+    sizes = range(degree + 1)
+    return np.array([[comb(i, k) / comb(degree, k) for k in sizes] for i in sizes])
 
 
 def rising_root(coefficients: Array) -> Array:

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from optiplan.collision.model import CollisionModel
+from optiplan.collision.kept_models import collision_model
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import BEYOND, GAP
@@ -30,7 +30,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
 
     `worst` is the clearance proved; where none is proved, the smallest distance met.
     """
-    model = CollisionModel(checked_robot(problem, policy), problem.scene)
+    model = collision_model(checked_robot(problem, policy), problem.scene)
     proof = certify(model, with_obstacles(trajectory, model.motions), policy)
     near = proof.nearest
     witness: dict[str, Any] = {

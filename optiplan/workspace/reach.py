@@ -7,7 +7,6 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
 from optiplan.kinematics.manipulability import ToolKinematics
-from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.robot import Robot
 
 _STARTS, _REFINED = 4096, 12
@@ -56,7 +55,7 @@ def shoulder_point(robot: Robot) -> Array:
     Where all are parallel, as in a planar arm, it is the origin of the first. Taken at q = 0, moved into the limits.
     """
     lower, upper = sampling_range(robot)
-    kinematics = BatchKinematics(robot.model)
+    kinematics = robot.kinematics
     axes, points = kinematics.axes(kinematics.poses(np.clip(np.zeros((1, robot.n)), lower, upper)))
     turning = np.flatnonzero(kinematics.revolute > 0.5)
     if not len(turning):

@@ -187,7 +187,7 @@ def corners(bodies, placed, k, side):
     """Vertices in the world by pinocchio's pose of the body, not by the batch kinematics."""
     body = placed.bodies[k, side]
     shape = bodies.shapes[body]
-    local = bodies.vertices[body]
+    local = vertices_of(shape)
     if isinstance(shape, coal.Box):
         local = np.array(np.meshgrid(*[[-h, h] for h in shape.halfSide])).reshape(3, -1).T
     X = placed.poses[k, side]

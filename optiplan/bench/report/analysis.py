@@ -135,7 +135,7 @@ def analyse_results(results: Results, seed: int = 0, compared: bool = True) -> A
         pairs(runs, grid, seed) if compared else (),
         results.measures,
         tuple(_spreads(runs, measure, seed) for measure in results.measures),
-        quality(runs, results.answers, seed),
+        quality(runs, results.answers, results.known, seed),
     )
 
 

@@ -47,9 +47,9 @@ class Quality(NamedTuple):
     curves: tuple[tuple[Array, Array], ...]
 
 
-def quality(runs: Runs, answers: RunAnswers, seed: int) -> Quality:
-    """Quality of all planners; `seed` is that of the bootstrap."""
-    best = best_known(runs, answers)
+def quality(runs: Runs, answers: RunAnswers, known: Array, seed: int) -> Quality:
+    """Quality of all planners; `known` (problems,), s, are best known from elsewhere, `seed` is of the bootstrap."""
+    best = np.minimum(best_known(runs, answers), known)
     ratio = answers.duration / best[runs.problem[answers.run]] if len(answers.run) else answers.duration
     found, curves = [], []
     for k, label in enumerate(runs.planners):

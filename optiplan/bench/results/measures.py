@@ -73,11 +73,15 @@ class RunAnswers:
 
 @dataclass(frozen=True)
 class Results:
-    """Everything that a report is made of: runs, their measures, their answers on the way."""
+    """Everything that a report is made of: runs, their measures, their answers on the way.
+
+    `known` (problems,), s, is the best known duration of each problem from a table, inf where there is none.
+    """
 
     runs: Runs
     measures: tuple[RunMeasure, ...]
     answers: RunAnswers
+    known: Array
 
     def of_set(self, name: str) -> "Results":
         """Those of one set of problems."""
@@ -85,7 +89,7 @@ class Results:
         kept = np.array([one == name for one in runs.sets], dtype=bool)
         mask = kept[runs.problem] if len(kept) else np.zeros(0, bool)
         measures = tuple(replace(one, values=one.values[mask]) for one in self.measures)
-        return Results(_some_runs(runs, kept, mask), measures, _some_answers(self.answers, mask))
+        return Results(_some_runs(runs, kept, mask), measures, _some_answers(self.answers, mask), self.known[kept])
 
 
 def load_results(store: Store) -> Results:
@@ -101,7 +105,17 @@ def load_results(store: Store) -> Results:
         values = factor * np.array([_number(row[k]) for row in rows], dtype=np.float64)
         if np.isfinite(values).any():
             measures.append(RunMeasure(name, label, unit, values))
-    return Results(load_runs(store), tuple(measures), _answers(rows))
+    runs = load_runs(store)
+    return Results(runs, tuple(measures), _answers(rows), _best_known(store, runs.problems))
+
+
+def _best_known(store: Store, problems: Sequence[str]) -> Array:
+    """Best known durations, s, as a table had them when the suite was held against it; inf where it had none."""
+    try:
+        table = store.meta("best_known")
+    except KeyError:
+        table = {}
+    return np.array([table.get(problem, np.inf) for problem in problems], dtype=np.float64)
 
 
 def _metric_names(store: Store) -> list[str]:

@@ -2,10 +2,12 @@
 
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from optiplan.bench.execution.runner import Summary
+from optiplan.bench.results.best_known import Standing
 from optiplan.bench.results.database import Store
 
 SHARES = """
@@ -22,12 +24,17 @@ WHERE place IN ((size + 1) / 2, (size + 2) / 2)
 FAILURES = "SELECT failure_kind, count(*) AS runs FROM runs WHERE failure_kind IS NOT NULL GROUP BY 1 ORDER BY 2 DESC"
 
 
-def summary_data(store: Store, done: Summary) -> dict[str, Any]:
+def summary_data(store: Store, done: Summary, standing: Standing | None = None) -> dict[str, Any]:
     """JSON-ready: counts, shares and medians (over verified runs) by planner, failures by kind."""
     planners = {}
     for row in store.query(SHARES):
         medians = {name: _median(store, row["planner"], name) for name in ("plan_time", "plan_cpu", "ratio")}
         planners[row["planner"]] = {key: row[key] for key in row.keys() if key != "planner"} | medians
+    if standing is not None:
+        for label, numbers in planners.items():
+            ratio = standing.ratio.get(label)
+            numbers["over_best_known"] = None if ratio is None else float(np.median(ratio))
+    beaten = {} if standing is None else {"best_known": {"new": standing.new, "beaten": standing.beaten}}
     return {
         "results": str(store.path),
         "runs": done.total,
@@ -36,22 +43,29 @@ def summary_data(store: Store, done: Summary) -> dict[str, Any]:
         "complete": done.complete,
         "planners": planners,
         "failures": {row["failure_kind"]: row["runs"] for row in store.query(FAILURES)},
+        **beaten,
     }
 
 
-def show_summary(console: Console, store: Store, done: Summary) -> None:
+def show_summary(console: Console, store: Store, done: Summary, standing: Standing | None = None) -> None:
     """Print the summary as a table."""
-    data = summary_data(store, done)
+    data = summary_data(store, done, standing)
     table = Table(box=None, pad_edge=False)
-    for name in ("planner", "runs", "planned", "timed", "verified", "plan s, median", "processor s", "/ bound, median"):
+    figures = ["plan_time", "plan_cpu", "ratio", *([] if standing is None else ["over_best_known"])]
+    titles = ("plan s, median", "processor s", "/ bound, median", "/ best known")[: len(figures)]
+    for name in ("planner", "runs", "planned", "timed", "verified", *titles):
         table.add_column(name, justify="left" if name == "planner" else "right", overflow="fold")
     for name, row in data["planners"].items():
         shares = [f"{100 * row[key]:.1f} %" for key in ("planned", "timed", "verified")]
-        medians = ["–" if row[key] is None else f"{row[key]:.3f}" for key in ("plan_time", "plan_cpu", "ratio")]
+        medians = ["–" if row[key] is None else f"{row[key]:.3f}" for key in figures]
         table.add_row(name, str(row["runs"]), *shares, *medians)
     console.print(table)
     for kind, count in data["failures"].items():
         console.print(f"{count} × {kind}", markup=False)
+    if standing is not None:
+        console.print(
+            f"best known durations: {standing.beaten} beaten, {standing.new} new of {standing.known} problems"
+        )
     console.print(f"{done.found + done.made} of {done.total} runs in {store.path}", markup=False, soft_wrap=True)
 
 

@@ -9,7 +9,6 @@ from optiplan.control.configuration import Configuration
 from optiplan.control.limits.stop_limits import StopLimit
 from optiplan.control.tasks.base import checked_number, checked_vector, frame_of
 from optiplan.errors import described, wrong_argument
-from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.robot import Robot
 
 
@@ -50,7 +49,7 @@ class HalfSpaceLimit(StopLimit):
         placed = robot.model.frames[self._frame]
         limits = robot.limits
         stroke = np.maximum(np.abs(limits.lower), np.abs(limits.upper))
-        kinematics = BatchKinematics(robot.model)
+        kinematics = robot.kinematics
         point_J = placed.placement.act(self.point)
         stroke = np.where(np.isfinite(stroke), stroke, np.pi)
         arms = kinematics.moment_arms(int(placed.parentJoint), point_J[None], stroke)

@@ -3,7 +3,6 @@
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.linalg.lapack import dposv
 
 from optiplan.arrays import Array
 from optiplan.robot.robot import Robot
@@ -25,6 +24,9 @@ class Descent:
 
     def __init__(self, robot: Robot, frame: str, orientation: bool = True) -> None:
         """With `orientation` false the position of the frame alone counts."""
+        from scipy.linalg.lapack import dposv  # quicker than NumPy's solver on matrices of this size
+
+        self._solve_positive = dposv
         self._model, self._data = robot.model, robot.model.createData()
         self._frame = robot.model.getFrameId(frame)
         self._low, self._high = robot.limits.lower, robot.limits.upper
@@ -131,7 +133,7 @@ class Descent:
         """J^T (J J^T + damping I)^-1 e, (n,)."""
         A = J @ J.T
         A.flat[self._diagonal] += damping
-        return np.asarray(J.T @ dposv(A, e)[1])
+        return np.asarray(J.T @ self._solve_positive(A, e)[1])
 
 
 def _excess(e: Array, radius: float) -> Array:

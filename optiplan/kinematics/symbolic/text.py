@@ -11,7 +11,6 @@ import numpy as np
 from optiplan.errors import OptiPlanError
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
 from optiplan.kinematics.symbolic.trig_polynomial import Polynomial, Powers, expand
-from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.robot import Robot
 
 MOST_JOINTS = 6
@@ -65,7 +64,7 @@ def symbolic_text(robot: Robot, frame: str) -> SymbolicText:
 
 def parallel_blocks(robot: Robot) -> list[list[int]]:
     """Joints in order, neighbours that turn about parallel axes in one block."""
-    kinematics = BatchKinematics(robot.model)
+    kinematics = robot.kinematics
     axes = kinematics.axes(kinematics.poses(np.full((1, robot.n), 0.5)))[0][0]
     blocks = [[0]]
     for i, j in pairwise(range(robot.n)):

@@ -3,7 +3,6 @@
 from itertools import product
 
 import numpy as np
-import piqp
 
 from optiplan.arrays import Array
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
@@ -73,6 +72,8 @@ class NearerEnds:
 
     def _step(self, q: Array, bound: float, radius: float) -> Array | None:
         """Return the best step d (n,) within the trust region, by the linearised pose; None if infeasible."""
+        import piqp
+
         n, offset = len(q), q - self._start
         scale = np.array([np.interp(bound, times, self._distances) for times in self._times.T])
         e, J = self._descent.error(q)

@@ -4,9 +4,9 @@ import math
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from optiplan.arrays import Array
+from optiplan.trajectory.bspline import basis_functions
 
 DEGREE = 4
 """Degree of the spline: its acceleration is smooth and its jerk continuous and linear in each span."""
@@ -96,7 +96,7 @@ class SplineBasis:
         """Matrix (N, K) that takes C to the derivative of an order (0 to 2) with respect to u, at u (N,)."""
         degree = DEGREE - order
         knots = self.knots[order : len(self.knots) - order]
-        return np.asarray(BSpline.design_matrix(np.clip(u, 0.0, 1.0), knots, degree) @ self.derivative[order])
+        return np.asarray(basis_functions(np.clip(u, 0.0, 1.0), knots, degree) @ self.derivative[order])
 
     def ends(self, start: Array, end: Array) -> Array:
         """Control points (6, n), three at each end, of q, dq/du and d²q/du² there: `start` and `end`, (3, n) each."""

@@ -1,16 +1,17 @@
 """Quadratic program of one step: linearised constraints inside a trust region."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import qpsolvers
-import scipy.sparse as sp
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.terms.term import SoftRows
 from optiplan.planners.trajopt.transcription import Transcription
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
 
 REGULARISATION = 5e-3
 """Cost of the squared change of each control point, in the program's own variables: it makes it strictly convex."""
@@ -53,9 +54,9 @@ class Step(NamedTuple):
 class _Objective(NamedTuple):
     """1/2 x' `quadratic` x + `linear`' x, of which `hessian`, and `twice` by T, are shared with the merit."""
 
-    quadratic: sp.csc_matrix
+    quadratic: "sp.csc_matrix"
     linear: Array
-    hessian: sp.csc_matrix
+    hessian: "sp.csc_matrix"
     twice: float
 
     def cost(self, x: Array, count: int) -> float:
@@ -98,6 +99,9 @@ class Subproblem:
             radius: of the trust region, in shares of v_j `span`.
             span: s.
         """
+        import qpsolvers
+        import scipy.sparse as sp
+
         basis, limits = self.transcription.basis, self.transcription.limits
         moving = basis.moving(control)
         scale, count = np.tile(limits.velocity * span, len(moving)), moving.size
@@ -134,6 +138,8 @@ class Subproblem:
 
     def _program(self, control: Array, duration: float, scale: Array, prices: Array) -> "_Objective":
         """Return the objective: time, costs and the slacks' prices, over T, with a small regularisation."""
+        import scipy.sparse as sp
+
         costs = self.transcription.cost_model(self.transcription.curve(control, duration))
         weight = self.transcription.objective.time
         hessian = costs.hessian().multiply(scale[:, None]).multiply(scale[None, :]) / duration

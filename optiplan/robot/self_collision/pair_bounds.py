@@ -1,11 +1,16 @@
 """Bounds and gradients of pair distances without coal queries, for many configurations at once."""
 
+from collections.abc import Sequence
+
 import coal
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
-from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
+from optiplan.robot.batch_fk import BatchKinematics
+
+LocalBox = tuple[Array, Array, float]
+"""Centre (3,) and half edges (3,) of a body's box and the radius of the ball about its centre, m, in its own frame."""
 
 
 class PairBounds:
@@ -22,12 +27,19 @@ class PairBounds:
         depends: (P, n), whether a planned joint, or one that follows it, moves a pair's bodies against each other.
     """
 
-    def __init__(self, model: pin.Model, geometry: pin.GeometryModel, pairs: list[tuple[int, int]]) -> None:
-        self.kinematics = BatchKinematics(model)
+    def __init__(
+        self,
+        kinematics: BatchKinematics,
+        geometry: pin.GeometryModel,
+        pairs: Sequence[tuple[int, int]],
+        boxes: Sequence[LocalBox] | None = None,
+    ) -> None:
+        """Take the bodies of `geometry`, and their bounding volumes where they are known."""
+        self.kinematics = kinematics
         bodies = list(geometry.geometryObjects)
         self.joint = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
         self.placement = np.array([body.placement.homogeneous for body in bodies]).reshape(-1, 4, 4)
-        boxes = [_local_box(body.geometry) for body in bodies]
+        boxes = [local_box(body.geometry) for body in bodies] if boxes is None else boxes
         self.centre = np.array([box[0] for box in boxes]).reshape(-1, 3)
         self.half = np.array([box[1] for box in boxes]).reshape(-1, 3)
         self.radius = np.array([box[2] for box in boxes])
@@ -35,10 +47,17 @@ class PairBounds:
         edges = np.where(np.isfinite(self.half), self.half, 0.0)
         self._corners = self.centre[:, None] + edges[:, None] * signs  # (G, 8, 3)
         self.pairs: Index = np.array(pairs, dtype=np.intp).reshape(-1, 2)
-        moves = carrying_joints(model)[self.joint[self.pairs]]  # (P, 2, J)
+        moves = kinematics.carries[self.joint[self.pairs]]  # (P, 2, J)
         # A joint that carries both bodies of a pair does not change their distance.
         self.moves = moves & ~moves[:, ::-1]
         self.depends: Flags = self.kinematics.joint_dependence(np.asarray(self.moves.any(axis=1)))
+        # What several pairs have in common, a body moved against what a certain joint carries, is looked at once.
+        own, other = self.pairs.ravel(), self.joint[self.pairs[:, ::-1]].ravel()
+        moves = self.moves.reshape(len(own), moves.shape[2])
+        key = np.where(moves.any(axis=1), own * len(kinematics.carries) + other, -1)
+        _, first, which = np.unique(key, return_index=True, return_inverse=True)
+        self._mover, self._mover_joints = own[first], moves[first]  # (U,), (U, J)
+        self._mover_of: Index = which.reshape(-1, 2)
         planes = [isinstance(body.geometry, coal.Halfspace) for body in bodies]
         self.plane_pairs: Index = np.flatnonzero(np.array(planes, dtype=bool)[self.pairs].any(axis=1))
         self._plane_of = {g: (np.array(bodies[g].geometry.n), bodies[g].geometry.d) for g, p in enumerate(planes) if p}
@@ -48,14 +67,30 @@ class PairBounds:
 
         The larger of the distances from the ball of one body to the box of the other, both ways.
         """
-        poses = self.kinematics.poses(Q)[:, self.joint] @ self.placement  # X_WG of every body, (N, G, 4, 4)
+        return self._distances(self.kinematics.poses(Q), np.full((len(Q), len(self.pairs)), np.inf))
+
+    def apart(self, Q: Array, D: Array, enough: float) -> Array:
+        """Lower bound, m, of every pair's distance while |q_j - Q_j| <= D_j; Q, D (N, n), result (N, P).
+
+        That of `distances` less `travel`, or less than that where balls alone prove more than `enough`, m.
+        """
+        poses = self.kinematics.poses(Q)
+        travel = self._own_travel(poses, D)[:, self._mover_of].sum(axis=2)
+        return np.asarray(self._distances(poses, travel + enough) - travel)
+
+    def _distances(self, joint_poses: Array, enough: Array) -> Array:
+        """As `distances`, but only of the balls where these are farther apart than `enough`, (N, P)."""
+        poses = joint_poses[:, self.joint] @ self.placement  # X_WG of every body, (N, G, 4, 4)
         rotation, origin = poses[..., :3, :3], poses[..., :3, 3]
-        centre = origin + np.einsum("ngij,gj->ngi", rotation, self.centre)
-        a, b = self.pairs[:, 0], self.pairs[:, 1]
-        result = np.maximum(
-            self._ball_to_box(rotation[:, b], centre[:, a] - centre[:, b], b, a),
-            self._ball_to_box(rotation[:, a], centre[:, b] - centre[:, a], a, b),
-        )
+        centre = origin + (rotation @ self.centre[:, :, None])[..., 0]
+        a, b = self.pairs.T
+        apart = centre[:, b] - centre[:, a]
+        result = np.sqrt(np.einsum("npi,npi->np", apart, apart)) - (self.radius[a] + self.radius[b])
+        rows, pairs = np.nonzero(result <= enough)
+        apart, found = apart[rows, pairs], np.full(len(rows), -np.inf)
+        for box, ball, way in ((b[pairs], a[pairs], -apart), (a[pairs], b[pairs], apart)):
+            found = np.maximum(found, self._ball_to_box(rotation[rows, box], way, box, ball))
+        result[rows, pairs] = found
         for pair in self.plane_pairs:
             plane, body = a[pair], b[pair]
             if int(plane) not in self._plane_of:
@@ -67,15 +102,14 @@ class PairBounds:
         return np.asarray(result)
 
     def _ball_to_box(self, rotation: Array, apart: Array, box: Index, ball: Index) -> Array:
-        local = np.einsum("npji,npj->npi", rotation, apart)
+        """Distance, m, of K balls from boxes with the rotation (K, 3, 3), whose centres are `apart` (K, 3): (K,)."""
+        local = (apart[:, None] @ rotation)[:, 0]
         outside = np.maximum(np.abs(local) - self.half[box], 0.0)
-        return np.asarray(np.sqrt(np.einsum("npi,npi->np", outside, outside)) - self.radius[ball])
+        return np.asarray(np.sqrt(np.einsum("ki,ki->k", outside, outside)) - self.radius[ball])
 
     def travel(self, Q: Array, D: Array) -> Array:
         """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j; Q, D (N, n), result (N, P)."""
-        everything = np.arange(len(self.pairs))
-        rows, pairs = np.repeat(np.arange(len(Q)), len(everything)), np.tile(everything, len(Q))
-        return self.travel_of(Q, D, rows, pairs).reshape(len(Q), len(everything))
+        return np.asarray(self._own_travel(self.kinematics.poses(Q), D)[:, self._mover_of].sum(axis=2))
 
     def travel_of(self, Q: Array, D: Array, rows: Index, pairs: Index) -> Array:
         """Return the travel bound (K,) of chosen pairs: entry k is pair `pairs[k]` at configuration `Q[rows[k]]`.
@@ -85,16 +119,16 @@ class PairBounds:
         at Q, plus the travel t that the joints nearer to the tip have caused already: t <- t + D_j (R_j + t). A
         prismatic joint adds D_j. Both bodies of a pair move against the joint that carries both.
         """
-        reach, D = self._axis_distances(Q), self.kinematics.joint_reach(D)  # (N, G, J), (N, J)
-        moved = np.zeros(len(rows))
-        for side in (0, 1):
-            radius = reach[rows, self.pairs[pairs, side]]  # (K, J)
-            step = D[rows] * self.moves[pairs, side]
-            own = np.zeros(len(rows))
-            for j in reversed(range(D.shape[1])):
-                own = own + step[:, j] * ((radius[:, j] + own) if self.kinematics.revolute[j] else 1.0)
-            moved += own
-        return moved
+        own = self._own_travel(self.kinematics.poses(Q), D)
+        return np.asarray(own[rows[:, None], self._mover_of[pairs]].sum(axis=1))
+
+    def _own_travel(self, poses: Array, D: Array) -> Array:
+        """How far each body is moved at most by those joints that move it in a pair, (N, U), m; see `travel_of`."""
+        step = self.kinematics.joint_reach(D)[:, :, None] * self._mover_joints.T  # (N, J, U)
+        reach, own = self._axis_distances(poses), np.zeros((len(D), len(self._mover)))
+        for j in reversed(range(step.shape[1])):
+            own += step[:, j] * ((reach[:, j] + own) if self.kinematics.revolute[j] else 1.0)
+        return own
 
     def place(self, Q: Array, pairs: Index) -> tuple[Array, Array]:
         """Poses in the world for K pairs, each at a configuration of its own, Q (K, n).
@@ -113,8 +147,8 @@ class PairBounds:
         result = np.full(len(pairs), -np.inf)
         for box, ball in ((0, 1), (1, 0)):
             apart = centre[:, ball] - centre[:, box]
-            found = self._ball_to_box(rotation[None, :, box], apart[None], bodies[:, box], bodies[:, ball])
-            result = np.maximum(result, found[0])
+            found = self._ball_to_box(rotation[:, box], apart, bodies[:, box], bodies[:, ball])
+            result = np.maximum(result, found)
         return result
 
     def steps_of(self, poses: Array, placed: Array, D: Array, pairs: Index) -> Array:
@@ -185,23 +219,29 @@ class PairBounds:
         corners = np.einsum("gij,gkj->gki", self.placement[:, :3, :3], self._corners) + self.placement[:, None, :3, 3]
         return np.asarray(np.linalg.norm(corners, axis=2).max(axis=1, initial=0.0))
 
-    def _axis_distances(self, Q: Array) -> Array:
-        """Distance, m, of the farthest corner of every body's box from every joint axis at Q (N, n): (N, G, J)."""
-        poses = self.kinematics.poses(Q)
+    def _axis_distances(self, poses: Array) -> Array:
+        """Distance, m, of the farthest corner of the box of the bodies that move from each joint axis: (N, J, U).
+
+        `poses` (N, J + 1, 4, 4) are those of the joints. A body that no joint moves counts as 0.
+        """
         direction, point = self.kinematics.axes(poses)  # (N, J, 3)
-        placed = poses[:, self.joint] @ self.placement
-        corners = np.einsum("ngij,gkj->ngki", placed[..., :3, :3], self._corners) + placed[:, :, None, :3, 3]
-        flat = corners.reshape(len(Q), -1, 3)
-        along = flat @ direction.transpose(0, 2, 1) - np.einsum("nji,nji->nj", point, direction)[:, None]
+        moving = self._mover_joints.any(axis=1)
+        bodies, which = np.unique(self._mover[moving], return_inverse=True)
+        placed = poses[:, self.joint[bodies]] @ self.placement[bodies]
+        corners = self._corners[bodies] @ placed[..., :3, :3].swapaxes(2, 3) + placed[:, :, None, :3, 3]
+        flat = corners.reshape(len(poses), -1, 3).swapaxes(1, 2)  # (N, 3, 8 bodies)
+        along = direction @ flat - np.einsum("nji,nji->nj", point, direction)[:, :, None]
         squared = (
-            np.einsum("nki,nki->nk", flat, flat)[:, :, None]
-            - 2.0 * flat @ point.transpose(0, 2, 1)
-            + np.einsum("nji,nji->nj", point, point)[:, None]
+            np.einsum("nik,nik->nk", flat, flat)[:, None]
+            - 2.0 * (point @ flat)
+            + np.einsum("nji,nji->nj", point, point)[:, :, None]
             - along**2
         )
         # The difference of squares loses half the digits near the axis: 1e-6 m covers it within 10 m of the origin.
-        farthest = np.sqrt(np.maximum(squared, 0.0)).reshape(*corners.shape[:3], direction.shape[1]).max(axis=2) + 1e-6
-        return np.asarray(farthest)
+        most = squared.reshape(*direction.shape[:2], len(bodies), 8).max(axis=3)
+        reach = np.zeros((*direction.shape[:2], len(self._mover)))
+        reach[:, :, moving] = (np.sqrt(np.maximum(most, 0.0)) + 1e-6)[:, :, which]
+        return reach
 
     def witness_gradients(self, Q: Array, pairs: Index, points: Array, normals: Array) -> Array:
         """N . (J_b - J_a) for K contacts: Q (K, n), points (K, 2, 3) on bodies a and b, normals (K, 3); result (K, n).
@@ -218,7 +258,7 @@ class PairBounds:
         return self.kinematics.of_planned(total)
 
 
-def _local_box(geometry: coal.CollisionGeometry) -> tuple[Array, Array, float]:
+def local_box(geometry: coal.CollisionGeometry) -> LocalBox:
     """Centre (3,), half edges (3,) and ball radius, m, of a body in its own frame; a half-space has no bounds."""
     if isinstance(geometry, coal.Halfspace):
         return np.zeros(3), np.full(3, np.inf), np.inf

@@ -10,6 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
 from optiplan.geometry.mesh_hulls import hull_of_mesh
+from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.self_collision.pair_bounds import PairBounds
 
 GAP = 1e-4
@@ -105,7 +106,7 @@ class PairProof:
             pairs: (P, 2) bodies of each pair.
             limits: lower and upper, (n,), infinite for joints without end.
         """
-        self.bounds = PairBounds(model, geometry, [(int(a), int(b)) for a, b in pairs])
+        self.bounds = PairBounds(BatchKinematics(model), geometry, [(int(a), int(b)) for a, b in pairs])
         self.moves = self.bounds.depends
         follows = np.abs(self.bounds.kinematics.coupling) > 0.0  # (J, n)
         # What a follower does in one turn of its leader, or at half a turn, is another matter: no turns, no chords.

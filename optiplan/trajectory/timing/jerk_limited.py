@@ -9,9 +9,9 @@ tau = max (f / bound)^(1/p): so every iterate holds at the samples, and the dura
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 
 from optiplan.arrays import Array
 from optiplan.robot.robot import Limits
@@ -19,6 +19,9 @@ from optiplan.trajectory.timing.jerk_limited_constraints import Basis, Block, La
 from optiplan.trajectory.timing.path_constraints import Rows
 from optiplan.trajectory.timing.toppra import fastest_law
 from optiplan.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 _FEWEST, _MOST, _FINEST = 80, 160, 4000  # spans of the spline: in all; the duration over the shortest
 _PER_RAMP, _PER_PIECE = 1, 8  # spans while the acceleration rises at the ends; in each piece of a path of few
@@ -127,6 +130,8 @@ def _step(basis: Basis, control: Array, blocks: list[Block], radius: float) -> A
     """The change of the control points (N,) that the linear program proposes; None when the solver gives up."""
     count = len(control)
     rows, by_tau, right = _program_rows(basis, blocks, count)
+    import scipy.sparse as sp
+
     falling = sp.diags([1.0, -1.0], [0, 1], shape=(count - 1, count))
     matrix = sp.bmat([[rows, sp.csr_matrix(by_tau[:, None])], [falling, None]], format="csc")
     free = np.append(np.arange(3, count - 3), count)  # the others keep both ends at rest; the last column is tau - 1
@@ -145,12 +150,14 @@ def _step(basis: Basis, control: Array, blocks: list[Block], radius: float) -> A
     return np.concatenate([np.zeros(3), solution.x[:-1], np.zeros(3)])
 
 
-def _program_rows(basis: Basis, blocks: list[Block], count: int) -> tuple[sp.csr_matrix, Array, Array]:
+def _program_rows(basis: Basis, blocks: list[Block], count: int) -> tuple["csr_matrix", Array, Array]:
     """Rows a . dc + b (tau - 1) <= r of both signs of every limit: a (R, count), b (R,), r (R,).
 
     Left out are values far from their bounds, but at each sample the one that grows most steeply stays: on a straight
     stretch of the path all joints of a block are in proportion, and that one bounds the others.
     """
+    from scipy.sparse import csr_matrix
+
     columns, entries, by_tau, right = [], [], [], []
     for block in blocks:
         parts = zip(block.gradient, basis.values[:, block.sample], strict=True)
@@ -167,5 +174,5 @@ def _program_rows(basis: Basis, blocks: list[Block], count: int) -> tuple[sp.csr
             right.append(1.0 - share[k, j])
     column, entry = np.concatenate(columns), np.concatenate(entries)
     starts = 4 * np.arange(len(column) + 1)
-    matrix = sp.csr_matrix((entry.ravel(), column.ravel(), starts), shape=(len(column), count))
+    matrix = csr_matrix((entry.ravel(), column.ravel(), starts), shape=(len(column), count))
     return matrix, np.concatenate(by_tau), np.concatenate(right)

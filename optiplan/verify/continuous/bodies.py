@@ -1,6 +1,8 @@
 """Bodies as arrays: poses at many configurations, support functions, and the joints that move them."""
 
 from dataclasses import dataclass
+from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import coal
 import numpy as np
@@ -8,8 +10,45 @@ import numpy as np
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.shape import Shape
-from optiplan.geometry.shapes import shape_of_body
-from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
+from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
+from optiplan.robot.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class BodyShape:
+    """What is known of one body, in its own frame.
+
+    Attributes:
+        shape: coal geometry.
+        solid: the shape that it is; None for polyhedra and meshes.
+        vertices: (k, 3) of polyhedra and meshes, m; none of others.
+        centre: (3,) m; a ball of `radius`, m, about it holds the body.
+    """
+
+    shape: coal.CollisionGeometry
+    solid: Shape | None
+    vertices: Array
+    centre: Array
+    radius: float
+
+    @classmethod
+    def of(cls, shape: coal.CollisionGeometry) -> "BodyShape":
+        """Look at a body of coal."""
+        vertices = vertices_of(shape)
+        return cls(shape, shape_of_body(shape), vertices, *_ball(shape, vertices))
+
+
+_links: WeakKeyDictionary[Robot, tuple[BodyShape, ...]] = WeakKeyDictionary()
+
+
+def _shapes_of(model: CollisionModel) -> list[BodyShape]:
+    """All bodies of the model; those of the robot are looked at once."""
+    robot = model.robot
+    if robot not in _links:
+        _links[robot] = tuple(BodyShape.of(body.geometry) for body in robot.geometry.geometryObjects)
+    others = list(model.geometry.geometryObjects)[len(_links[robot]) :]
+    return [*_links[robot], *(BodyShape.of(body.geometry) for body in others)]
+
 
 _MANY = 200
 """Vertices of a mesh above which it is worth finding those of its hull."""
@@ -21,6 +60,20 @@ class PlacedBody:
 
     bodies: Index
     poses: Array
+
+    def take(self, chosen: Index) -> "PlacedBody":
+        """The bodies at these positions."""
+        return PlacedBody(self.bodies[chosen], self.poses[chosen])
+
+    @cached_property
+    def groups(self) -> list[tuple[int, Index]]:
+        """Each body and where it stands among the 2 K, all of side a before all of side b."""
+        every = self.bodies.T.ravel()
+        order = np.argsort(every, kind="stable")
+        found = every[order]
+        first = np.flatnonzero(found[1:] != found[:-1]) + 1
+        parts = np.split(order, first) if len(order) else []
+        return [(int(every[part[0]]), part) for part in parts]
 
 
 class Bodies:
@@ -36,52 +89,67 @@ class Bodies:
     """
 
     def __init__(self, model: CollisionModel) -> None:
-        robot, bodies = model.model, list(model.geometry.geometryObjects)
-        self.kinematics = BatchKinematics(robot)
-        self.shapes = [body.geometry for body in bodies]
-        self._solids = [shape_of_body(shape) for shape in self.shapes]
-        self.vertices = [vertices_of(shape) for shape in self.shapes]
+        bodies = list(model.geometry.geometryObjects)
+        self.kinematics = model.kinematics
+        self._known = _shapes_of(model)
+        self.shapes = [known.shape for known in self._known]
         self.joints = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
         self.placements = np.array([body.placement.homogeneous for body in bodies]).reshape(-1, 4, 4)
         self.pairs: Index = np.array([(p.a, p.b) for p in model.pairs], dtype=np.intp).reshape(-1, 2)
-        balls = [_ball(shape, vertices) for shape, vertices in zip(self.shapes, self.vertices, strict=True)]
-        self.centre = np.array([centre for centre, _ in balls]).reshape(-1, 3)
-        self.radius = np.array([radius for _, radius in balls])
+        self.centre = np.array([known.centre for known in self._known]).reshape(-1, 3)
+        self.radius = np.array([known.radius for known in self._known])
+        self._round = np.array([_round(known.solid) for known in self._known]).reshape(-1, 5)
         planes = [abs(shape.d) if isinstance(shape, coal.Halfspace) else 0.0 for shape in self.shapes]
         own = np.where(np.isinf(self.radius), planes, self.radius)
         offset = np.linalg.norm(self.placements[:, :3, 3], axis=1) + np.linalg.norm(self.centre, axis=1)
         self.extent = offset + own
-        carried = carrying_joints(robot)[self.joints[self.pairs]]
+        carried = self.kinematics.carries[self.joints[self.pairs]]
         self.moves: Flags = carried & ~carried[:, ::-1]
 
     def unsupported(self) -> int | None:
         """Return a body of some pair for which no bound is known: a moving half-space, or an unsupported shape."""
-        for body in np.unique(self.pairs):
-            shape = self.shapes[body]
-            moving_plane = isinstance(shape, coal.Halfspace) and self.joints[body] != 0
-            if moving_plane or not (len(self.vertices[body]) or self._solids[body] is not None):
+        for body in np.unique(self.pairs).tolist():
+            known = self._known[body]
+            moving_plane = isinstance(known.shape, coal.Halfspace) and self.joints[body] != 0
+            if moving_plane or not (len(known.vertices) or known.solid is not None):
                 return int(body)
         return None
 
     def kind(self, kind: type) -> Flags:
         """Return which side of each pair is of this class of coal: (P, 2)."""
-        found = [isinstance(shape, kind) for shape in self.shapes]
-        return np.array([(found[a], found[b]) for a, b in self.pairs], dtype=bool).reshape(-1, 2)
+        found = np.array([isinstance(shape, kind) for shape in self.shapes], dtype=bool)
+        return found[self.pairs]
 
     def place(self, joint_poses: Array, rows: Index, pairs: Index) -> PlacedBody:
         """Poses of both bodies of pair pairs[k] where the joints are at joint_poses[rows[k]], (N, n + 1, 4, 4)."""
         bodies = self.pairs[pairs]
         return PlacedBody(bodies, joint_poses[rows[:, None], self.joints[bodies]] @ self.placements[bodies])
 
-    def support(self, placed: PlacedBody, side: int, directions: Array) -> Array:
-        """h(n) = max of n . x over the body of one side, in the world; directions n (K, 3), result (K,), m."""
-        bodies, poses = placed.bodies[:, side], placed.poses[:, side]
-        local = np.einsum("kji,kj->ki", poses[:, :3, :3], directions)
-        result = np.einsum("ki,ki->k", poses[:, :3, 3], directions)
-        for body in np.unique(bodies):
-            chosen = bodies == body
-            result[chosen] += support(self._solids[body], self.vertices[body], local[chosen])
-        return np.asarray(result)
+    def support(self, placed: PlacedBody, directions: Array) -> Array:
+        """h(n) = max of n . x over both bodies of K pairs, in the world, m.
+
+        Args:
+            placed: the pairs.
+            directions: n (…, 2, K, 3) for sides a and b, world, of any length; several for each body with more axes.
+
+        Returns:
+            (…, 2, K).
+        """
+        poses, bodies = placed.poses.swapaxes(0, 1), placed.bodies.T
+        local = (directions[..., None, :] @ poses[..., :3, :3])[..., 0, :]  # n^T R = (R^T n)^T, in the body's frame
+        size = self._round[bodies]
+        flat = local[..., 0] ** 2 + local[..., 1] ** 2
+        result = np.einsum("ski,...ski->...sk", poses[..., :3, 3], directions)
+        result += np.einsum("ski,...ski->...sk", size[..., :3], np.abs(local))
+        result += size[..., 3] * np.sqrt(flat) + size[..., 4] * np.sqrt(flat + local[..., 2] ** 2)
+        several = local.reshape(-1, bodies.size, 3)
+        found = result.reshape(-1, bodies.size)
+        for body, chosen in placed.groups:
+            known = self._known[body]
+            if len(known.vertices) or not _is_round(known.solid):
+                n = several[:, chosen]
+                found[:, chosen] += support(known.solid, known.vertices, n.reshape(-1, 3)).reshape(n.shape[:2])
+        return np.asarray(found.reshape(result.shape))
 
 
 def support(shape: Shape | None, vertices: Array, n: Array) -> Array:
@@ -92,6 +160,25 @@ def support(shape: Shape | None, vertices: Array, n: Array) -> Array:
     if len(vertices):
         return np.asarray((n @ vertices.T).max(axis=1))
     return np.full(len(n), np.inf) if shape is None else shape.support(n)
+
+
+def _is_round(solid: Shape | None) -> bool:
+    return isinstance(solid, Box | Sphere | Cylinder | Capsule)
+
+
+def _round(solid: Shape | None) -> tuple[float, ...]:
+    """A (3,), r and s of h(n) = a . |n| + r ||(n_x, n_y)|| + s ||n||, m, as in `Shape.support`; 0 for other shapes."""
+    match solid:
+        case Box():
+            x, y, z = solid.size
+            return 0.5 * x, 0.5 * y, 0.5 * z, 0.0, 0.0
+        case Sphere():
+            return 0.0, 0.0, 0.0, 0.0, solid.radius
+        case Cylinder():
+            return 0.0, 0.0, 0.5 * solid.length, solid.radius, 0.0
+        case Capsule():
+            return 0.0, 0.0, 0.5 * solid.length, 0.0, solid.radius
+    return 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 def vertices_of(shape: coal.CollisionGeometry) -> Array:

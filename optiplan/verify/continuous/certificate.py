@@ -1,6 +1,7 @@
 """Certificate: a proof that no two bodies touch at any time, or the time and place where it fails."""
 
 from dataclasses import dataclass, field, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -22,11 +23,14 @@ _FAR = 0.1  # m: a larger clearance is not refined
 _HULLS = 5e-3  # m: where hulls are proved farther apart, meshes are not queried
 _ROOM = 1.25  # factor on the clearance to prove, below which meshes are queried instead of hulls
 _MOST_AGAIN = 4_000  # items examined to refine the clearance after the proof
-_FIRST_TRAVEL = 0.1  # rad or m, summed over joints: travel within the first intervals
+_FIRST_TRAVEL = 0.2  # rad or m, summed over joints: travel within the first intervals
 _LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up ROUNDING
 _MOST_HALVINGS = 12  # of a piece before the first query
 _MOST_ITEMS = 20_000  # items processed at once, to bound memory
 _CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memory
+
+_tools: WeakKeyDictionary[CollisionModel, tuple[Bodies, PairDistances, Motion]] = WeakKeyDictionary()
+"""What is the same for every motion in a work space."""
 
 
 @dataclass(frozen=True)
@@ -140,8 +144,10 @@ class _Search:
     proof: Proof = field(default_factory=lambda: Proof(False))
 
     def __post_init__(self) -> None:
-        self.bodies = Bodies(self.model)
-        self.distances, self.motion = PairDistances(self.model, self.bodies), Motion(self.bodies)
+        if self.model not in _tools:
+            bodies = Bodies(self.model)
+            _tools[self.model] = bodies, PairDistances(self.model, bodies), Motion(bodies)
+        self.bodies, self.distances, self.motion = _tools[self.model]
         self.jump = step_sizes(self.trajectory, self.policy.jump_tolerance)
 
     def boxes(self, items: Intervals) -> Boxes:
@@ -182,20 +188,21 @@ class _Search:
         Neighbouring intervals are looked at together where they are shorter than that.
         """
         intervals = Intervals.whole(len(self.trajectory.coefficients))
-        for _ in range(_MOST_HALVINGS):
-            b = self.boxes(intervals)
-            long = b.reach.sum(axis=1) > _FIRST_TRAVEL
-            if not long.any():
-                break
-            intervals = intervals.split(long.astype(np.intp))
-        self.proof = replace(self.proof, intervals=len(intervals.piece))
         b = self.boxes(intervals)
+        while True:
+            halvings = np.ceil(np.log2(np.maximum(b.reach.sum(axis=1) / _FIRST_TRAVEL, 1.0)))
+            halvings = np.minimum(halvings, _MOST_HALVINGS - intervals.level)
+            if not halvings.any():
+                break
+            intervals = intervals.split(halvings.astype(np.intp))
+            b = self.boxes(intervals)
+        self.proof = replace(self.proof, intervals=len(intervals.piece))
         first, last = blocks(b.reach.sum(axis=1), _FIRST_TRAVEL)
         low, high = np.minimum.reduceat(b.q - b.reach, first), np.maximum.reduceat(b.q + b.reach, first)
         margins = []
         for k in range(0, len(first), _CHUNK):
             Q, D = 0.5 * (low + high)[k : k + _CHUNK], 0.5 * (high - low)[k : k + _CHUNK] + 1e-15
-            margins.append(self.model.lower_bounds(Q) - self.model.travel(Q, D) - ROUNDING)
+            margins.append(self.model.bounds.apart(Q, D, self.policy.clearance + _FAR + ROUNDING) - ROUNDING)
         margin = np.concatenate(margins)
         clear, far = margin > self.policy.clearance + _EASY, margin > self.policy.clearance + _FAR
         self.keep(margin[far])

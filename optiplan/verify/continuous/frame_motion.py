@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags
-from optiplan.robot.batch_fk import BatchKinematics, carrying_joints
 from optiplan.robot.robot import Robot
 from optiplan.verify.continuous.motion_bounds import Boxes
 
@@ -41,11 +40,10 @@ class FrameMotion:
     """
 
     def __init__(self, robot: Robot, frame: str, base: str | None = None) -> None:
-        model = robot.model
-        self.kinematics = BatchKinematics(model)
+        self.kinematics = robot.kinematics
         self._joint, self._placement = _placed(robot, frame)
         self._base_joint, self._base_placement = (0, np.eye(4)) if base is None else _placed(robot, base)
-        carried = carrying_joints(model)
+        carried = self.kinematics.carries
         own, other = carried[self._joint], carried[self._base_joint]
         after = np.flatnonzero(own & ~other)
         self._chain = np.concatenate([np.flatnonzero(other & ~own)[::-1], after])

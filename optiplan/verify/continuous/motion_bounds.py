@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Flags, Index
 from optiplan.verify.continuous.bodies import Bodies, PlacedBody
 
 
@@ -75,21 +75,20 @@ class Motion:
         """
         boxes = self._of_all_joints(boxes)
         rows, half = query.rows, boxes.half[query.rows]
-        travel, curvature_loss, gap = np.zeros(len(rows)), np.zeros(len(rows)), np.zeros((2, len(rows)))
-        for side, sign in ((0, 1.0), (1, -1.0)):
-            lever, moved = self._moment_arms(boxes, query, side)
-            travel += moved
-            moves = self._bodies.moves[query.pairs, side]
-            speed, acceleration = boxes.speed[rows] * moves, boxes.acceleration[rows] * moves
-            before = np.cumsum(speed, axis=1) - speed
-            curve = lever * (acceleration + speed * (speed + 2.0 * before))
-            curvature_loss += 0.5 * half**2 * curve.sum(axis=1) + (boxes.jump[rows] * moves * lever).sum(axis=1)
-            omega, u = self._twist(boxes.v[rows] * moves, query.direction[rows], query.point[rows])
-            turn, shift = _cross(normals, omega), np.einsum("ki,ki->k", normals, u)
-            for end, s in ((0, half), (1, -half)):
-                direction = sign * (normals + s[:, None] * turn)
-                gap[end] -= self._bodies.support(query.placed, side, direction) + sign * s * shift
-        return SeparationRate(travel, np.nan_to_num(gap.min(axis=0), nan=-np.inf), curvature_loss)
+        moves = self._bodies.moves[query.pairs].swapaxes(0, 1)  # (2, K, J), as all that follows
+        lever, travel = self._moment_arms(boxes, query, moves)
+        speed, acceleration = boxes.speed[rows] * moves, boxes.acceleration[rows] * moves
+        before = np.cumsum(speed, axis=2) - speed
+        curve = (lever * (acceleration + speed * (speed + 2.0 * before))).sum(axis=2)
+        jump = (boxes.jump[rows] * moves * lever).sum(axis=2)
+        omega, u = self._twist(boxes.v[rows] * moves, query.direction[rows], query.point[rows])
+        sign = np.array([1.0, -1.0])[:, None, None]  # of side a and b
+        turn, shift = _cross(normals, omega), np.einsum("ski,ki->sk", u, normals)
+        s = np.array([1.0, -1.0])[:, None, None] * half  # at both ends
+        direction = sign * (normals + s[..., None] * turn)  # (2 ends, 2 sides, K, 3)
+        gap = -(self._bodies.support(query.placed, direction) + sign[..., 0] * s * shift).sum(axis=1)
+        linear = np.nan_to_num(gap.min(axis=0), nan=-np.inf)
+        return SeparationRate(travel.sum(axis=0), linear, (0.5 * half**2 * curve + jump).sum(axis=0))
 
     def _of_all_joints(self, boxes: Boxes) -> Boxes:
         """Return the bounds of all J joints: a follower moves by its multiplier times what its leader does."""
@@ -99,37 +98,38 @@ class Motion:
         q, v = kinematics.joint_rates(boxes.q) + kinematics.offset, kinematics.joint_rates(boxes.v)
         return Boxes(boxes.half, q, v, reach, speed, acceleration, jump)
 
-    def _moment_arms(self, boxes: Boxes, query: DistanceQuery, side: int) -> tuple[Array, Array]:
-        """L (K, J), the farthest any point of the body gets from each axis on the interval, m; and its travel (K,), m.
+    def _moment_arms(self, boxes: Boxes, query: DistanceQuery, moves: Flags) -> tuple[Array, Array]:
+        """L (2, K, J), the farthest any point of the body gets from each axis on the interval, and its travel (2, K).
 
-        Joints are moved one after another, from the tip to the base. When joint j turns, about its axis at the middle,
-        the body has travelled t already: its points are within R_j + t of the axis and move by at most D_j (R_j + t).
+        Both in m, of sides a and b. Joints are moved one after another, from the tip to the base. When joint j turns,
+        about its axis at the middle, the body has travelled t already: its points are within R_j + t of the axis and
+        move by at most D_j (R_j + t).
         """
-        bodies, poses, rows = query.placed.bodies[:, side], query.placed.poses[:, side], query.rows
-        moves = self._bodies.moves[query.pairs, side]
-        centre = np.einsum("kij,kj->ki", poses[:, :3, :3], self._bodies.centre[bodies]) + poses[:, :3, 3]
-        arm = _cross(query.direction[rows], centre[:, None] - query.point[rows])
+        bodies, poses, rows = query.placed.bodies.T, query.placed.poses.swapaxes(0, 1), query.rows
+        centre = (poses[..., :3, :3] @ self._bodies.centre[bodies][..., None])[..., 0] + poses[..., :3, 3]
+        arm = _cross(query.direction[rows], centre[:, :, None] - query.point[rows])
         # A half-space has no farthest point, and must not move: then its levers are multiplied by zero.
-        radius = np.where(moves.any(axis=1), self._bodies.radius[bodies], 0.0)
-        lever = np.where(self._revolute, np.sqrt(np.einsum("kji,kji->kj", arm, arm)) + radius[:, None], 1.0)
+        radius = np.where(moves.any(axis=2), self._bodies.radius[bodies], 0.0)
+        lever = np.sqrt(np.einsum("skji,skji->skj", arm, arm)) + radius[..., None]
+        lever[..., ~self._revolute] = 1.0
         step = boxes.reach[rows] * moves
-        travelled = np.zeros(len(rows))
-        for j in reversed(range(lever.shape[1])):
+        travelled = np.zeros(step.shape[:2])
+        for j in reversed(range(lever.shape[2])):
             if self._revolute[j]:
-                lever[:, j] += travelled
-            travelled = travelled + step[:, j] * lever[:, j]
+                lever[..., j] += travelled
+            travelled += step[..., j] * lever[..., j]
         return lever, travelled
 
     def _twist(self, v: Array, direction: Array, point: Array) -> tuple[Array, Array]:
-        """Angular velocity (K, 3), rad/s, and velocity (K, 3), m/s, of the body's point at the world's origin."""
-        turning = v * self._revolute
-        omega = np.einsum("kj,kji->ki", turning, direction)
-        slide = np.einsum("kj,kji->ki", v * ~self._revolute, direction)
-        return omega, np.einsum("kj,kji->ki", turning, _cross(point, direction)) + slide
+        """Angular velocity (2, K, 3), rad/s, and velocity (2, K, 3), m/s, of the body's point at the world's origin."""
+        turning = (v * self._revolute)[..., None, :]
+        slide = (v * ~self._revolute)[..., None, :] @ direction
+        return (turning @ direction)[..., 0, :], (turning @ _cross(point, direction) + slide)[..., 0, :]
 
 
 def _cross(a: Array, b: Array) -> Array:
-    x = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    y = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    z = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return np.stack([x, y, z], axis=-1)
+    result = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    result[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    result[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    result[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return result

@@ -1,11 +1,13 @@
 """Polynomials stay between bounds on [0, 1]: proved by Bernstein coefficients, with the rounding counted."""
 
 from dataclasses import dataclass
+from functools import cache
 from math import comb
 
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
+from optiplan.trajectory.polynomial import bernstein_basis
 
 _UNIT = 2.0**-53  # rounding of one operation
 _MOST_HALVINGS = 40
@@ -45,11 +47,10 @@ def prove_bounds(coefficients: Array, low: Array, high: Array) -> Bounded:
         high: (N,) upper bounds, inf where there is none.
     """
     count, size = coefficients.shape
-    to_bernstein = np.array([[comb(i, k) / comb(size - 1, k) for k in range(size)] for i in range(size)])
     halves = _halving(size)
     rounding = (size + 1) * _UNIT * np.abs(coefficients).sum(axis=1)
     owner: Index = np.arange(count)
-    b = coefficients @ to_bernstein.T
+    b = coefficients @ bernstein_basis(size - 1).T
     within, beyond = np.ones(count, dtype=bool), np.zeros(count)
     for r in range(_MOST_HALVINGS):
         doubt = (r + 4) * rounding[owner]
@@ -66,6 +67,7 @@ def prove_bounds(coefficients: Array, low: Array, high: Array) -> Bounded:
     return Bounded(within & (beyond <= 0.0), beyond, rounding)
 
 
+@cache
 def _halving(size: int) -> tuple[Array, Array]:
     """Matrices that take Bernstein coefficients on [0, 1] to those on [0, 1/2] and on [1/2, 1]."""
     left = np.array([[comb(i, k) / 2.0**i for k in range(size)] for i in range(size)])

@@ -1,6 +1,7 @@
 """Distances of pairs of bodies, each confirmed by a separating plane, independent of the query's accuracy."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import coal
 import numpy as np
@@ -48,16 +49,26 @@ class PairDistances:
     """
 
     def __init__(self, model: CollisionModel, bodies: Bodies) -> None:
-        self._robot, self._geometry, self._bodies = model.model, model.geometry, bodies
-        self._data, criterion = self._robot.createData(), coal.GJKConvergenceCriterion
-        # At coal's own 1e-6 the normal of a cylinder can cost the plane 0.2 mm; polyhedra end exactly anyway.
-        self._placed = self._requests(criterion.Default, 1e-10)
-        self._again = self._requests(criterion.DualityGap, 1e-6)
-        self._outline = model.outline.geometry
-        self._outlined = self._outline.createData()
-        exact_queries(self._outlined)
+        self._outline, self._bodies = model.outline, bodies
+        self._robot, self._geometry = model.model, model.geometry
+        self._data = self._robot.createData()
         self._convex: Flags = np.logical_and(*bodies.kind(coal.ShapeBase).T)
         self._planes: Flags = bodies.kind(coal.Halfspace)
+
+    @cached_property
+    def _placed(self) -> pin.GeometryData:
+        # At coal's own 1e-6 the normal of a cylinder can cost the plane 0.2 mm; polyhedra end exactly anyway.
+        return self._requests(coal.GJKConvergenceCriterion.Default, 1e-10)
+
+    @cached_property
+    def _again(self) -> pin.GeometryData:
+        return self._requests(coal.GJKConvergenceCriterion.DualityGap, 1e-6)
+
+    @cached_property
+    def _outlined(self) -> pin.GeometryData:
+        data = self._outline.geometry.createData()
+        exact_queries(data)
+        return data
 
     def query(self, Q: Array, rows: Index, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
         """Distance k of pair pairs[k] at Q[rows[k]], where `placed` has its bodies; rows ascend, Q (N, n).
@@ -71,7 +82,7 @@ class PairDistances:
         measured, gjk_only = bound.copy(), np.zeros(len(rows), dtype=bool)
         asked = np.flatnonzero(~hulls)
         if len(asked):
-            found = self._exact(Q, rows[asked], pairs[asked], PlacedBody(placed.bodies[asked], placed.poses[asked]))
+            found = self._exact(Q, rows[asked], pairs[asked], placed.take(asked))
             measured[asked], normals[asked], bound[asked] = found.measured, found.normals, found.bound
             gjk_only[asked] = found.gjk_only
         return Distances(measured, normals, bound, gjk_only, hulls)
@@ -81,8 +92,8 @@ class PairDistances:
         normals, gap = np.full((len(rows), 3), np.nan), np.full(len(rows), -np.inf)
         asked = np.flatnonzero(~self._convex[pairs] & ~self._planes[pairs].any(axis=1))
         if len(asked):
-            normals[asked] = self._measure(self._outlined, Q, rows[asked], pairs[asked])[1]
-            gap[asked] = self._gap(PlacedBody(placed.bodies[asked], placed.poses[asked]), normals[asked])
+            normals[asked] = self._measure(self._outlined, Q, rows[asked], pairs[asked], hulls=True)[1]
+            gap[asked] = self._gap(placed.take(asked), normals[asked])
         return normals, gap
 
     def _exact(self, Q: Array, rows: Index, pairs: Index, placed: PlacedBody) -> Distances:
@@ -96,7 +107,7 @@ class PairDistances:
         loose = np.flatnonzero(self._convex[pairs] & ~flat & (plane < measured - _LOOSE))
         if len(loose):
             other = self._measure(self._again, Q, rows[loose], pairs[loose])[1]
-            gap = self._gap(PlacedBody(placed.bodies[loose], placed.poses[loose]), other)
+            gap = self._gap(placed.take(loose), other)
             better = gap > plane[loose]
             normals[loose[better]], plane[loose[better]] = other[better], gap[better]
         measured = np.where(flat, plane, measured)
@@ -122,14 +133,16 @@ class PairDistances:
 
     def _gap(self, placed: PlacedBody, normals: Array) -> Array:
         """-h_b(-n) - h_a(n), m: a lower bound of the distance for each unit normal (K, 3); -inf where it is NaN."""
-        gap = -self._bodies.support(placed, 1, -normals) - self._bodies.support(placed, 0, normals)
-        return np.nan_to_num(gap, nan=-np.inf)
+        gap = -self._bodies.support(placed, np.stack([normals, -normals])).sum(axis=0)
+        return np.asarray(np.nan_to_num(gap, nan=-np.inf))
 
-    def _measure(self, placed: pin.GeometryData, Q: Array, rows: Index, pairs: Index) -> tuple[Array, Array]:
+    def _measure(
+        self, placed: pin.GeometryData, Q: Array, rows: Index, pairs: Index, hulls: bool = False
+    ) -> tuple[Array, Array]:
         """Measure with coal: distances (K,) and unit normals from a to b (K, 3), NaN where it gives none."""
         measured, normals = np.empty(len(rows)), np.empty((len(rows), 3))
-        results, last, hulls = placed.distanceResults, -1, placed is self._outlined
-        geometry = self._outline if hulls else self._geometry
+        results, last = placed.distanceResults, -1
+        geometry = self._outline.geometry if hulls else self._geometry
         for k, (row, pair) in enumerate(zip(rows.tolist(), pairs.tolist(), strict=True)):
             if row != last:
                 pin.updateGeometryPlacements(self._robot, self._data, geometry, placed, Q[row])

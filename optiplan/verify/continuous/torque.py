@@ -1,6 +1,7 @@
 """Joint torques stay within their limits at all times, proved from their values and a bound on their curvature."""
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -8,6 +9,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, Flags, Index
 from optiplan.problem.problem import Problem
 from optiplan.robot.mimic_joints import unfold
+from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.intervals import derivative_bounds
 from optiplan.verify.continuous.torque_bounds import TorqueBounds
@@ -17,6 +19,17 @@ ROUNDING = 1e-12
 """Of inverse dynamics: a share of the sum of the sizes of all moments that add up to a torque."""
 _MOST_FIRST = 20_000  # intervals of a long motion to begin with, beside one a piece
 _CHUNK = 20_000  # intervals bounded at once, to limit memory
+_MOST_PARTS = 8  # into which an interval is divided at once
+
+_bounds: WeakKeyDictionary[Robot, TorqueBounds] = WeakKeyDictionary()
+
+
+def _bounds_of(robot: Robot) -> TorqueBounds:
+    """The bounds of a robot, made once."""
+    if robot not in _bounds:
+        plain = unfold(robot.model)
+        _bounds[robot] = TorqueBounds(plain.model, plain.A, plain.b)
+    return _bounds[robot]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,14 +51,16 @@ class _Spans:
         torque, size, curvature = self.torque[:, chosen], self.size[chosen], self.curvature[chosen]
         return _Spans(self.piece[chosen], self.begin[chosen], self.width[chosen], torque, size, curvature)
 
-    def largest(self) -> Array:
-        """Upper bound of |tau| on each interval, (K, n): |tau| <= max at the ends + width² / 8 max |tau''| + rounding.
+    def sagitta(self) -> Array:
+        """How far |tau| may rise above its values at the ends, (K, n): width² / 8 max |tau''|, N·m (N).
 
         A function with |f''| <= B stays within B w² / 8 of the chord between its ends.
         """
-        return np.asarray(
-            np.abs(self.torque).max(axis=0) + self.width[:, None] ** 2 / 8.0 * self.curvature + ROUNDING * self.size
-        )
+        return np.asarray(self.width[:, None] ** 2 / 8.0 * self.curvature)
+
+    def room(self, allowed: Array) -> Array:
+        """What `sagitta` may be, (K, n): the limits (n,) less |tau| at both ends and rounding."""
+        return np.asarray(allowed - np.abs(self.torque).max(axis=0) - ROUNDING * self.size)
 
 
 class _Proof:
@@ -53,8 +68,7 @@ class _Proof:
 
     def __init__(self, problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> None:
         self._model, self._policy = problem.robot.model, policy
-        plain = unfold(self._model)
-        self._data, self._bounds = self._model.createData(), TorqueBounds(plain.model, plain.A, plain.b)
+        self._data, self._bounds = self._model.createData(), _bounds_of(problem.robot)
         self._trajectory, self._pieces = trajectory, [trajectory.derivatives(order) for order in range(3)]
         self.evaluated = 0
         self.peak, self.time = np.zeros(trajectory.n), np.zeros(trajectory.n)
@@ -63,26 +77,32 @@ class _Proof:
         """Every piece in equal intervals, `torque_rate` a second."""
         h = np.diff(self._trajectory.breakpoints)
         rate = min(self._policy.torque_rate, _MOST_FIRST / self._trajectory.duration)
-        parts = np.maximum(np.ceil(h * rate), 1.0).astype(np.intp)
-        piece = np.repeat(np.arange(len(h)), parts)
-        within = np.arange(len(piece)) - np.repeat(np.cumsum(parts) - parts, parts)
-        width = (h / parts)[piece]
-        begin = within * width
-        left = self._torques(piece, begin)
-        ends = np.cumsum(parts) - 1
-        right = np.empty_like(left)
-        right[:-1] = left[1:]  # the end of an interval is the beginning of the next, but at the end of a piece
-        right[ends] = self._torques(piece[ends], h)
-        return self._spans(piece, begin, width, np.stack([left, right]))
+        pieces, parts = np.arange(len(h)), np.maximum(np.ceil(h * rate), 1.0).astype(np.intp)
+        ends = self._torques(np.tile(pieces, 2), np.concatenate([np.zeros_like(h), h])).reshape(2, len(h), -1)
+        return self._cut(pieces, np.zeros_like(h), h, (ends, parts))
 
-    def halved(self, spans: _Spans) -> _Spans:
-        """Both halves of every interval."""
-        width = 0.5 * spans.width
-        left, right = spans.torque
-        middle = self._torques(spans.piece, spans.begin + width)
-        torque = np.stack([np.concatenate([left, middle]), np.concatenate([middle, right])])
-        begin = np.concatenate([spans.begin, spans.begin + width])
-        return self._spans(np.tile(spans.piece, 2), begin, np.tile(width, 2), torque)
+    def divided(self, spans: _Spans, allowed: Array) -> _Spans:
+        """Every interval in as many equal parts, 2 to 8, as would prove it did the bounds only shrink with width²."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.sqrt(spans.sagitta() / np.maximum(spans.room(allowed), 0.0)).max(axis=1)
+        parts = np.clip(np.ceil(np.nan_to_num(share, nan=_MOST_PARTS)), 2.0, _MOST_PARTS).astype(np.intp)
+        return self._cut(spans.piece, spans.begin, spans.width, (spans.torque, parts))
+
+    def _cut(self, piece: Index, begin: Array, width: Array, into: tuple[Array, Index]) -> _Spans:
+        """Intervals cut `into` equal parts each, with torques at their ends (2, K, n): both a pair."""
+        ends, parts = into
+        owner = np.repeat(np.arange(len(piece)), parts)
+        last = np.cumsum(parts) - 1
+        within = np.arange(len(owner)) - (last - parts + 1)[owner]
+        piece, width = piece[owner], (width / parts)[owner]
+        begin = begin[owner] + within * width
+        inner = within > 0
+        left = ends[0][owner]
+        left[inner] = self._torques(piece[inner], begin[inner])
+        right = np.empty_like(left)
+        right[:-1] = left[1:]  # the end of a part is the beginning of the next, but for the last
+        right[last] = ends[1]
+        return self._spans(piece, begin, width, np.stack([left, right]))
 
     def _spans(self, piece: Index, begin: Array, width: Array, torque: Array) -> _Spans:
         """Intervals with the bounds that hold on them."""
@@ -101,8 +121,11 @@ class _Proof:
             for k in range(c.shape[1] - 2, -1, -1):
                 value = value * local[:, None] + c[piece, k]
             state.append(value)
-        rows = zip(*state, strict=True)
-        tau = np.array([pin.rnea(self._model, self._data, *row).copy() for row in rows]).reshape(len(piece), -1)
+        tau = np.empty((len(piece), self._trajectory.n))
+        for k, (q, v, a) in enumerate(zip(*state, strict=True)):
+            tau[k] = pin.rnea(self._model, self._data, q, v, a)
+        if not len(tau):
+            return tau
         self.evaluated += len(tau)
         size, columns = np.abs(tau), np.arange(tau.shape[1])
         at = size.argmax(axis=0)
@@ -116,7 +139,7 @@ def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Ch
     """|tau(t)| <= limit (1 + tolerance) for the inverse dynamics tau of the motion at all times.
 
     On an interval of a piece |tau| is at most the larger value of its ends, plus width² / 8 times a bound on |tau''|;
-    where that is too much, the interval is halved. The value reported is the largest met. Friction is not modelled,
+    where that is too much, the interval is divided. The value reported is the largest met. Friction is not modelled,
     and the inertia of attached objects is not known and counts as nothing.
 
     Holds at: all times, rounding included.
@@ -130,7 +153,7 @@ def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Ch
     proof = _Proof(problem, trajectory, policy)
     spans, reason = proof.first(), ""
     while True:
-        spans = spans.take(~np.asarray((spans.largest() <= allowed).all(axis=1)))  # NaN stays
+        spans = spans.take(~np.asarray((spans.sagitta() <= spans.room(allowed)).all(axis=1)))  # NaN stays
         if (proof.peak > allowed).any():
             reason = "beyond its limit"
         elif not np.isfinite(spans.torque).all():
@@ -141,7 +164,7 @@ def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Ch
             reason = f"not proved with {policy.max_queries} torques"
         if reason or not len(spans.piece):
             break
-        spans = proof.halved(spans)
+        spans = proof.divided(spans, allowed)
     j = int(np.argmax(proof.peak / allowed))
     detail = f"{reason or 'proved at all times'}: {proof.evaluated} torques"
     return Check(

@@ -1,8 +1,6 @@
 """Bounds on the second derivative of joint torques in time: inverse dynamics with norms in place of vectors."""
 
-from dataclasses import dataclass
-from functools import cached_property
-from math import comb
+from math import factorial
 
 import numpy as np
 import pinocchio as pin
@@ -10,39 +8,33 @@ import pinocchio as pin
 from optiplan.arrays import Array
 
 _ORDERS = 5  # derivatives 0 to 4 of the motion decide the second derivative of a torque
+_FACTORIALS = np.array([float(factorial(k)) for k in range(_ORDERS)])
 
 
-def product(x: Array, y: Array, order: int) -> Array:
-    """Leibniz' rule: sum_l C(order, l) |x^(l)| |y^(order - l)| >= |(x y)^(order)|; x, y (orders, K), result (K,)."""
-    return np.asarray(sum(comb(order, k) * x[k] * y[order - k] for k in range(order + 1)))
+def product(x: Array, y: Array, orders: int) -> Array:
+    """Leibniz' rule: bounds on |(x y)^(k)| / k! for k < orders, from those on x and y: sum_l x_l y_(k - l).
 
-
-@dataclass(frozen=True, eq=False)
-class _Body:
-    """Bounds of one body on K intervals, all in world axes: each (orders, K), from derivative 0 on.
-
-    `turn`: angular velocity, up to its third derivative. `fixed`: a unit vector that the body carries, up to the
-    fourth. `origin`: position of its joint, of which derivatives 2 to 4 count, m/s^k.
+    Args:
+        x: (orders or more, …) bounds |x^(k)| / k!.
+        y: the same of y.
+        orders: how many.
     """
+    result = x[0] * y[:orders]
+    for k in range(1, orders):
+        result[k:] += x[k] * y[: orders - k]
+    return np.asarray(result)
 
-    turn: Array
-    origin: Array
 
-    @cached_property
-    def fixed(self) -> Array:
-        """From z' = omega x z: |z^(k+1)| <= sum_l C(k, l) |omega^(k-l)| |z^(l)|."""
-        found = np.ones((_ORDERS, self.turn.shape[1]))
-        for k in range(_ORDERS - 1):
-            found[k + 1] = product(self.turn, found, k)
-        return found
+def rotated(turn: Array, rate: float, orders: int) -> Array:
+    """Bounds z_k >= |z^(k)| / k!, k < orders, of what turns with omega: |z| = 1, |z'| <= rate |omega| |z|.
 
-    @cached_property
-    def tensor(self) -> Array:
-        """Return the bounds for a tensor of norm 1: T' = [omega] T - T [omega], up to the third derivative."""
-        found = np.ones((_ORDERS - 1, self.turn.shape[1]))
-        for k in range(_ORDERS - 2):
-            found[k + 1] = 2.0 * product(self.turn, found, k)
-        return found
+    (k + 1) z_(k + 1) = rate sum_l omega_l z_(k - l); `turn` (4, …) bounds |omega^(k)| / k!.
+    """
+    found = np.ones((orders, *turn.shape[1:]))
+    for k in range(orders - 1):
+        found[k + 1] = (turn[: k + 1] * found[k::-1]).sum(axis=0)
+        found[k + 1] *= rate / (k + 1)
+    return found
 
 
 class TorqueBounds:
@@ -52,7 +44,8 @@ class TorqueBounds:
         tau_j = z_j . n_j + armature_j q_j''      (revolute),      tau_j = z_j . f_j + armature_j q_j''  (prismatic),
         f_j = sum_i m_i (c_i'' - g),              n_j = sum_i (c_i - o_j) x m_i (c_i'' - g) + H_i'
     over the bodies i that joint j carries. Every vector is differentiated by Leibniz' rule, every product of vectors is
-    no longer than the product of their lengths. Friction is not modelled.
+    no longer than the product of their lengths; a unit vector z and a tensor T that turn with omega obey z' = omega x z
+    and T' = [omega] T - T [omega]. Friction is not modelled.
 
     Joints of the model may follow those of the robot: q_model = A q + b, of which tau = A^T tau_model.
     """
@@ -64,9 +57,9 @@ class TorqueBounds:
         self._columns = [joint.idx_v for joint in model.joints]
         self._slides = [joint.shortname().startswith("JointModelP") for joint in model.joints]
         self._offset = [float(np.linalg.norm(M.translation)) for M in model.jointPlacements]
-        self._mass = [float(body.mass) for body in model.inertias]
-        self._lever = [float(np.linalg.norm(body.lever)) for body in model.inertias]
-        self._inertia = [float(np.linalg.norm(body.inertia, 2)) for body in model.inertias]
+        self._mass = np.array([float(body.mass) for body in model.inertias])[:, None]
+        self._lever = np.array([float(np.linalg.norm(body.lever)) for body in model.inertias])[:, None]
+        self._inertia = np.array([float(np.linalg.norm(body.inertia, 2)) for body in model.inertias])[:, None]
         self._armature, self._gravity = np.array(model.armature), float(np.linalg.norm(model.gravity.linear))
 
     def over(self, motion: Array) -> tuple[Array, Array]:
@@ -75,49 +68,58 @@ class TorqueBounds:
         Args:
             motion: (5, K, n) bounds on |q_j^(k)| over each interval, k from 0 to 4, rad/s^k or m/s^k.
         """
-        motion = motion @ self._A.T
-        motion[0] += self._b
-        bodies = [_Body(np.zeros((4, motion.shape[1])), np.zeros((_ORDERS, motion.shape[1])))]
-        for j in range(1, len(self._parents)):
-            bodies.append(self._next(bodies[self._parents[j]], j, motion[:, :, self._columns[j]]))
-        force = np.zeros((len(bodies), 3, motion.shape[1]))
-        moment = np.zeros_like(force)
-        size, curvature = np.empty((2, *motion.shape[1:]))
-        for j in reversed(range(1, len(bodies))):
-            column, before = self._columns[j], bodies[self._parents[j]]
-            own_force, own_moment = self._own(bodies[j], j)
-            force[j] += own_force
-            moment[j] += own_moment
-            carried = force[j] if self._slides[j] else moment[j]
-            size[:, column] = carried[0] + self._armature[column] * motion[2, :, column]
-            curvature[:, column] = product(before.fixed, carried, 2) + self._armature[column] * motion[4, :, column]
-            self._hand_down(force, moment, (j, before), motion[:, :, column])
+        # From here on bounds are |x^(k)| / k!, so that Leibniz' rule has no factors.
+        q = (motion @ self._A.T) / _FACTORIALS[:, None, None]
+        q[0] += self._b
+        turn, fixed, origin = self._bodies(q)
+        force, moment = self._own(turn, fixed, origin)
+        size, curvature = np.empty((2, *motion.shape[1:2], self._A.shape[0]))
+        for j in reversed(range(1, len(self._parents))):
+            column, parent = self._columns[j], self._parents[j]
+            z, carried = fixed[:, parent], force[:, j] if self._slides[j] else moment[:, j]
+            size[:, column] = carried[0] + 2.0 * self._armature[column] * q[2, :, column]
+            second = z[0] * carried[2] + z[1] * carried[1] + z[2] * carried[0]
+            curvature[:, column] = 2.0 * second + 24.0 * self._armature[column] * q[4, :, column]
+            # What the joint transmits to the body before it: f, and n + (o_j - o_before) x f.
+            arm = self._offset[j] * z[:3]
+            if self._slides[j]:
+                arm += product(z, q[:, :, column], 3)
+            force[:, parent] += force[:, j]
+            moment[:, parent] += moment[:, j] + product(arm, force[:, j], 3)
         return size @ self._A, curvature @ self._A
 
-    def _next(self, before: _Body, j: int, q: Array) -> _Body:
-        """Body j from the one that carries its joint, whose position, velocity … are bounded by q (5, K)."""
-        origin = before.origin + self._offset[j] * before.fixed
-        turn = before.turn
-        if self._slides[j]:
-            origin = origin + np.stack([product(before.fixed, q, k) for k in range(_ORDERS)])
-        else:
-            turn = turn + np.stack([product(before.fixed, q[1:], k) for k in range(_ORDERS - 1)])
-        return _Body(turn, origin)
+    def _bodies(self, q: Array) -> tuple[Array, Array, Array]:
+        """Bounds of all B bodies in world axes, from those of the joints q (5, K, J).
 
-    def _own(self, body: _Body, j: int) -> tuple[Array, Array]:
-        """Force, N, and moment about its joint, N·m, that accelerate body j, and two derivatives: (3, K) each."""
-        arm = self._lever[j] * body.fixed
-        force = self._mass[j] * (body.origin + arm)[2:]
-        force[0] += self._mass[j] * self._gravity
-        spin = [self._inertia[j] * product(body.tensor, body.turn, k) for k in range(1, 4)]
-        return force, np.stack([product(arm, force, k) + spin[k] for k in range(3)])
+        Returns:
+            Angular velocity (4, B, K), rad/s; a unit vector that the body carries (5, B, K); position of its joint, of
+            which derivatives 2 to 4 count (5, B, K), m.
+        """
+        count, samples = len(self._parents), q.shape[1]
+        turn, origin = np.zeros((_ORDERS - 1, count, samples)), np.zeros((_ORDERS, count, samples))
+        fixed = np.zeros((_ORDERS, count, samples))
+        fixed[0, 0] = 1.0
+        rates = q[1:] * np.arange(1.0, _ORDERS)[:, None, None]  # of joint velocities
+        for j in range(1, count):
+            parent, column = self._parents[j], self._columns[j]
+            z = fixed[:, parent]
+            origin[:, j] = origin[:, parent] + self._offset[j] * z
+            turn[:, j] = turn[:, parent]
+            if self._slides[j]:
+                origin[:, j] += product(z, q[:, :, column], _ORDERS)
+            else:
+                turn[:, j] += product(z, rates[:, :, column], _ORDERS - 1)
+            fixed[:, j] = rotated(turn[:, j], 1.0, _ORDERS)
+        return turn, fixed, origin
 
-    def _hand_down(self, force: Array, moment: Array, place: tuple[int, _Body], q: Array) -> None:
-        """Add what joint j transmits to the body before it: f, and n + (o_j - o_before) x f."""
-        j, before = place
-        parent = self._parents[j]
-        arm = self._offset[j] * before.fixed
-        if self._slides[j]:
-            arm = arm + np.stack([product(before.fixed, q, k) for k in range(_ORDERS)])
-        force[parent] += force[j]
-        moment[parent] += moment[j] + np.stack([product(arm, force[j], k) for k in range(3)])
+    def _own(self, turn: Array, fixed: Array, origin: Array) -> tuple[Array, Array]:
+        """Force, N, and moment about its joint, N·m, that accelerate each body, and two derivatives: (3, B, K) each."""
+        arm = self._lever * fixed
+        second = np.array([2.0, 6.0, 12.0])[:, None, None]  # (k + 2)! / k!
+        force = self._mass * second * (origin + arm)[2:]
+        force[0] += self._mass * self._gravity
+        spin = product(rotated(turn, 2.0, _ORDERS - 1), turn, _ORDERS - 1)[1:]
+        spin *= np.arange(1.0, _ORDERS - 1)[:, None, None] * self._inertia
+        moment = product(arm, force, 3) + spin
+        force[:, 0], moment[:, 0] = 0.0, 0.0  # of the world
+        return force, moment

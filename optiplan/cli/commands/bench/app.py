@@ -53,12 +53,18 @@ def run(
     add: Annotated[
         bool, typer.Option("--add", help="add planners, problems or seeds to the results of another suite")
     ] = False,
+    best_known: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="a table of best known durations: what beats it is written into it"),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
 ) -> int:
     """Make every run of a suite that is not in the folder yet.
 
     The same command again goes on where the last one ended, whatever ended it.
     With --add the folder may be of another suite: the runs of this one are added to it.
+    With --best-known every verified run is held against a CSV file of the shortest known motions, and shorter ones go
+    into it; so does the report.
 
     [bold]Examples[/]
 
@@ -73,8 +79,10 @@ def run(
     Exit code: 0 every run is there, whatever came of it · 2 bad input, or results cannot be written · 130 interrupted.
     """
     from optiplan.bench.execution.runner import found_runs, open_results, other_versions, run_suite
+    from optiplan.bench.results.best_known import BestKnownTable
     from optiplan.bench.suite.suite import load_suite
 
+    table = None if best_known is None else BestKnownTable(best_known)
     pool, label = _workforce(workers, dask, pin)
     with stdout_is_ours(), ProgressLine() as line:
         chosen = load_suite(suite, _scratch(suite, out), line)
@@ -84,7 +92,8 @@ def run(
             messages().print(f"note: earlier runs were made with another version of {words}", style="yellow")
         with _stopped_by_signals(pool), progress(chosen.size, found_runs(chosen, store)) as watch:
             done = run_suite(chosen, store, pool, label, watch)
-        _tell(store, done, as_json)
+        standing = None if table is None else _held_against(store, table)
+        _tell(store, done, standing, as_json)
     if not done.complete:
         left = done.total - done.found - done.made
         messages().print(f"interrupted, {left} of {done.total} runs are left: the same command goes on", style="yellow")
@@ -202,7 +211,17 @@ app.command("show")(report.show)
 app.command("compare")(report.compare)
 
 
-def _tell(store: Any, done: Any, as_json: bool) -> None:
+def _held_against(store: Any, table: Any) -> Any:
+    """Compare the runs with a table of best known durations, and write what beats it."""
+    from optiplan.bench.results.best_known import hold_against
+
+    standing = hold_against(store, table)
+    if standing.new or standing.beaten:
+        table.write()
+    return standing
+
+
+def _tell(store: Any, done: Any, standing: Any, as_json: bool) -> None:
     """Print the end of a suite: one line per planner; write the page once every run is there."""
     from optiplan.bench.report.analysis import analyse
     from optiplan.bench.report.page import write_page
@@ -211,9 +230,9 @@ def _tell(store: Any, done: Any, as_json: bool) -> None:
     with stdout_is_ours(), ProgressLine() as line:
         page = write_page(store, analyse(store), progress=line) if done.complete else None
     if as_json:
-        print_json(summary_data(store, done) | {"report": page and str(page)})
+        print_json(summary_data(store, done, standing) | {"report": page and str(page)})
         return
-    show_summary(results(), store, done)
+    show_summary(results(), store, done, standing)
     if page:
         results().print(f"report: {page}", markup=False, soft_wrap=True)
 
