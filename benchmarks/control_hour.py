@@ -151,7 +151,7 @@ def table_row(name: str, worst: Worst) -> list[str]:
     found = [getattr(worst, key) for key in ("position", "velocity", "acceleration", "jerk", "clearance")]
     return [
         name,
-        f"{worst.simulated / 60.0:.0f}",
+        f"{worst.simulated / 60.0:.1f}",
         str(worst.steps),
         "0",
         *(f"{value:.1e}" for value in found),
