@@ -28,6 +28,7 @@ SAYS = {
     "09": "large-circle, circle",
     "10": "trajopt     Run: verified",
     "11": "the tool is ",
+    "14": "step 2: attach cube",
     "12": "on the way: Run: verified",
 }
 """A part of what each prints, by its number."""

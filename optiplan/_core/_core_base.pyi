@@ -21,6 +21,7 @@ class Spline:
         fixed: int,
         time: float,
         jerk: float,
+        open_end: bool = False,
     ) -> None: ...
     def shortest_duration(self, control: _Array) -> float: ...
 

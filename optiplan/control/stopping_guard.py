@@ -15,7 +15,7 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory.state import State
 
 SLIP = 1e-7
-"""m; by how much a distance that is too small already may shrink in a step: what distances are exact to."""
+"""m; by how much a distance that is too small already may shrink until it is large enough: what it is exact to."""
 
 
 class StoppingGuard:
@@ -50,7 +50,10 @@ class StoppingGuard:
             self._look(c)
         if dt != self._dt:
             self._dt, self._abilities, self._per_jerk = dt, _abilities(self._box, dt), 1.0 / self._box.jerk
-        self._least = [_least(limit, view) for limit, view in zip(self._limits, self._views, strict=True)]
+        if not self._least:
+            self._least = [np.full(len(limit.labels), -np.inf) for limit in self._limits]
+        for limit, view, least in zip(self._limits, self._views, self._least, strict=True):
+            _raise(least, limit, view)
         return [
             (limit.name, limit.rows(view, state.v, self._abilities, dt))
             for limit, view in zip(self._limits, self._views, strict=True)
@@ -120,13 +123,17 @@ class StoppingGuard:
         """What is near at a configuration."""
         before: Sequence[DistanceView | None] = self._views or [None] * len(self._limits)
         self._views = [limit.view(c, view) for limit, view in zip(self._limits, before, strict=True)]
+        self._least = []
 
 
-def _least(limit: StopLimit, view: DistanceView) -> Array:
-    """What each distance must be at least: `at_least`, or what it is now where that is less, (P,)."""
-    least = np.full(len(limit.labels), limit.at_least)
-    least[view.near] = np.minimum(limit.at_least, view.distance - SLIP)
-    return least
+def _raise(least: Array, limit: StopLimit, view: DistanceView) -> None:
+    """Set what each distance must be at least (P,): `at_least`, or where it is less now, that, or what it has been.
+
+    It never falls from step to step, else distances that are too small could shrink by SLIP in each.
+    """
+    now = np.maximum(least[view.near], view.distance - SLIP)
+    least[:] = limit.at_least
+    least[view.near] = np.minimum(now, limit.at_least)
 
 
 def _abilities(box: JointBox, dt: float) -> Abilities:

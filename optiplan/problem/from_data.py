@@ -158,7 +158,11 @@ def _goal_or_task(document: Document) -> list[Issue]:
         return []
     beside = [key for key in ("goal", "via") if data.get(key)]
     where = {"goal": "a step of the task", "via": "`via` of a step of the task"}
-    return [document.issue((key,), f"`{key}` beside a task", where[key]) for key in beside]
+    issues = [document.issue((key,), f"`{key}` beside a task", where[key]) for key in beside]
+    start = data.get("start")
+    moving = [key for key in ("velocity", "acceleration") if isinstance(start, Mapping) and start.get(key) is not None]
+    rest = "a task that begins at rest"
+    return issues + [document.issue(("start", key), "a robot that is moving", rest) for key in moving]
 
 
 def _standing(document: Document, scene: Scene) -> list[Issue]:

@@ -132,15 +132,9 @@ class Problem:
         labels |= {"planner": "trajopt" if planner is None else planner, "options": {} if options is None else options}
         needed = "start" if goal is None and task is not None else "goal"
         if isinstance(limits, Limits):
-            rest: dict[str, Any] = {
-                "scene": scene or Scene(),
-                "vias": tuple(vias),
-                "objective": objective or Objective(),
-            }
-            rest |= {
-                "path_constraints": tuple(path_constraints),
-                "task": () if task is None else tuple(cast(Sequence[TaskStep], task)),
-            }
+            rest: dict[str, Any] = {"scene": scene or Scene(), "vias": tuple(vias)}
+            rest |= {"objective": objective or Objective(), "path_constraints": tuple(path_constraints)}
+            rest |= {"task": () if task is None else tuple(cast(Sequence[TaskStep], task))}
             v, a = (np.zeros(robot.n) if rate is None else rate for rate in rates)  # type: ignore[union-attr]
             rest |= {"start_velocity": v, "start_acceleration": a}
             self._set({"robot": robot, **given, **labels, **rest, "source": {}, "hash": ""})
@@ -150,13 +144,8 @@ class Problem:
             if own:
                 given["path_constraints"] = [one for one in path_constraints if one not in own]
             given["start"] = start if all(rate is None for rate in rates) else to_data.moving_start(start, *rates)
-            self._take(
-                read_arguments(
-                    robot,
-                    {k: value for k, value in (given | stands).items() if value is not None or k == needed},
-                    labels,
-                )
-            )
+            said = {k: value for k, value in (given | stands).items() if value is not None or k == needed}
+            self._take(read_arguments(robot, said, labels))
             if own:
                 made = self._with_expressions(own)
                 self._set({"path_constraints": made.path_constraints, "hash": made.hash})

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.errors import wrong_argument
+from optiplan.trajectory.segments import EVENTS
 from optiplan.trajectory.trajectory import Trajectory
 
 _NANO = 1_000_000_000
@@ -24,6 +25,7 @@ def ros_yaml(trajectory: Trajectory, rate: float) -> bytes:
     message = joint_trajectory(trajectory, rate)
     lines = [
         "# trajectory_msgs/msg/JointTrajectory; rad or m, s. Between points: quintic polynomials.",
+        *(f"# at {t:.3f} s: {words}" for t, words in _events(trajectory)),
         f"header: {json.dumps(message['header'])}",
         f"joint_names: {json.dumps(message['joint_names'])}",
         "points:",
@@ -57,7 +59,11 @@ def urscript(trajectory: Trajectory, rate: float) -> bytes:
         found = f"a motion of {len(names)} joints ({', '.join(names[:8])})"
         raise wrong_argument("Run.export", "format", found, "of urscript: one of the six joints of the arm")
     Q = np.array(trajectory.to_dict(rate)["q"])
-    start = _row(Q[0])
+    start, events = _row(Q[0]), _events(trajectory)
+    servos = []
+    for k, q in enumerate(Q[1:], 1):
+        servos += [f"  # at {t:.3f} s: {words}" for t, words in events if (k - 1) / rate <= t < k / rate]
+        servos.append(f"  servoj({_row(q)}, t={1.0 / rate:.6g}, lookahead_time=0.03, gain=500)")
     lines = [
         f"# {trajectory.duration:.3f} s, {len(Q)} samples at {rate:g} Hz, rad; joints: {', '.join(names)}",
         "def optiplan_motion():",
@@ -71,12 +77,17 @@ def urscript(trajectory: Trajectory, rate: float) -> bytes:
         "    end",
         "    joint = joint + 1",
         "  end",
-        *(f"  servoj({_row(q)}, t={1.0 / rate:.6g}, lookahead_time=0.03, gain=500)" for q in Q[1:]),
+        *servos,
         "  stopj(2.0)",
         "end",
         "optiplan_motion()",
     ]
     return ("\n".join(lines) + "\n").encode()
+
+
+def _events(trajectory: Trajectory) -> list[tuple[float, str]]:
+    """Return when what is held changes or a gripper moves, s, and what it is, in one line."""
+    return [(one.begin, f"step {one.step}, {one.name}") for one in trajectory.segments if one.kind in EVENTS]
 
 
 def _row(q: np.ndarray[Any, np.dtype[np.float64]]) -> str:

@@ -80,7 +80,7 @@ def test_wheel_speeds(delbot):
     rates = np.array([np.abs(wheel_matrix(delbot, state.q) @ state.v).max() for state in states[1:]])
     assert rates.max() <= rate + 1e-6
     assert rates.max() > 0.95 * rate
-    assert sum(step.solver == "braking" for step in steps) < 20
+    assert sum(step.solver == "braking" for step in steps) < 60, "rows foresee nearly everything"
 
 
 def test_torque(panda):

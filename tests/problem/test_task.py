@@ -75,22 +75,25 @@ def test_what_is_held_goes_along_and_stays_where_it_is_released(problem):
     assert np.allclose(released.X_WO.homogeneous, (data.oMf[link] * held.X_LO).homogeneous)
 
 
+HOLD = "{object: cube, link: panda_hand"
+
+
 @pytest.mark.parametrize(
     ("found", "instead", "line", "field", "words"),
     [
-        ("{object: cube, link: panda_hand", "{object: cup, link: panda_hand", 11, "task[1].attach.object", "unknown object 'cup'"),
-        ("{object: cube, link: panda_hand", "{object: cube, link: hand", 11, "task[1].attach.link", "unknown link 'hand'"),
-        ("group: hand, joints: [0.025]", "group: hnad, joints: [0.025]", 12, "task[2].gripper.group", "unknown group 'hnad'"),
+        (HOLD, "{object: cup, link: panda_hand", 11, "task[1].attach.object", "unknown object 'cup'"),
+        (HOLD, "{object: cube, link: hand", 11, "task[1].attach.link", "unknown link 'hand'"),
+        ("group: hand", "group: hnad", 12, "task[2].gripper.group", "unknown group 'hnad'"),
         ("joints: [0.025]", "joints: [0.05]", 12, "task[2].gripper.joints[0]", "outside its limits"),
         ("retreat: {distance: 0.1}", "retreat: {distance: -0.1}", 13, "task[3].retreat.distance", "-0.1"),
         ("retreat: {distance: 0.1}", "retreat: {distance: 0.1}, dwell: 1", 13, "task[3]", "retreat and dwell"),
         ("- dwell: 0.2", "- detach: {object: cube}", 17, "task[7].detach.object", "not held here"),
         ("by: [0, 0, 0.1]", "by: [0, 0, 0]", 18, "task[8].line.by", "no distance"),
         ("by: [0, 0, 0.1]", "by: [0, 0, 0.1], frame: tip", 18, "task[8].line.frame", "unknown frame 'tip'"),
-        ("- dwell: 0.2", "- {dwell: 0.2, allowed_collisions: [[cube, tabel]]}", 17, "task[7].allowed_collisions[0][1]", "'tabel'"),
+        ("dwell: 0.2", "{dwell: 1, allowed_collisions: [[cube, x]]}", 17, "task[7].allowed_collisions[0][1]", "'x'"),
         ("task:", "goal: {configuration: ready}\ntask:", 9, "goal", "beside a task"),
     ],
-)  # fmt: skip
+)
 def test_bad_steps_are_refused_with_their_line(tmp_path, found, instead, line, field, words):
     text = FILE.read_text()
     assert found in text

@@ -31,20 +31,12 @@ class JointBrakes:
     @property
     def acceleration_list(self) -> list[float]:
         """The same as floats."""
-<<<<<<< HEAD
-        return list(map(float, self.acceleration))
-=======
         return [float(value) for value in self.acceleration]
->>>>>>> refs/heads/control
 
     @property
     def change_list(self) -> list[float]:
         """The same as floats."""
-<<<<<<< HEAD
-        return list(map(float, self.change))
-=======
         return [float(value) for value in self.change]
->>>>>>> refs/heads/control
 
 
 class JointBox:

@@ -71,6 +71,8 @@ class Stages:
             robot=robot,
             scene=scene,
             start=state.q[own],
+            start_velocity=np.zeros(len(own)),
+            start_acceleration=np.zeros(len(own)),
             goal=(),
             limits=self.problem.limits.of_joints(own),
             vias=(),

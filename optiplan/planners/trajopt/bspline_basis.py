@@ -38,6 +38,7 @@ class SplineBasis:
     of its control points, so bounds on V / T, A / T^2 and J / T^3 hold at all times.
 
     Attributes:
+        open_end: whether the end is free: the last three control points, which are equal, move as one.
         free: the control points that are not held by the ends; there are M = K - 6.
         knots: (K + DEGREE + 1,) in [0, 1].
         derivative: matrices D_0 (the identity) to D_3, D_r of shape (K - r, K): control points of the r-th derivative
@@ -46,8 +47,8 @@ class SplineBasis:
             (zeros at rest).
     """
 
-    def __init__(self, breakpoints: Array) -> None:
-        self.breakpoints = breakpoints
+    def __init__(self, breakpoints: Array, open_end: bool = False) -> None:
+        self.breakpoints, self.open_end = breakpoints, open_end
         self.knots: Array = np.concatenate([np.zeros(DEGREE), breakpoints, np.ones(DEGREE)])
         self.size = len(self.knots) - DEGREE - 1
         self.free = slice(FIXED, self.size - FIXED)
@@ -61,21 +62,26 @@ class SplineBasis:
 
     @property
     def variables(self) -> int:
-        """Number M of control points that are not held."""
-        return self.size - 2 * FIXED
+        """Number M of control points that are not held; those of an open end are one."""
+        return self.size - 2 * FIXED + self.open_end
 
     def by_variables(self, matrix: Array) -> Array:
         """Return what a matrix (R, K) of the control points is for the variables: (R, M)."""
-        return matrix[:, self.free]
+        if not self.open_end:
+            return matrix[:, self.free]
+        return np.column_stack([matrix[:, self.free], matrix[:, -FIXED:].sum(axis=1)])
 
     def moving(self, control: Array) -> Array:
         """Return the variables (M, n) of control points (K, n)."""
-        return control[self.free]
+        return control[FIXED : FIXED + self.variables]
 
     def moved(self, control: Array, change: Array) -> Array:
         """Return control points (K, n) with their variables changed by `change` (M, n)."""
         result = control.copy()
-        result[self.free] += change
+        moving = self.size - 2 * FIXED
+        result[self.free] += change[:moving]
+        if self.open_end:
+            result[-FIXED:] += change[moving]
         return result
 
     @cached_property

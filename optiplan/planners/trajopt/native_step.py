@@ -88,6 +88,7 @@ def native_spline(transcription: Transcription) -> "Spline":
         FIXED,
         objective.time,
         objective.jerk,
+        basis.open_end,
     )
 
 

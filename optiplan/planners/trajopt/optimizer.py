@@ -18,6 +18,7 @@ from optiplan.planners.trajopt.native_step import step_solver
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
 from optiplan.planners.trajopt.terms.contacts import Margins
+from optiplan.planners.trajopt.terms.free_end import FreeEnd
 from optiplan.planners.trajopt.terms.integrals import integral_costs
 from optiplan.planners.trajopt.terms.path_constraints import Broken, PathConstraints
 from optiplan.planners.trajopt.terms.term import Term
@@ -66,14 +67,17 @@ class Optimiser:
     """Optimise curves of one problem from any seed; data that depend only on the problem are built once.
 
     Attributes:
+        end: the set in which motions end; None: where they begin to.
         constraints: on the path.
         objective: what motions cost.
         steps: taken so far, in all attempts.
     """
 
-    def __init__(self, problem: Problem, model: CollisionModel, options: TrajOptOptions) -> None:
-        self.problem, self.model, self.options = problem, model, options
-        self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching))
+    def __init__(
+        self, problem: Problem, model: CollisionModel, options: TrajOptOptions, end: FreeEnd | None = None
+    ) -> None:
+        self.problem, self.model, self.options, self.end = problem, model, options, end
+        self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching), open_end=end is not None)
         self.constraints = PathConstraints(problem)
         self.objective = problem.objective_parts()
         self._costs = integral_costs(problem, model)
@@ -97,7 +101,7 @@ class Optimiser:
         is made free before it is made short.
 
         Args:
-            control: of the first curve; its ends stay as they are.
+            control: of the first curve; its ends stay as they are, but for a free one.
             budget: polled at every step; once it is over, the current curve is timed and checked.
             margin: m, instead of the option's.
             best: cost, s, of the best motion so far: a curve that stays far from it is given up.
@@ -105,7 +109,7 @@ class Optimiser:
                 that it began with.
             first: called with the first curve that is free.
         """
-        terms = self.constraints.begin()
+        terms = self.constraints.begin() + (() if self.end is None else self.end.terms)
         descender, u = self.descender(control, margin, terms), self.instants(control)
         iterations, attempt = 0, None
         least = self.basis.shortest_duration(control, self.problem.limits.rates)
@@ -126,7 +130,7 @@ class Optimiser:
             found = descender.optimise(control, left, lambda: budget.over, best, longest, None if terms else go_on)
             iterations += found.steps
             self.steps += found.steps
-            control = found.control
+            control = found.control if self.end is None else self.end.landed(found.control)
             late = budget.over and self.problem.objective.time * found.duration >= best
             if late or budget.cancelled or found.missing > MAX_VIOLATION:
                 return None
@@ -155,7 +159,7 @@ class Optimiser:
     def instants(self, control: Array) -> Array:
         """Return the samples of a curve to begin with."""
         u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
-        return np.concatenate([u, self.constraints.instants])
+        return np.concatenate([u, self.constraints.instants, [] if self.end is None else [1.0]])
 
     def descender(self, control: Array, margin: float | None = None, terms: Sequence[Term] = ()) -> Descender:
         """Return what descends from curves with the ends of this one (K, n).

@@ -26,10 +26,11 @@ from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.sqp import WORSE
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
+from optiplan.planners.trajopt.terms.free_end import FreeEnd
 from optiplan.planners.trajopt.terms.path_constraints import Broken, broken_constraint
 from optiplan.planners.trajopt.through_vias import through_vias
 from optiplan.planners.trajopt.warm import WarmStart
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import PoseGoal, Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
@@ -52,10 +53,13 @@ _SEARCH, _FIRST_SEARCH = 0.5, 0.8
 _SHORTER = 0.95
 """Share of its cost to which shortcuts must bring a path on an optimised curve to be optimised again."""
 
+_END_STEPS = 40
+"""Steps of the attempt with a free end, at most: it begins at a curve that is optimised already."""
+
 _DENSE = 300
 """Waypoints on a curve whose chords are proved free in its place."""
 
-Kind = Literal["straight", "line", "sampled", "relaxed", "bump", "close", "finer"]
+Kind = Literal["straight", "line", "sampled", "relaxed", "bump", "close", "finer", "end"]
 
 
 class TrajOpt(Planner[TrajOptOptions]):
@@ -121,6 +125,7 @@ class _Run:
     def result(self) -> PlanResult:
         """Search and return the best motion, or the failure."""
         failure = self._search()
+        self._free_end()
         self._finer()
         self.info["cut_short"] |= self.budget.over
         if self.candidates:
@@ -289,6 +294,22 @@ class _Run:
                     self._offer(closer.trajectory, closer)
         cost = None if attempt is None else self.optimiser.objective.cost(attempt.trajectory)
         self.patience.record(cost)
+
+    def _free_end(self) -> None:
+        """Optimise the best curve once more with its end free in the pose goal that it is in, where that may gain."""
+        curve = self.curve
+        if curve is None or self.budget.over or self.best <= self.options.good_enough * self.bound:
+            return
+        fixed, poses = self.optimiser, [goal for goal in self.problem.goal if isinstance(goal, PoseGoal)]
+        ends = [end for end in (FreeEnd(self.problem, goal) for goal in poses) if end.holds(curve.control[-1])]
+        if ends:
+            few = replace(self.options, iterations=min(_END_STEPS, self.options.iterations))
+            self.optimiser = Optimiser(self.problem, self.model, few, ends[0])
+            margin = _CLOSE * self.options.margin if curve.close else None
+            freed = self._optimised("end", curve.control, self.budget, margin)
+            self.optimiser = fixed
+            if freed is not None:
+                self._offer(freed.trajectory, freed)
 
     def _finer(self) -> None:
         """Optimise the best curve once more with twice the spans, where it is the best motion and not at its bound."""

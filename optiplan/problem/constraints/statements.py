@@ -5,6 +5,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from optiplan.problem.constraints import motions, poses
 from optiplan.problem.constraints.base import WHOLE, During, Statement
 from optiplan.problem.constraints.motions import (
     JointCoupling,
@@ -32,24 +33,9 @@ PathConstraint: TypeAlias = Statement
 
 KINDS: dict[str, type[Statement]] = {
     kind.KEY: kind
-    for kind in (
-        OrientationCone,
-        FixedOrientation,
-        LookAt,
-        PositionBox,
-        OnPlane,
-        OnLine,
-        OnArc,
-        OnCircle,
-        OnScrew,
-        RelativePose,
-        ToolSpeed,
-        ToolAcceleration,
-        PairClearance,
-        ManipulabilityAbove,
-        JointCoupling,
-        WheelSpeed,
-    )
+    for room in (poses, motions)
+    for kind in vars(room).values()
+    if isinstance(kind, type) and issubclass(kind, Statement) and kind is not Statement
 }
 """Classes of constraints by their key in a problem file."""
 

@@ -186,3 +186,13 @@ def test_a_sampled_planner_does_the_moves_too(run):
     found = op.plan(run.problem, "rrtconnect", budget=60.0)
     assert found.verified, (found.failure, found.report)
     assert isinstance(found.trajectory, Trajectory)
+
+
+def test_exports_name_the_events(run, tmp_path):
+    run.export(tmp_path / "cube.yaml")
+    text = (tmp_path / "cube.yaml").read_text()
+    assert text.count("# at ") == 4
+    assert "step 2, attach cube" in text
+    run.export(tmp_path / "cube.json", cyclic=True, rate=250.0)
+    events = json.loads((tmp_path / "cube.json").read_text())["events"]
+    assert [event["step"] for event in events] == [2, 3, 6, 7]

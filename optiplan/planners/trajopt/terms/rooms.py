@@ -30,6 +30,7 @@ from optiplan.problem.constraints.statements import (
     ToolSpeed,
     WheelSpeed,
 )
+from optiplan.problem.goals_and_vias import PoseGoal
 
 LENGTH, ANGLE = 0.01, 0.05
 """m and rad: violations that cost as much as a missing centimetre of clearance, where tolerances are wide."""
@@ -52,6 +53,9 @@ _ACROSS, _BEYOND = 0.8, 0.6
 _OWN_UNIT, _OWN_RESERVE = 0.05, 1e-3
 """Unit and reserve of a user's own expression, as shares of a change of it that matters."""
 
+_OF_GOAL = 0.9
+"""Share of a goal's tolerance that a free end may use."""
+
 _SPEED_RESERVE = 0.003
 """Share of a speed or acceleration kept likewise."""
 
@@ -60,6 +64,22 @@ def rooms(one: PathConstraint) -> list[Room]:
     """Return the expressions of a path constraint; none for clearance, which is no expression."""
     make = _KINDS.get(type(one))
     return [] if make is None else [replace(room, during=one.during) for room in make(one)]
+
+
+def end_rooms(goal: PoseGoal) -> list[Room]:
+    """Return the expressions that hold a goal at the end of a motion: position, and orientation where that counts."""
+    X = goal.X_WG
+    position, orientation = _OF_GOAL * goal.position, _OF_GOAL * goal.orientation
+
+    def off(k: SymbolicState) -> Any:
+        return _ball(k, k.pose(goal.frame).p - k.constant(X.translation), position)
+
+    def turned(k: SymbolicState) -> Any:
+        return _turned(k, k.constant(X.rotation.T) @ k.pose(goal.frame).R, orientation)
+
+    found = [_room("goal", off, position, LENGTH)]
+    found += [_room("goal", turned, orientation, ANGLE)] if goal.orientation < np.pi else []
+    return [replace(room, during=(1.0, 1.0), reserve=0.0) for room in found]
 
 
 def _room(name: str, build: Callable[[SymbolicState], Any], tolerance: float, unit: float) -> Room:
