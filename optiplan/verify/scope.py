@@ -23,6 +23,7 @@ def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str,
         *_pairs(robot, checks),
         *_shapes(robot),
         *_mounting(robot),
+        *_moving(problem),
         *_torque(problem, checks),
         *_allowed(problem),
     )
@@ -56,6 +57,12 @@ def _mounting(robot: Robot) -> list[str]:
     if tuple(gravity) != GRAVITY:
         said.append(f"gravity {_vector(gravity)} m/s²")
     return said
+
+
+def _moving(problem: Problem) -> list[str]:
+    """Name the obstacles that move, as stated, and when."""
+    names = [body.name for body in problem.scene.moving]
+    return [f"moving as stated while the robot moves: {', '.join(names)}"] if names else []
 
 
 def _vector(values: Array) -> str:
