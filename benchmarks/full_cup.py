@@ -41,7 +41,7 @@ APART = 0.3  # m, between the tool at the start and at the goal
 IN_A_SET = 50  # problems
 TRIES = 200
 FEW = GoalOptions(count=1, solutions=2, attempts=5)
-DELTA = 0.1  # rad, of OMPL's steps on the constraint
+DELTA = 0.05  # rad, of OMPL's steps on the constraint
 HEADINGS = ("planner", "n", "verified", "plan s 50 / 95", "ratio 50 / 90")
 
 
