@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+import optiplan as op
 from optiplan.cli import viewing
 
 
@@ -30,12 +31,26 @@ def test_runs_of_one_problem_go_side_by_side(optiplan, run, tmp_path):
     assert [one.label for one in shown] == ["quintic (run)", "quintic (again)"]
 
 
-def test_runs_of_different_problems_are_refused(optiplan, run, free, tmp_path):
+def test_runs_of_different_problems_of_one_robot_go_together(optiplan, run, free, tmp_path):
     free.write_text(free.read_text().replace("name: free", "name: other"))
     assert optiplan("plan", free, "--out", tmp_path / "other")[0] == 0
-    code, _, err = optiplan("view", run, tmp_path / "other")
+    page = tmp_path / "both.html"
+    assert optiplan("view", run, tmp_path / "other", "--export", page)[0] == 0
+    text = page.read_text()
+    assert '"several":true' in text
+    assert "free" in text
+    assert "other" in text
+
+
+def test_runs_of_different_robots_are_refused(optiplan, run, free, tmp_path):
+    record = json.loads((run / "run.json").read_text())
+    other = op.load_problem("12_planar")
+    record |= {"problem": dict(other.source), "hash": other.hash}
+    shutil.copytree(run, tmp_path / "planar")
+    (tmp_path / "planar" / "run.json").write_text(json.dumps(record, default=str))
+    code, _, err = optiplan("view", run, tmp_path / "planar")
     assert code == 2
-    assert "a run of 'other'; expected a run of 'free'" in err
+    assert "a run of the robot 'planar2r'" in err
 
 
 def test_a_lone_trajectory_cannot_be_shown(optiplan, run, tmp_path):
