@@ -100,10 +100,10 @@ def two_arms() -> None:
 
 
 TASKS = {
-    "task-cubes": ("42_panda_sorts_cubes", 4.5),
-    "task-delbot": ("43_delbot_fetches", 1.9),
-    "task-srra": ("44_srra_tends_and_drills", 2.9),
-    "task-tray": ("45_baxter_carries_a_tray", 4.7),
+    "task-cubes": ("40_panda_sorts_cubes", 4.5),
+    "task-delbot": ("41_delbot_fetches", 1.9),
+    "task-srra": ("42_srra_tends_and_drills", 2.9),
+    "task-tray": ("43_baxter_carries_a_tray", 4.7),
 }
 """Pictures of tasks: the problem, and the instant, s."""
 

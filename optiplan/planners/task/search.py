@@ -136,7 +136,8 @@ class TaskSearch:
                 node.edges, node.cost = bounds, float(np.min(costs + bounds)) + node.seconds
                 nodes.append(node)
         if not nodes:
-            return max(failures, key=lambda item: item[0])[1]
+            late = out_of_time(self.budget, "planning the task")
+            return max(failures, key=lambda item: item[0])[1] if failures else late
         return sorted(nodes, key=lambda node: node.cost)[:_KEPT]
 
     def _candidates(self, leg: Leg, state: Situation, failures: list[tuple[tuple[int, float], Failure]]) -> list[_Node]:
