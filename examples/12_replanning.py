@@ -1,4 +1,7 @@
-"""Replan while things change: a board moves, the goal moves, and the robot is already on its way."""
+"""Replan while things change: a board moves, the goal moves, and the robot is already on its way.
+
+Run it: python examples/12_replanning.py
+"""
 
 import time
 

@@ -1,4 +1,7 @@
-"""Your own constraint: a CasADi expression of the robot's state, held and checked at samples."""
+"""Your own constraint: a CasADi expression of the robot's state, held and checked at samples.
+
+Run it: python examples/13_your_own_constraint.py
+"""
 
 import optiplan as op
 

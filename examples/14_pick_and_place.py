@@ -1,4 +1,7 @@
-"""A task of several steps: take a cube, put it elsewhere, in one proved motion with gripper events."""
+"""A task of several steps: take a cube, put it elsewhere, in one proved motion with gripper events.
+
+Run it: python examples/14_pick_and_place.py
+"""
 
 import optiplan as op
 

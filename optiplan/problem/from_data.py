@@ -12,6 +12,7 @@ from optiplan.collision.named_pairs import NamedPairs
 from optiplan.config.document import Document, Place, validate
 from optiplan.config.messages import field_name
 from optiplan.errors import InputError, Issue
+from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.measures import broken
@@ -104,7 +105,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         steps = TaskReader(compiler, robot, scene).steps()
         issues += _standing(document, scene) if steps else []
         places = _Places(*ends, steps, compiler.constraints(robot, scene))
-    issues += _goal_or_task(document)
+    issues += [] if any(issue.field == "file" for issue in issues) else goal_or_task(document)
     issues += compiler.issues
     limits = None if robot is None else robot.limits.scaled(**({} if spec is None else spec.limits.model_dump()))
     if robot is not None and limits is not None:
@@ -148,7 +149,7 @@ def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:
         return None, list(error.issues)
 
 
-def _goal_or_task(document: Document) -> list[Issue]:
+def goal_or_task(document: Document) -> list[Issue]:
     """Report a file with neither a goal nor a task, or with both, or with vias beside a task."""
     data = document.data
     if not isinstance(data, Mapping):
@@ -186,11 +187,20 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
     """
     source = spec.model_dump(mode="json", exclude_none=True, by_alias=True)
     source["name"] = spec.name or name
+    _in_one_form(source["scene"])
     digest = problem_hash(source, base, robot)
     source["robot"] = _named(spec, robot)
     for mesh in shape_files_of(source):
         mesh["file"] = str((base / mesh["file"]).resolve())
     return source, digest
+
+
+def _in_one_form(scene: dict[str, Any]) -> None:
+    """Say in one way what may be said in several: pairs in any order, polynomials with zeros at their end."""
+    scene["allowed_collisions"] = sorted(sorted(pair) for pair in scene["allowed_collisions"])
+    for body in scene["obstacles"]:
+        if "motion" in body:
+            body["motion"]["polynomial"] = ObstacleMotion.of_data(body["motion"]["polynomial"]).to_data()["polynomial"]
 
 
 def _named(spec: ProblemSpec, robot: Robot) -> Any:

@@ -130,7 +130,7 @@ class Problem:
         stands = {"base": base, "gravity": gravity}
         labels = {"name": name, "seed": seed}
         labels |= {"planner": "trajopt" if planner is None else planner, "options": {} if options is None else options}
-        needed = "start" if goal is None and task is not None else "goal"
+        needed = {"start"} if goal is None and task is not None else {"start", "goal"}
         if isinstance(limits, Limits):
             rest: dict[str, Any] = {"scene": scene or Scene(), "vias": tuple(vias)}
             rest |= {"objective": objective or Objective(), "path_constraints": tuple(path_constraints)}
@@ -144,7 +144,7 @@ class Problem:
             if own:
                 given["path_constraints"] = [one for one in path_constraints if one not in own]
             given["start"] = start if all(rate is None for rate in rates) else to_data.moving_start(start, *rates)
-            said = {k: value for k, value in (given | stands).items() if value is not None or k == needed}
+            said = {k: value for k, value in (given | stands).items() if value is not None or k in needed}
             self._take(read_arguments(robot, said, labels))
             if own:
                 made = self._with_expressions(own)

@@ -15,18 +15,25 @@ def stated(path):
     data = YAML(typ="safe").load(path.read_text())
     scene = data.get("scene", {})
     held = [
-        body(one).attached_to(one["link"], touch=one.get("touch", ()))
+        body(one).attached_to(
+            one["link"],
+            touch=one.get("touch", ()),
+            **{key: one[key] for key in ("mass", "centre", "inertia") if key in one},
+        )
         for one in moved_to(path, scene.get("attached", []))
     ]
     around = op.Scene(
-        [body(one) for one in moved_to(path, scene.get("obstacles", []))], held, scene.get("allowed_collisions", [])
+        [moving(one) for one in moved_to(path, scene.get("obstacles", []))], held, scene.get("allowed_collisions", [])
     )
-    goal = data["goal"]
-    labels = {key: data[key] for key in ("name", "seed", "limits", "objective", "planner") if key in data}
+    goal = data.get("goal", {})
+    labels = {"name", "seed", "limits", "objective", "planner", "path_constraints", "task", "base", "gravity"}
+    labels = {key: data[key] for key in labels if key in data}
+    labels |= {f"start_{key}": data["start"][key] for key in ("velocity", "acceleration") if key in data["start"]}
+    if goal:
+        labels["goal"] = [end(one) for one in goal["any_of"]] if "any_of" in goal else end(goal)
     return op.Problem(
         op.load_robot(data["robot"], group=data.get("group"), locked=data.get("locked")),
         start=end(data["start"]),
-        goal=[end(one) for one in goal["any_of"]] if "any_of" in goal else end(goal),
         scene=around,
         vias=[via(one) for one in data.get("via", [])],
         **labels,
@@ -39,6 +46,10 @@ def moved_to(path, bodies):
         if "mesh" in one["shape"]:
             one["shape"]["mesh"]["file"] = path.parent / one["shape"]["mesh"]["file"]
     return bodies
+
+
+def moving(data):
+    return body(data).moving(**data["motion"]) if "motion" in data else body(data)
 
 
 def body(data):
@@ -59,6 +70,9 @@ def body(data):
 
 
 def end(data):
+    rates = {key: data[key] for key in ("velocity", "acceleration") if key in data}
+    if "joints" in data and rates:
+        return op.JointGoal(np.array(data["joints"], float), **{key: np.array(v, float) for key, v in rates.items()})
     if "configuration" in data:
         return data["configuration"]
     return np.array(data["joints"], float) if "joints" in data else pose(data["pose"])

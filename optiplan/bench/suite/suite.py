@@ -23,7 +23,7 @@ from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.planners.base import Progress
 from optiplan.planners.registry import make_planner
-from optiplan.problem.from_data import source_of
+from optiplan.problem.from_data import goal_or_task, source_of
 from optiplan.problem.schema import ProblemSpec
 from optiplan.runs.metrics import Metrics
 
@@ -213,7 +213,10 @@ def _problem(item: Found, difficulty: str | None, robots: RobotCache) -> BenchPr
     Raises:
         InputError: it does not fit, or its robot or meshes cannot be read.
     """
-    spec = validate(ProblemSpec, item.document or Document(Path(item.id), item.data, {}))
+    document = item.document or Document(Path(item.id), item.data, {})
+    spec, missing = validate(ProblemSpec, document), goal_or_task(document)
+    if missing:
+        raise InputError(missing)
     try:
         robot = robots(spec.robot, item.base, spec.locked, spec.group)
         data, digest = source_of(spec, item.name, item.base, robot)

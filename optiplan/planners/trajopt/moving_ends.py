@@ -26,6 +26,9 @@ ROUNDS = 8
 EXACT = 1e-8
 """Share by which a limit may be passed: rounding."""
 
+LONGEST = 10.0
+"""Times the descent's duration beyond which a curve is given up: between moving ends, slower may be farther round."""
+
 STRETCHES = 12
 """Times that the duration of a curve is corrected until it keeps its limits."""
 
@@ -130,7 +133,7 @@ class MovingOptimiser:
             curve = Trajectory.from_bspline(problem.robot.joint_names, self.basis.knots * T, points, DEGREE)
             speed, torque = speed_ratio(curve, limits), torque_ratio(problem, curve)
             good = max(speed, torque) <= 1.0 + EXACT and _inside(curve, limits.lower, limits.upper)
-            if not np.isfinite(torque) or (best is not None and not good):
+            if not np.isfinite(torque) or (best is not None and not good) or T > LONGEST * duration:
                 break
             if good:
                 best = curve

@@ -74,7 +74,7 @@ def test_show_prints_the_denavit_hartenberg_table(optiplan, optiplan_json):
 def test_show_takes_a_group(optiplan, optiplan_json):
     data = optiplan_json("robots", "show", "delbot", "--group", "base")[1]
     assert [joint["name"] for joint in data["joints"]] == ["base_x", "base_y", "base_yaw"]
-    assert (data["group"], sorted(data["groups"])) == ("base", ["all", "arm", "base"])
+    assert (data["group"], sorted(data["groups"])) == ("base", ["all", "arm", "base", "hand"])
     assert "group base (planned)" in optiplan("robots", "show", "delbot", "--group", "base")[1]
     code, out, err = optiplan("robots", "show", "delbot", "--group", "legs")
     assert (code, out) == (2, "")
