@@ -58,7 +58,8 @@ class Problem:
         planner: default of the argument of `op.plan`; None: `trajopt`. With options: `{"name": …, …}`.
         options: of that planner.
         seed: default of the argument of `op.plan`, >= 0.
-        start_velocity, start_acceleration: (n,), rad/s, rad/s², m/s or m/s²; None: those of the `State`, else zeros.
+        start_velocity: (n,), rad/s or m/s; None: that of the `State`, else zeros.
+        start_acceleration: (n,), rad/s² or m/s²; None: that of the `State`, else zeros.
 
     With `limits` that are `Limits`, (n,) arrays, the parts are taken as they are, unchecked, and there is no hash: so
     planners make parts of problems, by `dataclasses.replace`.
