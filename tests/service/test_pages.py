@@ -36,8 +36,12 @@ def page(browser, request, server):
         ),
     )
     page.on(
-        "requestfailed",  # a stream of events that is closed counts as one
-        lambda failed: failed.url.endswith("/events") or complaints.append(f"failed: {failed.url[:200]}"),
+        "requestfailed",  # so counts a stream of events that is closed, and what a page waits for that is left
+        lambda failed: (
+            failed.url.endswith("/events")
+            or failed.failure == "net::ERR_ABORTED"
+            or complaints.append(f"failed: {failed.url[:200]}")
+        ),
     )
     ours = (server.url, "data:", "blob:", "about:")
     page.on("request", lambda asked: asked.url.startswith(ours) or complaints.append(f"elsewhere: {asked.url}"))

@@ -44,13 +44,13 @@ def test_runs_of_different_problems_of_one_robot_go_together(optiplan, run, free
 
 def test_runs_of_different_robots_are_refused(optiplan, run, free, tmp_path):
     record = json.loads((run / "run.json").read_text())
-    other = op.load_problem("12_planar")
+    other = op.load_problem("01_reach")
     record |= {"problem": dict(other.source), "hash": other.hash}
-    shutil.copytree(run, tmp_path / "planar")
-    (tmp_path / "planar" / "run.json").write_text(json.dumps(record, default=str))
-    code, _, err = optiplan("view", run, tmp_path / "planar")
+    shutil.copytree(run, tmp_path / "panda")
+    (tmp_path / "panda" / "run.json").write_text(json.dumps(record, default=str))
+    code, _, err = optiplan("view", run, tmp_path / "panda")
     assert code == 2
-    assert "a run of the robot 'planar2r'" in err
+    assert "a run of the robot 'panda'" in err
 
 
 def test_a_lone_trajectory_cannot_be_shown(optiplan, run, tmp_path):
