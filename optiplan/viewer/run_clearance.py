@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel, Contact
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
@@ -89,7 +90,7 @@ def clearance_of(problem: Problem, trajectory: Trajectory, even: int = _EVEN) ->
 def _measured(part: ScenePart, motion: Trajectory, duration: float, even: int) -> _Measured | None:
     """Prove and measure a part of a motion; None where no two bodies can meet."""
     policy = VerifyPolicy()
-    model = CollisionModel(checked_robot(part.problem, policy), part.problem.scene)
+    model = collision_model(checked_robot(part.problem, policy), part.problem.scene)
     if not model.pairs:
         return None
     motion, record = with_obstacles(motion, model.motions), ClearanceRecord()

@@ -10,17 +10,8 @@ from optiplan.problem.constraints.base import WHOLE, During, Statement
 
 
 @dataclass(frozen=True, eq=False)
-class ToolSpeed(Statement):
-    """A frame moves and turns no faster than this.
-
-    Attributes:
-        frame: a link or fixed frame of the robot.
-        linear: of its origin, m/s; infinite: any.
-        angular: rad/s; infinite: any.
-        during: part of the motion.
-    """
-
-    KEY: ClassVar[str] = "tool_speed"
+class _ToolRate:
+    """A bound on how a frame moves and turns."""
 
     frame: str
     linear: float = np.inf
@@ -38,7 +29,21 @@ class ToolSpeed(Statement):
 
 
 @dataclass(frozen=True, eq=False)
-class ToolAcceleration(Statement):
+class ToolSpeed(_ToolRate, Statement):
+    """A frame moves and turns no faster than this.
+
+    Attributes:
+        frame: a link or fixed frame of the robot.
+        linear: of its origin, m/s; infinite: any.
+        angular: rad/s; infinite: any.
+        during: part of the motion.
+    """
+
+    KEY: ClassVar[str] = "tool_speed"
+
+
+@dataclass(frozen=True, eq=False)
+class ToolAcceleration(_ToolRate, Statement):
     """A frame is accelerated no more than this.
 
     Attributes:
@@ -49,20 +54,6 @@ class ToolAcceleration(Statement):
     """
 
     KEY: ClassVar[str] = "tool_acceleration"
-
-    frame: str
-    linear: float = np.inf
-    angular: float = np.inf
-    during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(frame, *_rates(data), during)
-
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {name: getattr(self, name) for name in ("linear", "angular") if np.isfinite(getattr(self, name))}
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,9 +68,7 @@ class _Demand:
             dynamics = core.InverseDynamics(native_tree(self._model))
             coefficients = np.ascontiguousarray(motion.coefficients)
             return dynamics.demand(np.ascontiguousarray(motion.breakpoints), coefficients, allowed, t)
-        data = self._model.createData()
-        states = zip(*(motion(t, order) for order in range(3)), strict=True)
-        tau = np.array([pin.rnea(self._model, data, *state) for state in states]).reshape(len(t), -1)
+        tau, data = _torques(self._model, motion, t), self._model.createData()
         gravity = np.array([pin.computeGeneralizedGravity(self._model, data, q) for q in motion(t)]).reshape(tau.shape)
         if (np.abs(gravity) > allowed).any():
             return np.full(len(t), np.inf)
@@ -83,17 +81,13 @@ class _Demand:
 def torque_share(robot: Robot, limit: Array, trajectory: Trajectory, t: Array | None = None) -> float:
     """Return the largest |tau| / limit (n,) at times t (N,), s, or at those of the pieces."""
     t = _instants(trajectory) if t is None else t
-    tau, _ = _torques(robot.model, *(trajectory(t, order) for order in range(3)))
-    return float((np.abs(tau) / limit).max())
+    return float((np.abs(_torques(robot.model, trajectory, t)) / limit).max())
 
 
-def _torques(model: pin.Model, Q: Array, V: Array, A: Array) -> tuple[Array, Array]:
-    """Torques of states (k, n), and those that hold the robot there, each (k, n); in the native core where built."""
+def _torques(model: pin.Model, motion: Trajectory, t: Array) -> Array:
+    """Torques (k, n) at times t (k,); in the native core where built."""
+    Q, V, A = (np.ascontiguousarray(motion(t, order)) for order in range(3))
     if core is not None:
-        tree = native_tree(model)
-        Q, V, A = (np.ascontiguousarray(part) for part in (Q, V, A))
-        return core.InverseDynamics(tree).torques(Q, V, A), tree.gravity(Q)
+        return core.InverseDynamics(native_tree(model)).torques(Q, V, A)
     data = model.createData()
-    tau = np.array([pin.rnea(model, data, q, v, a) for q, v, a in zip(Q, V, A, strict=True)])
-    gravity = np.array([pin.computeGeneralizedGravity(model, data, q) for q in Q])
-    return tau.reshape(Q.shape), gravity.reshape(Q.shape)
+    return np.array([pin.rnea(model, data, *state) for state in zip(Q, V, A, strict=True)]).reshape(Q.shape)
