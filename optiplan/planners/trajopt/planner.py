@@ -24,6 +24,7 @@ from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions,
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import through_thinner
 from optiplan.planners.trajopt.among_moving import plan_among_moving
+from optiplan.planners.trajopt.constrained_seed import ConstrainedSeeds
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.look_ahead import AttemptOutcome, LookAhead
 from optiplan.planners.trajopt.moving import plan_moving
@@ -125,6 +126,7 @@ class _Run:
         with self.watch.stage("set-up"):
             self.model = kept_planning_model(problem.robot, problem.scene)
             self.info.update(not_in_core(self.model))
+            self.on_constraints = ConstrainedSeeds(problem, self.model)
             self.optimiser = Optimiser(problem, self.model, options)
         self.ahead = LookAhead(problem, options, budget)
 
@@ -258,6 +260,8 @@ class _Run:
         budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
         worth = self.patience.worth(self.best, self.bound) if self.candidates else np.inf
         with self.watch.stage("sampling"):
+            if self.on_constraints.apply:
+                return self.on_constraints.path(self._promising(sampler), budget, number)
             most = self.patience.seconds + worth
             options = SamplingOptions(
                 budget,
@@ -294,7 +298,11 @@ class _Run:
     def _time_path(self, path: SampledPath) -> Failure | None:
         """Time the sampled path without optimising it."""
         with self.watch.stage("timing of sampled paths"):
-            timed = timed_path(self.model, path.waypoints, self.problem.limits, self.budget)
+            timed = self.on_constraints.motion(path, self.optimiser.constraints, self.budget)
+            if timed is None:
+                timed = timed_path(self.model, path.waypoints, self.problem.limits, self.budget)
+        if isinstance(timed, Failure):
+            return timed
         if timed is None:
             return too_heavy(self.problem.robot, self.problem.limits, path.waypoints)
         if self._offer(timed, None):
