@@ -13,7 +13,7 @@ from common import answer, question, refuse
 
 
 def environment(asked):
-    """The obstacles. Cylinders are capsules to VAMP, which cover them; with `cylinders=boxes` they are boxes."""
+    """The obstacles; cylinders, which VAMP has not, as the boxes around them."""
     found = vamp.Environment()
     for body in asked["obstacles"]:
         ((kind, value),) = body["shape"].items()
@@ -23,10 +23,8 @@ def environment(asked):
             found.add_cuboid(vamp.Cuboid(place, turned, [x / 2 for x in value]))
         elif kind == "sphere":
             found.add_sphere(vamp.Sphere(place, value))
-        elif kind == "cylinder" and asked["settings"].get("cylinders") == "boxes":
-            found.add_cuboid(vamp.Cuboid(place, turned, [value["radius"], value["radius"], value["length"] / 2]))
         elif kind == "cylinder":
-            found.add_capsule(vamp.Cylinder(place, turned, value["radius"], value["length"]))
+            found.add_cuboid(vamp.Cuboid(place, turned, [value["radius"], value["radius"], value["length"] / 2]))
         else:
             refuse(f"a body of kind {kind}")
     return found
@@ -62,7 +60,7 @@ def main():
         refuse("no path within its iterations")
     path = robot.simplify(found.path, scene, simple, sampler).path
     seconds = time.perf_counter() - began
-    points = np.array([np.array(path[k].to_list()) for k in range(len(path))])
+    points = np.array(path.numpy(), float)
     points[0] = start  # its path has single precision
     points[-1] = min(goals, key=lambda goal: np.abs(goal - points[-1]).max())
     return answer(waypoints=points.tolist(), seconds=seconds)
