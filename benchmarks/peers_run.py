@@ -165,8 +165,9 @@ def line(label: str, rows: Sequence[dict[str, Any]]) -> tuple[str, ...]:
 def draw(rows: Sequence[dict[str, Any]], labels: Sequence[str], path: Path) -> None:
     """Duration against time, a point a motion; hollow where something touches. Our first and last are joined."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import ScalarFormatter
 
-    figure = Figure(figsize=(7.0, 4.5), layout="constrained")
+    figure = Figure(figsize=(8.5, 4.5), layout="constrained")
     ax = figure.subplots()
     for k, label in enumerate(labels):
         own = [row for row in rows if row["planner"] == label and row["claims"] and row["seconds"]]
@@ -185,8 +186,11 @@ def draw(rows: Sequence[dict[str, Any]], labels: Sequence[str], path: Path) -> N
         ends = [[1e3 * row["seconds"] for row in (first, last)], [row["duration"] for row in (first, last)]]
         ax.plot(*ends, color="0.7", linewidth=0.6, zorder=0)
     ax.set(xscale="log", yscale="log", xlabel="time of planning, ms", ylabel="duration of the motion, s")
-    ax.legend(fontsize="small")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter(ScalarFormatter())
+    ax.yaxis.set_minor_formatter(ScalarFormatter())
     ax.grid(alpha=0.3)
+    figure.legend(loc="outside right upper", fontsize="small")
     figure.savefig(path, dpi=150)
 
 
