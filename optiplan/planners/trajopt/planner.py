@@ -19,12 +19,12 @@ from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.moving_scene import among_moving
 from optiplan.planners.common.path_timing import timed_path, within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.sampling.constrained.seeds import ConstrainedSeeds
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import through_thinner
 from optiplan.planners.trajopt.among_moving import plan_among_moving
-from optiplan.planners.trajopt.constrained_seed import ConstrainedSeeds
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.look_ahead import AttemptOutcome, LookAhead
 from optiplan.planners.trajopt.moving import plan_moving

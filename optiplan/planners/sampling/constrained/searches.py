@@ -46,12 +46,12 @@ class Query:
         """Whether the budget is used up."""
         return self.walker.budget.over
 
-    def samples(self) -> "Samples":
+    def samples(self) -> "RandomConfigurations":
         """Return a source of random configurations."""
-        return Samples(self)
+        return RandomConfigurations(self)
 
 
-class Samples:
+class RandomConfigurations:
     """Random configurations within the limits, half of them near the ends."""
 
     def __init__(self, query: Query) -> None:

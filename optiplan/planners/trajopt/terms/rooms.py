@@ -326,7 +326,7 @@ def _off_circle(k: SymbolicState, p: Any, centre: Array, normal: Array, radius: 
 
 
 def _screw(one: OnScrew) -> list[Room]:
-    """The frame turns about the axis alone and is where that puts it; it slides as far, of several turns the nearest."""
+    """The frame turns about the axis alone, is where that puts it, and slides as far, of several turns the nearest."""
     R, p = np.asarray(one.X_WF.rotation), np.asarray(one.X_WF.translation) - one.point
     sides = np.linalg.svd(one.axis[None])[2][1:]
 

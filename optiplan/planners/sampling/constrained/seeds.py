@@ -1,4 +1,4 @@
-"""Initial guesses for problems with path constraints: paths on them."""
+"""Paths on the constraints as initial guesses of an optimiser, and the motions along them."""
 
 from dataclasses import dataclass, replace
 
