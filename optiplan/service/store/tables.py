@@ -111,6 +111,7 @@ def open_database(url: str) -> Engine:
 def store_name(engine: Engine) -> str:
     """The name that the folder of contents of this database has, made at the first asking."""
     with engine.begin() as connection:
+        _alone(connection)
         found = connection.scalar(sa.select(about.c.value).where(about.c.key == "store"))
         if found is None:
             found = uuid.uuid4().hex
@@ -125,9 +126,14 @@ def _set_up_sqlite(connection: Any, _: Any) -> None:
         connection.execute(f"PRAGMA {pragma}")
 
 
-def _bring_up(connection: sa.Connection) -> None:
+def _alone(connection: sa.Connection) -> None:
+    """Wait for others that start on the same database; transactions of SQLite do so by themselves."""
     if connection.dialect.name == "postgresql":
-        connection.execute(sa.text("SELECT pg_advisory_xact_lock(7100)"))  # one of several processes makes them
+        connection.execute(sa.text("SELECT pg_advisory_xact_lock(7100)"))
+
+
+def _bring_up(connection: sa.Connection) -> None:
+    _alone(connection)
     metadata.create_all(connection)
     found = int(connection.scalar(sa.select(about.c.value).where(about.c.key == "layout")) or 0)
     if found > LAYOUT:
