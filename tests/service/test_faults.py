@@ -47,7 +47,7 @@ def names_at_once(url):
         finally:
             engine.dispose()
 
-    start = threading.Barrier(8)
+    start = threading.Barrier(8, timeout=20.0)
     with ThreadPoolExecutor(8) as threads:
         return set(threads.map(name, range(8)))
 

@@ -122,14 +122,16 @@ def store_name(engine: Engine) -> str:
 def _set_up_sqlite(connection: Any, _: Any) -> None:
     """Readers do not wait for a writer; a commit is on the disk; writers wait for one another."""
     connection.isolation_level = "IMMEDIATE"  # a writer waits at its first statement, not at its last
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=30000"):
+    for pragma in ("busy_timeout=30000", "journal_mode=WAL", "synchronous=FULL"):
         connection.execute(f"PRAGMA {pragma}")
 
 
 def _alone(connection: sa.Connection) -> None:
-    """Wait for others that start on the same database; transactions of SQLite do so by themselves."""
+    """Wait for others that start on the same database, until the transaction ends."""
     if connection.dialect.name == "postgresql":
         connection.execute(sa.text("SELECT pg_advisory_xact_lock(7100)"))
+    else:
+        connection.execute(sa.text("BEGIN IMMEDIATE"))  # which Python begins before a change only
 
 
 def _bring_up(connection: sa.Connection) -> None:
