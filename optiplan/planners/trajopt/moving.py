@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.native_model import planning_model
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time
@@ -57,7 +57,7 @@ class _MovingRun:
         self.touching: tuple[Touch, Trajectory] | None = None
         self.patience = Patience(budget, self.options.good_enough)
         with self.watch.stage("set-up"):
-            self.model = planning_model(problem.robot, problem.scene)
+            self.model = kept_planning_model(problem.robot, problem.scene)
             self.optimiser = Optimiser(with_reserve(problem), self.model, self.options)
 
     def result(self) -> PlanResult:

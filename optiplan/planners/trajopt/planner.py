@@ -10,7 +10,8 @@ from typing import Any, Literal
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.native_model import not_in_core, planning_model
+from optiplan.collision.kept_models import kept_planning_model
+from optiplan.collision.native_model import not_in_core
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time, too_heavy
@@ -122,7 +123,7 @@ class _Run:
         self.bound = self.soonest = 0.0  # on costs, and on durations, s
         self.patience = Patience(budget, options.good_enough)
         with self.watch.stage("set-up"):
-            self.model = planning_model(problem.robot, problem.scene)
+            self.model = kept_planning_model(problem.robot, problem.scene)
             self.info.update(not_in_core(self.model))
             self.optimiser = Optimiser(problem, self.model, options)
         self.ahead = LookAhead(problem, options, budget)
