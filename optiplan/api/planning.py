@@ -54,7 +54,9 @@ def plan(
         budget: seconds of wall time for planning and proof, or a `Budget`, which another thread can cancel.
         seed: of what is random; None: the problem's own. The same problem, planner, options and seed give the same
             motion, as long as the budget does not cut the work short.
-        progress: called with the name of a stage and the fraction (0 to 1) of it that is done.
+        progress: called with the name of a stage and the fraction (0 to 1) of it that is done. If it has a method
+            `found(trajectory, bound)`, that is called with each better motion, not verified yet, and a lower bound on
+            durations, s (0: none known).
         warm_start: an earlier run, or a motion, of a problem not far from this one (another scene, goal or start, a
             robot that is on its way by now). `trajopt` begins at it and mostly needs no search. Where it costs less
             (see `Objective`) than what is found, it is verified on *this* problem, after the planning, and is the
