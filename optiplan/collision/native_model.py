@@ -6,6 +6,7 @@ import numpy as np
 
 from optiplan._core import core
 from optiplan.arrays import Array
+from optiplan.collision.clusters import clusters_of
 from optiplan.collision.model import CollisionModel, Contact, Contacts
 from optiplan.collision.native_shapes import native_shape
 from optiplan.geometry.scene import Scene
@@ -112,4 +113,4 @@ def _world(model: CollisionModel, shapes: "list[list[Shape]]") -> "World":
             core.Body.of(int(body.parentJoint), body.placement.homogeneous, shapes[k], box, float(bounds.radius[k]))
         )
     pairs = np.array([(pair.a, pair.b) for pair in model.pairs], dtype=np.int64).reshape(-1, 2)
-    return core.World.of(native_tree(model.model), bodies, pairs)
+    return core.World.of(native_tree(model.model), bodies, pairs, clusters_of(model.robot))
