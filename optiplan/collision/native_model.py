@@ -1,12 +1,15 @@
 """The collision model of planners: queries in the native core where that is there and knows the shapes."""
 
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
+import coal
 import numpy as np
 
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.clusters import clusters_of
+from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel, Contact, Contacts
 from optiplan.collision.native_shapes import native_shape
 from optiplan.geometry.scene import Scene
@@ -15,6 +18,8 @@ from optiplan.robot.robot import Robot
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import Shape, World
+
+_links: "WeakKeyDictionary[Robot, dict[int, list[Shape] | None]]" = WeakKeyDictionary()
 
 
 def planning_model(robot: Robot, scene: Scene) -> CollisionModel:
@@ -39,8 +44,9 @@ class NativeCollisionModel(CollisionModel):
     """
 
     def __init__(self, robot: Robot, scene: Scene) -> None:
-        super().__init__(robot, scene)
-        shapes = [_shapes(self, k) for k in range(len(self.names))]
+        self._take(collision_model(robot, scene))
+        links = _link_shapes(self)
+        shapes = [links[k] if k in links else _shapes(self, k) for k in range(len(self.names))]
         self.unknown = tuple(name for name, found in zip(self.names, shapes, strict=True) if found is None)
         self.world = None if self.unknown else _world(self, [found for found in shapes if found is not None])
 
@@ -95,6 +101,16 @@ class NativeCollisionModel(CollisionModel):
 def _packed(values: Array) -> Array:
     """As the core reads arrays."""
     return np.ascontiguousarray(values, dtype=np.float64)
+
+
+def _link_shapes(model: CollisionModel) -> "dict[int, list[Shape] | None]":
+    """The core's shapes of the robot's own convex bodies, made once for each robot."""
+    robot = model.robot
+    if robot not in _links:
+        bodies = enumerate(robot.geometry.geometryObjects)
+        convex = [k for k, body in bodies if not isinstance(body.geometry, coal.BVHModelBase)]
+        _links[robot] = {k: _shapes(model, k) for k in convex}
+    return _links[robot]
 
 
 def _shapes(model: CollisionModel, body: int) -> "list[Shape] | None":

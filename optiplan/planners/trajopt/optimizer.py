@@ -33,7 +33,7 @@ SPACING = 0.025
 _LONGER = 1.5
 """Times the duration of a descent's last curve within which the cheapest one is looked for."""
 
-LATE = 6
+LATE = 8
 """Looks at the budget, about one a step, after which a curve that is not free yet is said to be late."""
 
 ACTIVE = 1e-3

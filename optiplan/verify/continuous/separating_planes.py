@@ -122,7 +122,8 @@ class PairDistances:
         """Measure with coal: distances (K,) and unit normals from a to b (K, 3), NaN where there is none."""
         measured, normals = np.empty(len(placed.bodies)), np.empty((len(placed.bodies), 3))
         # coal leaves the normal of two meshes unset: there it is the direction between the nearest points.
-        meshes = (self._mesh[placed.bodies].any(axis=1) & (shapes is self._shapes)).tolist()
+        own = self._mesh if shapes is self._shapes else np.zeros_like(self._mesh)
+        meshes: list[bool] = np.asarray(own[placed.bodies].any(axis=1)).tolist()
         for k, result in enumerate(_ask(shapes, request, placed)):
             measured[k] = result.min_distance
             normals[k] = result.getNearestPoint2() - result.getNearestPoint1() if meshes[k] else result.normal

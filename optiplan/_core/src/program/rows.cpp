@@ -50,7 +50,7 @@ NearRows near_rows(const World &world, const Margins &margins, const Vec &u, con
     std::vector<Placement> places(u.size(), world.placement());
     for (std::size_t i = 0; i < u.size(); ++i) {
         world.place(Q.data() + i * n, places[i]);
-        world.near_hulls(places[i], static_cast<int>(i), cutoff, found);
+        world.near(places[i], static_cast<int>(i), cutoff, found);
     }
     push_one_way(found);
     NearRows rows;

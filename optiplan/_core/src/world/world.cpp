@@ -144,29 +144,9 @@ Witness World::nearest_points(const Placement &at, int pair, double cutoff) cons
 }
 
 void World::near(const Placement &at, int row, double cutoff, std::vector<Contact> &found) const {
-    near(at, row, cutoff, false, found);
-}
-
-void World::near_hulls(const Placement &at, int row, double cutoff, std::vector<Contact> &found) const {
-    near(at, row, cutoff, true, found);
-}
-
-void World::near(const Placement &at, int row, double cutoff, bool hulls, std::vector<Contact> &found) const {
     std::vector<char> known(groups_.size());
     for (int pair = 0; pair < static_cast<int>(pairs_.size()); ++pair) {
-        const int group = group_of_[pair];
-        const bool first = group >= 0 && !known[group];
         if (settled(at, pair, known, [cutoff](int) { return cutoff; })) continue;
-        if (hulls && first) {
-            const int a = groups_[group].hull, b = groups_[group].other;
-            Witness outer = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], cutoff);
-            if (outer.distance > SETTLED) {
-                known[group] = APART;
-                if (pairs_[pair].a == b) outer = {outer.distance, outer.b, outer.a, -outer.normal};
-                if (outer.distance < cutoff) found.push_back({row, pair, outer});
-                continue;
-            }
-        }
         if (balls_apart(at, pair, cutoff) || !(lower_bound(at, pair) < cutoff)) continue;
         const Witness witness = nearest_points(at, pair, cutoff);
         if (witness.distance < cutoff) found.push_back({row, pair, witness});

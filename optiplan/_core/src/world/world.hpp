@@ -98,10 +98,6 @@ class World {
     // farther apart than SETTLED, and if the bodies touch: triangles do not tell how deep, or which way is out.
     void near(const Placement &at, int row, double cutoff, std::vector<Contact> &found) const;
 
-    // The same, but where the hull of a cluster is farther than SETTLED from the other body, for all pairs of the two
-    // the hull's distance and points, as the first of these pairs.
-    void near_hulls(const Placement &at, int row, double cutoff, std::vector<Contact> &found) const;
-
     // Distance and points of a pair as `near` tells them; above the cutoff, only that it is.
     Witness nearest_points(const Placement &at, int pair, double cutoff) const;
 
@@ -131,7 +127,6 @@ class World {
   private:
     static constexpr char NEAR = 1, APART = 2;
 
-    void near(const Placement &at, int row, double cutoff, bool hulls, std::vector<Contact> &found) const;
     double travel_of(const std::vector<double> &reaches, const double *D, int body, int common) const;
     bool balls_apart_of(const Placement &at, int a, int b, double gap) const {
         const double reach = bodies_[a].radius + bodies_[b].radius + gap;
