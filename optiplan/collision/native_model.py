@@ -9,7 +9,6 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.clusters import clusters_of
-from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel, Contact, Contacts
 from optiplan.collision.native_shapes import native_shape
 from optiplan.geometry.scene import Scene
@@ -22,11 +21,17 @@ if TYPE_CHECKING:
 _links: "WeakKeyDictionary[Robot, dict[int, list[Shape] | None]]" = WeakKeyDictionary()
 
 
-def planning_model(robot: Robot, scene: Scene) -> CollisionModel:
-    """A model for planners; the verifier's is `CollisionModel` itself, which never asks the core."""
+def planning_model(robot: Robot, scene: Scene, known: CollisionModel | None = None) -> CollisionModel:
+    """A model for planners; the verifier's is `CollisionModel` itself, which never asks the core.
+
+    Args:
+        robot: the robot.
+        scene: the scene.
+        known: a model of the same robot in the same scene, whose bodies and pairs need not be found again.
+    """
     if core is None:
         return CollisionModel(robot, scene)
-    return NativeCollisionModel(robot, scene)
+    return NativeCollisionModel(robot, scene, known)
 
 
 def not_in_core(model: CollisionModel) -> dict[str, list[str]]:
@@ -43,8 +48,11 @@ class NativeCollisionModel(CollisionModel):
         unknown: names of the bodies with such shapes; with any, coal answers all queries.
     """
 
-    def __init__(self, robot: Robot, scene: Scene) -> None:
-        self._take(collision_model(robot, scene))
+    def __init__(self, robot: Robot, scene: Scene, known: CollisionModel | None = None) -> None:
+        if known is None:
+            super().__init__(robot, scene)
+        else:
+            self._take(known)
         links = _link_shapes(self)
         shapes = [links[k] if k in links else _shapes(self, k) for k in range(len(self.names))]
         self.unknown = tuple(name for name, found in zip(self.names, shapes, strict=True) if found is None)

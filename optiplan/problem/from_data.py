@@ -17,7 +17,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.measures import broken
 from optiplan.problem.constraints.statements import PairClearance, PathConstraint
-from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
+from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, Via
 from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.moving_states import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
@@ -25,7 +25,8 @@ from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import TaskStep
-from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
+from optiplan.robot.reference import is_robot_name
+from optiplan.robot.robot import Limits, Robot, load_robot
 
 TOUCHING = 1e-12
 """Bodies nearer than this, m, are in collision: contact itself is refused, rounding of a zero apart."""
@@ -80,7 +81,7 @@ class _Places:
     """Valid start, goal and vias."""
 
     start: JointGoal | None
-    goal: Sequence[LocatedValue[JointGoal | PoseGoal]]
+    goal: Sequence[LocatedValue[GoalEnd]]
     vias: Sequence[LocatedValue[Via]]
     task: Sequence[LocatedValue[TaskStep]]
     constraints: Sequence[LocatedValue[PathConstraint]]
@@ -206,7 +207,7 @@ def _in_one_form(scene: dict[str, Any]) -> None:
 def _named(spec: ProblemSpec, robot: Robot) -> Any:
     """Return `robot:` with absolute paths."""
     if isinstance(spec.robot, str):
-        return spec.robot if spec.robot in robot_names() else str(robot.source)
+        return spec.robot if is_robot_name(spec.robot) else str(robot.source)
     return robot.reference.robot
 
 

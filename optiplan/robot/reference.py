@@ -1,5 +1,6 @@
 """What a robot is named by: a name, the path of a robot.yaml, or what would stand in one."""
 
+import functools
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -37,7 +38,17 @@ UNKNOWN = Reference("")
 
 def robot_names() -> list[str]:
     """Names of the robots that come with OptiPlan."""
-    return sorted(path.parent.name for path in robots_dir().glob("*/robot.yaml"))
+    return list(_names(robots_dir()))
+
+
+@functools.cache
+def _names(folder: Path) -> tuple[str, ...]:
+    return tuple(sorted(path.parent.name for path in folder.glob("*/robot.yaml")))
+
+
+def is_robot_name(ref: str) -> bool:
+    """Whether this is the name of a robot that comes with OptiPlan."""
+    return ref == Path(ref).name and (robots_dir() / ref / "robot.yaml").is_file()
 
 
 def robot_file(ref: str, base: Path | None = None) -> Path:
@@ -46,7 +57,7 @@ def robot_file(ref: str, base: Path | None = None) -> Path:
     Raises:
         UnknownChoiceError: `ref` is neither a name nor a path.
     """
-    if ref in robot_names():
+    if is_robot_name(ref):
         return robots_dir() / ref / "robot.yaml"
     path = Path(base or ".") / ref
     if path.is_dir():
@@ -81,4 +92,4 @@ def referred(document: Document, ref: str | Mapping[str, Any]) -> str | Mapping[
     """What means the same robot from anywhere."""
     if isinstance(ref, Mapping):
         return dict(document.data)
-    return ref if ref in robot_names() else str(document.path)
+    return ref if is_robot_name(ref) else str(document.path)

@@ -66,6 +66,9 @@ class World {
     const std::vector<Body> &bodies() const { return bodies_; }  // hulls of clusters last
     const std::vector<Together> &groups() const { return groups_; }
 
+    // The last joint that carries both bodies of a pair: it does not change their distance.
+    int common(int pair) const { return common_[pair]; }
+
     Placement placement() const;
     void place(const double *q, Placement &at) const;
 
