@@ -52,7 +52,7 @@ class NativeCollisionModel(CollisionModel):
         if known is None:
             super().__init__(robot, scene)
         else:
-            self._take(known)
+            self._take(known, scene)
         links = _link_shapes(self)
         shapes = [links[k] if k in links else _shapes(self, k) for k in range(len(self.names))]
         self.unknown = tuple(name for name, found in zip(self.names, shapes, strict=True) if found is None)
