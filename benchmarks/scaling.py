@@ -108,11 +108,13 @@ def line(row: dict[str, Any]) -> tuple[str, ...]:
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
     """A panel a curve: seconds against the value, both logarithmic."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
 
     names = list(dict.fromkeys(row["curve"] for row in rows))
     columns = min(3, len(names))
-    figure = Figure(figsize=(3.4 * columns, 3.0 * -(-len(names) // columns)), layout="constrained")
-    axes = figure.subplots(-(-len(names) // columns), columns, squeeze=False).ravel()
+    lines = -(-len(names) // columns)
+    figure = Figure(figsize=(3.4 * columns, 2.8 * lines + 0.3), layout="constrained")
+    axes = figure.subplots(lines, columns, squeeze=False).ravel()
     for ax in axes[len(names) :]:
         ax.axis("off")
     for ax, name in zip(axes, names, strict=False):
@@ -121,8 +123,11 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
             own = [(row["value"], row[key]) for row in some if row[key]]
             ax.plot(*zip(*own, strict=True), marker="o", markersize=4, label=key) if own else None
         ax.set(xscale="log", yscale="log", xlabel=name, ylabel="s")
+        values = [row["value"] for row in some]
+        ax.set_xticks(values, [f"{value:,}" for value in values])
+        ax.xaxis.set_minor_formatter(NullFormatter())
         ax.grid(alpha=0.3)
-        ax.legend(fontsize="small")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     figure.savefig(path)
 
 
