@@ -56,13 +56,13 @@ FAR = 0.12
 NEAR = 0.08
 """m; pairs nearer than this at a sample of a known curve have a row there."""
 
-BEGIN_AGAIN = 5
+BEGIN_AGAIN = 3
 """Times that IPOPT begins again with pairs that its answer violated."""
 
 BETTER = 0.995
 """Share of the SQP's duration or merit below which IPOPT's answer counts as better."""
 
-STEPS, SECONDS = 600, 120.0
+STEPS, SECONDS = 500, 60.0
 """Iterations and s of each of IPOPT's descents."""
 
 SETTINGS: dict[str, Any] = {

@@ -25,8 +25,7 @@ from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import TaskStep
-from optiplan.robot.reference import is_robot_name
-from optiplan.robot.robot import Limits, Robot, load_robot
+from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
 
 TOUCHING = 1e-12
 """Bodies nearer than this, m, are in collision: contact itself is refused, rounding of a zero apart."""
@@ -207,7 +206,7 @@ def _in_one_form(scene: dict[str, Any]) -> None:
 def _named(spec: ProblemSpec, robot: Robot) -> Any:
     """Return `robot:` with absolute paths."""
     if isinstance(spec.robot, str):
-        return spec.robot if is_robot_name(spec.robot) else str(robot.source)
+        return spec.robot if spec.robot in robot_names() else str(robot.source)
     return robot.reference.robot
 
 

@@ -46,18 +46,13 @@ def _names(folder: Path) -> tuple[str, ...]:
     return tuple(sorted(path.parent.name for path in folder.glob("*/robot.yaml")))
 
 
-def is_robot_name(ref: str) -> bool:
-    """Whether this is the name of a robot that comes with OptiPlan."""
-    return ref == Path(ref).name and (robots_dir() / ref / "robot.yaml").is_file()
-
-
 def robot_file(ref: str, base: Path | None = None) -> Path:
     """The robot.yaml that `ref` means: a name of `robot_names()`, or a path relative to `base`.
 
     Raises:
         UnknownChoiceError: `ref` is neither a name nor a path.
     """
-    if is_robot_name(ref):
+    if ref in robot_names():
         return robots_dir() / ref / "robot.yaml"
     path = Path(base or ".") / ref
     if path.is_dir():
@@ -92,4 +87,4 @@ def referred(document: Document, ref: str | Mapping[str, Any]) -> str | Mapping[
     """What means the same robot from anywhere."""
     if isinstance(ref, Mapping):
         return dict(document.data)
-    return ref if is_robot_name(ref) else str(document.path)
+    return ref if ref in robot_names() else str(document.path)
