@@ -19,6 +19,7 @@ from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.moving_scene import among_moving
 from optiplan.planners.common.path_timing import stopping, timed_path, within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.sampling.constrained.seeds import ConstrainedSeeds
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path, shortened
 from optiplan.planners.sampling.search import Searcher
@@ -134,6 +135,7 @@ class _Run:
         with self.watch.stage("set-up"):
             self.model = kept_planning_model(problem.robot, problem.scene)
             self.info.update(not_in_core(self.model))
+            self.on_constraints = ConstrainedSeeds(problem, self.model)
             self.optimiser = Optimiser(problem, self.model, options)
         self.ahead = LookAhead(problem, options, budget)
 
@@ -240,7 +242,9 @@ class _Run:
         A path that lies on an optimised curve already, and that no shortcut has made shorter, is not optimised again;
         one that takes far longer than the best motion even at full speed is left.
         """
-        failure = None if self.candidates else self._stopping(path)
+        failure = None
+        if not self.candidates:
+            failure = self._time_path(path) if self.on_constraints.apply else self._stopping(path)
         repaired, self.repaired = self.repaired, None
         if repaired is not None and path.cost > _SHORTER * repaired[1]:
             self._keep(repaired[0])
@@ -261,7 +265,7 @@ class _Run:
 
     def _quick(self, sampler: GoalSampler) -> None:
         """Look for a path at once while there is no motion, and offer it with a stop at every corner."""
-        if self.candidates or self.searches:
+        if self.candidates or self.searches or self.on_constraints.apply:
             return
         path = self._sample(sampler, self.patience.seconds + _QUICK, None, _FEW)
         if isinstance(path, SampledPath):
@@ -290,6 +294,8 @@ class _Run:
         share = _SEARCH if self.candidates else _FIRST_SEARCH
         budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
         with self.watch.stage("sampling"):
+            if self.on_constraints.apply:
+                return self.on_constraints.path(self._promising(sampler), budget, number)
             options = SamplingOptions(
                 budget,
                 seed=self.problem.seed + 1000 * number,
@@ -336,7 +342,11 @@ class _Run:
     def _time_path(self, path: SampledPath) -> Failure | None:
         """Time the sampled path without optimising it."""
         with self.watch.stage("timing of sampled paths"):
-            timed = timed_path(self.model, path.waypoints, self.problem.limits, self.budget)
+            timed = self.on_constraints.motion(path, self.optimiser.constraints, self.budget)
+            if timed is None:
+                timed = timed_path(self.model, path.waypoints, self.problem.limits, self.budget)
+        if isinstance(timed, Failure):
+            return timed
         if timed is None:
             return too_heavy(self.problem.robot, self.problem.limits, path.waypoints)
         if self._offer(timed, None):
