@@ -35,11 +35,9 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         progress: called with the stages.
     """
     began, watch = time.perf_counter(), Stopwatch()
-    if problem.scene.moving or problem.moving_start:
-        what = "an obstacle that moves" if problem.scene.moving else "a robot that is moving at the start"
-        return PlanResult(
-            None, Failure("unsupported", f"tasks are planned from rest among what stands still, not {what}")
-        )
+    if problem.scene.moving:
+        words = "tasks are planned among what stands still, not an obstacle that moves"
+        return PlanResult(None, Failure("unsupported", words))
     search = TaskSearch(problem, planner, budget.share(_SEARCHING), progress)
     with watch.stage("steps"):
         done = search.run()
