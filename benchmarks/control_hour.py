@@ -5,7 +5,8 @@
 Every robot gets its share of the simulated time. The plant follows the command exactly, so what is measured are the
 commands: positions, velocities and accelerations of every step against the limits, and the distance of every pair of
 bodies by a collision model of its own. `--fail` is the chance that the solver fails in a step: it raises, returns NaN,
-nothing, or an answer that is wrong. The last line is one JSON object.
+nothing, or an answer that is wrong. `--until-violated` stops a robot at its first violation and prints where that was:
+the same seed comes there again. The last line is one JSON object.
 """
 
 import argparse
@@ -40,6 +41,9 @@ HOLD = 1.5
 """s of a target, on average."""
 EVERY = 10
 """Steps between two measurements of all distances."""
+MEASURED = "position", "velocity", "acceleration", "clearance"
+TOLERANCE = 1e-6
+"""rad, m and s: what counts as a violation."""
 
 
 class Flaky(QpSolver):
@@ -70,11 +74,23 @@ class Worst:
     acceleration: float = 0.0
     jerk: float = 0.0
     clearance: float = 0.0
+    at: dict[str, str] = field(default_factory=dict)
     steps: int = 0
     braking: int = 0
     statuses: dict[str, int] = field(default_factory=dict)
     seconds: list[float] = field(default_factory=list)
     simulated: float = 0.0
+
+    def raise_to(self, key: str, value: float, where: str) -> None:
+        """Take a violation in; remember where the largest was."""
+        if value > getattr(self, key):
+            setattr(self, key, value)
+            self.at[key] = where
+
+    @property
+    def violated(self) -> list[str]:
+        """Limits that were left by more than what rounding may cost."""
+        return [key for key in MEASURED if getattr(self, key) > TOLERANCE]
 
 
 def random_target(rng: np.random.Generator, robot: op.Robot) -> pin.SE3:
@@ -89,7 +105,9 @@ def random_target(rng: np.random.Generator, robot: op.Robot) -> pin.SE3:
     return X
 
 
-def simulate(name: str, seconds: float, dt: float, fail: float, seed: int, form: str = "velocity") -> Worst:
+def simulate(
+    name: str, seconds: float, dt: float, fail: float, seed: int, form: str = "velocity", until_violated: bool = False
+) -> Worst:
     """A robot and its random targets for so many seconds of simulated time."""
     rng = np.random.default_rng(seed)
     robot, scene = op.load_robot(name), op.Scene(SCENES[name])
@@ -112,7 +130,16 @@ def simulate(name: str, seconds: float, dt: float, fail: float, seed: int, form:
         if k % EVERY == 0 or step.solver == "braking":
             nearest = check.clearance(step.q)
             if nearest is not None:
-                worst.clearance = max(worst.clearance, at_least - nearest.distance)
+                pair, apart = (
+                    f"{nearest.pair.name_a} and {nearest.pair.name_b}",
+                    f"{1e3 * nearest.distance:.3f} mm apart",
+                )
+                where = f"step {worst.steps}: {pair} {apart}, {step.status}"
+                worst.raise_to("clearance", at_least - nearest.distance, where)
+        if until_violated and worst.violated:
+            given = ", ".join(f"{key}={getattr(state, key).tolist()}" for key in "qva")
+            print(f"{name}: {worst.at[worst.violated[0]]}; {step!r}; from {given}", flush=True)
+            break
         state = step.state
     return worst
 
@@ -129,13 +156,14 @@ def measure(worst: Worst, robot: op.Robot, state: State, step: op.ControlStep, d
     assert np.isfinite(step.q).all(), "a step without an answer"
     assert np.isfinite(step.v).all(), "a step without an answer"
     found = {
-        "position": np.maximum(limits.lower - step.q, step.q - limits.upper).max(),
-        "velocity": (np.abs(step.v) - limits.velocity).max(),
-        "acceleration": (np.abs(acceleration) - limits.acceleration).max(),
-        "jerk": (np.abs(acceleration - state.a) / dt - limits.jerk).max(),
+        "position": np.maximum(limits.lower - step.q, step.q - limits.upper),
+        "velocity": np.abs(step.v) - limits.velocity,
+        "acceleration": np.abs(acceleration) - limits.acceleration,
+        "jerk": np.abs(acceleration - state.a) / dt - limits.jerk,
     }
-    for key, value in found.items():
-        setattr(worst, key, max(getattr(worst, key), float(value)))
+    for key, values in found.items():
+        j = int(values.argmax())
+        worst.raise_to(key, float(values[j]), f"step {worst.steps}: {robot.joint_names[j]}, {step.status}")
 
 
 HEADINGS = (
@@ -170,6 +198,7 @@ def main() -> None:
     parser.add_argument("--fail", type=float, default=0.0, help="chance that the solver fails in a step")
     parser.add_argument("--form", default="velocity")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--until-violated", action="store_true", help="stop a robot where it first leaves a limit")
     parser.add_argument("--markdown", type=Path, help="write the table to this file")
     options = parser.parse_args()
     names = options.robots.split(",")
@@ -183,7 +212,7 @@ def main() -> None:
     for name in names:
         begin = time.perf_counter()
         share = 60.0 * options.minutes / len(names)
-        worst = simulate(name, share, options.dt, options.fail, options.seed, options.form)
+        worst = simulate(name, share, options.dt, options.fail, options.seed, options.form, options.until_violated)
         print(
             f"{name:8} {worst.steps:8d} {worst.position:9.1e} {worst.velocity:9.1e} {worst.acceleration:9.1e} "
             f"{worst.jerk:9.1e} {worst.clearance:10.1e} {worst.braking:8d}  {worst.statuses} "
@@ -191,17 +220,12 @@ def main() -> None:
             f"{time.perf_counter() - begin:.0f} s",
             flush=True,
         )
+        for key in worst.violated:
+            print(f"    {key}: {getattr(worst, key):.1e} at {worst.at[key]} (seed {options.seed})", flush=True)
         rows.append(table_row(name, worst))
         write_markdown(options.markdown, HEADINGS, rows)
-        result[name] = {
-            key: getattr(worst, key)
-            for key in ("position", "velocity", "acceleration", "jerk", "clearance", "steps", "braking")
-        }
-    violated = [
-        name
-        for name, found in result.items()
-        if max(found[key] for key in ("position", "velocity", "acceleration", "clearance")) > 1e-6
-    ]
+        result[name] = {key: getattr(worst, key) for key in (*MEASURED, "jerk", "steps", "braking", "at")}
+    violated = [name for name, found in result.items() if max(found[key] for key in MEASURED) > TOLERANCE]
     print(json.dumps({"minutes": options.minutes, "fail": options.fail, "violated": violated, "robots": result}))
 
 

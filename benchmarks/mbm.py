@@ -200,19 +200,25 @@ class SecondLook:
 
     def confirms(self, problem: Problem, trajectory: Trajectory) -> bool:
         """Free of mesh collision at small steps, inside all limits there, from the start to the goal."""
+        return self.within(problem, trajectory) and self.free(problem, trajectory)
+
+    def within(self, problem: Problem, trajectory: Trajectory) -> bool:
+        """Inside all limits at small steps, from the start to the goal."""
         t = steps(trajectory)
         Q, limits, slack = trajectory(t), problem.limits, 1.0 + 1e-6
         bounds = (limits.velocity, limits.acceleration, limits.jerk)
-        if not (
+        return bool(
             (Q >= limits.lower - 1e-9).all()
             and (Q <= limits.upper + 1e-9).all()
             and all((np.abs(trajectory(t, k + 1)) <= bound * slack).all() for k, bound in enumerate(bounds))
             and np.abs(Q[0] - problem.start).max() < 1e-6
             and any(np.abs(Q[-1] - goal.q).max() < 1e-6 for goal in problem.goal if hasattr(goal, "q"))
-        ):
-            return False
+        )
+
+    def free(self, problem: Problem, trajectory: Trajectory) -> bool:
+        """Free of mesh collision at small steps."""
         model = CollisionModel(self.robot(problem), problem.scene)
-        return not any(model.collides(q) for q in Q)
+        return not any(model.collides(q) for q in trajectory(steps(trajectory)))
 
 
 def steps(trajectory: Trajectory) -> np.ndarray:

@@ -82,15 +82,14 @@ def plan(
     clock, told = _budget(budget), progress or _silent
     if seed is not None:
         problem = problem.with_seed(seed_argument("plan", seed))
-    known = _known(problem, warm_start)
+    known = _known(warm_start)
     try:
-        run = pipeline.run(problem, asked, chosen, clock, told, known)
-        if known is not None and run.trajectory is not None and not run.verified and not clock.over:
-            run = pipeline.run(problem, asked, chosen, clock.share(1.0), told)  # the earlier motion led astray
+        if warm_start is None:
+            return pipeline.run(problem, asked, chosen, clock, told)
+        return pipeline.run_from(known, problem, asked, chosen, clock, told)
     except UnknownChoiceError as error:
         argument = "planner" if error.kind == "planner" else "options"
         raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None
-    return run if warm_start is None else _better(run, known, told)
 
 
 def verify(problem: Problem, motion: Trajectory | Samples | Run | Path | str | Sequence[Array]) -> Report:
@@ -218,28 +217,11 @@ def _budget(budget: Any) -> Budget:
     return Budget(float(budget))
 
 
-def _known(problem: Problem, warm_start: Any) -> Trajectory | None:
-    """The motion that is at hand, if it is one of the problem's joints."""
-    if warm_start is None:
-        return None
-    if not isinstance(warm_start, Run | Trajectory):
+def _known(warm_start: Any) -> Trajectory | None:
+    """The motion that is at hand."""
+    if warm_start is not None and not isinstance(warm_start, Run | Trajectory):
         raise wrong_argument("plan", "warm_start", described(warm_start), "a Run or a Trajectory")
-    motion = warm_start.trajectory if isinstance(warm_start, Run) else warm_start
-    return motion if motion is not None and motion.joint_names == problem.robot.joint_names else None
-
-
-def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
-    """The run, or one of the motion that was at hand, where that is better and holds."""
-    answer = run.trajectory if run.verified else None
-    cost = run.problem.cost
-    if known is not None and answer is not None and cost(answer) <= cost(known):
-        return replace(run, info={**run.info, "warm_start": "beaten"})
-    if known is None or not verifier.holds(run.problem, known):
-        return replace(run, info={**run.info, "warm_start": "refused"})
-    info = {**run.info, "warm_start": "kept"}
-    result = PlanResult(known, None, run.stages, info, seconds=0.0)
-    kept = pipeline.proved(run.problem, run.planner, run.options, result, (Budget(BUDGET), progress, run.timings))
-    return replace(kept, plan_cpu=run.plan_cpu)
+    return warm_start.trajectory if isinstance(warm_start, Run) else warm_start
 
 
 def _waypoints(problem: Problem, waypoints: Any) -> Array:

@@ -136,6 +136,18 @@ def farthest(v: float, a: float, limit: float, change: float, dt: float) -> floa
     return max(0.0, total)
 
 
+def farthest_way(phases: tuple[Phase, ...], v: float, a: float, change: float, dt: float) -> float:
+    """How far a joint gets at most, either way, in a stop from velocity v and acceleration a, rad or m, >= 0."""
+    if v == 0.0 and abs(a) <= change:
+        return 0.0
+    total = abs(travel(phases, v, dt))
+    if not (phases and v * phases[0][2] > 0.0):
+        return total
+    if v > 0.0:
+        return max(total, _forward(phases, v, dt))
+    return max(total, _forward(tuple([(count, -first, -change) for count, first, change in phases]), -v, dt))
+
+
 def _forward(phases: tuple[Phase, ...], v: float, dt: float) -> float:
     """Travel until the velocity of a stop changes its sign for the first time."""
     best = total = 0.0

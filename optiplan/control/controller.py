@@ -146,7 +146,7 @@ class Controller:
             x = None
         if x is None:
             x = brake
-            self._guard.keep(self._next(state, x, dt))
+            self._guard.keep(state, self._next(state, x, dt))
             self._answers.reset()
         outcome.x, outcome.how = x, "braking" if x is brake else self._answers.how
         outcome.next = self._guard.state
@@ -164,7 +164,7 @@ class Controller:
         self._box.update(state, dt, 0.5 * dt if self._by_acceleration else 0.0)
         brake = self._box.brake(state, dt)
         outcome = StepOutcome(state, dt, brake)
-        self._guard.keep(self._next(state, brake, dt))
+        self._guard.keep(state, self._next(state, brake, dt))
         outcome.x, outcome.how, outcome.next = brake, "braking", self._guard.state
         outcome.asked = True
         return self._report.step(outcome, self._guard.nearest, begin)

@@ -48,6 +48,7 @@ class StoppingGuard:
             return []
         if not self._continues(state):
             self._look(c)
+            self._least = []
         if dt != self._dt:
             self._dt, self._abilities, self._per_jerk = dt, _abilities(self._box, dt), 1.0 / self._box.jerk
         if not self._least:
@@ -85,12 +86,20 @@ class StoppingGuard:
         self.state = candidate
         return True
 
-    def keep(self, state: State) -> None:
-        """Brake to a state, whatever is near there."""
+    def keep(self, start: State, state: State) -> None:
+        """Brake from a state to another, whatever is near there.
+
+        Where `start` is the last accepted state, the stop from it was found clear: what distances must be at least
+        falls by what rounding costs, and no more.
+        """
+        if not self._continues(start):
+            self._least = []
         self.state = state
         if self._limits:
             self._configuration.update(state.q, state.v)
             self._look(self._configuration)
+            for least, view in zip(self._least, self._views, strict=False):
+                least[view.near] = np.minimum(least[view.near], view.distance)
 
     @property
     def nearest(self) -> NearestPair | None:
@@ -123,7 +132,6 @@ class StoppingGuard:
         """What is near at a configuration."""
         before: Sequence[DistanceView | None] = self._views or [None] * len(self._limits)
         self._views = [limit.view(c, view) for limit, view in zip(self._limits, before, strict=True)]
-        self._least = []
 
 
 def _raise(least: Array, limit: StopLimit, view: DistanceView) -> None:

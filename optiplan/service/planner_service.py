@@ -28,6 +28,7 @@ from optiplan.service.store.retention import outdated, sweep
 from optiplan.service.store.run_table import NewRun, Record, RunTable
 from optiplan.service.store.tables import open_database, store_name
 from optiplan.service.waited_plans import WaitedPlans
+from optiplan.trajectory.trajectory import Trajectory
 
 Result = TypeVar("Result")
 
@@ -241,7 +242,7 @@ class PlannerService:
         """A problem as processes take it: a stored one by its text.
 
         Raises:
-            Refusal: it is not stored, or its scene is too large.
+            Refusal: it is not stored, its scene is too large, or the run that it begins at has no motion.
         """
         request = given.model_dump(include={"problem", "name", "start", "goal", "planner", "options", "seed"})
         text = given.problem if isinstance(given.problem, str) else json.dumps(given.problem)
@@ -251,6 +252,9 @@ class PlannerService:
             request["problem"] = stored["problem"]
         elif (count := len(re.findall(r"\bshape\b", text))) > self.settings.bodies:  # before anybody reads it all
             raise Refusal(422, f"the scene has {count} bodies; this server takes {self.settings.bodies}")
+        if isinstance(given, Submission) and given.warm_start is not None:
+            motion = await self.content(await self.run(given.warm_start), TRAJECTORY)
+            request["earlier"] = await self.read(lambda: Trajectory.from_dict(json.loads(motion)).to_dict())
         return request
 
     async def _stored(self, problem: str) -> Record:
@@ -278,6 +282,7 @@ class PlannerService:
         """The run of a submission; its id is the digest of all that decides the answer."""
         asked = [about[key] for key in ("hash", "planner", "options", "seed")]
         asked += [submission.budget, submission.deadline, optiplan.__version__]
+        asked += [submission.warm_start] if submission.warm_start else []
         return NewRun(
             id=digest_of(asked)[:32],
             name=about["name"],

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import optiplan as op
-from optiplan.control.braking_path import BrakingPath
+from optiplan._core import core
+from optiplan.control.braking_path import BrakingPath, make_braking_path
+from optiplan.control.limits.stop_limits import StopLimit
 
 
 def test_the_simple_bound_of_a_stop_is_one(panda, baxter, delbot):
@@ -22,3 +24,57 @@ def test_the_simple_bound_of_a_stop_is_one(panda, baxter, delbot):
                 way = np.max([np.abs(path.at(k) - start.q) for k in range(0, path.steps + 1, 5)], axis=0)
                 assert (guard._longest_way(op.State.of(start.q, v, a)) >= way).all()
                 assert path.at(path.steps) == pytest.approx(path.end, abs=1e-10)
+
+
+def stops_beside(robot, box, rng, count):
+    """Stops that begin at random velocities and accelerations, half of them slow: these turn back on their way."""
+    start = next(iter(robot.configurations.values()))
+    for k in range(count):
+        q = np.clip(start + rng.normal(0.0, 0.3, robot.n), robot.limits.lower, robot.limits.upper)
+        v = rng.uniform(-1, 1, robot.n) * robot.limits.velocity * (0.03, 0.3)[k % 2]
+        yield q, v, rng.uniform(-1, 1, robot.n) * robot.limits.acceleration
+
+
+@pytest.mark.parametrize("native", [True, False])
+@pytest.mark.parametrize("name", ["panda", "delbot"])
+def test_a_stop_is_clear_if_every_step_of_it_is(request, delbot, name, native):
+    """The verdict is that of measuring all distances in all steps: nothing is missed, nothing refused in vain."""
+    if native and core is None:
+        pytest.skip("the native core was not built")
+    robot = request.getfixturevalue(name)
+    scene = op.Scene([op.Box("post", size=(0.1, 0.1, 0.8), position=(0.45, 0.3, 0.4))])
+    limit = op.ClearanceLimit(scene)
+    controller = op.Controller(robot, [], limits=[*op.Controller(robot, []).limits, limit])
+    controller.step(op.State(next(iter(robot.configurations.values()))), 0.002)
+    rng, box, c = np.random.default_rng(3), controller._box, controller.configuration
+    path, verdicts, dips = make_braking_path(robot, False), [], 0
+    everything = np.arange(len(limit.labels))
+    for q, v, a in stops_beside(robot, box, rng, 40 if native and robot is not delbot else 14):
+        path.start(q, v, a, box, 0.002)
+        found = np.array([limit.distances(c(op.State(path.at(k))), everything) for k in range(path.steps + 1)])
+        ends = np.minimum(found[0], found[-1]) - 1e-7
+        least = np.minimum(ends, found.min(axis=0) + rng.choice([-1e-6, 1e-6, 1e-3]))
+        dips += bool((found.min(axis=0) < ends - 1e-4).any())
+        look = limit.view if native else (lambda here, before: StopLimit.view(limit, here, before))
+        check = limit.stop_is_clear if native else (lambda *given: StopLimit.stop_is_clear(limit, *given))
+        verdicts.append(check(path, look(c(op.State(q)), None), least))
+        assert verdicts[-1] == bool((found >= least).all())
+    assert 0.2 * len(verdicts) < sum(verdicts) < 0.8 * len(verdicts)
+    assert dips > 0.2 * len(verdicts), "distances are often least in the middle"
+
+
+@pytest.mark.parametrize("trapezoid", [False, True])
+def test_how_far_joints_get_and_how_hard_they_brake(panda, trapezoid):
+    rng, dt = np.random.default_rng(1), 0.002
+    controller = op.Controller(panda, [])
+    controller.step(op.State(panda.configurations["ready"]), dt)
+    path = make_braking_path(panda, trapezoid)
+    for q, v, a in stops_beside(panda, controller._box, rng, 60):
+        path.start(q, v, a, controller._box, dt)
+        Q, V = path.motion(np.arange(path.steps + 1))
+        assert (path.way >= np.abs(Q - q).max(axis=0) - 1e-12).all()
+        assert (path.way <= np.abs(Q - q).max(axis=0) + trapezoid * 4.0 * dt * np.abs(V).max() + 1e-9).all()
+        first, last = sorted(rng.integers(0, path.steps + 1, 2).tolist())
+        if first < last:
+            hardest = (np.abs(np.diff(V[first : last + 1], axis=0)) / dt).max(axis=0)
+            np.testing.assert_allclose(path.strongest(first, last), hardest, atol=1e-6)

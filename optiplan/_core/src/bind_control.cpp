@@ -26,14 +26,18 @@ static StopPath make_path(const Vector &q, const Vector &v, const Vector &a, con
     return path;
 }
 
+// `effects` (2, n): how far each joint turns, rad, and slides, m, what it carries. `rules`: influence, kept.
 static void make_watch(ClearanceWatch *self, const World &world, const Matrix &arms, const Matrix &reaches,
-                       const Vector &rules) {
+                       const Matrix &effects, const Vector &rules) {
     expect(arms.shape(0) == world.pairs().size() && arms.shape(1) == static_cast<std::size_t>(world.tree().planned),
            "moment arms (P, n)");
     expect(reaches.shape(0) == world.pairs().size() && reaches.shape(1) == 2, "reaches (P, 2)");
-    expect(rules.size() == 3, "influence, kept, curvature");
-    const double *r = rules.data();
-    new (self) ClearanceWatch(world, to_vector(arms), to_vector(reaches), {r[0], r[1], r[2]});
+    const std::size_t n = arms.shape(1);
+    expect(effects.shape(0) == 2 && effects.shape(1) == n, "turns and slides (2, n)");
+    expect(rules.size() == 2, "influence, kept");
+    const double *e = effects.data(), *r = rules.data();
+    new (self) ClearanceWatch(world, to_vector(arms), to_vector(reaches), {{e, e + n}, {e + n, e + 2 * n}},
+                              {r[0], r[1]});
 }
 
 static View look(ClearanceWatch &watch, const Vector &q, const View *before) {
@@ -125,6 +129,16 @@ void bind_control(nb::module_ &m) {
             const StopPath &path = nb::cast<const StopPath &>(self);
             return part(self, path.end, {path.end.size()});
         })
+        .def_prop_ro("way", [](nb::handle self) {
+            const StopPath &path = nb::cast<const StopPath &>(self);
+            return part(self, path.way, {path.way.size()});
+        })
+        .def("strongest", [](const StopPath &self, int first, int last) {
+            const std::size_t n = self.q.size();
+            std::vector<double> found(n);
+            for (std::size_t j = 0; j < n; ++j) found[j] = self.strongest(j, first, last);
+            return to_numpy(std::move(found), {n});
+        }, "first"_a, "last"_a)
         .def("at", [](const StopPath &self, int step) {
             std::vector<double> q(self.q.size());
             self.at(step, q.data());
@@ -155,7 +169,8 @@ void bind_control(nb::module_ &m) {
             return part(self, view.gradient, {view.near.size(), view.q.size()});
         });
     nb::class_<ClearanceWatch>(m, "ClearanceWatch")
-        .def("__init__", &make_watch, "world"_a, "arms"_a, "reaches"_a, "rules"_a, nb::keep_alive<1, 2>())
+        .def("__init__", &make_watch, "world"_a, "arms"_a, "reaches"_a, "effects"_a, "rules"_a,
+             nb::keep_alive<1, 2>())
         .def("look", &look, "q"_a, "before"_a.none())
         .def("stop_is_clear", &stop_is_clear, "path"_a, "start"_a, "least"_a);
     m.def("joint_box", &joint_box, "q"_a, "v"_a, "a"_a, "table"_a, "order"_a, "dt"_a, "shift"_a);

@@ -9,7 +9,7 @@ from optiplan.arrays import Array, Index
 from optiplan.collision.native_model import NativeCollisionModel, planning_model
 from optiplan.control.braking_path import NativeBrakingPath
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.stop_limits import CURVATURE, KEPT, DistanceView, StopLimit, StopPath
+from optiplan.control.limits.stop_limits import KEPT, DistanceView, StopLimit, StopPath
 from optiplan.control.tasks.base import checked_number
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.scene import Scene
@@ -50,6 +50,7 @@ class ClearanceLimit(StopLimit):
 
     def bind(self, robot: Robot) -> None:
         """Make the bodies, and bounds of how far joints move them."""
+        super().bind(robot)
         self.model = planning_model(robot, self.scene)
         limits = robot.limits
         stroke = np.maximum(np.abs(limits.lower), np.abs(limits.upper))
@@ -59,12 +60,14 @@ class ClearanceLimit(StopLimit):
         self._follows = bool(robot.followers)
         self._leaders = np.abs(bounds.kinematics.coupling) > 0.0  # columns of followers have their multiplier already
         self._joints = bounds.joint[bounds.pairs]
+        first, second = bounds.kinematics.carries[self._joints].swapaxes(0, 1)  # (P, J) each
+        self._common = ((first & second) * np.arange(1, first.shape[1] + 1)).max(axis=1, initial=0)
         self._reaches = np.where(self._joints > 0, bounds.body_reaches()[bounds.pairs], 0.0)
         self._watch = None
         if isinstance(self.model, NativeCollisionModel) and self.model.world is not None:
             arms, reaches = np.ascontiguousarray(self.arms), np.ascontiguousarray(self._reaches)
-            rules = np.array([self.influence, KEPT, CURVATURE])
-            self._watch = core.ClearanceWatch(self.model.world, arms, reaches.reshape(-1, 2), rules)
+            effects, rules = np.array([self.turns, self.slides]), np.array([self.influence, KEPT])
+            self._watch = core.ClearanceWatch(self.model.world, arms, reaches.reshape(-1, 2), effects, rules)
 
     def view(self, c: Configuration, before: DistanceView | None) -> DistanceView:
         """See `StopLimit.view`."""
@@ -98,17 +101,27 @@ class ClearanceLimit(StopLimit):
         """Homogeneous poses (J + 1, 4, 4) of all joints."""
         return np.array([X.homogeneous for X in c.data.oMi])
 
-    def moved(self, first: Array, second: Array, which: Index) -> Array:
+    def chords(self, first: Array, second: Array, which: Index) -> Array:
         """|p' - p| + |R' - R|_F / √2 · (reach of the body from its joint), for both bodies: chords of all their points.
 
         A turn by an angle t has |R' - R|_F = √8 sin(t / 2), and moves a point at distance r by up to 2 r sin(t / 2).
+        Poses are those against the joint that carries both bodies.
         """
-        change = second - first
-        change *= change
-        shift = np.sqrt(change[:, :3, 3].sum(axis=1))
-        turn = np.sqrt(0.5 * change[:, :3, :3].sum(axis=(1, 2)))
-        joints, reach = self._joints[which], self._reaches[which]
-        return np.asarray((shift[joints] + turn[joints] * reach).sum(axis=1))
+        joints, common = self._joints[which], self._common[which]
+        X, Y = (_inverse(mark[common])[:, None] @ mark[joints] for mark in (first, second))
+        change = (Y - X) ** 2
+        shift = np.sqrt(change[:, :, :3, 3].sum(axis=2))
+        turn = np.sqrt(0.5 * change[:, :, :3, :3].sum(axis=(2, 3)))
+        return np.asarray((shift + turn * self._reaches[which]).sum(axis=1))
+
+
+def _inverse(X: Array) -> Array:
+    """Of homogeneous poses (K, 4, 4)."""
+    result = np.zeros_like(X)
+    result[:, :3, :3] = X[:, :3, :3].swapaxes(1, 2)
+    result[:, :3, 3] = -(result[:, :3, :3] @ X[:, :3, 3:])[:, :, 0]
+    result[:, 3, 3] = 1.0
+    return result
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -45,6 +45,7 @@ class HalfSpaceLimit(StopLimit):
 
     def bind(self, robot: Robot) -> None:
         """Find the frame, and how far the joints move the point at most."""
+        super().bind(robot)
         self._frame = frame_of(self, "frame", robot, self.frame)
         placed = robot.model.frames[self._frame]
         limits = robot.limits
@@ -71,6 +72,10 @@ class HalfSpaceLimit(StopLimit):
         """The point in the world, (3,), m."""
         return np.asarray(c.pose(self._frame).act(self.point))
 
-    def moved(self, first: Array, second: Array, which: Index) -> Array:
-        """How far the point is, m."""
+    def chords(self, first: Array, second: Array, which: Index) -> Array:
+        """How far the point is moved, m."""
         return np.full(len(which), float(np.linalg.norm(second - first)))
+
+    def between(self, d_0: Array, d_1: Array, chord: Array) -> Array:
+        """From a plane, the less of both."""
+        return np.minimum(d_0, d_1)

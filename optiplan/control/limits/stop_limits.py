@@ -9,11 +9,10 @@ from optiplan._core import core
 from optiplan.arrays import Array, Index
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import ControlLimit, LimitRows
+from optiplan.robot.robot import Robot
 
 BUFFER = 5e-4
 """m; how much more than the distance itself the rows keep, for what is not linear in a step."""
-CURVATURE = 10.0
-"""1/m, of the paths that points of bodies take against each other in a stop: a radius of 10 cm."""
 KEPT = 1.2
 """Pairs stay in view up to this multiple of the distance at which they come in, so that none flickers."""
 
@@ -62,7 +61,8 @@ class StopLimit(ControlLimit):
 
     Attributes:
         at_least: m; `influence`: distances up to which they are rows, m; `rate`: 1/s.
-        arms: (P, n), change of each distance at most per rad or m of each joint.
+        arms: (P, n), travel of the bodies of each distance against each other at most, per rad or m of each joint.
+        turns: (n,), rad that a joint turns what it carries, and slides (n,), m that it slides it, per rad or m.
         labels: (P,), what each is about.
     """
 
@@ -70,7 +70,15 @@ class StopLimit(ControlLimit):
     influence: float
     rate: float
     arms: Array
+    turns: Array
+    slides: Array
     labels: tuple[str, ...]
+
+    def bind(self, robot: Robot) -> None:
+        """Look up what the joints do."""
+        revolute = robot.kinematics.revolute > 0.5
+        self.turns = robot.kinematics.planned_bound(revolute.astype(np.float64))
+        self.slides = robot.kinematics.planned_bound((~revolute).astype(np.float64))
 
     def distances(self, c: Configuration, which: Index) -> Array:
         """Distances (K,), m, at a configuration."""
@@ -84,9 +92,21 @@ class StopLimit(ControlLimit):
         """Where everything is at a configuration, for `moved`."""
         raise NotImplementedError
 
-    def moved(self, first: Array, second: Array, which: Index) -> Array:
-        """How far points of the bodies of each distance (K,) are moved between two marks at most, m."""
+    def chords(self, first: Array, second: Array, which: Index) -> Array:
+        """How far apart two marks are, for points of the bodies of each distance (K,) against each other at most, m."""
         raise NotImplementedError
+
+    def between(self, d_0: Array, d_1: Array, chord: Array) -> Array:
+        """The least distances (K,) on straight ways no longer than `chord` between places where they are d_0 and d_1.
+
+        For two points; bodies are sets of points. In the triangle of a point, and of where the other comes from and
+        goes to, it is the height, unless that stands outside.
+        """
+        difference, square = d_0 * d_0 - d_1 * d_1, chord * chord
+        foot = (square + difference) / (2.0 * np.maximum(chord, 1e-300))
+        height = np.sqrt(np.maximum(d_0 * d_0 - foot * foot, 0.0))
+        least = np.where(square <= np.abs(difference), np.minimum(d_0, d_1), height)
+        return np.asarray(np.where((d_0 > 0.0) & (d_1 > 0.0), least, -np.inf))
 
     def view(self, c: Configuration, before: DistanceView | None) -> DistanceView:
         """What is near at a configuration; `before` is any earlier view, which spares most queries."""
@@ -138,14 +158,14 @@ class StopLimit(ControlLimit):
     def stop_is_clear(self, path: "StopPath", start: DistanceView, least: Array) -> bool:
         """Whether distances stay at least `least` (P,) from where `start` was taken until the robot stands.
 
-        They do where the travel of all joints is less than is left. Else the stop is asked: between two of its points
-        that the bodies pass a chord D apart, a distance dips below both ends by CURVATURE D²/8 at most, for paths that
-        curve no more than that. Where it is not enough, the point between is asked. (The gradient at one point tells
-        nothing of this kind: other edges of the bodies come nearest farther on.)
+        They do where the travel of all joints is less than is left. Else the stop is asked at its end, and between two
+        of its steps wherever `between` and `_deviation` do not tell that the distance stays large enough, down to
+        single steps. Nothing is taken for granted about the shapes of the bodies or of their paths.
+        Holds at: every step of the stop.
         """
         if (start.distance < least[start.near]).any():
             return False
-        which = np.flatnonzero(start.bound - self.arms @ np.abs(path.end - start.q) < least)
+        which = np.flatnonzero(start.bound - self.arms @ path.way < least)
         if not len(which):
             return True
         c = path.configuration(path.steps)
@@ -157,9 +177,11 @@ class StopLimit(ControlLimit):
         return self._is_clear(path, ends, which, least[which])
 
     def _is_clear(self, path: "StopPath", ends: "_Ends", which: Index, least: Array) -> bool:
-        dip = 0.125 * CURVATURE * self.moved(ends.mark, ends.last_mark, which) ** 2
-        left = np.minimum(ends.distance, ends.last_distance) - dip < least
-        if not left.any() or ends.last - ends.first <= 1:
+        if ends.last - ends.first <= 1:
+            return True
+        straight = self.between(ends.distance, ends.last_distance, self.chords(ends.mark, ends.last_mark, which))
+        left = straight - self._deviation(path, ends, which) < least
+        if not left.any():
             return True
         which, least = which[left], least[left]
         middle = (ends.first + ends.last) // 2
@@ -171,6 +193,21 @@ class StopLimit(ControlLimit):
         before = _Ends(ends.first, middle, ends.distance[left], found, ends.mark, mark)
         after = _Ends(middle, ends.last, found, ends.last_distance[left], mark, ends.last_mark)
         return self._is_clear(path, before, which, least) and self._is_clear(path, after, which, least)
+
+    def _deviation(self, path: "StopPath", ends: "_Ends", which: Index) -> Array:
+        """How far points (K,) stray at most, against each other, from straight ways between two steps of a stop, m.
+
+        Of a path p(t) that takes a time T it is T² |p̈| / 8. Joints stray so from their own straight ways; along these,
+        by d_j of each joint, |p̈| <= (rad turned) · (sum of the arms' d_j + m slid), since each joint turns how all
+        others move the point, but a slide is not among the arms that it lengthens.
+        """
+        time = (ends.last - ends.first) * path.dt
+        way = np.abs(path.at(ends.last) - path.at(ends.first))
+        arms = self.arms[which]
+        moving = arms > 0.0
+        turned, slid = moving @ (self.turns * way), moving @ (self.slides * way)
+        unsteady = arms @ path.strongest(ends.first, ends.last)
+        return np.asarray(0.125 * (time * time * unsteady + turned * (arms @ way + slid)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,15 +226,22 @@ class StopPath:
     """The configurations of a stop, step by step, from the end of the present step: `steps` more until it stands.
 
     Attributes:
-        steps: number of steps.
+        steps: number of steps, of `dt` s each.
         end: (n,), where it stands.
+        way: (n,), how far each joint gets from where the stop begins at most, rad or m.
     """
 
     steps: int
+    dt: float
     end: Array
+    way: Array
 
     def at(self, step: int) -> Array:
         """Configuration (n,) after so many steps."""
+        raise NotImplementedError
+
+    def strongest(self, first: int, last: int) -> Array:
+        """The largest accelerations (n,) in the steps first + 1 … last, without their signs, rad/s² or m/s²."""
         raise NotImplementedError
 
     def configuration(self, step: int) -> Configuration:

@@ -20,7 +20,7 @@ from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, to
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import GoalEnd, JointGoal, Problem
 from optiplan.trajectory.profiles.state_to_state import BetweenStates, fastest_run_up, fastest_stop
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
@@ -123,10 +123,10 @@ class _MovingRun:
         if stop is not None and (why := self._good(stop)) is not None:
             return replace(why, detail=f"no curve was found, and stopping at once is no way out: {why.detail}")
         run_ups: list[tuple[Array, Trajectory | None]] = []
-        goals: list[JointGoal | PoseGoal] = []
+        goals: list[GoalEnd] = []
         failure: Failure | None = None
         for goal in problem.goal:
-            if isinstance(goal, PoseGoal) or not goal.moving:
+            if not isinstance(goal, JointGoal) or not goal.moving:
                 goals.append(goal)
                 continue
             run_up = fastest_run_up(goal.state, limits, names)

@@ -35,7 +35,7 @@ from optiplan.planners.trajopt.terms.free_end import FreeEnd
 from optiplan.planners.trajopt.terms.path_constraints import Broken, broken_constraint
 from optiplan.planners.trajopt.through_vias import through_vias
 from optiplan.planners.trajopt.warm import WarmStart
-from optiplan.problem.problem import PoseGoal, Problem
+from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
@@ -325,11 +325,11 @@ class _Run:
         self.patience.record(cost)
 
     def _free_end(self) -> None:
-        """Optimise the best curve once more with its end free in the pose goal that it is in, where that may gain."""
+        """Optimise the best curve once more with its end free in the goal that it is in, where that may gain."""
         curve = self.curve
         if curve is None or self.budget.over or self.best <= self.options.good_enough * self.bound:
             return
-        fixed, poses = self.optimiser, [goal for goal in self.problem.goal if isinstance(goal, PoseGoal)]
+        fixed, poses = self.optimiser, [goal for goal in self.problem.goal if not isinstance(goal, JointGoal)]
         ends = [end for end in (FreeEnd(self.problem, goal) for goal in poses) if end.holds(curve.control[-1])]
         if ends:
             few = replace(self.options, iterations=min(_END_STEPS, self.options.iterations))

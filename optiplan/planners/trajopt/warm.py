@@ -16,7 +16,8 @@ from optiplan.planners.common.limit_violations import excess
 from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
+from optiplan.problem.regions.sampling import RegionSampler
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
@@ -146,9 +147,12 @@ class WarmStart:
                 return self.problem.end_states(q)[0]
         return None
 
-    def _configuration(self, goal: JointGoal | PoseGoal, near: Array) -> Array | None:
+    def _configuration(self, goal: GoalEnd, near: Array) -> Array | None:
         if isinstance(goal, JointGoal):
             return goal.q
+        if isinstance(goal, RegionGoal):
+            q, inside = RegionSampler(self.problem.robot, goal).onto(near)
+            return q if inside else None
         descent = Descent(self.problem.robot, goal.frame, goal.orientation < np.pi)
         descent.aim(goal.X_WG)
         return descent.settle(descent.inside(near), _SHARE * goal.position, _SHARE * goal.orientation, _ITERATIONS)

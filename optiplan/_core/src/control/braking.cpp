@@ -105,6 +105,16 @@ double Brakes::farthest(double v, double a) const {
     return std::max(0.0, total);
 }
 
+double Brakes::farthest(double v, double a, const JointStop &stop) const {
+    if (v == 0.0 && std::fabs(a) <= change) return 0.0;
+    const double total = std::fabs(stop.travel(v, dt));
+    if (!(stop.size > 0 && v * stop.phases[0].change > 0.0)) return total;
+    if (v > 0.0) return std::max(total, forward(stop, v, dt));
+    JointStop mirrored = stop;
+    for (Phase &phase : mirrored.phases) phase.first = -phase.first, phase.change = -phase.change;
+    return std::max(total, forward(mirrored, -v, dt));
+}
+
 double Brakes::fastest(double room, double v, double low, double high) const {
     if (limit == INF) return std::min(std::max(room / dt, low), high);
     const auto left = [&](double x) { return room + POSITION_ROUNDING - dt * x - farthest(x, (x - v) / dt); };

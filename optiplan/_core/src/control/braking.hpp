@@ -46,6 +46,9 @@ struct Brakes {
     // How far a joint gets in the positive direction at most while it brakes, rad or m, >= 0.
     double farthest(double v, double a) const;
 
+    // How far a joint gets at most, either way, in the stop from velocity v and acceleration a, rad or m, >= 0.
+    double farthest(double v, double a, const JointStop &stop) const;
+
     // Largest x in [low, high] with dt x + (how far a joint gets that brakes from x) <= room; `low` without one.
     double fastest(double room, double v, double low, double high) const;
 

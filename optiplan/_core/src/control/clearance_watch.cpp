@@ -8,8 +8,13 @@ namespace optiplan {
 static constexpr double INF = std::numeric_limits<double>::infinity();
 
 ClearanceWatch::ClearanceWatch(const World &world, std::vector<double> arms, std::vector<double> reaches,
-                               WatchRules rules)
-    : world_(world), arms_(std::move(arms)), reaches_(std::move(reaches)), rules_(rules), q_(joints()) {}
+                               JointEffects effects, WatchRules rules)
+    : world_(world),
+      arms_(std::move(arms)),
+      reaches_(std::move(reaches)),
+      effects_(std::move(effects)),
+      rules_(rules),
+      q_(joints()) {}
 
 Placement ClearanceWatch::placed(const double *q) const {
     Placement at = world_.placement();
@@ -59,58 +64,84 @@ bool ClearanceWatch::measure(const Placement &at, const std::vector<int> &which,
     return true;
 }
 
+// The least distance of two points whose distances are d_0 and d_1 at the ends of a straight way against each other that
+// is no longer than `chord`.
+static double least_between(double d_0, double d_1, double chord) {
+    if (!(d_0 > 0.0 && d_1 > 0.0)) return -INF;
+    const double difference = d_0 * d_0 - d_1 * d_1, square = chord * chord;
+    if (square <= std::fabs(difference)) return std::fmin(d_0, d_1);
+    const double foot = (square + difference) / (2.0 * chord);
+    return std::sqrt(std::fmax(d_0 * d_0 - foot * foot, 0.0));
+}
+
 bool ClearanceWatch::stop_is_clear(const StopPath &path, const View &start, const double *least) {
     const std::size_t n = joints();
     for (std::size_t k = 0; k < start.near.size(); ++k)
         if (start.distance[k] < least[start.near[k]]) return false;
-    for (std::size_t j = 0; j < n; ++j) q_[j] = std::fabs(path.end[j] - start.q[j]);
-    Part whole{0, path.steps, {}, {}, {}, {}, {}};
+    Part whole{0, path.steps, {}, {}, {}, {}, {}, start.q, path.end};
     for (std::size_t p = 0; p < pairs(); ++p) {
         double travel = 0.0;
-        for (std::size_t j = 0; j < n; ++j) travel += arms_[p * n + j] * q_[j];
+        for (std::size_t j = 0; j < n; ++j) travel += arms_[p * n + j] * path.way[j];
         if (start.bound[p] - travel < least[p]) {
             whole.which.push_back(static_cast<int>(p));
             whole.distance.push_back(start.bound[p]);
         }
     }
     if (whole.which.empty()) return true;
-    path.at(path.steps, q_.data());
-    whole.last_at = placed(q_.data());
+    whole.last_at = placed(path.end.data());
     if (!measure(whole.last_at, whole.which, least, whole.last_distance)) return false;
     whole.at = placed(start.q.data());
     return part_is_clear(path, whole, least);
 }
 
 bool ClearanceWatch::part_is_clear(const StopPath &path, const Part &part, const double *least) {
-    Part before{part.first, 0, {}, {}, {}, part.at, {}};
+    if (part.last - part.first <= 1) return true;
+    Part before{part.first, 0, {}, {}, {}, part.at, {}, part.q, std::vector<double>(joints())};
     std::vector<double> last;
     for (std::size_t k = 0; k < part.which.size(); ++k) {
         const int p = part.which[k];
-        const double chord = moved(part.at, part.last_at, p);
-        const double dip = 0.125 * rules_.curvature * (chord * chord);
-        if (std::fmin(part.distance[k], part.last_distance[k]) - dip < least[p]) {
+        const double straight = least_between(part.distance[k], part.last_distance[k], chord(part.at, part.last_at, p));
+        if (straight < least[p] || straight - deviation(path, part, p) < least[p]) {
             before.which.push_back(p);
             before.distance.push_back(part.distance[k]);
             last.push_back(part.last_distance[k]);
         }
     }
-    if (before.which.empty() || part.last - part.first <= 1) return true;
+    if (before.which.empty()) return true;
     before.last = (part.first + part.last) / 2;
-    path.at(before.last, q_.data());
-    before.last_at = placed(q_.data());
+    path.at(before.last, before.last_q.data());
+    before.last_at = placed(before.last_q.data());
     if (!measure(before.last_at, before.which, least, before.last_distance)) return false;
     if (!part_is_clear(path, before, least)) return false;
     return part_is_clear(path, {before.last, part.last, before.which, before.last_distance, last, before.last_at,
-                                part.last_at}, least);
+                                part.last_at, before.last_q, part.last_q}, least);
 }
 
-// |p' - p| + |R' - R|_F / √2 · reach, for both bodies: chords of all their points.
-double ClearanceWatch::moved(const Placement &first, const Placement &second, int pair) const {
+// How far points of the bodies of a pair stray at most from the straight ways, against each other, that `chord` tells.
+double ClearanceWatch::deviation(const StopPath &path, const Part &part, int pair) const {
+    const double *arms = arms_.data() + pair * joints();
+    const double time = (part.last - part.first) * path.dt;
+    double unsteady = 0.0, turned = 0.0, slid = 0.0, travel = 0.0;
+    for (std::size_t j = 0; j < joints(); ++j) {
+        if (!(arms[j] > 0.0)) continue;
+        const double way = std::fabs(part.last_q[j] - part.q[j]);
+        unsteady += arms[j] * path.strongest(j, part.first, part.last);
+        turned += effects_.turns[j] * way, slid += effects_.slides[j] * way;
+        travel += arms[j] * way;
+    }
+    return 0.125 * (unsteady * (time * time) + turned * (travel + slid));
+}
+
+// |p' - p| + |R' - R|_F / √2 · reach of both bodies against the joint that carries both: chords of all their points.
+double ClearanceWatch::chord(const Placement &first, const Placement &second, int pair) const {
     const Pair &bodies = world_.pairs()[pair];
+    const int common = world_.common(pair);
     double sum = 0.0;
     for (int side = 0; side < 2; ++side) {
         const int joint = world_.bodies()[side ? bodies.b : bodies.a].joint;
-        const Pose &X = first.joints[joint], &Y = second.joints[joint];
+        if (joint == common) continue;
+        Pose X = first.joints[joint], Y = second.joints[joint];
+        if (common > 0) X = relative(first.joints[common], X), Y = relative(second.joints[common], Y);
         double turn = 0.0;
         for (int row = 0; row < 3; ++row) turn += squared_norm(Y.R.rows[row] - X.R.rows[row]);
         sum += norm(Y.p - X.p) + std::sqrt(0.5 * turn) * reaches_[2 * pair + side];

@@ -15,7 +15,11 @@ namespace optiplan {
 struct WatchRules {
     double influence;  // distances up to which pairs come into view
     double kept;       // multiple of it up to which they stay
-    double curvature;  // 1/m, of the paths that points of bodies take against each other
+};
+
+// What a planned joint does to what it carries: turns by so many rad, slides by so many m, for each rad or m of its own.
+struct JointEffects {
+    std::vector<double> turns, slides;  // (n,)
 };
 
 // What is near at one configuration q (n,).
@@ -30,7 +34,8 @@ class ClearanceWatch {
   public:
     // `arms` (P, n): change of a distance at most per rad or m of a joint; `reaches` (P, 2): of a point of each body
     // from the joint that carries it, at most.
-    ClearanceWatch(const World &world, std::vector<double> arms, std::vector<double> reaches, WatchRules rules);
+    ClearanceWatch(const World &world, std::vector<double> arms, std::vector<double> reaches, JointEffects effects,
+                   WatchRules rules);
 
     const World &world() const { return world_; }
     std::size_t pairs() const { return world_.pairs().size(); }
@@ -48,15 +53,18 @@ class ClearanceWatch {
         std::vector<int> which;
         std::vector<double> distance, last_distance;
         Placement at, last_at;
+        std::vector<double> q, last_q;
     };
 
     bool part_is_clear(const StopPath &path, const Part &part, const double *least);
-    double moved(const Placement &first, const Placement &second, int pair) const;
+    double deviation(const StopPath &path, const Part &part, int pair) const;
+    double chord(const Placement &first, const Placement &second, int pair) const;
     bool measure(const Placement &at, const std::vector<int> &which, const double *least, std::vector<double> &out) const;
     Placement placed(const double *q) const;
 
     const World &world_;
     std::vector<double> arms_, reaches_;
+    JointEffects effects_;
     WatchRules rules_;
     std::vector<char> seen_;
     std::vector<double> q_;

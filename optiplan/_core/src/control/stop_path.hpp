@@ -13,6 +13,7 @@ struct StopPath {
     double dt = 0.0;
     bool trapezoid = false;         // positions follow the mean of the velocities of both ends of a step, or the new one
     std::vector<double> end;        // (n,), where it stands
+    std::vector<double> way;        // (n,), how far each joint gets from q at most, rad or m
     int steps = 0;                  // until the last joint stands
 
     // A stop from q, v, a (n,) with limits (n,) of acceleration and its change from step to step.
@@ -21,6 +22,9 @@ struct StopPath {
 
     // Configuration (n,) after so many steps, and velocities (n,) unless null.
     void at(int step, double *q_out, double *v_out = nullptr) const;
+
+    // The largest acceleration of joint j in the steps first + 1 … last, without its sign.
+    double strongest(std::size_t j, int first, int last) const;
 };
 
 }  // namespace optiplan

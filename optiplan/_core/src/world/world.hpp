@@ -51,6 +51,9 @@ class World {
     const std::vector<Pair> &pairs() const { return pairs_; }
     const std::vector<Body> &bodies() const { return bodies_; }
 
+    // The last joint that carries both bodies of a pair: it does not change their distance.
+    int common(int pair) const { return common_[pair]; }
+
     Placement placement() const;
     void place(const double *q, Placement &at) const;
 
