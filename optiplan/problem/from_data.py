@@ -103,7 +103,6 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     if robot is not None:
         ends = compiler.start(robot), compiler.goal(robot), compiler.vias(robot)
         steps = TaskReader(compiler, robot, scene).steps()
-        issues += _standing(document, scene) if steps else []
         places = _Places(*ends, steps, compiler.constraints(robot, scene))
     issues += [] if any(issue.field == "file" for issue in issues) else goal_or_task(document)
     issues += compiler.issues
@@ -177,15 +176,6 @@ def _moving_first(document: Document, robot: Robot, places: _Places) -> list[Iss
             found = f"{', '.join(names)} moving before {places.task[0].value.words}"
             issues.append(document.issue(("start", key), found, "a task whose first step is a `move` of these joints"))
     return issues
-
-
-def _standing(document: Document, scene: Scene) -> list[Issue]:
-    """Report obstacles that move beside a task: when its steps are done is not known beforehand."""
-    return [
-        document.issue(("scene", "obstacles", k), f"'{body.name}', which moves, beside a task", "obstacles that stand")
-        for k, body in enumerate(scene.obstacles)
-        if body.motion is not None
-    ]
 
 
 def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:
