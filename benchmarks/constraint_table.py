@@ -1,9 +1,12 @@
 """Which planner holds which path constraint, and what the verifier says of it.
 
-    python benchmarks/constraint_table.py --markdown docs/reference/constraint-table.md      # about five minutes
+    python benchmarks/constraint_table.py --markdown table.md      # about two minutes
+    python benchmarks/publish.py path-constraints table.md --readme docs/reference/constraint-table.md
 
-One motion for each kind of constraint, that of the tests (`tests/planners/constraint_cases.py`), with each planner that
-can hold constraints: verified or the kind of failure, and whether the check is exact, continuous or sampled.
+One motion for each kind of constraint, that of the tests (`tests/planners/constraint_cases.py`), with planners that
+hold constraints by optimising (`trajopt`), by their path (`line`, `sclerp`, and the one whose path is made for the
+constraint) and without either: verified, *refused* where the verifier finds the constraint violated, else the kind of
+the failure; and whether the check is exact, continuous or sampled.
 """
 
 import os
@@ -14,7 +17,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from published import print_table
+from published import print_table, write_markdown
+from rich.console import Console
+from rich.progress import track
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the cases are the tests'
 
@@ -22,13 +27,11 @@ import optiplan as op
 from tests.planners.constraint_cases import CONSTRAINTS, stated
 
 PLANNERS = ("trajopt", "line", "sclerp", "rrtconnect", "quintic")
-TITLE = """# Path constraints by planner
+THROUGH = {"through": CONSTRAINTS["arc"]["through"]}
+OWN = {"arc": ("arc", THROUGH), "circle": ("arc", THROUGH), "screw": ("screw", {}), "screw, pitch": ("screw", {})}
+"""The planner whose path is made for the constraint, with its options."""
 
-Made by `benchmarks/constraint_table.py`: one motion for each constraint, that of the tests.
-*verified*: the planner's motion was proved to hold it (*exact*, *continuous*) or looked at (*sampled*); otherwise the
-kind of the failure, or *refused* where the motion violates it.
-`line` and `sclerp` hold what their path holds by itself.
-"""
+HEADINGS = ("constraint", "check", *(f"`{name}`" for name in PLANNERS), "its own path")
 
 
 def outcome(run: op.Run) -> str:
@@ -38,27 +41,29 @@ def outcome(run: op.Run) -> str:
     return "verified" if run.verified else "refused"
 
 
+def row(name: str, budget: float) -> list[str]:
+    """Plan one constraint with all planners."""
+    problem, kinds, cells = stated(name), set(), []
+    own = [OWN[name]] if name in OWN else []
+    for planner, options in [*((planner, None) for planner in PLANNERS), *own]:
+        run = op.plan(problem, planner, options, budget=budget)
+        checks = [] if run.report is None else [c for c in run.report.checks if c.name.endswith("constraint")]
+        kinds |= {check.kind for check in checks}
+        cells.append(outcome(run))
+    if own:
+        cells[-1] += f" (`{own[0][0]}`)"
+    return [f"`{name}`", ", ".join(sorted(kinds)), *cells, *([] if own else [""])]
+
+
 def main() -> None:
     """Plan all of them and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--budget", type=float, default=6.0, help="s, of each planner on each problem")
-    parser.add_argument("--markdown", type=Path, help="file for the table")
+    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     arguments = parser.parse_args()
-    headings, rows = ("constraint", "check", *PLANNERS), []
-    for name in CONSTRAINTS:
-        problem, kinds, cells = stated(name), set(), []
-        for planner in PLANNERS:
-            run = op.plan(problem, planner, budget=arguments.budget)
-            checks = [] if run.report is None else [c for c in run.report.checks if c.name.endswith("constraint")]
-            kinds |= {check.kind for check in checks}
-            cells.append(outcome(run))
-        rows.append([f"`{name}`", ", ".join(sorted(kinds)), *cells])
-        print_table(headings, rows[-1:])
-    print_table(headings, rows)
-    if arguments.markdown:
-        lines = [headings, ["---"] * len(headings), *rows]
-        table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
-        arguments.markdown.write_text(f"{TITLE}\n{table}\n", encoding="utf-8")
+    rows = [row(name, arguments.budget) for name in track(CONSTRAINTS, "constraints", console=Console(stderr=True))]
+    print_table(HEADINGS, rows)
+    write_markdown(arguments.markdown, HEADINGS, rows)
 
 
 if __name__ == "__main__":

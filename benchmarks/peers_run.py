@@ -4,11 +4,14 @@
         --peer roboplan=VENV/bin/python:roboplan_rrt.py --peer ompl=VENV/bin/python:ompl_moveit.py
 
 Each peer has an adapter in `benchmarks/peers` and a virtual environment of its own (its README says which). *Claims*:
-the planner says it has a motion; *verified*: our verifier proves it; *confirmed*: the second look of `mbm.py`, triangle
-meshes at small steps. *Time* is the planner's own: of ours until the first verified answer and until it stops, of peers
-what their adapter reports of search and simplifying, start of Python and loading left out. *Duration* is of the timed
-motion, over the best known of the problem where there is one; jerk limits are lifted for all with `--no-jerk`. The last
-line printed is one JSON object.
+the planner says it has a motion. *Free*: our verifier proves that nothing touches, whatever the limits; *on meshes*:
+the second look of `mbm.py`, triangle meshes at small steps, sees no contact. *Within v, a*: position, velocity and
+acceleration limits are kept; *within all*: those of jerk and torque too, of which no peer is told. *Verified*: all of
+that, proved. *Time* is the planner's own. Ours has two lines, the first verified answer and the last, each with the
+time and the duration of that answer, proofs included; of peers it is what their adapter counts of search, simplifying
+and their own timing, start of Python and loading left out. *Duration* is of the timed motion; over the best known of
+the problem where there is one, of those that are free. Jerk limits are lifted for all with `--no-jerk`. The last line
+printed is one JSON object.
 """
 
 import os
@@ -21,6 +24,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mbm import BEST_KNOWN, SecondLook, silent
 from published import SHARED, commit, import_sets, percentiles, print_json, print_table, write_markdown
 from rich.console import Console
@@ -33,13 +37,21 @@ from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.runs.pipeline import attempt
 
+STARTUP = 30.0
+"""s beyond its budget after which a peer that has not answered is ended: Python, libraries and models are loaded."""
+FIRST, LAST = "ours, first", "ours, last"
+RATES, LIMITS = {"position", "velocity", "acceleration"}, {"jerk", "torque", "rest", "continuity"}
+JUDGED = ("claims", "free", "meshes", "rates", "limits", "verified")
 PEERS = Path(__file__).parent / "peers"
 HEADINGS = (
     "planner",
     "n",
     "claims",
+    "free",
+    "free on meshes",
+    "within v, a",
+    "within all",
     "verified",
-    "confirmed",
     "time ms 50 / 95 / 98",
     "duration s 50",
     "over best known 50 / 90",
@@ -64,7 +76,8 @@ def main() -> None:
     """Run every planner on every problem, print."""
     arguments = parse()
     known = BestKnownTable(BEST_KNOWN / f"mbm-{arguments.robot}.csv")
-    planners = {"ours": ("trajopt", {}), **dict(map(peer, arguments.peer))}
+    planners = {"ours": ("trajopt", {}), **dict(peer(text, arguments.budget) for text in arguments.peer)}
+    labels = [FIRST, LAST, *list(planners)[1:]]
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
         sets = import_sets(arguments.robot, Path(folder), arguments.every, arguments.offset)
@@ -78,22 +91,25 @@ def main() -> None:
                 continue
             best = known.get(load_problem(file).hash)
             for label, (name, options) in planners.items():
-                row = solve(problem, name, options, arguments.budget, look)
-                over = row["duration"] / best.duration if best and row["verified"] else None
-                rows.append({"planner": label, "problem": f"{file.parent.name}/{file.stem}", "over_best": over, **row})
-    table = [line(label, [row for row in rows if row["planner"] == label]) for label in planners]
+                seconds = arguments.budget + (STARTUP if options else 0.0)
+                row = {"planner": label, "problem": f"{file.parent.name}/{file.stem}"}
+                row |= solve(problem, name, options, seconds, look)
+                for one in [row] if options else both(row):
+                    over = one["duration"] / best.duration if best and one["free"] else None
+                    rows.append({**one, "over_best": over})
+    table = [line(label, [row for row in rows if row["planner"] == label]) for label in labels]
     print_table(HEADINGS, table)
     write_markdown(arguments.markdown, HEADINGS, table)
     if arguments.picture is not None:
-        draw(rows, list(planners), arguments.picture)
+        draw(rows, labels, arguments.picture)
     print_json({"robot": arguments.robot, "budget": arguments.budget, "commit": commit(), "runs": rows})
 
 
-def peer(text: str) -> tuple[str, tuple[str, dict[str, Any]]]:
+def peer(text: str, budget: float) -> tuple[str, tuple[str, dict[str, Any]]]:
     """`LABEL=PYTHON:ADAPTER[:SETTING,…]` as a label and a planner with its options."""
     label, _, rest = text.partition("=")
     python, adapter, *settings = rest.split(":")
-    options: dict[str, Any] = {"adapter": str(PEERS / adapter), "python": python}
+    options: dict[str, Any] = {"adapter": str(PEERS / adapter), "python": python, "search": budget}
     if settings:
         options["settings"] = settings[0].split(",")
     return label, ("optiplan.bench.peers:Peer", options)
@@ -102,24 +118,35 @@ def peer(text: str) -> tuple[str, tuple[str, dict[str, Any]]]:
 def solve(problem: Problem, name: str, options: dict[str, Any], budget: float, look: SecondLook) -> dict[str, Any]:
     """One planner on one problem."""
     done = attempt(problem, name, options, Budget(budget), silent)
-    own = done.stages.get("peer")
-    first = done.improvements[0][0] if done.improvements else None
+    failed = {check.name for check in done.report.checks if not check.passed} if done.report else None
     return {
         "claims": done.trajectory is not None,
+        "free": failed is not None and "collision" not in failed,
+        "meshes": done.trajectory is not None and look.free(problem, done.trajectory),
+        "rates": failed is not None and not failed & RATES,
+        "limits": failed is not None and not failed & (RATES | LIMITS),
         "verified": done.verified,
-        "confirmed": done.trajectory is not None and look.confirms(problem, done.trajectory),
-        "seconds": first if own is None else own,
-        "until_end": done.timings["plan"],
+        "seconds": done.stages.get("peer", done.timings["plan"] + done.timings.get("verify", 0.0)),
         "duration": done.duration,
+        "improvements": done.improvements,
         "failure": None if done.failure is None else f"{done.failure.kind}: {done.failure.detail}",
+        "refused": sorted(failed or ()),
     }
+
+
+def both(row: dict[str, Any]) -> list[dict[str, Any]]:
+    """Our first verified answer and our last as rows of their own, each with its time and its duration."""
+    rows = [{**row, "planner": label} for label in (FIRST, LAST)]
+    if row["improvements"]:
+        rows[0] |= dict(zip(("seconds", "duration"), row["improvements"][0], strict=True))
+    return rows
 
 
 def line(label: str, rows: Sequence[dict[str, Any]]) -> tuple[str, ...]:
     """A planner's line of the table."""
     shares = (
         f"{sum(row[key] for row in rows)} ({100 * sum(row[key] for row in rows) / max(len(rows), 1):.0f} %)"
-        for key in ("claims", "verified", "confirmed")
+        for key in JUDGED
     )
     claimed = [row for row in rows if row["claims"]]
     times = percentiles((row["seconds"] for row in claimed), 50, 95, 98)
@@ -131,31 +158,39 @@ def line(label: str, rows: Sequence[dict[str, Any]]) -> tuple[str, ...]:
         *shares,
         " / ".join(f"{1e3 * t:.0f}" for t in times),
         f"{duration:.3f}",
-        " / ".join(f"{ratio:.3f}" for ratio in over),
+        " / ".join(f"{ratio:.3f}" if np.isfinite(ratio) else "–" for ratio in over),
     )
 
 
 def draw(rows: Sequence[dict[str, Any]], labels: Sequence[str], path: Path) -> None:
-    """Duration against time, a point a motion; hollow where the verifier refuses it."""
+    """Duration against time, a point a motion; hollow where something touches. Our first and last are joined."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import ScalarFormatter
 
-    figure = Figure(figsize=(7.0, 4.5), layout="constrained")
+    figure = Figure(figsize=(8.5, 4.5), layout="constrained")
     ax = figure.subplots()
     for k, label in enumerate(labels):
         own = [row for row in rows if row["planner"] == label and row["claims"] and row["seconds"]]
-        for verified in (True, False):
-            some = [row for row in own if row["verified"] is verified]
+        for free in (True, False):
+            some = [row for row in own if row["free"] is free]
             ax.scatter(
                 [1e3 * row["seconds"] for row in some],
                 [row["duration"] for row in some],
                 s=22,
-                facecolors=f"C{k}" if verified else "none",
+                facecolors=f"C{k}" if free else "none",
                 edgecolors=f"C{k}",
-                label=f"{label}, {'verified' if verified else 'refused'}" if some else None,
+                label=f"{label}, {'free' if free else 'touches'}: {len(some)}" if some else None,
             )
+    ours = ([row for row in rows if row["planner"] == label and row["claims"]] for label in (FIRST, LAST))
+    for first, last in zip(*ours, strict=True):
+        ends = [[1e3 * row["seconds"] for row in (first, last)], [row["duration"] for row in (first, last)]]
+        ax.plot(*ends, color="0.7", linewidth=0.6, zorder=0)
     ax.set(xscale="log", yscale="log", xlabel="time of planning, ms", ylabel="duration of the motion, s")
-    ax.legend(fontsize="small")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter(ScalarFormatter())
+    ax.yaxis.set_minor_formatter(ScalarFormatter())
     ax.grid(alpha=0.3)
+    figure.legend(loc="outside right upper", fontsize="small")
     figure.savefig(path, dpi=150)
 
 

@@ -63,7 +63,8 @@ if TYPE_CHECKING:
     from optiplan.problem.objectives.objective import Objective
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
-    from optiplan.problem.statement import Pose, ViaPoint
+    from optiplan.problem.regions.region import RegionGoal
+    from optiplan.problem.statement import Pose, Region, ViaPoint
     from optiplan.problem.task.builder import Task
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
@@ -120,9 +121,10 @@ _ROOMS = {
     ),
     "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Octree", "PointCloud", "Sphere"),
     "problem.goals_and_vias": ("JointGoal", "PoseGoal"),
+    "problem.regions.region": ("RegionGoal",),
     "problem.objectives.objective": ("Objective",),
     "problem.problem": ("Problem",),
-    "problem.statement": ("Pose", "ViaPoint"),
+    "problem.statement": ("Pose", "Region", "ViaPoint"),
     "problem.task.builder": ("Task",),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
@@ -189,6 +191,8 @@ __all__ = [
     "PositionTask",
     "PostureTask",
     "Problem",
+    "Region",
+    "RegionGoal",
     "RelativePose",
     "RelativePoseTask",
     "Replanner",

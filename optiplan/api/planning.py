@@ -54,7 +54,9 @@ def plan(
         budget: seconds of wall time for planning and proof, or a `Budget`, which another thread can cancel.
         seed: of what is random; None: the problem's own. The same problem, planner, options and seed give the same
             motion, as long as the budget does not cut the work short.
-        progress: called with the name of a stage and the fraction (0 to 1) of it that is done.
+        progress: called with the name of a stage and the fraction (0 to 1) of it that is done. If it has a method
+            `found(trajectory, bound)`, that is called with each better motion, not verified yet, and a lower bound on
+            durations, s (0: none known).
         warm_start: an earlier run, or a motion, of a problem not far from this one (another scene, goal or start, a
             robot that is on its way by now). `trajopt` begins at it and mostly needs no search. Where it costs less
             (see `Objective`) than what is found, it is verified on *this* problem, after the planning, and is the
@@ -80,15 +82,14 @@ def plan(
     clock, told = _budget(budget), progress or _silent
     if seed is not None:
         problem = problem.with_seed(seed_argument("plan", seed))
-    known = _known(problem, warm_start)
+    known = _known(warm_start)
     try:
-        run = pipeline.run(problem, asked, chosen, clock, told, known)
-        if known is not None and run.trajectory is not None and not run.verified and not clock.over:
-            run = pipeline.run(problem, asked, chosen, clock.share(1.0), told)  # the earlier motion led astray
+        if warm_start is None:
+            return pipeline.run(problem, asked, chosen, clock, told)
+        return pipeline.run_from(known, problem, asked, chosen, clock, told)
     except UnknownChoiceError as error:
         argument = "planner" if error.kind == "planner" else "options"
         raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None
-    return run if warm_start is None else _better(run, known, told)
 
 
 def verify(problem: Problem, motion: Trajectory | Samples | Run | Path | str | Sequence[Array]) -> Report:
@@ -216,28 +217,11 @@ def _budget(budget: Any) -> Budget:
     return Budget(float(budget))
 
 
-def _known(problem: Problem, warm_start: Any) -> Trajectory | None:
-    """The motion that is at hand, if it is one of the problem's joints."""
-    if warm_start is None:
-        return None
-    if not isinstance(warm_start, Run | Trajectory):
+def _known(warm_start: Any) -> Trajectory | None:
+    """The motion that is at hand."""
+    if warm_start is not None and not isinstance(warm_start, Run | Trajectory):
         raise wrong_argument("plan", "warm_start", described(warm_start), "a Run or a Trajectory")
-    motion = warm_start.trajectory if isinstance(warm_start, Run) else warm_start
-    return motion if motion is not None and motion.joint_names == problem.robot.joint_names else None
-
-
-def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
-    """The run, or one of the motion that was at hand, where that is better and holds."""
-    answer = run.trajectory if run.verified else None
-    cost = run.problem.cost
-    if known is not None and answer is not None and cost(answer) <= cost(known):
-        return replace(run, info={**run.info, "warm_start": "beaten"})
-    if known is None or not verifier.holds(run.problem, known):
-        return replace(run, info={**run.info, "warm_start": "refused"})
-    info = {**run.info, "warm_start": "kept"}
-    result = PlanResult(known, None, run.stages, info, seconds=0.0)
-    kept = pipeline.proved(run.problem, run.planner, run.options, result, (Budget(BUDGET), progress, run.timings))
-    return replace(kept, plan_cpu=run.plan_cpu)
+    return warm_start.trajectory if isinstance(warm_start, Run) else warm_start
 
 
 def _waypoints(problem: Problem, waypoints: Any) -> Array:

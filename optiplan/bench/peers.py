@@ -35,11 +35,14 @@ class PeerOptions:
         adapter: the script.
         python: the interpreter that runs it.
         settings: passed to the script, as `name=value`.
+        search: s that the script is told it has; None: the budget of the run, of which starting Python and loading its
+            libraries, which is not planning, takes some.
     """
 
     adapter: str = ""
     python: str = "python3"
     settings: tuple[str, ...] | None = None
+    search: float | None = None
 
     def __post_init__(self) -> None:
         """Raise ValueError without a script: found out before a suite, not in its first run."""
@@ -68,7 +71,8 @@ class Peer:
             return PlanResult(None, goals, {})
         progress("peer", 0.0)
         began = time.perf_counter()
-        answer = self._ask(request(problem, goals, budget) | {"settings": self._settings()}, budget)
+        told = {"settings": self._settings(), "budget": self.options.search or budget.seconds}
+        answer = self._ask(request(problem, goals, budget) | told, budget)
         timings = {"peer": answer.get("seconds", time.perf_counter() - began)}
         if "failure" in answer:
             return PlanResult(None, Failure("no-path", str(answer["failure"])), timings, {"cut_short": budget.over})

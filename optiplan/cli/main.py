@@ -56,6 +56,10 @@ USAGE = {
 COMPLETION = ("--install-completion", "--show-completion")
 """Typer's own: they work for the shell that calls, and end with 1 where there is none."""
 
+NOT_THERE = re.compile(r"(\S+\.so[.\d]*): cannot open shared object file")
+DEBIAN = {"libgomp.so.1": "libgomp1", "libstdc++.so.6": "libstdc++6", "libGL.so.1": "libgl1", "libX11.so.6": "libx11-6"}
+"""Packages of the libraries that ours ask of the system."""
+
 app = typer.Typer(
     name="optiplan",
     rich_markup_mode="rich",
@@ -146,7 +150,17 @@ def run(arguments: Sequence[str]) -> int:
     except Exception as error:
         if os.environ.get("OPTIPLAN_DEBUG"):
             raise
+        missing = isinstance(error, ImportError) and NOT_THERE.match(str(error))
+        if missing:  # a small system, such as that of a container
+            report_error(_missing_library(missing[1]), as_json)
+            return Exit.BAD_INPUT
         return _bug(error, as_json)
+
+
+def _missing_library(name: str) -> InputError:
+    package = DEBIAN.get(name)
+    cure = "it installed" + (f" (Debian, Ubuntu: apt install {package})" if package else "")
+    return InputError([Issue("this system", None, name, "no such library", cure)])
 
 
 def _file_error(error: OSError) -> InputError:

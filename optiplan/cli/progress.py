@@ -2,6 +2,10 @@
 
 import sys
 import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from optiplan.trajectory.trajectory import Trajectory
 
 QUIET = 2.0
 """Seconds before anything is shown: short work needs no running commentary."""
@@ -10,7 +14,7 @@ EVERY = 0.1
 
 
 class ProgressLine:
-    """Show the stage and the elapsed seconds on stderr, only in a terminal; use as a context manager.
+    """Show the stage, the elapsed seconds and the best motion on stderr, only in a terminal; use as a context manager.
 
     The line is plain text: a killed process leaves no hidden cursor.
     """
@@ -19,6 +23,7 @@ class ProgressLine:
         self._began = self._shown = time.perf_counter()
         self._visible = False
         self._wanted = sys.stderr.isatty()
+        self._best = ""
 
     def __call__(self, stage: str, fraction: float) -> None:
         """Report the stage and its fraction done (0 to 1); cheap enough for an inner loop."""
@@ -27,8 +32,17 @@ class ProgressLine:
             return
         self._shown, self._visible = now, True
         done = f" {fraction:4.0%}" if fraction > 0.0 else ""
-        sys.stderr.write(f"\r\x1b[K{now - self._began:5.1f} s  {stage}{done}")
+        sys.stderr.write(f"\r\x1b[K{now - self._began:5.1f} s  {stage}{done}{self._best}")
         sys.stderr.flush()
+
+    def found(self, trajectory: "Trajectory", bound: float) -> None:
+        """Keep when a better motion was found, its duration and how far that is from the lower bound, s, for the line.
+
+        A bound of 0 is none.
+        """
+        gap = f", {trajectory.duration / bound - 1.0:.1%} above the bound" if bound > 0.0 else ""
+        seconds = time.perf_counter() - self._began
+        self._best = f"  best {trajectory.duration:.3f} s (found after {seconds:.2f} s{gap})"
 
     def __enter__(self) -> "ProgressLine":
         return self

@@ -2,22 +2,63 @@
 
 import threading
 
+import numpy as np
+
 from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
 
 _MOST = 2
+
+_LARGE = 5000
+"""Pairs above which a planner's model is not kept: each takes some 7 kB, and building it is little beside planning."""
+
 _kept = threading.local()
 
 
 def collision_model(robot: Robot, scene: Scene) -> CollisionModel:
-    """The model of this robot in this scene, those very objects, for this thread alone.
+    """The model of this robot in this scene, for this thread alone.
 
     Loading a problem, the proof of a motion and that of the next ask about the same.
     """
     models: list[CollisionModel] = getattr(_kept, "models", [])
-    found = next((model for model in models if model.robot is robot and model.scene is scene), None)
+    found = next((model for model in models if _is_of(model, robot, scene)), None)
     if found is None:
         found = CollisionModel(robot, scene)
         _kept.models = [found, *models][:_MOST]
     return found
+
+
+def kept_planning_model(robot: Robot, scene: Scene) -> CollisionModel:
+    """The `planning_model` of this robot in this scene: the last one asked for in this thread, where that is it.
+
+    A start or goal that changes needs no other, and neither does the next planner.
+    """
+    model: CollisionModel | None = getattr(_kept, "planning", None)
+    if model is None or not _is_of(model, robot, scene):
+        model = planning_model(robot, scene)
+        _kept.planning = model if len(model.pairs) <= _LARGE else None
+    return model
+
+
+def _is_of(model: CollisionModel, robot: Robot, scene: Scene) -> bool:
+    """Whether the model is of this very robot, in this scene or one of the same content."""
+    return model.robot is robot and (model.scene is scene or _equal(model.scene, scene))
+
+
+def _equal(a: Scene, b: Scene) -> bool:
+    """Whether two scenes hold the same obstacles at the same places; scenes with attached objects: are the same."""
+    if a.attached or b.attached or a.allowed != b.allowed or len(a.obstacles) != len(b.obstacles):
+        return False
+    return all(
+        one is other
+        or (
+            one.name == other.name
+            and one.shape == other.shape
+            and one.motion is None
+            and other.motion is None
+            and np.array_equal(one.X_WO.homogeneous, other.X_WO.homogeneous)
+        )
+        for one, other in zip(a.obstacles, b.obstacles, strict=True)
+    )

@@ -11,10 +11,12 @@ from optiplan.arrays import Array, Index
 from optiplan.collision.containment import Containment
 from optiplan.collision.geometry_model import geometry_of
 from optiplan.collision.moving_obstacles import displacements, with_obstacle_joints
+from optiplan.collision.outline import Outline
+from optiplan.collision.pair_queries import PairQueries
 from optiplan.collision.standing_links import overlapping
 from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
-from optiplan.geometry.mesh_hulls import SETTLED, Outline, exact_queries, is_flat
+from optiplan.geometry.mesh_hulls import SETTLED, exact_queries, is_flat
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import build_geometry
 from optiplan.robot.batch_fk import BatchKinematics
@@ -105,19 +107,13 @@ class CollisionModel:
         self.outline = Outline(self.model, self.geometry)
 
     @cached_property
-    def _geometry_data(self) -> pin.GeometryData:
-        data = self.geometry.createData()
-        exact_queries(data)
-        return data
+    def _queries(self) -> PairQueries:
+        return PairQueries(self.model, self.geometry, exact_queries)
 
     @cached_property
     def _flat(self) -> bool:
         bodies = {body for pair in self.pairs for body in (pair.a, pair.b)}
         return any(is_flat(self.geometry.geometryObjects[body].geometry) for body in bodies)
-
-    @cached_property
-    def _broad_phase(self) -> pin.BroadPhaseManager_DynamicAABBTreeCollisionManager:
-        return pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(self.model, self.geometry, self._geometry_data)
 
     def at_times(self, Q: Array, t: Array) -> Array:
         """Configurations Q (N, n) with the obstacles as at times t (N,), s: (N, n + 3 m)."""
@@ -140,15 +136,16 @@ class CollisionModel:
     def collides(self, q: Array) -> bool:
         """Whether any pair touches at q (n,); meshes are asked where their hulls touch.
 
-        The broad phase overlooks meshes that lie in a plane: with one among the bodies every pair is asked.
+        The broad phase overlooks meshes that lie in a plane: with one among the bodies every pair is asked whose
+        bounding volumes meet, and so it is where there are too many pairs for it.
         """
-        if self._flat:
-            return bool(
-                pin.computeCollisions(self.model, self._data, self.geometry, self._geometry_data, self.full(q), True)
-            )
+        if self._flat or self._queries.many:
+            self.place(q)
+            possible = np.flatnonzero(self.lower_bounds(q[None])[0] <= DISTANCE_ERROR).tolist()
+            return any(self._queries.touches(pair) for pair in possible)
         if self.outline.pairs and not self.outline.collides(self._data, self.full(q)):
             return False
-        return bool(pin.computeCollisions(self.model, self._data, self._broad_phase, self.full(q), True))
+        return self._queries.any_touch(self._data, self.full(q))
 
     def contained(self, q: Array) -> tuple[str, str] | None:
         """Names of a body and of the mesh that it is inside of, at q (n,), where nothing touches; None without one.
@@ -156,7 +153,7 @@ class CollisionModel:
         No distance tells that; and what is free of it at one end of a motion without contact is so all along.
         """
         self.place(q)
-        found = self._containment.find(np.array([X.homogeneous for X in self._geometry_data.oMg]).reshape(-1, 4, 4))
+        found = self._containment.find(self._queries.poses())
         return None if found is None else (self.names[found.inner], self.names[found.mesh])
 
     @cached_property
@@ -166,13 +163,13 @@ class CollisionModel:
 
     def place(self, q: Array) -> None:
         """Move all bodies to q (n,), for `pair_distance`."""
-        pin.updateGeometryPlacements(self.model, self._data, self.geometry, self._geometry_data, self.full(q))
+        pin.forwardKinematics(self.model, self._data, self.full(q))
+        self._queries.place(self._data)
         self.outline.place(self._data)
 
     def pair_distance(self, pair: int) -> Contact:
         """Nearest points of one pair where `place` put the bodies."""
-        pin.computeDistance(self.geometry, self._geometry_data, pair)
-        return self._read(pair)
+        return self._read(pair, self._queries.distance(pair))
 
     def pair_gap(self, pair: int) -> float:
         """A lower bound, m, of the distance of one pair where `place` put the bodies.
@@ -183,8 +180,7 @@ class CollisionModel:
             gap = self.outline.distance(pair)
             if gap > SETTLED:
                 return gap
-        pin.computeDistance(self.geometry, self._geometry_data, pair)
-        return float(self._geometry_data.distanceResults[pair].min_distance)
+        return float(self._queries.distance(pair).min_distance)
 
     def distance(self, q: Array, pair: int) -> Contact:
         """Nearest points of one pair at q (n,)."""
@@ -195,10 +191,10 @@ class CollisionModel:
         """The nearest pair of all at q (n,); None when there is no pair."""
         if not self.pairs:
             return None
-        if self.outline.pairs:
+        if self.outline.pairs or self._queries.many:
             return self._nearest(q)
-        nearest = pin.computeDistances(self.model, self._data, self.geometry, self._geometry_data, self.full(q))
-        return self._read(int(nearest))
+        nearest = self._queries.nearest(self._data, self.full(q))
+        return self._read(nearest, self._queries.result(nearest))
 
     def _nearest(self, q: Array) -> Contact:
         """The nearest pair at q (n,), by rising lower bound, as long as that is below the least distance found."""
@@ -231,7 +227,8 @@ class CollisionModel:
         bodies touch: triangles do not tell how deep, or which way is out.
         """
         candidates = self.lower_bounds(Q) < cutoff
-        geometry, data, results = self.geometry, self._geometry_data, self._geometry_data.distanceResults
+        queries = self._queries
+        queries.ready(np.flatnonzero(candidates.any(axis=0)))  # at once
         outline, meshes = self.outline, self.outline.pairs
         found: list[tuple[int, int, float]] = []
         vectors: list[Array] = []
@@ -240,9 +237,9 @@ class CollisionModel:
             for pair in np.flatnonzero(candidates[row]).tolist():
                 result = outline.query(pair) if pair in meshes else None
                 if result is None or result.min_distance <= SETTLED:
-                    pin.computeDistance(geometry, data, pair)
-                    if result is None or results[pair].min_distance > 0.0:
-                        result = results[pair]
+                    own = queries.distance(pair)
+                    if result is None or own.min_distance > 0.0:
+                        result = own
                 distance = result.min_distance
                 if distance < cutoff:
                     found.append((row, pair, distance))
@@ -255,17 +252,16 @@ class CollisionModel:
 
     def distances_at(self, placed: pin.Data, which: Index) -> Array:
         """Distances (K,), m, of chosen pairs where `placed` has the joints; meshes as in `near`."""
-        geometry, data = self.geometry, self._geometry_data
-        pin.updateGeometryPlacements(self.model, placed, geometry, data)
+        self._queries.place(placed)
         self.outline.place(placed)
+        self._queries.ready(which)  # at once
         self._answers = results = [self._nearest_points(pair) for pair in which.tolist()]
         return np.array([result.min_distance for result in results])
 
     def _nearest_points(self, pair: int) -> coal.DistanceResult:
         result = self.outline.query(pair) if pair in self.outline.pairs else None
         if result is None or result.min_distance <= SETTLED:
-            pin.computeDistance(self.geometry, self._geometry_data, pair)
-            own = self._geometry_data.distanceResults[pair]
+            own = self._queries.distance(pair)
             if result is None or own.min_distance > 0.0:
                 return own
         return result
@@ -301,8 +297,7 @@ class CollisionModel:
         found = self.bounds.witness_gradients(at, contacts.pairs, contacts.points, contacts.normals)
         return found[:, : Q.shape[1]]
 
-    def _read(self, pair: int) -> Contact:
-        result = self._geometry_data.distanceResults[pair]
+    def _read(self, pair: int, result: coal.DistanceResult) -> Contact:
         a, b = np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
         distance = float(result.min_distance)
         normal = _normals(np.array([distance]), np.array([[a, b, result.normal]]))[0]

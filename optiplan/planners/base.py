@@ -152,11 +152,17 @@ Progress = Callable[[str, float], None]
 """Called with the name of a stage and the fraction done of it; see `announce` for what else it may want to know."""
 
 
-def announce(progress: Progress, trajectory: Trajectory) -> None:
-    """Tell of a new incumbent, which nobody has verified, where `progress` has a method `found(trajectory)`."""
+def announce(progress: Progress, trajectory: Trajectory, bound: float = 0.0) -> None:
+    """Tell of a new incumbent, which nobody has verified, where `progress` has a method `found(trajectory, bound)`.
+
+    Args:
+        progress: that a planner was given.
+        trajectory: the incumbent.
+        bound: lower bound on the duration, s, of any motion to the goals known; 0 where the planner has none.
+    """
     found = getattr(progress, "found", None)
     if found is not None:
-        found(trajectory)
+        found(trajectory, bound)
 
 
 OptionsT = TypeVar("OptionsT")

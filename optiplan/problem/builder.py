@@ -21,13 +21,15 @@ from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import ShapeSpec, build_geometry, shape_from_spec
 from optiplan.problem.constraints.statements import PathConstraint, constraint_of
-from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
+from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue
+from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.schema import (
     AlternativeSpec,
     PathConstraintSpec,
     PoseGoalSpec,
     PoseSpec,
+    RegionSpec,
     StartSpec,
     ToleranceSpec,
     ViaSpec,
@@ -109,9 +111,9 @@ class Compiler:
         part = self.draft.start
         return None if part is None else self._state(robot, part)
 
-    def goal(self, robot: Robot) -> list[LocatedValue[JointGoal | PoseGoal]]:
+    def goal(self, robot: Robot) -> list[LocatedValue[GoalEnd]]:
         """Return the valid alternatives."""
-        ends: list[LocatedValue[JointGoal | PoseGoal]] = []
+        ends: list[LocatedValue[GoalEnd]] = []
         for part in self.draft.goal:
             end = self.alternative(robot, part)
             if end is not None:
@@ -181,8 +183,10 @@ class Compiler:
             self.report((*place, int(j)), found, f"a value in [{-limit[j]:.10g}, {limit[j]:.10g}]")
         return v
 
-    def alternative(self, robot: Robot, part: LocatedValue[AlternativeSpec]) -> JointGoal | PoseGoal | None:
+    def alternative(self, robot: Robot, part: LocatedValue[AlternativeSpec]) -> GoalEnd | None:
         """Return one end, if it is valid."""
+        if part.value.region is not None:
+            return self._region(robot, (*part.place, "region"), part.value.region)
         if part.value.pose is None:
             return self._state(robot, part)
         return self.pose_goal(robot, (*part.place, "pose"), part.value.pose)
@@ -202,11 +206,22 @@ class Compiler:
 
     def pose_goal(self, robot: Robot, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
         """Return the goal of a pose, if its frame is known."""
-        frame = robot.tool_frame if spec.frame is None else spec.frame
+        frame = self._frame(robot, place, spec.frame)
+        return (
+            None if frame is None else PoseGoal(frame, _pose(spec), spec.tolerance.position, spec.tolerance.orientation)
+        )
+
+    def _region(self, robot: Robot, place: Place, spec: RegionSpec) -> RegionGoal | None:
+        frame = self._frame(robot, place, spec.frame)
+        return None if frame is None else RegionGoal(frame, *spec.region())
+
+    def _frame(self, robot: Robot, place: Place, name: str | None) -> str | None:
+        """Return the frame of a goal, if it is known."""
+        frame = robot.tool_frame if name is None else name
         if frame != robot.tool_frame and frame not in frame_names(robot):
             self.unknown((*place, "frame"), "frame", frame, frame_names(robot))
             return None
-        return PoseGoal(frame, _pose(spec), spec.tolerance.position, spec.tolerance.orientation)
+        return frame
 
     def configuration(self, robot: Robot, place: Place, spec: StartSpec) -> Array | None:
         """Return the joint values of `joints` or `configuration`, (n,), if there are n within the limits."""

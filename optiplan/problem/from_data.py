@@ -17,7 +17,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.measures import broken
 from optiplan.problem.constraints.statements import PairClearance, PathConstraint
-from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
+from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, Via
 from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.moving_states import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
@@ -80,7 +80,7 @@ class _Places:
     """Valid start, goal and vias."""
 
     start: JointGoal | None
-    goal: Sequence[LocatedValue[JointGoal | PoseGoal]]
+    goal: Sequence[LocatedValue[GoalEnd]]
     vias: Sequence[LocatedValue[Via]]
     task: Sequence[LocatedValue[TaskStep]]
     constraints: Sequence[LocatedValue[PathConstraint]]

@@ -12,11 +12,15 @@ from optiplan.collision.model import CollisionModel
 from optiplan.kinematics.ik.joint_wraps import whole_turns
 from optiplan.kinematics.ik.numeric import IkOptions, IkResult, joints_that_move, pose_error, random_seeds
 from optiplan.kinematics.ik.solve import inverse_kinematics
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem
+from optiplan.problem.regions.region import RegionGoal
+from optiplan.problem.regions.sampling import RegionSampler
+from optiplan.robot.robot import Robot
 
 NoGoal = Literal["goal-unreachable", "goal-in-collision"]
 """Why no configuration is in the goal: none reaches it, or all that do are in collision."""
 
+_DISTINCT = 0.1  # rad or m: least difference of configurations in a region
 SHARE = 0.5  # share of a tolerance that a solution may use; the rest is for the error of planning
 
 
@@ -26,8 +30,8 @@ class GoalError:
 
     Attributes:
         joint: largest joint error, rad or m, of a joint goal; None for a pose goal.
-        position: distance, m, of a pose goal; None for a joint goal.
-        orientation: angle, rad, of a pose goal; None for a joint goal.
+        position: distance, m, of a pose goal or from a region; None for a joint goal.
+        orientation: angle, rad, of a pose goal or from a region; None for a joint goal.
         reached: whether all of them are within tolerance.
     """
 
@@ -81,6 +85,10 @@ def goal_residual(problem: Problem, q: Array) -> list[GoalError]:
         if isinstance(goal, JointGoal):
             joint = float(np.abs(q - goal.q).max())
             errors.append(GoalError(joint, None, None, joint <= goal.tolerance))
+        elif isinstance(goal, RegionGoal):
+            excess = goal.excess(data.oMf[model.getFrameId(goal.frame)])
+            position, angle = (float(np.linalg.norm(part)) for part in (excess[:3], excess[3:]))
+            errors.append(GoalError(None, position, angle, not excess.any()))
         else:
             position, angle = pose_error(data.oMf[model.getFrameId(goal.frame)], goal.X_WG)
             errors.append(GoalError(None, position, angle, position <= goal.position and angle <= goal.orientation))
@@ -95,7 +103,7 @@ def goal_configurations(
     free: list[Array] = []
     refusals: list[GoalSet] = []
     for goal in problem.goal:
-        candidates = [goal.q] if isinstance(goal, JointGoal) else _solve(problem, goal, rng, options)
+        candidates = _candidates(problem, goal, rng, options)
         if isinstance(candidates, GoalSet):
             refusals.append(candidates)
             continue
@@ -111,11 +119,44 @@ def goal_configurations(
     return GoalSet(free[: options.count])
 
 
-def _solve(problem: Problem, goal: PoseGoal, rng: np.random.Generator, options: GoalOptions) -> list[Array] | GoalSet:
+def _candidates(
+    problem: Problem, goal: GoalEnd, rng: np.random.Generator, options: GoalOptions
+) -> list[Array] | GoalSet:
+    if isinstance(goal, JointGoal):
+        return [goal.q]
     robot = problem.robot
     moving = joints_that_move(robot, goal.frame)
-    seeds = [np.where(moving, q, problem.start) for q in (problem.start, *robot.configurations.values())]
-    seeds += random_seeds(robot, problem.start, rng, options.attempts, goal.frame)
+    named = [np.where(moving, q, problem.start) for q in (problem.start, *robot.configurations.values())]
+    seeds = random_seeds(robot, problem.start, rng, options.attempts, goal.frame)
+    if isinstance(goal, RegionGoal):
+        return _in_region(robot, goal, (named, seeds), rng, options)
+    return _solve(robot, goal, named + seeds, options)
+
+
+def _in_region(
+    robot: Robot,
+    goal: RegionGoal,
+    seeds: tuple[list[Array], list[Array]],
+    rng: np.random.Generator,
+    options: GoalOptions,
+) -> list[Array] | GoalSet:
+    """Named configurations brought into the region, then random ones to poses drawn from it."""
+    sampler, named = RegionSampler(robot, goal), seeds[0]
+    found: list[Array] = []
+    least = IkResult(found, named[0], np.inf, np.inf)
+    for k, seed in enumerate(named + seeds[1]):
+        q, inside = sampler.onto(seed) if k < len(named) else sampler.drawn(seed, rng)
+        if inside and all(np.abs(q - other).max() > _DISTINCT for other in found):
+            found.append(q)
+        miss = sampler.miss(q)
+        if sum(miss) < least.position_error + least.orientation_error:
+            least = IkResult(found, q, *miss)
+        if len(found) >= options.solutions or options.stop():
+            break
+    return found or _unreachable(goal, least)
+
+
+def _solve(robot: Robot, goal: PoseGoal, seeds: list[Array], options: GoalOptions) -> list[Array] | GoalSet:
     tolerance = IkOptions(goal.position * SHARE, goal.orientation * SHARE, options.solutions, stop=options.stop)
     if goal.orientation >= np.pi:
         tolerance = replace(tolerance, orientation=goal.orientation)
@@ -123,9 +164,10 @@ def _solve(problem: Problem, goal: PoseGoal, rng: np.random.Generator, options: 
     return found.solutions or _unreachable(goal, found)
 
 
-def _unreachable(goal: PoseGoal, found: IkResult) -> GoalSet:
+def _unreachable(goal: PoseGoal | RegionGoal, found: IkResult) -> GoalSet:
+    where = "at the goal pose" if isinstance(goal, PoseGoal) else "in the goal region"
     reason = (
-        f"no configuration within the joint limits puts '{goal.frame}' at the goal pose; the nearest found misses by "
+        f"no configuration within the joint limits puts '{goal.frame}' {where}; the nearest found misses by "
         f"{found.position_error:.3g} m and {found.orientation_error:.3g} rad"
     )
     witness = {

@@ -1,11 +1,13 @@
 """Goals and vias of a problem, as planners and the verifier read them."""
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.problem.regions.region import RegionGoal
 from optiplan.trajectory.state import State
 
 
@@ -43,7 +45,10 @@ class PoseGoal:
     orientation: float = 1e-3
 
 
-Goal = tuple[JointGoal | PoseGoal, ...]
+GoalEnd: TypeAlias = JointGoal | PoseGoal | RegionGoal
+"""One end of a motion: a configuration, a pose, or any of a region of poses."""
+
+Goal = tuple[GoalEnd, ...]
 """Any one of these ends is good."""
 
 

@@ -18,9 +18,10 @@ from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.from_data import Parts
 from optiplan.problem.from_python import SAID, read_arguments, read_data
-from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
+from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.objectives.parts import ObjectiveParts
+from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.statement import End, Pose, Values, ViaPoint
 from optiplan.problem.task.builder import Task
 from optiplan.problem.task.steps import TaskStep
@@ -30,7 +31,7 @@ from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.lower_bound import lower_bounds, moving_bounds
 from optiplan.trajectory.trajectory import Trajectory
 
-__all__ = ["Goal", "JointGoal", "Objective", "Pose", "PoseGoal", "Problem", "Via", "ViaPoint"]
+__all__ = ["Goal", "GoalEnd", "JointGoal", "Objective", "Pose", "PoseGoal", "Problem", "RegionGoal", "Via", "ViaPoint"]
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -43,8 +44,8 @@ class Problem:
         robot: a `Robot`, the name of a shipped one, or the path of a robot.yaml.
         start: values of the planned joints (n,), rad or m, the name of a configuration of the robot, or a `State` of
             a robot that is moving.
-        goal: a `Pose`, values of the joints (n,), the name of a configuration, a `State` to arrive in, or a list of
-            alternatives.
+        goal: a `Pose`, a `Region`, values of the joints (n,), the name of a configuration, a `State` to arrive in, or
+            a list of alternatives.
         task: several steps, in place of a goal.
         scene: obstacles and attached objects: a `Scene`, or a list of obstacles; None: empty.
         vias: via points in order: `ViaPoint`, `Pose`, joint values, names of configurations.
@@ -367,7 +368,7 @@ class Problem:
             changes |= {"start": start.q, "start_velocity": start.v, "start_acceleration": start.a}
         if "limits" in changes:
             changes["limits"] = self.robot.limits.scaled(**changes["limits"])
-        if "goal" in changes and isinstance(changes["goal"], JointGoal | PoseGoal):
+        if "goal" in changes and isinstance(changes["goal"], GoalEnd):
             changes["goal"] = (changes["goal"],)
         return replace(self, **changes)
 
@@ -394,7 +395,9 @@ class Problem:
         if len(self.goal) != 1:
             return f"any of {len(self.goal)} ends"
         goal = self.goal[0]
-        return "a configuration" if isinstance(goal, JointGoal) else f"a pose of {goal.frame}"
+        if isinstance(goal, JointGoal):
+            return "a configuration"
+        return f"a {'pose' if isinstance(goal, PoseGoal) else 'region'} of {goal.frame}"
 
     def _repr_html_(self) -> str:
         """A small table for notebooks."""

@@ -27,6 +27,7 @@ from optiplan.geometry.pose_schema import PoseSpec as PoseSpec
 from optiplan.geometry.pose_schema import ToleranceSpec as ToleranceSpec
 from optiplan.geometry.shapes import SHAPES, ShapeSpec
 from optiplan.problem.constraints.schema import PathConstraintSpec as PathConstraintSpec
+from optiplan.problem.regions.schema import RegionSpec as RegionSpec
 
 LARGEST_MASS = 1e6
 """kg; nothing that an arm can hold."""
@@ -147,6 +148,7 @@ class AlternativeSpec(StartSpec):
     """One end of the motion."""
 
     pose: PoseGoalSpec | None = None
+    region: RegionSpec | None = None
 
 
 class GoalSpec(AlternativeSpec):
@@ -198,19 +200,24 @@ def _timed(vias: tuple[ViaSpec, ...]) -> tuple[ViaSpec, ...]:
     return vias
 
 
+ENDS = ("joints", "configuration", "pose", "region")
+"""What one end of a motion can be."""
+
+
 class MoveSpec(Strict):
     """Go to one end, or any of several, past `via`, with the joints of `group` (default: that of the problem)."""
 
     joints: tuple[Number, ...] | None = None
     configuration: Name | None = None
     pose: PoseGoalSpec | None = None
+    region: RegionSpec | None = None
     any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(_timed)] = ()
     group: Name | None = None
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
-        _exactly_one(self, ("joints", "configuration", "pose", "any_of"))
+        _exactly_one(self, (*ENDS, "any_of"))
         return self
 
 

@@ -1,7 +1,7 @@
 """`Pose` and `ViaPoint` for construction in Python, checked by the schema of problem files."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -14,6 +14,8 @@ from optiplan.config.document import Document, plain, validate
 from optiplan.errors import InputError, described, wrong_argument
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
+from optiplan.problem.regions.region import RegionGoal
+from optiplan.problem.regions.schema import RegionSpec, axes_data
 from optiplan.problem.schema import PoseGoalSpec, ViaSpec
 from optiplan.trajectory.state import State
 
@@ -94,8 +96,66 @@ class Pose:
         return f"Pose({', '.join(f'{name}={value!r}' for name, value in said.items() if value is not None)})"
 
 
-End: TypeAlias = Pose | JointGoal | PoseGoal | pin.SE3 | str | Values | State | Mapping[str, Any]
-"""One end: a pose, a configuration (n,) in rad or m, the name of one, a state of motion, or what a file would say."""
+Range: TypeAlias = float | str | tuple[float | str, float | str]
+"""How far a coordinate may be off: either way, between two, or `"free"`."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """Goal: a frame of the robot anywhere in a region of poses.
+
+    The frame is at `offset` (its pose in the region) in the middle; from there it may be displaced `along` the axes of
+    the region, m, and turned `about` them, rad. An axis that is not named has the tolerance of a pose goal, 1e-4 m and
+    1e-3 rad. Rotations: all bounded (the components of the rotation vector), one free (the others bound how far its
+    axis tilts), or all three.
+
+    Attributes:
+        position: [x, y, z] of the region in the world, m.
+        rpy: [roll, pitch, yaw] of the region, rad, about the fixed axes x, then y, then z, as in URDF.
+        quaternion: [x, y, z, w] of unit length, instead of `rpy`; with neither the axes are those of the world.
+        along: range of each of the axes `x`, `y`, `z`; `"free"`: all three free.
+        about: likewise.
+        offset: pose of the frame in the region; a `Pose`, or a mapping of `position` and `rpy` or `quaternion`.
+        frame: a link or fixed frame of the robot; None: its tool frame.
+
+    Raises:
+        InputError: a range that is empty, rotations free about two axes, everything free.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.Region((0.5, 0.0, 0.3), rpy=(3.14, 0, 0), along={"x": 0.1, "y": (-0.2, 0.3)}, about={"z": "free"})
+        Region(position=(0.5, 0.0, 0.3), rpy=(3.14, 0.0, 0.0), along={'x': 0.1, 'y': (-0.2, 0.3)}, about={'z': 'free'})
+    """
+
+    position: Values
+    rpy: Values | None = None
+    quaternion: Values | None = None
+    along: Mapping[str, Range] | str = field(default_factory=dict)
+    about: Mapping[str, Range] | str = field(default_factory=dict)
+    offset: Pose | Mapping[str, Any] | None = None
+    frame: str | None = None
+
+    def __post_init__(self) -> None:
+        spec = checked(RegionSpec, self.to_data(), "Region", {})
+        for name in ("position", "rpy", "quaternion"):
+            object.__setattr__(self, name, getattr(spec, name))
+
+    def to_data(self) -> dict[str, Any]:
+        """As a problem file says it."""
+        offset = self.offset.to_data() if isinstance(self.offset, Pose) else self.offset
+        stated = {name: getattr(self, name) for name in self.__dataclass_fields__} | {"offset": offset}
+        return {key: plain(value) for key, value in stated.items() if value is not None and value != {}}
+
+    def __repr__(self) -> str:
+        """What was said, and nothing else."""
+        said = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return (
+            f"Region({', '.join(f'{k}={value!r}' for k, value in said.items() if value is not None and value != {})})"
+        )
+
+
+End: TypeAlias = Pose | Region | JointGoal | PoseGoal | RegionGoal | pin.SE3 | str | Values | State | Mapping[str, Any]
+"""One end: a pose, a region, a configuration (n,), rad or m, its name, a state of motion, or what a file would say."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,16 +227,10 @@ def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
     """
     if isinstance(end, str):
         return {"configuration": end}
-    if isinstance(end, Pose):
-        return {"pose": end.to_data()}
-    if isinstance(end, pin.SE3):
-        return {"pose": pose_to_data(end)}
-    if isinstance(end, PoseGoal):
-        if not isinstance(end.X_WG, pin.SE3):
-            found = f"a PoseGoal at {described(end.X_WG)}"
-            raise wrong_argument(function, argument, found, "a pose (pinocchio.SE3), or op.Pose(…)")
-        tolerance = {"position": end.position, "orientation": end.orientation}
-        return {"pose": {"frame": end.frame, **pose_to_data(end.X_WG), "tolerance": tolerance}}
+    if isinstance(end, Pose | pin.SE3 | PoseGoal):
+        return {"pose": _pose_data(end, function, argument)}
+    if isinstance(end, Region | RegionGoal):
+        return {"region": end.to_data() if isinstance(end, Region) else _region_data(end)}
     if isinstance(end, JointGoal):
         return _joint_goal_data(end, function, argument)
     if isinstance(end, Mapping):
@@ -185,8 +239,26 @@ def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
         return state_data(end.q, end.v, end.a)
     if is_configuration(end):
         return {"joints": np.asarray(end, dtype=float).tolist()}
-    expected = "values of the joints (n,), the name of a configuration, or op.Pose(…)"
+    expected = "values of the joints (n,), the name of a configuration, op.Pose(…) or op.Region(…)"
     raise wrong_argument(function, argument, described(end), expected)
+
+
+def _pose_data(end: Pose | pin.SE3 | PoseGoal, function: str, argument: str) -> dict[str, Any]:
+    if isinstance(end, Pose):
+        return end.to_data()
+    if isinstance(end, pin.SE3):
+        return {**pose_to_data(end)}
+    if not isinstance(end.X_WG, pin.SE3):
+        found = f"a PoseGoal at {described(end.X_WG)}"
+        raise wrong_argument(function, argument, found, "a pose (pinocchio.SE3), or op.Pose(…)")
+    tolerance = {"position": end.position, "orientation": end.orientation}
+    return {"frame": end.frame, **pose_to_data(end.X_WG), "tolerance": tolerance}
+
+
+def _region_data(goal: RegionGoal) -> dict[str, Any]:
+    parts = {"along": slice(0, 3), "about": slice(3, 6)}
+    axes = {key: axes_data(goal.low[part], goal.high[part]) for key, part in parts.items()}
+    return {"frame": goal.frame, **pose_to_data(goal.X_WR), "offset": pose_to_data(goal.X_RF), **axes}
 
 
 def _joint_goal_data(goal: JointGoal, function: str, argument: str) -> dict[str, Any]:

@@ -153,7 +153,7 @@ def _pose(X: pin.SE3, stated: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def poses(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The `pose` mappings of goal and vias in the data of a problem, to be read or changed in place."""
+    """The `pose` and `region` mappings of goal and vias in a problem's data, to be read or changed in place."""
     goal = data["goal"]
     ends = [*goal.get("any_of", [goal]), *data.get("via", [])]
-    return [end["pose"] for end in ends if isinstance(end.get("pose"), dict)]
+    return [end[key] for end in ends for key in ("pose", "region") if isinstance(end.get(key), dict)]

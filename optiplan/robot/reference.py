@@ -1,5 +1,6 @@
 """What a robot is named by: a name, the path of a robot.yaml, or what would stand in one."""
 
+import functools
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -37,7 +38,12 @@ UNKNOWN = Reference("")
 
 def robot_names() -> list[str]:
     """Names of the robots that come with OptiPlan."""
-    return sorted(path.parent.name for path in robots_dir().glob("*/robot.yaml"))
+    return list(_names(robots_dir()))
+
+
+@functools.cache
+def _names(folder: Path) -> tuple[str, ...]:
+    return tuple(sorted(path.parent.name for path in folder.glob("*/robot.yaml")))
 
 
 def robot_file(ref: str, base: Path | None = None) -> Path:

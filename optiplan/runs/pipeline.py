@@ -18,9 +18,13 @@ from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify import verify as verifier
 
 _AMPLE = 10.0
 """s; with such a budget libraries are imported where they are needed, half a second once in a process."""
+
+_KEPT = 20.0
+"""s in which an earlier motion that is the answer is proved and measured."""
 
 _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
@@ -65,6 +69,39 @@ def run(  # noqa: PLR0913
         result = plan_through(chosen, problem, within, progress, earlier)
     timings, spent = {"plan": time.perf_counter() - began}, processor_time() - spent
     return replace(proved(problem, name, options, result, (budget, progress, timings)), plan_cpu=spent)
+
+
+def run_from(  # noqa: PLR0913
+    earlier: Trajectory | None,
+    problem: Problem,
+    planner: str | Planner[Any],
+    options: Mapping[str, Any],
+    budget: Budget,
+    progress: Progress,
+) -> Run:
+    """Plan as `run` does, never worse than a motion that is at hand.
+
+    Args:
+        earlier: a motion of a problem not far from this one; None, or one of other joints: of no use. Where it costs
+            less (see `Objective`) than what is found, it is verified on this problem, and is the answer if it holds.
+        problem: the problem.
+        planner: name in the registry, or a planner itself.
+        options: of the planner of that name.
+        budget: seconds of planning and proof.
+        progress: called with the planner's stages.
+
+    Returns:
+        The run; its `info["warm_start"]` is `kept`, `beaten` (the answer costs no more) or `refused`.
+
+    Raises:
+        UnknownChoiceError: no such planner or option.
+        InputError: an invalid value of an option.
+    """
+    known = earlier if earlier is not None and earlier.joint_names == problem.robot.joint_names else None
+    found = run(problem, planner, options, budget, progress, known)
+    if known is not None and found.trajectory is not None and not found.verified and not budget.over:
+        found = run(problem, planner, options, budget.share(1.0), progress)  # it led astray
+    return _better(found, known, progress)
 
 
 def proved(
@@ -123,7 +160,14 @@ def chosen(
     return name, options if options is not None else problem.options if name == problem.planner else {}
 
 
-def attempt(problem: Problem, planner: str, options: Mapping[str, Any], budget: Budget, progress: Progress) -> Run:
+def attempt(  # noqa: PLR0913
+    problem: Problem,
+    planner: str,
+    options: Mapping[str, Any],
+    budget: Budget,
+    progress: Progress,
+    earlier: Trajectory | None = None,
+) -> Run:
     """Run one planner of a comparison: an exception of the planner becomes its failure.
 
     Failure kinds besides those of planners: `input`, the options do not fit this problem (witness: `issues`);
@@ -131,6 +175,8 @@ def attempt(problem: Problem, planner: str, options: Mapping[str, Any], budget: 
     """
     began = time.perf_counter()
     try:
+        if earlier is not None:
+            return run_from(earlier, problem, planner, options, budget, progress)
         return run(problem, planner, options, budget, progress)
     except PlannerAnswerError as error:
         failure = Failure("bug", str(error), {})
@@ -162,3 +208,17 @@ def processor_time() -> float:
     """Return the processor time, s, of this process and of the child processes that it waited for."""
     waited = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + waited.ru_utime + waited.ru_stime
+
+
+def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
+    """The run, or one of the motion that was at hand, where that is better and holds."""
+    answer = run.trajectory if run.verified else None
+    cost = run.problem.cost
+    if known is not None and answer is not None and cost(answer) <= cost(known):
+        return replace(run, info={**run.info, "warm_start": "beaten"})
+    if known is None or not verifier.holds(run.problem, known):
+        return replace(run, info={**run.info, "warm_start": "refused"})
+    info = {**run.info, "warm_start": "kept"}
+    result = PlanResult(known, None, run.stages, info, seconds=0.0)
+    within = (Budget(_KEPT), progress, run.timings)
+    return replace(proved(run.problem, run.planner, run.options, result, within), plan_cpu=run.plan_cpu)

@@ -7,11 +7,15 @@ from dataclasses import dataclass, replace
 from optiplan.planners.base import Budget, Candidate
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.report import Report
+from optiplan.verify.report import Check, Report
 from optiplan.verify.verify import verify
 
 _CURED_BY_TIME = {"velocity", "acceleration", "jerk", "torque"}
 _SLOWER = (1.002, 1.01, 1.03, 1.1)
+
+_RATES_ASKED = {"tool speed constraint": 1.0, "wheel speed constraint": 1.0, "tool acceleration constraint": 0.5}
+"""Checks of what a problem asks of a motion's pace, which planners need not know, and the power of (worst / limit) by
+which a motion must be slower to satisfy them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +59,12 @@ def best_verified(problem: Problem, candidates: list[Candidate], budget: Budget)
 def _slower_and_slower(problem: Problem, candidate: Candidate, other: float) -> Iterator[tuple[Selection, float]]:
     """Yield the verdict on a candidate, then on slower ones shorter than `other`, s, while that may satisfy the checks.
 
-    With each come the seconds of planning and proving.
+    With each come the seconds of planning and proving. Where the problem limits the pace of the tool or the wheels, the
+    first slower one is as slow as that asks for.
     """
-    for factor in (1.0, *_SLOWER):
+    asked = 1.0
+    for step in (1.0, *_SLOWER):
+        factor = step * asked
         trajectory = candidate.trajectory
         if factor > 1.0:
             trajectory = trajectory.scaled(trajectory.duration * factor)
@@ -66,8 +73,18 @@ def _slower_and_slower(problem: Problem, candidate: Candidate, other: float) -> 
         began = time.perf_counter()
         report = verify(problem, trajectory)
         yield Selection(trajectory, report, factor), candidate.seconds + time.perf_counter() - began
-        if not {check.name for check in report.checks if not check.passed} <= _CURED_BY_TIME:
+        if not {check.name for check in report.failures} <= _CURED_BY_TIME | set(_RATES_ASKED):
             return
+        if step == 1.0:
+            asked = max((_pace(check) for check in report.failures), default=1.0)
+
+
+def _pace(check: Check) -> float:
+    """Return the factor on the duration that a failed check asks for, as far as it says."""
+    power = _RATES_ASKED.get(check.name)
+    if power is None or not check.worst or not check.limit:
+        return 1.0
+    return float(max(1.0, check.worst / check.limit) ** power)
 
 
 def _verified(problem: Problem, earlier: list[Candidate], budget: Budget) -> list[tuple[float, float]]:

@@ -92,6 +92,7 @@ class CellPlanner:
         deadline: float | None = None,
         planner: str | None = None,
         rate: float = 200.0,
+        warm_start: str = "",
     ) -> CellMotion:
         """Plan from a state to a target and wait for the answer; nothing is raised, `status` says what happened.
 
@@ -106,9 +107,10 @@ class CellPlanner:
             deadline: s from now after which no answer is wanted.
             planner: another one than the problem's.
             rate: points a second of the answer, at least; fewer are quicker to send where motions are long.
+            warm_start: `run` of an earlier motion, where not much has changed since: planning begins at it.
         """
         asked: dict[str, Any] = {"problem": self.problem, "budget": budget, "deadline": deadline, "planner": planner}
-        asked["rate"] = rate
+        asked |= {"rate": rate, "warm_start": warm_start or None}
         if joints is not None:
             state = {"joints": joints, "velocity": velocities, "acceleration": accelerations}
             asked["start"] = {key: [float(x) for x in values] for key, values in state.items() if values is not None}

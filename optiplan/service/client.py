@@ -58,6 +58,7 @@ class Client:
         budget: float = BUDGET,
         seed: int | None = None,
         deadline: float | None = None,
+        warm_start: str | None = None,
     ) -> Run:
         """Plan on the server and wait for the answer; the motion is verified afresh here.
 
@@ -68,13 +69,15 @@ class Client:
             budget: s for planning and proof.
             seed: None: the problem's own.
             deadline: s from now after which no answer is wanted.
+            warm_start: id of a run on the server, of a problem not far from this one, at whose motion planning begins.
 
         Raises:
             InputError: the problem or an argument is wrong.
             ServerError: there is no server, it refuses, or the answer is of another problem.
         """
         asked = _problem(problem)
-        given = self._submission(asked, planner, options, budget, seed, deadline) | {"rate": 0}
+        given = self._submission(asked, planner, options, budget, seed, deadline)
+        given |= {"warm_start": warm_start, "rate": 0}
         answer = self._send("POST", "/api/plan", json=given, timeout=(deadline or budget) + PATIENCE).json()
         return self._run(asked, answer)
 
@@ -86,6 +89,7 @@ class Client:
         budget: float = BUDGET,
         seed: int | None = None,
         deadline: float | None = None,
+        warm_start: str | None = None,
     ) -> str:
         """Queue a run and return its id; the same submission has the same id. Arguments as of `plan`.
 
@@ -93,6 +97,7 @@ class Client:
             InputError, ServerError: as `plan`.
         """
         given = self._submission(_problem(problem), planner, options, budget, seed, deadline)
+        given |= {"warm_start": warm_start}
         return str(self._send("POST", "/api/runs", json=given).json()["id"])
 
     def status(self, run: str) -> dict[str, Any]:

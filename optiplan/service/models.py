@@ -51,6 +51,9 @@ class Submission(ProblemInput):
     options: dict[str, Any] | None = Field(None, description="Options of the planner, by name")
     seed: int | None = Field(None, ge=0, lt=2**63, strict=True, description="Instead of the problem's")
     budget: float = Field(20.0, gt=0, le=3600, description="Seconds for planning and proof")
+    warm_start: RunId | None = Field(
+        None, description="Id of an earlier run of a problem not far from this one: planning begins at its motion"
+    )
     deadline: float | None = Field(
         None, gt=0, le=1e6, description="Seconds from now after which no answer is wanted; the run is killed then"
     )

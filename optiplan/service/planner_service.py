@@ -28,6 +28,7 @@ from optiplan.service.store.retention import outdated, sweep
 from optiplan.service.store.run_table import NewRun, Record, RunTable
 from optiplan.service.store.tables import open_database, store_name
 from optiplan.service.waited_plans import WaitedPlans
+from optiplan.trajectory.trajectory import Trajectory
 
 Result = TypeVar("Result")
 
@@ -35,6 +36,8 @@ _log = logging.getLogger("optiplan.service")
 
 REMEMBERED = 2000
 """Checks of problems that are remembered."""
+TEXTS = 64
+"""Stored problems whose texts are kept in memory."""
 LOOKING = 400
 """Problems that may wait to be read."""
 WRITERS, READERS = 4, 8
@@ -81,6 +84,7 @@ class PlannerService:
         self.pictures, self.live = Pictures(self), LiveSessions(self)
         self.benches = Benches(self, BenchTable(self._engine))
         self._checked: OrderedDict[str, Mapping[str, Any]] = OrderedDict()
+        self._texts: OrderedDict[str, Record] = OrderedDict()
         self.waited = WaitedPlans(self)
         self._writers = ThreadPoolExecutor(WRITERS, "write")
         self._readers = ThreadPoolExecutor(READERS, "read")
@@ -238,20 +242,35 @@ class PlannerService:
         """A problem as processes take it: a stored one by its text.
 
         Raises:
-            Refusal: it is not stored, or its scene is too large.
+            Refusal: it is not stored, its scene is too large, or the run that it begins at has no motion.
         """
         request = given.model_dump(include={"problem", "name", "start", "goal", "planner", "options", "seed"})
         text = given.problem if isinstance(given.problem, str) else json.dumps(given.problem)
         if re.fullmatch("[0-9a-f]{64}", text):
-            row = await self.read(lambda: self.problems.get(text))
-            stored = None if row is None else await self.read(lambda: self.contents.get(row["text"]))
-            if stored is None:
-                raise not_found("problem", text)
-            request |= {key: value for key, value in json.loads(stored).items() if request.get(key) is None}
-            request["problem"] = json.loads(stored)["problem"]
+            stored = await self._stored(text)
+            request |= {key: value for key, value in stored.items() if request.get(key) is None}
+            request["problem"] = stored["problem"]
         elif (count := len(re.findall(r"\bshape\b", text))) > self.settings.bodies:  # before anybody reads it all
             raise Refusal(422, f"the scene has {count} bodies; this server takes {self.settings.bodies}")
+        if isinstance(given, Submission) and given.warm_start is not None:
+            motion = await self.content(await self.run(given.warm_start), TRAJECTORY)
+            request["earlier"] = await self.read(lambda: Trajectory.from_dict(json.loads(motion)).to_dict())
         return request
+
+    async def _stored(self, problem: str) -> Record:
+        """What a hash stands for; the contents of the last ones are remembered, which are named by their digests."""
+        row = await self.read(lambda: self.problems.get(problem))
+        if row is None:
+            raise not_found("problem", problem)
+        digest = row["text"]
+        if digest not in self._texts:
+            content = await self.read(lambda: self.contents.get(digest))
+            if content is None:
+                raise not_found("problem", problem)
+            self._texts[digest] = json.loads(content)
+            if len(self._texts) > TEXTS:
+                self._texts.popitem(last=False)
+        return self._texts[digest]
 
     def check_budget(self, submission: Submission) -> None:
         """Raise a `Refusal` if the budget is larger than this server allows."""
@@ -263,6 +282,7 @@ class PlannerService:
         """The run of a submission; its id is the digest of all that decides the answer."""
         asked = [about[key] for key in ("hash", "planner", "options", "seed")]
         asked += [submission.budget, submission.deadline, optiplan.__version__]
+        asked += [submission.warm_start] if submission.warm_start else []
         return NewRun(
             id=digest_of(asked)[:32],
             name=about["name"],

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.trajectory import Trajectory, defect
 from optiplan.verify.continuous.polynomial_bounds import prove_bounds
@@ -73,7 +73,7 @@ def goal(problem: Problem, trajectory: Trajectory) -> Check:
     return Check("goal", "exact", passed, error, limit, unit, trajectory.duration, what, detail)
 
 
-def miss(problem: Problem, one: JointGoal | PoseGoal, q: Array) -> list[tuple[float, float, str]]:
+def miss(problem: Problem, one: GoalEnd, q: Array) -> list[tuple[float, float, str]]:
     """Return how far q misses a goal: (error, tolerance, what) of each part of it."""
     robot = problem.robot
     if isinstance(one, JointGoal):
@@ -86,9 +86,25 @@ def miss(problem: Problem, one: JointGoal | PoseGoal, q: Array) -> list[tuple[fl
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
     X_WF = data.oMf[robot.model.getFrameId(one.frame)]
+    if isinstance(one, RegionGoal):
+        return _out_of_region(one, X_WF)
     offset = float(np.linalg.norm(X_WF.translation - one.X_WG.translation))
     angle = float(np.linalg.norm(pin.log3(one.X_WG.rotation.T @ X_WF.rotation)))
     return [(offset, one.position, f"{one.frame} position"), (angle, one.orientation, f"{one.frame} orientation")]
+
+
+def _out_of_region(one: RegionGoal, X_WF: pin.SE3) -> list[tuple[float, float, str]]:
+    """Return (error, tolerance, what) of each bounded coordinate: its distance from the middle, or from one bound."""
+    parts = []
+    for k, (c, low, high) in enumerate(zip(one.coordinates(X_WF), one.low, one.high, strict=True)):
+        way = f"{'along' if k < 3 else 'about'} {'xyz'[k % 3]} {'position' if k < 3 else 'orientation'}"
+        if np.isfinite(low) and np.isfinite(high):
+            middle, half = 0.5 * (low + high), 0.5 * (high - low)
+            parts.append((float(abs(c - middle)), float(half), f"{one.frame} {way}"))
+        elif np.isfinite(low) or np.isfinite(high):
+            beyond = low - c if np.isfinite(low) else c - high
+            parts.append((max(0.0, float(beyond)), 0.0, f"{one.frame} {way}"))
+    return parts
 
 
 def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:

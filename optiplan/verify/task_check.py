@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -10,7 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.geometry.scene import Scene
 from optiplan.problem.constraints.statements import OnLine, OrientationCone, PairClearance, PathConstraint
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem, Via
+from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, Via
 from optiplan.problem.task.scene_change import columns, scene_during
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
@@ -22,6 +22,8 @@ from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.continuous.torque import torque
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.via_check import vias
+
+End = TypeVar("End", bound=GoalEnd)
 
 STRAIGHT = 1e-4
 """m: how far a frame may be off its line."""
@@ -143,9 +145,9 @@ def _moved_by(part: _Part, action: StraightLine) -> PoseGoal:
     return PoseGoal(action.frame, pin.SE3(X.rotation, X.translation + by))
 
 
-def _of_all(problem: Problem, joints: Iterable[str], end: JointGoal | PoseGoal, q: Array) -> JointGoal | PoseGoal:
+def _of_all(problem: Problem, joints: Iterable[str], end: End, q: Array) -> End | JointGoal:
     """Return an end of some joints as one of all, the others where they are in q (n,)."""
-    if isinstance(end, PoseGoal):
+    if not isinstance(end, JointGoal):
         return end
     whole = np.array(q)
     whole[columns(problem.robot, joints)] = end.q

@@ -1,8 +1,9 @@
 """Pictures and films of a page, drawn by a headless Chromium."""
 
 import shutil
+import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -88,11 +89,12 @@ def save_picture(html: str, path: Path, wish: str = "", size: tuple[int, int] = 
 
 
 def save_film(html: str, path: Path, wish: str = "", size: tuple[int, int] = (960, 600)) -> None:
-    """Write the motion of a page's scene as GIF, or WebP where the file's name ends so, at the speed its address says.
+    """Write the motion of a page's scene as GIF, or WebP or MP4 where the name ends so, at the speed its address says.
 
     Raises:
-        OptiPlanError: there is no motion, or playwright or a browser is missing.
+        OptiPlanError: there is no motion, or playwright, a browser, or for MP4 ffmpeg is missing.
     """
+    ffmpeg = find_ffmpeg() if path.suffix.lower() == ".mp4" else None
     with opened(html, f"{wish}&scene", size) as page:
         page.evaluate("optiplan.clock.pause()")
         end, speed = page.evaluate("[optiplan.clock.end, optiplan.clock.speed]")
@@ -100,7 +102,39 @@ def save_film(html: str, path: Path, wish: str = "", size: tuple[int, int] = (96
             raise OptiPlanError("there is no motion to film")
         count = max(1, round(end / speed * RATE))
         frames = [frame(page, end * k / count) for k in range(count + 1)]
+    if ffmpeg is not None:
+        save_mp4(frames, path, ffmpeg)
+        return
     pauses = [round(1000.0 / RATE)] * count + [REST]
     kind = "WEBP" if path.suffix.lower() == ".webp" else "GIF"
     with replacing(path) as temporary:
         frames[0].save(temporary, kind, save_all=True, append_images=frames[1:], duration=pauses, loop=0)
+
+
+def find_ffmpeg() -> str:
+    """Return the program that writes MP4.
+
+    Raises:
+        OptiPlanError: it is not there.
+    """
+    found = shutil.which("ffmpeg")
+    if found is None:
+        raise OptiPlanError(
+            "an MP4 needs ffmpeg (apt install ffmpeg); GIF and WebP do not: optiplan view RUN --gif FILE"
+        )
+    return found
+
+
+def save_mp4(frames: "Sequence[Image]", path: Path, ffmpeg: str) -> None:
+    """Write frames as H.264, in the colours that every player knows, which takes even widths and heights."""
+    width, height = frames[0].size
+    still = round(REST * RATE / 1000.0)
+    command = [ffmpeg, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]
+    command += ["-s", f"{width}x{height}", "-r", f"{RATE:g}", "-i", "-", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"]
+    command += ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]
+    data = b"".join(image.tobytes() for image in [*frames, *[frames[-1]] * still])
+    with replacing(path) as temporary:
+        done = subprocess.run([*command, str(temporary)], input=data, capture_output=True, check=False)
+        if done.returncode:
+            words = done.stderr.decode(errors="replace").strip().splitlines()
+            raise OptiPlanError(f"ffmpeg could not write {path}: {words[-1] if words else 'it does not say why'}")

@@ -13,10 +13,11 @@ from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import build_geometry
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import JointGoal, Problem
 from optiplan.robot.robot import Robot
 from optiplan.runs.common_bound import common_bound
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.viewer.goal_marks import regions, targets
 from optiplan.viewer.moving_objects import moved_by, object_stays
 from optiplan.viewer.run_curves import short_names
 from optiplan.viewer.runs import Detail, Poses, RunLike, ViewedRun, motion_of, show_run
@@ -63,6 +64,7 @@ class SceneData:
         start: poses of the joints at the start, (1, bodies, 7).
         goal: the same at the end to be reached, None when it is not known.
         targets: poses that the goal names, and those of the vias: the tool's where a via gives joint values.
+        regions: goal regions, see `goal_marks.regions`.
         runs: motions to play, see `runs.show_run`.
         bound: lower bound of the problem, s, by which durations are divided, and what it is the least of.
         tool: body and pose in it of the robot's tool frame.
@@ -78,6 +80,7 @@ class SceneData:
     start: str
     goal: str | None
     targets: tuple[list[float], ...]
+    regions: tuple[dict[str, Any], ...]
     runs: tuple[dict[str, Any], ...]
     bound: tuple[float | None, str]
     tool: dict[str, Any] | None = None
@@ -163,7 +166,8 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         joints=_joints(problem.robot),
         start=packed(poses.of(problem.start[None])[0]),
         goal=None if goal is None else packed(poses.of(goal[None])[0]),
-        targets=_targets(problem),
+        targets=targets(problem),
+        regions=regions(problem, goal),
         runs=tuple(shown),
         tool=_tool(problem.robot),
         bound=(None, "the runs are of several problems") if several else (bound.seconds, bound.words),
@@ -194,19 +198,6 @@ def _tool(robot: Robot) -> dict[str, Any]:
 def _joints(robot: Robot) -> tuple[tuple[str, int], ...]:
     bodies = [int(robot.model.getJointId(name)) for name in robot.joint_names]
     return tuple(zip(short_names(robot.joint_names), bodies, strict=True))
-
-
-def _targets(problem: Problem) -> tuple[list[float], ...]:
-    robot = problem.robot
-    data = robot.model.createData()
-    poses = [end.X_WG for end in problem.goal if isinstance(end, PoseGoal)]
-    for via in problem.vias:
-        if isinstance(via.at, PoseGoal):
-            poses.append(via.at.X_WG)
-        else:
-            pin.framesForwardKinematics(robot.model, data, via.at.q)
-            poses.append(data.oMf[robot.model.getFrameId(robot.tool_frame)].copy())
-    return tuple(pin.SE3ToXYZQUAT(X).tolist() for X in poses)
 
 
 def _add_robot(parts: _Parts, robot: Robot) -> None:

@@ -79,6 +79,18 @@ def test_no_traceback_reaches_a_person(optiplan, optiplan_json, free, monkeypatc
     Path(re.search(r"traceback in (.+)\)", data["error"])[1]).unlink()
 
 
+def test_a_library_that_the_system_lacks_is_named(optiplan, free, monkeypatch):
+    def without(*_):
+        raise ImportError("libgomp.so.1: cannot open shared object file: No such file or directory")
+
+    monkeypatch.setattr("optiplan.runs.pipeline.run", without)
+    code, out, err = optiplan("plan", free)
+    assert (code, out) == (2, "")
+    assert "libgomp.so.1" in err
+    assert "apt install libgomp1" in err
+    assert "Traceback" not in err
+
+
 def test_debug_lets_it_through(free, monkeypatch):
     monkeypatch.setenv("OPTIPLAN_DEBUG", "1")
     monkeypatch.setattr("optiplan.runs.pipeline.run", lambda *_: 1 / 0)

@@ -41,6 +41,17 @@ def test_long_work_says_stage_and_fraction_and_cleans_up(clock, monkeypatch):
     assert sys.stderr.getvalue() == "\r\x1b[K  2.1 s  optimise  50%\r\x1b[K  3.1 s  verify\r\x1b[K"
 
 
+def test_the_line_tells_the_best_motion_its_time_and_its_gap_to_the_bound(clock, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    with ProgressLine() as line:
+        clock.seconds += 0.5
+        line.found(SimpleNamespace(duration=1.2), 1.0)
+        clock.seconds += 2.0
+        line("optimise", 0.5)
+    told = "\r\x1b[K  2.5 s  optimise  50%  best 1.200 s (found after 0.50 s, 20.0% above the bound)"
+    assert sys.stderr.getvalue() == told + "\r\x1b[K"
+
+
 def test_no_line_into_a_file(clock, monkeypatch):
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     with ProgressLine() as line:

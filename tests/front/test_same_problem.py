@@ -75,6 +75,8 @@ def end(data):
         return op.JointGoal(np.array(data["joints"], float), **{key: np.array(v, float) for key, v in rates.items()})
     if "configuration" in data:
         return data["configuration"]
+    if "region" in data:
+        return op.Region(**data["region"])
     return np.array(data["joints"], float) if "joints" in data else pose(data["pose"])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.geometry.scene import Box, Obstacle, Scene
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem, Via
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem, RegionGoal, Via
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import chain, joint, write_robot
 
@@ -156,6 +156,13 @@ def small_reach():
     return problem("panda", READY, [PoseGoal(robot("panda").tool_frame, X_WG)])
 
 
+def half_space_to_reach():
+    """A Panda's hand goes down by 7 cm or more, and may turn about its axis."""
+    X_WG, free = small_reach().goal[0].X_WG, np.inf
+    low, high = np.array([-0.02, -0.02, 0.0, -0.1, -0.1, -free]), np.array([0.02, 0.02, free, 0.1, 0.1, free])
+    return problem("panda", READY, [RegionGoal(robot("panda").tool_frame, X_WG, pin.SE3.Identity(), low, high)])
+
+
 def round_trip():
     """A Panda's hand ends where it began: what circles are for."""
     return problem("panda", READY, [PoseGoal(robot("panda").tool_frame, tool_pose("panda", READY))])
@@ -241,6 +248,7 @@ CONTRACT = {
     "tight": Case(tight, None),
     "via": Case(through_a_via, None),
     "pose": Case(small_reach, None),
+    "region": Case(half_space_to_reach, None),
     "round-trip": Case(round_trip, None),
     "stay": Case(stay, None),
     "endless": Case(endless, None),

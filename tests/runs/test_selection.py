@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import optiplan as op
 from optiplan.planners.base import Budget, Candidate, Failure, PlanResult
 from optiplan.problem.problem import Problem
 from optiplan.runs import selection
@@ -200,3 +201,19 @@ def test_a_run_without_an_answer_has_no_improvements(problem: Problem, monkeypat
     record = run(problem, "nothing", {}, Budget(1.0), lambda stage, fraction: None)
     assert record.to_dict()["improvements"] == []
     assert not record.verified
+
+
+@pytest.mark.parametrize(
+    ("key", "bound"), [("tool_speed", {"linear": 0.2}), ("tool_acceleration", {"linear": 1.0})], ids=["speed", "rate"]
+)
+def test_what_is_too_fast_for_the_tool_is_slowed_as_far_as_the_constraint_asks(
+    key: str, bound: dict[str, float]
+) -> None:
+    reach = op.Problem("planar2r", start=[0.5, 1.0], goal=[-1.0, 0.3])
+    slow = reach.with_constraints({key: bound})
+    fastest = stop_at_corners(np.array([reach.start, [-1.0, 0.3]]), reach.limits, reach.robot.joint_names)
+    assert not verify(slow, fastest).verified
+    chosen = best_verified(slow, answers(fastest, 1.0), Budget(60.0))
+    assert chosen.report.verified
+    (check,) = [check for check in chosen.report.checks if check.name.endswith("constraint")]
+    assert check.worst > 0.9 * check.limit

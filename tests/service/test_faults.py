@@ -1,6 +1,8 @@
 """Servers that are killed, workers that share, stops that are asked for: no run is lost, none is done twice."""
 
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import sqlalchemy as sa
@@ -11,7 +13,7 @@ from optiplan.cli.main import run as command
 from optiplan.errors import OptiPlanError
 from optiplan.service.execution.leases import take_lease
 from optiplan.service.store.contents import ContentFolder
-from optiplan.service.store.tables import LAYOUT, about, open_database
+from optiplan.service.store.tables import LAYOUT, about, open_database, store_name
 
 needs_postgres = pytest.mark.skipif(postgres_folder() is None, reason="PostgreSQL is not installed")
 
@@ -32,6 +34,32 @@ def test_kills_of_server_and_two_workers_on_postgresql(tmp_path):
         engine.dispose()
     assert found.faultless, found
     assert found.done == ended == 9
+
+
+def names_at_once(url):
+    """What eight that start at the same moment call the store of an empty database."""
+
+    def name(_):
+        engine = open_database(url)
+        start.wait()
+        try:
+            return store_name(engine)
+        finally:
+            engine.dispose()
+
+    start = threading.Barrier(8, timeout=20.0)
+    with ThreadPoolExecutor(8) as threads:
+        return set(threads.map(name, range(8)))
+
+
+@needs_postgres
+def test_server_and_workers_may_start_at_once_on_an_empty_postgresql():
+    with postgres() as database:
+        assert len(names_at_once(database.replace("postgresql://", "postgresql+psycopg://"))) == 1
+
+
+def test_servers_may_start_at_once_on_an_empty_folder(tmp_path):
+    assert len(names_at_once(f"sqlite:///{tmp_path / 'runs.sqlite'}")) == 1
 
 
 @needs_postgres

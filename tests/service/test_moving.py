@@ -49,6 +49,31 @@ def test_a_cell_plans_from_where_the_robot_will_be(server, problems, first):
     np.testing.assert_allclose(motion.q[-1], aside, atol=1e-6)
 
 
+def test_replanning_begins_at_the_motion_of_an_earlier_run(server, problems):
+    text = (problems / "01_reach.yaml").read_text()
+    first = server.http.post("/api/plan", json={"problem": text, "budget": 3.0}).json()
+    aside = {"joints": (np.array(first["trajectory"]["q"][-1]) + 0.02).tolist()}
+    given = {"problem": text, "goal": aside, "budget": 3.0, "warm_start": first["id"]}
+    answer = server.http.post("/api/plan", json=given).json()
+    assert answer["verified"], answer["failure"]
+    record = server.http.get(f"/api/runs/{answer['id']}/run.json").json()
+    assert record["info"]["warm_start"] in ("beaten", "refused")  # the goal is another: the motion itself cannot do
+    queued = server.submit(**{**given, "seed": 3})
+    assert server.ended(queued["id"])["verified"]
+    assert queued["id"] != server.submit(**{**given, "seed": 3, "warm_start": None})["id"]
+    again = server.http.post("/api/plan", json={"problem": text, "budget": 2.5, "warm_start": first["id"]}).json()
+    record = server.http.get(f"/api/runs/{again['id']}/run.json").json()
+    assert record["info"]["warm_start"] in ("beaten", "kept")
+    assert again["duration"] <= first["duration"] * (1.0 + 1e-9)
+
+
+def test_a_warm_start_has_a_motion(server, problems):
+    given = {"problem": (problems / "01_reach.yaml").read_text(), "warm_start": "0" * 32}
+    answer = server.http.post("/api/plan", json=given)
+    assert answer.status_code == 404
+    assert "0" * 32 in answer.json()["error"]
+
+
 def test_velocities_of_another_size_are_refused(server, problems):
     start = {"joints": [0.0] * 7, "velocity": [1.0, 2.0]}
     given = {"problem": (problems / "01_reach.yaml").read_text(), "start": start}

@@ -116,10 +116,10 @@ def test_motions_that_the_verifier_refuses_are_not_told(problems):
     problem = load_problem(problems / "01_reach.yaml")
     trajectory, heard = plan(problem, planner="rrtconnect").trajectory, []
     told = ProvedIncumbents(problem, SimpleNamespace(best=lambda seconds, duration: heard.append(duration)))
-    told.found(trajectory.scaled(0.1))
+    told.found(trajectory.scaled(0.1), 0.0)
     assert heard == []
     told = ProvedIncumbents(problem, SimpleNamespace(best=lambda seconds, duration: heard.append(duration)))
-    told.found(trajectory)
+    told.found(trajectory, 0.0)
     told.rest([(1e3, trajectory.duration), (2e3, 0.5)])
     assert heard == [trajectory.duration, 0.5]
 

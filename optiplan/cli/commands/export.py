@@ -1,4 +1,4 @@
-"""`optiplan export`: the motion of a run for other programs."""
+"""`optiplan export`: the motion of a run for other programs, or to be looked at."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,10 +8,13 @@ import typer
 from optiplan.cli.output import Exit, print_error, results
 from optiplan.errors import InputError, Issue
 
+PICTURES = ("png", "mp4")
+"""What a motion can be drawn as."""
+
 
 def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="a run folder")],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, json, npz, ros or urscript")],
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, json, npz, ros, urscript, png or mp4")],
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="to write; by default RUN/motion.…")] = None,
     rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="samples a second, at least; by default 200, of urscript 500")
@@ -25,6 +28,8 @@ def export(
 
     The motion is verified again first; one that is not is written with --unverified only. Told is how far a controller
     is from the proved motion that puts straight lines, cubic or quintic polynomials between the samples.
+    A picture (png) is of the page half-way, a film (mp4) of the scene; they need chromium and the extra
+    `optiplan[pictures]`, a film also ffmpeg.
 
     [bold]Examples[/]
 
@@ -34,13 +39,18 @@ def export(
 
       optiplan export runs/cell --to urscript --out cell.script
 
+      optiplan export runs/shelf --to mp4
+
     Exit code: 0 written · 2 bad input · 3 the run has no motion · 4 not verified, nothing written.
     """
     from optiplan.api.loading import load_run
     from optiplan.runs.export import FORMATS
 
-    if to not in FORMATS:
-        raise InputError([Issue("--to", None, "format", repr(to), f"one of: {', '.join(FORMATS)}")])
+    if to not in (*FORMATS, *PICTURES):
+        raise InputError([Issue("--to", None, "format", repr(to), f"one of: {', '.join((*FORMATS, *PICTURES))}")])
+    if to in PICTURES and (rate is not None or cyclic):
+        given = "--rate" if rate is not None else "--cyclic"
+        raise InputError([Issue(given, None, "option", f"{given} beside --to {to}", "none: pictures have no samples")])
     stored = load_run(run)
     if stored.trajectory is None:
         reason = stored.failure.detail if stored.failure else "no reason given"
@@ -50,6 +60,11 @@ def export(
         print_error(f"optiplan: the motion of {run} is not verified; nothing was written (--unverified writes it)")
         return Exit.NOT_VERIFIED
     folder = run if run.is_dir() else run.parent
+    if to in PICTURES:
+        path = out or folder / f"motion.{to}"
+        _draw(run, path, to, stored.trajectory.duration)
+        results().print(f"written: {path}", markup=False, soft_wrap=True)
+        return Exit.VERIFIED if stored.verified else Exit.NOT_VERIFIED
     written = stored.export(out or folder / f"motion{FORMATS[to].suffixes[0]}", to, rate, cyclic=cyclic)
     errors = ", ".join(f"{key} {error:.2g}" for key, error in written.errors.items())
     verdict = "verified" if stored.verified else "NOT verified"
@@ -60,3 +75,22 @@ def export(
     ]
     results().print("\n".join(told), markup=False, soft_wrap=True)
     return Exit.VERIFIED if stored.verified else Exit.NOT_VERIFIED
+
+
+def _draw(run: Path, path: Path, to: str, duration: float) -> None:
+    """Write the page of a run half-way as a picture, or its scene as a film."""
+    from optiplan.cli.viewing import open_runs
+    from optiplan.viewer.page import render_page
+    from optiplan.viewer.pictures import find_ffmpeg, save_film, save_picture
+    from optiplan.viewer.scene import build_scene
+
+    if path.suffix.lower() != f".{to}" or path.is_dir():
+        found = "a folder" if path.is_dir() else f"a name that ends with '{path.suffix}'"
+        raise InputError([Issue(str(path), None, "--out", found, f"a file that ends with .{to}")])
+    if to == "mp4":
+        find_ffmpeg()
+    page = render_page(build_scene(*open_runs([run])))
+    if to == "png":
+        save_picture(page, path, f"t={0.5 * duration:.3f}&paused")
+    else:
+        save_film(page, path)

@@ -21,6 +21,7 @@ PORT = 7000
 """First port that --view tries."""
 PROBLEM = "a problem file, or the name of an example: 01_reach"
 SERVER = "have an `optiplan serve` plan (OPTIPLAN_TOKEN: its token)"
+WORKERS = "attempts of trajopt side by side, in threads: the same motion, sooner"
 PLANNER = "instead of the file's; see: planners. all, or NAME,NAME,…: compares these"
 
 
@@ -41,6 +42,7 @@ def plan(
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
     view: Annotated[bool, typer.Option("--view", help="then show it in the browser")] = False,
     full: Annotated[bool, typer.Option("--full", help="every check, not only those that failed")] = False,
+    workers: Annotated[int | None, typer.Option(min=1, max=64, metavar="N", help=WORKERS)] = None,
     server: Annotated[str, typer.Option(metavar="URL", help=SERVER)] = "",
 ) -> int:
     """Plan a motion, prove it, and print the report.
@@ -69,6 +71,8 @@ def plan(
     path, names = find_problem(file), plan_comparison.several(planner)
     if server and names:
         raise typer.BadParameter("a server runs one planner at a time", param_hint="--planner")
+    if workers is not None and names:
+        raise typer.BadParameter("goes with one planner at a time", param_hint="--workers")
     if out is not None:
         for folder in [out / name for name in names] or [out]:
             check_folder(folder)
@@ -80,7 +84,7 @@ def plan(
         runs, unsaved = plan_comparison.run_all(path, problem, names, budget, out)
         code = plan_comparison.show(runs, as_json, unsaved)
     else:
-        run = _run(path, problem, planner, (budget, server))
+        run = _run(path, problem, planner, {} if workers is None else {"workers": workers}, (budget, server))
         runs = [replace(run, timings={"load": loaded, **run.timings})]
         code = _finish(runs[0], out, as_json, full)
     if view:
@@ -88,14 +92,17 @@ def plan(
     return code
 
 
-def _run(path: Path, problem: Any, planner: str | None, how: tuple[float, str]) -> Any:
-    """Run one planner for so many seconds, here or on a server; issues with the options carry the file's lines."""
+def _run(path: Path, problem: Any, planner: str | None, more: dict[str, int], how: tuple[float, str]) -> Any:
+    """Run one planner for so many seconds, here or on a server; issues with the options carry the file's lines.
+
+    `more` are options beside those of the file.
+    """
     from optiplan.cli.planner_choice import choose, placed
     from optiplan.planners.base import Budget
     from optiplan.runs import pipeline
 
     chosen, options = choose(path, problem, planner)
-    seconds, server = how
+    options, (seconds, server) = {**options, **more}, how
     if server:
         return _run_there(server, problem, chosen, options, seconds)
     with stdout_is_ours(), ProgressLine() as progress:

@@ -16,7 +16,7 @@ def view(
     export: Annotated[Path | None, typer.Option(metavar="PAGE.html", help="write one file, serve nothing")] = None,
     png: Annotated[Path | None, typer.Option(metavar="FILE.png", help="write a picture of the page")] = None,
     gif: Annotated[
-        Path | None, typer.Option(metavar="FILE.gif", help="write a film of the scene (or FILE.webp)")
+        Path | None, typer.Option(metavar="FILE.gif", help="write a film of the scene (or FILE.webp, FILE.mp4)")
     ] = None,
     at: Annotated[str, typer.Option(metavar="ADDRESS", help="what pictures show, as after the page's #")] = "",
     size: Annotated[str, typer.Option(metavar="WxH", help="size of pictures, px")] = "1280x800",
@@ -27,7 +27,7 @@ def view(
     Several runs play together, in turn or side by side; of different problems each with its own obstacles.
 
     An exported page needs no network and no OptiPlan; `#t=0.6&paused` behind its address shows one instant.
-    Pictures and films need chromium and the extra `optiplan[pictures]`.
+    Pictures and films need chromium and the extra `optiplan[pictures]`, FILE.mp4 also ffmpeg.
 
     [bold]Examples[/]
 
@@ -67,7 +67,7 @@ def view(
 
 def _check(wanted: dict[str, Path | None]) -> None:
     """Raise InputError where a file to write is a folder, or its name does not fit."""
-    suffixes = {"export": (), "png": (".png",), "gif": (".gif", ".webp")}
+    suffixes = {"export": (), "png": (".png",), "gif": (".gif", ".webp", ".mp4")}
     issues = []
     for name, path in wanted.items():
         if path is not None and path.is_dir():

@@ -19,6 +19,7 @@ from optiplan.planners.cartesian.tool_path import ToolPath
 from optiplan.planners.common.context import Work
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
+from optiplan.planners.common.region_poses import single_ends, with_poses
 from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.problem.constraints import statements
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
@@ -102,6 +103,7 @@ class ToolMotion(Planner[Options]):
         Raises:
             InputError: the options do not go with the start and any of the goals.
         """
+        problem = with_poses(problem)
         work = Work.on(problem, budget)
         seconds = work.watch.seconds
         with work.watch.stage("goals"):
@@ -139,7 +141,7 @@ class ToolMotion(Planner[Options]):
     def _tasks(self, problem: Problem) -> list[_Task]:
         """The alternatives of the goal that the options go with."""
         tasks, refused, robot = [], [], problem.robot
-        for goal in problem.goal:
+        for goal in single_ends(problem):
             frame = goal.frame if isinstance(goal, PoseGoal) else robot.tool_frame
             start, oriented, end = frame_pose(robot, problem.start, frame), not self.options.free_orientation, None
             if isinstance(goal, JointGoal):

@@ -29,6 +29,7 @@ from optiplan.planners.common.failures import end_collides, out_of_time, too_hea
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.limit_violations import beyond_limits, excess
 from optiplan.planners.common.path_timing import within_torque
+from optiplan.planners.common.region_poses import single_ends, with_poses
 from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
 from optiplan.planners.sampling.shrunk_obstacles import thinned
@@ -78,8 +79,8 @@ class TaskSpace(Planner[TaskSpaceOptions]):
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        work = Work.on(problem, budget)
-        watch = work.watch
+        work = Work.on(with_poses(problem), budget)
+        problem, watch = work.problem, work.watch
         with watch.stage("goals"):
             if work.model.collides(problem.start):
                 return PlanResult(None, end_collides(work.model, problem.start, "start"), watch.seconds)
@@ -97,8 +98,9 @@ class TaskSpace(Planner[TaskSpaceOptions]):
     def _alone(self, work: Work, progress: Progress) -> tuple[Trajectory | Failure, dict[str, int]]:
         """The controller's own motion to one of the goals, or why there is none to the first."""
         first: Failure | None = None
-        for k, goal in enumerate(work.problem.goal):
-            progress("roll-out", 0.5 * k / len(work.problem.goal))
+        ends = single_ends(work.problem)
+        for k, goal in enumerate(ends):
+            progress("roll-out", 0.5 * k / len(ends))
             with work.watch.stage("roll-out"):
                 found = self._attempt(work, goal)
             if isinstance(found, Trajectory):

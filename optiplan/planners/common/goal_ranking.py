@@ -17,7 +17,8 @@ from optiplan.planners.common.failures import end_collides, end_too_heavy, out_o
 from optiplan.planners.common.goal_improvement import NearerEnds
 from optiplan.planners.common.gravity import Gravity
 from optiplan.problem.goals import SHARE, GoalOptions, goal_configurations
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal
+from optiplan.problem.regions.sampling import RegionSampler
 
 _LOOKING = 0.25  # share of the budget after which colliding goal configurations only are a failure
 _STARTS = 40  # inverse kinematics runs for each configuration requested of `more`, at most
@@ -92,7 +93,7 @@ class GoalSampler:
         self._problem, self._model = problem, model
         self._gravity = Gravity(problem.robot, problem.limits.torque)
         self._rng = np.random.default_rng(seed)
-        poses = [goal for goal in problem.goal if isinstance(goal, PoseGoal)]
+        poses = [goal for goal in problem.goal if not isinstance(goal, JointGoal)]
         self._nearer = [NearerEnds(problem, goal) for goal in poses] if nearer else []
         self._drawn: list[Array] = []
         self.configurations: list[Array] = []
@@ -107,7 +108,7 @@ class GoalSampler:
         ranked = self._ranked(held)
         self.configurations = ranked
         self._add([end for q in ranked[: options.count] if not options.stop() for end in self._sooner(q)])
-        self._draws = self._draw([_Draw(problem, goal, self._rng) for goal in poses])
+        self._draws = self._draw([_draw(problem, goal, self._rng) for goal in poses])
 
     def more(self, count: int, stop: Callable[[], bool] = lambda: False) -> list[Array]:
         """Return up to `count` new configurations, with those moved from them towards the start.
@@ -153,10 +154,24 @@ class GoalSampler:
                 passed = ends.towards_start(q)
                 yield from [end for end in passed[::-1] if self._good(end)][:1]
 
-    def _draw(self, draws: "list[_Draw]") -> Iterator[Array | None]:
+    def _draw(self, draws: list[Callable[[], Array | None]]) -> Iterator[Array | None]:
         """Run the inverse kinematics once for each of the poses in turn."""
         for draw in cycle(draws):
             yield draw()
+
+
+def _draw(problem: Problem, goal: PoseGoal | RegionGoal, rng: np.random.Generator) -> Callable[[], Array | None]:
+    """Return what gives a random configuration (n,) in a goal, or None if its initial guess does not converge."""
+    if isinstance(goal, PoseGoal):
+        return _Draw(problem, goal, rng)
+    sampler = RegionSampler(problem.robot, goal)
+
+    def draw() -> Array | None:
+        seed = random_seeds(problem.robot, problem.start, rng, 1, goal.frame)[0]
+        q, inside = sampler.drawn(seed, rng)
+        return q if inside else None
+
+    return draw
 
 
 class _Draw:
@@ -193,10 +208,12 @@ class _Draw:
         return np.asarray(direction / np.linalg.norm(direction) * self._rng.uniform() ** (1.0 / 3.0))
 
 
-def _complete(problem: Problem, goal: JointGoal | PoseGoal) -> bool:
+def _complete(problem: Problem, goal: GoalEnd) -> bool:
     """Return whether all configurations of an alternative are found at once."""
     if isinstance(goal, JointGoal):
         return True
+    if isinstance(goal, RegionGoal):
+        return False
     fine = goal.position <= _FINE[0] and goal.orientation <= _FINE[1]
     closed = closed_form(problem.robot, goal.frame) if fine else None
     if closed is None:

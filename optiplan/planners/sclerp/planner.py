@@ -10,6 +10,7 @@ from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
+from optiplan.planners.common.region_poses import single_ends, with_poses
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.screw_kinematics import Tool
@@ -31,6 +32,7 @@ class Sclerp(Planner[SclerpOptions]):
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
+        problem = with_poses(problem)
         watch, model = Stopwatch(), planning_model(problem.robot, problem.scene)
         with watch.stage("goals"):
             goals = ranked_goals(problem, model, budget, self.options.goals, nearer=False)
@@ -59,7 +61,7 @@ class Sclerp(Planner[SclerpOptions]):
         A goal without orientation is a goal for each orientation that a goal configuration has.
         """
         led = self.options.scheme == "qp" and self.options.redundancy == "goal" and problem.robot.n > _NEEDED
-        for goal in problem.goal:
+        for goal in single_ends(problem):
             tool = Tool(problem.robot, goal.frame if isinstance(goal, PoseGoal) else problem.robot.tool_frame)
             if isinstance(goal, JointGoal):
                 yield ScrewTask(tool, problem.start, tool.pose(goal.q), goal.q, True, {})

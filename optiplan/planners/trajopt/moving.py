@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.native_model import planning_model
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time
@@ -20,7 +20,7 @@ from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, to
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import GoalEnd, JointGoal, Problem
 from optiplan.trajectory.profiles.state_to_state import BetweenStates, fastest_run_up, fastest_stop
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
@@ -57,7 +57,7 @@ class _MovingRun:
         self.touching: tuple[Touch, Trajectory] | None = None
         self.patience = Patience(budget, self.options.good_enough)
         with self.watch.stage("set-up"):
-            self.model = planning_model(problem.robot, problem.scene)
+            self.model = kept_planning_model(problem.robot, problem.scene)
             self.optimiser = Optimiser(with_reserve(problem), self.model, self.options)
 
     def result(self) -> PlanResult:
@@ -123,10 +123,10 @@ class _MovingRun:
         if stop is not None and (why := self._good(stop)) is not None:
             return replace(why, detail=f"no curve was found, and stopping at once is no way out: {why.detail}")
         run_ups: list[tuple[Array, Trajectory | None]] = []
-        goals: list[JointGoal | PoseGoal] = []
+        goals: list[GoalEnd] = []
         failure: Failure | None = None
         for goal in problem.goal:
-            if isinstance(goal, PoseGoal) or not goal.moving:
+            if not isinstance(goal, JointGoal) or not goal.moving:
                 goals.append(goal)
                 continue
             run_up = fastest_run_up(goal.state, limits, names)

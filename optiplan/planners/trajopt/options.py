@@ -42,6 +42,14 @@ class TrajOptOptions(PlannerOptions):
     good_enough: float = option(
         1.002, "cost / bound at which no further attempt is made, whatever the budget.", least=1, most=1e9
     )
+    workers: int = option(
+        1,
+        "attempts run side by side, in threads of the native core; the motion is the same for any number, unless the "
+        "clock cut it. Worth its processors where a search takes long; vias, moving starts and obstacles and path "
+        "constraints take one.",
+        least=1,
+        most=64,
+    )
     solver: str = option(
         AUTO,
         f"of the quadratic programs: {AUTO} for the native core (piqp where that is not built), or any that qpsolvers "

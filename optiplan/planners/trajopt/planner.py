@@ -1,13 +1,17 @@
 """`trajopt`: optimise several initial guesses and return the best motion that is free at all times."""
 
 import time
+from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import replace
+from itertools import count
 from typing import Any, Literal
 
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.native_model import not_in_core, planning_model
+from optiplan.collision.kept_models import kept_planning_model
+from optiplan.collision.native_model import not_in_core
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time, too_heavy
@@ -21,6 +25,7 @@ from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import through_thinner
 from optiplan.planners.trajopt.among_moving import plan_among_moving
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
+from optiplan.planners.trajopt.look_ahead import AttemptOutcome, LookAhead
 from optiplan.planners.trajopt.moving import plan_moving
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
@@ -30,7 +35,7 @@ from optiplan.planners.trajopt.terms.free_end import FreeEnd
 from optiplan.planners.trajopt.terms.path_constraints import Broken, broken_constraint
 from optiplan.planners.trajopt.through_vias import through_vias
 from optiplan.planners.trajopt.warm import WarmStart
-from optiplan.problem.problem import PoseGoal, Problem
+from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
@@ -115,16 +120,22 @@ class _Run:
         self.repaired: tuple[Attempt, float] | None = None  # what the last path lies on, and that path's cost, s
         self.touching: tuple[Touch, Trajectory] | None = None
         self.breaking: tuple[Broken, Trajectory] | None = None
-        self.bound = 0.0
+        self.bound = self.soonest = 0.0  # on costs, and on durations, s
         self.patience = Patience(budget, options.good_enough)
         with self.watch.stage("set-up"):
-            self.model = planning_model(problem.robot, problem.scene)
+            self.model = kept_planning_model(problem.robot, problem.scene)
             self.info.update(not_in_core(self.model))
             self.optimiser = Optimiser(problem, self.model, options)
+        self.ahead = LookAhead(problem, options, budget)
 
     def result(self) -> PlanResult:
         """Search and return the best motion, or the failure."""
-        failure = self._search()
+        try:
+            failure = self._search()
+        finally:
+            self.ahead.close()
+        if self.options.workers > 1:
+            self.info["workers"] = {"count": self.options.workers, "attempts_of_threads": self.ahead.used}
         self._free_end()
         self._finer()
         self.info["cut_short"] |= self.budget.over
@@ -148,11 +159,15 @@ class _Run:
         if bounds[0] == 0.0:
             self._offer(stop_at_corners(np.array([start, goals[0]]), problem.limits, problem.robot.joint_names), None)
             return None
-        self.bound = self._cost_bound(float(bounds[0]))
+        self.bound, self.soonest = self._cost_bound(float(bounds[0])), float(bounds[0])
         early = self.budget.share(_EARLY)
-        for goal, bound in list(zip(goals, bounds, strict=True))[: self.options.straight_goals]:
+        tried = goals[: self.options.straight_goals]
+        for k, (goal, bound) in enumerate(zip(tried, bounds, strict=False)):
             if early.over or self._cost_bound(float(bound)) >= self.best or not self._worth():
                 break
+            if len(tried) > 1:
+                lines = (self._along(np.array([start, other])) for other in tried[k:])
+                self.ahead.expect(lines, self.best, self.searched_in_vain)
             self._straight(np.array([start, goal]))
             if self._worth():
                 self._attempt(
@@ -171,6 +186,7 @@ class _Run:
         for number in range(self.options.seeds):
             if not self._worth():
                 break
+            self.ahead.expect(self._coming(sampler, number, rng), self.best, self.searched_in_vain)
             path = self._sample(sampler, number)
             if isinstance(path, Failure):
                 failure = path
@@ -179,23 +195,36 @@ class _Run:
             elif len(path.waypoints) > 2 or self.curve is None:
                 failure = self._sampled(path) or failure
             if self.direct and self._worth():
-                self._bumped("line", self._line(sampler, number), rng)
+                self.ahead.expect(self._coming(sampler, number, rng), self.best, self.searched_in_vain)
+                self._attempt("line", self._with_bump(self._line(sampler, number), rng), self.budget)
             if self.curve is not None and self._worth():
-                self._bumped("bump", self.curve.control, rng)
+                self.ahead.expect(self._coming(sampler, number, rng, line=False), self.best, self.searched_in_vain)
+                self._attempt("bump", self._with_bump(self.curve.control, rng), self.budget)
         if self.candidates:
             return None
         return failure if failure is not None else self._why_not()
+
+    def _coming(
+        self, sampler: GoalSampler, number: int, rng: np.random.Generator, line: bool = True
+    ) -> Iterator[Array]:
+        """Yield the curves with a bump that attempts begin with from round `number` on, should none of them gain."""
+        rng = deepcopy(rng)
+        for k in count(number) if self.direct or self.curve is not None else ():
+            if self.direct and (line or k > number):
+                yield self._with_bump(self._line(sampler, k), rng)
+            if self.curve is not None:
+                yield self._with_bump(self.curve.control, rng)
 
     def _line(self, sampler: GoalSampler, number: int) -> Array:
         """Return control points (K, n) of the straight line to one promising goal, a different one for each number."""
         goals = self._promising(sampler)
         return self._along(np.array([self.problem.start, goals[number % len(goals)]]))
 
-    def _bumped(self, kind: Kind, control: Array, rng: np.random.Generator) -> None:
-        """Optimise from a curve with a bump."""
+    def _with_bump(self, control: Array, rng: np.random.Generator) -> Array:
+        """Return a curve with a bump."""
         limits = self.problem.limits
         duration = self.optimiser.basis.shortest_duration(control, limits.rates)
-        self._attempt(kind, with_bump(self.optimiser.basis, control, duration, limits, rng), self.budget)
+        return with_bump(self.optimiser.basis, control, duration, limits, rng)
 
     def _sampled(self, path: SampledPath) -> Failure | None:
         """Time a sampled path where that may be the best motion, and optimise from it.
@@ -296,11 +325,11 @@ class _Run:
         self.patience.record(cost)
 
     def _free_end(self) -> None:
-        """Optimise the best curve once more with its end free in the pose goal that it is in, where that may gain."""
+        """Optimise the best curve once more with its end free in the goal that it is in, where that may gain."""
         curve = self.curve
         if curve is None or self.budget.over or self.best <= self.options.good_enough * self.bound:
             return
-        fixed, poses = self.optimiser, [goal for goal in self.problem.goal if isinstance(goal, PoseGoal)]
+        fixed, poses = self.optimiser, [goal for goal in self.problem.goal if not isinstance(goal, JointGoal)]
         ends = [end for end in (FreeEnd(self.problem, goal) for goal in poses) if end.holds(curve.control[-1])]
         if ends:
             few = replace(self.options, iterations=min(_END_STEPS, self.options.iterations))
@@ -329,12 +358,11 @@ class _Run:
     def _optimised(self, kind: Kind, control: Array, budget: Budget, margin: float | None) -> Attempt | None:
         """Return the optimised motion of an initial guess, if it is free."""
         self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
-        before = self.optimiser.steps
         with self.watch.stage("optimisation"):
-            attempt = self.optimiser.run(
-                control, budget, margin, self.best, patient=self.searched_in_vain, first=self._offer_first
-            )
-        steps = self.optimiser.steps - before
+            known = None
+            if kind in ("straight", "line", "bump"):
+                known = self.ahead.take(control, budget, self.best, self.searched_in_vain)
+            attempt, steps = self._run(control, budget, margin) if known is None else self._made(known)
         self.patience.work(steps=steps)
         free = attempt is not None and attempt.free
         entry: dict[str, Any] = {"seed": kind, "free": free, "iterations": steps}
@@ -346,6 +374,20 @@ class _Run:
         if attempt is not None and attempt.broken:
             self.breaking = attempt.broken[0], attempt.trajectory
         return attempt if free else None
+
+    def _run(self, control: Array, budget: Budget, margin: float | None) -> tuple[Attempt | None, int]:
+        """Return the attempt from an initial guess, and its steps."""
+        before = self.optimiser.steps
+        attempt = self.optimiser.run(
+            control, budget, margin, self.best, patient=self.searched_in_vain, first=self._offer_first
+        )
+        return attempt, self.optimiser.steps - before
+
+    def _made(self, outcome: AttemptOutcome) -> tuple[Attempt | None, int]:
+        """Return an attempt that another thread has made, and its steps."""
+        if outcome.first is not None:
+            self._offer_first(outcome.first)
+        return outcome.attempt, outcome.steps
 
     def _offer_first(self, attempt: Attempt) -> None:
         """Keep a curve that is free but not short yet while there is no motion at all."""
@@ -364,7 +406,7 @@ class _Run:
         self.best = cost
         self.info.pop("fallback", None)
         self.candidates.append(Candidate(trajectory, time.perf_counter() - self.began))
-        announce(self.progress, trajectory)
+        announce(self.progress, trajectory, self.soonest)
         if attempt is not None:
             self.curve = attempt
         return True

@@ -26,6 +26,9 @@ STUCK = 0.01
 STALLED, HALVED = 5, 0.5
 """Steps within which the clearance violation of a stuck curve must fall to this share."""
 
+SETTLED = 2
+"""Accepted steps in a row that gain little, after which a descent ends: one alone may be an unlucky step."""
+
 SLOW, WORSE = 30, 1.5
 """Steps after which a curve's merit must be within this factor of the best motion known."""
 
@@ -165,7 +168,7 @@ def optimise(  # noqa: C901, PLR0913
     longest: float = inf,
     go_on: GoOn | None = None,
 ) -> tuple[Point, int]:
-    """Descend from control points (K, n) until a step gains less than 0.2 %; return the point and the steps taken.
+    """Descend from control points (K, n) until two steps in a row gain less than 0.2 %; return the point and the steps.
 
     A step is accepted when the merit falls by a tenth of the decrease predicted by the model; the trust region doubles
     where it fell by more than 70 %. A rejected step is followed by a second one from its end (the watchdog of
@@ -176,7 +179,7 @@ def optimise(  # noqa: C901, PLR0913
     curve on which all rows hold.
     """
     transcription = subproblem.transcription
-    point, taken, radius = evaluate(transcription, control, 0.0), 0, FIRST_RADIUS
+    point, taken, settled, radius = evaluate(transcription, control, 0.0), 0, 0, FIRST_RADIUS
     missing: list[float] = []
     ask = None if point.feasible else go_on
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
@@ -199,11 +202,13 @@ def optimise(  # noqa: C901, PLR0913
             radius *= SHRINK
             point = _watching(transcription, point, trial)
             continue
-        settled = gain < 0.002 * point.duration and trial.feasible
+        good = gain > 0.7 * step.promise
+        held_back = good and radius < FIRST_RADIUS  # by a trust region that is about to grow
+        settled = settled + 1 if gain < 0.002 * point.duration and trial.feasible and not held_back else 0
         point = trial
-        if gain > 0.7 * step.promise:
+        if good:
             radius *= 2.0
-        if settled:
+        if settled == SETTLED:
             break
         if ask is not None and point.feasible:
             if not ask(point.control, point.duration):

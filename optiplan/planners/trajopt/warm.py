@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.native_model import planning_model
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.planners.base import Budget, Candidate, PlanResult, Progress, announce
 from optiplan.planners.common.continuous_collision import first_contact
@@ -16,7 +16,8 @@ from optiplan.planners.common.limit_violations import excess
 from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
+from optiplan.problem.regions.sampling import RegionSampler
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
@@ -59,7 +60,7 @@ class WarmStart:
     ) -> None:
         began = time.perf_counter()
         self.problem, self.earlier, self.budget = problem, _ahead(problem, earlier), budget
-        self.model = planning_model(problem.robot, problem.scene)
+        self.model = kept_planning_model(problem.robot, problem.scene)
         stated = with_reserve(problem) if problem.moving else problem
         self.optimiser = Optimiser(stated, self.model, replace(options, iterations=min(MOST_STEPS, options.iterations)))
         self.attempt: Attempt | None = None
@@ -130,11 +131,11 @@ class WarmStart:
             for found, stated in ((here, self.problem.start_state), (there, end))
             for rate in ("q", "v", "a")
         ]
-        if not all(same) or excess(motion, limits) is not None or torque_ratio(self.problem, motion) > 1.0:
+        if not all(same) or first_contact(self.model, motion, lambda: self.budget.over) is not None:
             return False
-        if self.optimiser.constraints.broken(motion):
+        if excess(motion, limits) is not None or torque_ratio(self.problem, motion) > 1.0:
             return False
-        return first_contact(self.model, motion, lambda: self.budget.over) is None
+        return not self.optimiser.constraints.broken(motion)
 
     def _end(self) -> State | None:
         """The state at the goal's configuration nearest to the earlier end; None where none is free."""
@@ -146,9 +147,12 @@ class WarmStart:
                 return self.problem.end_states(q)[0]
         return None
 
-    def _configuration(self, goal: JointGoal | PoseGoal, near: Array) -> Array | None:
+    def _configuration(self, goal: GoalEnd, near: Array) -> Array | None:
         if isinstance(goal, JointGoal):
             return goal.q
+        if isinstance(goal, RegionGoal):
+            q, inside = RegionSampler(self.problem.robot, goal).onto(near)
+            return q if inside else None
         descent = Descent(self.problem.robot, goal.frame, goal.orientation < np.pi)
         descent.aim(goal.X_WG)
         return descent.settle(descent.inside(near), _SHARE * goal.position, _SHARE * goal.orientation, _ITERATIONS)

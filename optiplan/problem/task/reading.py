@@ -13,6 +13,7 @@ from optiplan.problem.builder import Compiler, frame_names, link_names
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import LocatedValue
 from optiplan.problem.schema import (
+    ENDS,
     AlternativeSpec,
     ApproachSpec,
     AttachSpec,
@@ -114,7 +115,7 @@ class TaskReader:
         if spec.any_of is not None:
             parts = [LocatedValue((*place, "any_of", i), one) for i, one in enumerate(spec.any_of)]
         else:
-            kind = next(kind for kind in ("joints", "configuration", "pose") if getattr(spec, kind) is not None)
+            kind = next(kind for kind in ENDS if getattr(spec, kind) is not None)
             parts = [LocatedValue(place, AlternativeSpec(**{kind: getattr(spec, kind)}))]
         found = [self.compiler.alternative(robot, part) for part in parts]
         return tuple(end for end in found if end is not None)

@@ -33,7 +33,7 @@ class ProvedIncumbents:
         """Tell of a stage."""
         self._progress(stage, fraction)
 
-    def found(self, trajectory: Trajectory) -> None:
+    def found(self, trajectory: Trajectory, _bound: float) -> None:
         """Prove an incumbent, and tell of it."""
         began = time.perf_counter()
         if began < self._free:

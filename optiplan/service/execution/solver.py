@@ -20,6 +20,8 @@ from optiplan.bench.execution.keeper import keep_a_child
 
 EVERY = 0.1
 """s between two words about the same stage."""
+DELIVERY = 0.005
+"""s in which an answer reaches its caller, also on a machine of one core."""
 
 Message = dict[str, Any]
 
@@ -127,5 +129,6 @@ class Progress:
         return found
 
     def answered(self, answer: Message, files: Mapping[str, bytes]) -> None:
-        """Tell what somebody waits for, before the rest is made."""
+        """Tell what somebody waits for, before the rest is made; the processor is theirs until they have it."""
         self._send({**answer, "phase": "answered"}, files)
+        time.sleep(DELIVERY)

@@ -178,7 +178,7 @@ class _Slot(threading.Thread):
         if job.cancel.is_set():
             return SolverAnswer(death="cancelled", detail="cancelled before it began")
         worker.begin(job.request)
-        deadline, looked = min(time.monotonic() + job.wall, job.until), 0.0
+        deadline, looked = min(time.monotonic() + job.wall, job.until), time.monotonic()
         while True:
             while not job.said.empty():
                 worker.say(job.said.get_nowait())

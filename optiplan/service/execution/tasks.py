@@ -55,7 +55,8 @@ class Tasks:
             return {"failure": {"kind": "input", "detail": detail, "witness": {}}, "timings": {}}, {}
         budget, given = Budget(request["budget"]), problem.with_seed(choice.seed)
         told = progress if request.get("early") else ProvedIncumbents(given, progress)
-        run = pipeline.attempt(given, choice.planner, choice.options, budget, told)
+        earlier = Trajectory.from_dict(request["earlier"]) if request.get("earlier") else None
+        run = pipeline.attempt(given, choice.planner, choice.options, budget, told, earlier)
         about, rate = _about(run) | _identity(problem, choice), request.get("rate")
         if request.get("early"):
             progress.answered(about, motion_file(run, RATE if rate is None else rate or None))

@@ -111,6 +111,7 @@ def open_database(url: str) -> Engine:
 def store_name(engine: Engine) -> str:
     """The name that the folder of contents of this database has, made at the first asking."""
     with engine.begin() as connection:
+        _alone(connection)
         found = connection.scalar(sa.select(about.c.value).where(about.c.key == "store"))
         if found is None:
             found = uuid.uuid4().hex
@@ -121,13 +122,20 @@ def store_name(engine: Engine) -> str:
 def _set_up_sqlite(connection: Any, _: Any) -> None:
     """Readers do not wait for a writer; a commit is on the disk; writers wait for one another."""
     connection.isolation_level = "IMMEDIATE"  # a writer waits at its first statement, not at its last
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=30000"):
+    for pragma in ("busy_timeout=30000", "journal_mode=WAL", "synchronous=FULL"):
         connection.execute(f"PRAGMA {pragma}")
 
 
-def _bring_up(connection: sa.Connection) -> None:
+def _alone(connection: sa.Connection) -> None:
+    """Wait for others that start on the same database, until the transaction ends."""
     if connection.dialect.name == "postgresql":
-        connection.execute(sa.text("SELECT pg_advisory_xact_lock(7100)"))  # one of several processes makes them
+        connection.execute(sa.text("SELECT pg_advisory_xact_lock(7100)"))
+    else:
+        connection.execute(sa.text("BEGIN IMMEDIATE"))  # which Python begins before a change only
+
+
+def _bring_up(connection: sa.Connection) -> None:
+    _alone(connection)
     metadata.create_all(connection)
     found = int(connection.scalar(sa.select(about.c.value).where(about.c.key == "layout")) or 0)
     if found > LAYOUT:

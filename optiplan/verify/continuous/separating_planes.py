@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
+from optiplan.collision.pair_queries import PairQueries
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.geometry.mesh_hulls import exact_queries
 from optiplan.verify.continuous.bodies import Bodies, PlacedBody
@@ -56,19 +57,17 @@ class PairDistances:
         self._planes: Flags = bodies.kind(coal.Halfspace)
 
     @cached_property
-    def _placed(self) -> pin.GeometryData:
+    def _placed(self) -> PairQueries:
         # At coal's own 1e-6 the normal of a cylinder can cost the plane 0.2 mm; polyhedra end exactly anyway.
-        return self._requests(coal.GJKConvergenceCriterion.Default, 1e-10)
+        return self._queries(coal.GJKConvergenceCriterion.Default, 1e-10)
 
     @cached_property
-    def _again(self) -> pin.GeometryData:
-        return self._requests(coal.GJKConvergenceCriterion.DualityGap, 1e-6)
+    def _again(self) -> PairQueries:
+        return self._queries(coal.GJKConvergenceCriterion.DualityGap, 1e-6)
 
     @cached_property
-    def _outlined(self) -> pin.GeometryData:
-        data = self._outline.geometry.createData()
-        exact_queries(data)
-        return data
+    def _outlined(self) -> PairQueries:
+        return PairQueries(self._robot, self._outline.geometry, exact_queries)
 
     def query(self, Q: Array, rows: Index, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
         """Distance k of pair pairs[k] at Q[rows[k]], where `placed` has its bodies; rows ascend, Q (N, n).
@@ -117,19 +116,21 @@ class PairDistances:
 
     def witness(self, q: Array, pair: int) -> tuple[float, Array]:
         """Distance, m, and nearest points (2, 3) on a and b of a pair, in the world, m, at q (n,)."""
-        pin.updateGeometryPlacements(self._robot, self._data, self._geometry, self._placed, q)
-        pin.computeDistance(self._geometry, self._placed, pair)
-        result = self._placed.distanceResults[pair]
+        pin.forwardKinematics(self._robot, self._data, q)
+        self._placed.place(self._data)
+        result = self._placed.distance(pair)
         return float(result.min_distance), np.array([result.getNearestPoint1(), result.getNearestPoint2()])
 
-    def _requests(self, criterion: coal.GJKConvergenceCriterion, tolerance: float) -> pin.GeometryData:
-        """Bodies and requests that start every query afresh and end it by this criterion."""
-        data = pin.GeometryData(self._geometry)
-        for request in data.distanceRequests:
-            request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
-            request.gjk_convergence_criterion = criterion
-            request.gjk_tolerance, request.gjk_max_iterations = tolerance, 500
-        return data
+    def _queries(self, criterion: coal.GJKConvergenceCriterion, tolerance: float) -> PairQueries:
+        """Queries that start afresh each time and end by this criterion."""
+
+        def prepare(data: pin.GeometryData) -> None:
+            for request in data.distanceRequests:
+                request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
+                request.gjk_convergence_criterion = criterion
+                request.gjk_tolerance, request.gjk_max_iterations = tolerance, 500
+
+        return PairQueries(self._robot, self._geometry, prepare)
 
     def _gap(self, placed: PlacedBody, normals: Array) -> Array:
         """-h_b(-n) - h_a(n), m: a lower bound of the distance for each unit normal (K, 3); -inf where it is NaN."""
@@ -137,18 +138,18 @@ class PairDistances:
         return np.asarray(np.nan_to_num(gap, nan=-np.inf))
 
     def _measure(
-        self, placed: pin.GeometryData, Q: Array, rows: Index, pairs: Index, hulls: bool = False
+        self, queries: PairQueries, Q: Array, rows: Index, pairs: Index, hulls: bool = False
     ) -> tuple[Array, Array]:
         """Measure with coal: distances (K,) and unit normals from a to b (K, 3), NaN where it gives none."""
         measured, normals = np.empty(len(rows)), np.empty((len(rows), 3))
+        geometry, placed, places = queries.ready(pairs)
         results, last = placed.distanceResults, -1
-        geometry = self._outline.geometry if hulls else self._geometry
-        for k, (row, pair) in enumerate(zip(rows.tolist(), pairs.tolist(), strict=True)):
+        for k, (row, pair, place) in enumerate(zip(rows.tolist(), pairs.tolist(), places.tolist(), strict=True)):
             if row != last:
                 pin.updateGeometryPlacements(self._robot, self._data, geometry, placed, Q[row])
                 last = row
-            pin.computeDistance(geometry, placed, pair)
-            result = results[pair]
+            pin.computeDistance(geometry, placed, place)
+            result = results[place]
             measured[k] = result.min_distance
             if hulls or self._convex[pair]:
                 normals[k] = result.normal

@@ -89,7 +89,11 @@ def test_export_to_a_folder_says_what_to_give(optiplan, run, tmp_path):
 
 @pytest.mark.parametrize(
     ("option", "value", "expected"),
-    [("--png", "page.jpg", ".png"), ("--gif", "film.mp4", ".gif or .webp"), ("--size", "big", "such as 1280x800")],
+    [
+        ("--png", "page.jpg", ".png"),
+        ("--gif", "film.avi", ".gif or .webp or .mp4"),
+        ("--size", "big", "such as 1280x800"),
+    ],
 )
 def test_pictures_that_cannot_be_written_are_refused(optiplan, run, tmp_path, option, value, expected):
     code, _, err = optiplan("view", run, option, value if option == "--size" else tmp_path / value)

@@ -11,6 +11,7 @@ constexpr double NEGLIGIBLE = 1e-4, NEGLIGIBLE_TORQUE = 0.01;
 
 // Shares of a motion's duration: a promise and a gain that end the descent.
 constexpr double LEAST_PROMISE = 2e-4, LEAST_GAIN = 0.002;
+constexpr int SETTLED = 2;
 
 // Shares of the promise: a gain that is accepted, and one that widens the trust region twofold.
 constexpr double ACCEPTED = 0.1, GOOD = 0.7;
@@ -33,6 +34,7 @@ Descent Sqp::optimise(const double *control, int iterations, const std::function
     int taken = 0;
     double radius = settings_.first_radius;
     bool asked = !go_on || feasible(point);
+    int settled = 0;
     Vec missing;
     while (taken < iterations && !stop() && radius >= settings_.least_radius && !stalled(missing)) {
         if (taken >= settings_.slow && (point.merit > settings_.worse * best || point.duration > longest)) break;
@@ -61,10 +63,12 @@ Descent Sqp::optimise(const double *control, int iterations, const std::function
                             point.exceeded);
             continue;
         }
-        const bool settled = gain < LEAST_GAIN * point.duration && feasible(trial);
+        const bool good = gain > GOOD * step.promise, held_back = good && radius < settings_.first_radius;
+        const bool little = gain < LEAST_GAIN * point.duration && feasible(trial) && !held_back;
+        settled = little ? settled + 1 : 0;
         point = std::move(trial);
-        if (gain > GOOD * step.promise) radius *= 2.0;
-        if (settled) break;
+        if (good) radius *= 2.0;
+        if (settled == SETTLED) break;
         if (!asked && feasible(point)) {
             asked = true;
             if (!go_on(point)) break;

@@ -1,4 +1,4 @@
-"""The end of a motion as a term: anywhere in a pose goal, which is optimised with the rest."""
+"""The end of a motion as a term: anywhere in a pose goal or a region, which is optimised with the rest."""
 
 import numpy as np
 
@@ -10,6 +10,8 @@ from optiplan.planners.trajopt.terms.expression import PRICE, ExpressionTerm
 from optiplan.planners.trajopt.terms.rooms import end_rooms
 from optiplan.problem.goals_and_vias import PoseGoal
 from optiplan.problem.problem import Problem
+from optiplan.problem.regions.region import RegionGoal
+from optiplan.problem.regions.sampling import RegionSampler
 
 _FIRM = 10.0
 """Times the price of a path constraint that missing the goal costs: it is one sample against many."""
@@ -18,30 +20,39 @@ _ITERATIONS = 50
 
 
 class FreeEnd:
-    """The set of ends of one pose goal.
+    """The set of ends of one pose goal or region.
 
     Attributes:
-        goal: the pose with its tolerances.
+        goal: the pose with its tolerances, or the region.
         terms: that keep the end in it.
     """
 
-    def __init__(self, problem: Problem, goal: PoseGoal) -> None:
+    def __init__(self, problem: Problem, goal: PoseGoal | RegionGoal) -> None:
         self.goal = goal
         self.terms = tuple(ExpressionTerm(problem.robot, room) for room in end_rooms(goal))
         for term in self.terms:
             term.price = _FIRM * PRICE
-        self._descent = Descent(problem.robot, goal.frame, goal.orientation < np.pi)
+        self._sampler = RegionSampler(problem.robot, goal) if isinstance(goal, RegionGoal) else None
+        oriented = goal.oriented if isinstance(goal, RegionGoal) else goal.orientation < np.pi
+        self._descent = Descent(problem.robot, goal.frame, oriented)
 
     def holds(self, q: Array) -> bool:
         """Return whether a configuration (n,) is in the goal."""
-        position, angle = pose_error(self._descent.place(q), self.goal.X_WG)
+        X_WF = self._descent.place(q)
+        if isinstance(self.goal, RegionGoal):
+            return self.goal.contains(X_WF)
+        position, angle = pose_error(X_WF, self.goal.X_WG)
         return bool(position <= self.goal.position and angle <= self.goal.orientation)
 
     def landed(self, control: Array) -> Array:
         """Return control points (K, n) whose end is in the goal: that nearest to it, where it is a little off."""
         if self.holds(control[-1]):
             return control
-        self._descent.aim(self.goal.X_WG)
         result = control.copy()
+        if self._sampler is not None or isinstance(self.goal, RegionGoal):
+            assert self._sampler is not None
+            result[-FIXED:] = self._sampler.onto(control[-1])[0]
+            return result
+        self._descent.aim(self.goal.X_WG)
         result[-FIXED:] = self._descent.descend(control[-1], _ITERATIONS)
         return result

@@ -31,6 +31,7 @@ from optiplan.problem.constraints.statements import (
     WheelSpeed,
 )
 from optiplan.problem.goals_and_vias import PoseGoal
+from optiplan.problem.regions.region import RegionGoal
 
 LENGTH, ANGLE = 0.01, 0.05
 """m and rad: violations that cost as much as a missing centimetre of clearance, where tolerances are wide."""
@@ -56,6 +57,9 @@ _OWN_UNIT, _OWN_RESERVE = 0.05, 1e-3
 _OF_GOAL = 0.9
 """Share of a goal's tolerance that a free end may use."""
 
+_TINY = 1e-14
+"""Added to squares, so that lengths have derivatives at zero."""
+
 _SPEED_RESERVE = 0.003
 """Share of a speed or acceleration kept likewise."""
 
@@ -66,8 +70,64 @@ def rooms(one: PathConstraint) -> list[Room]:
     return [] if make is None else [replace(room, during=one.during) for room in make(one)]
 
 
-def end_rooms(goal: PoseGoal) -> list[Room]:
+def end_rooms(goal: PoseGoal | RegionGoal) -> list[Room]:
     """Return the expressions that hold a goal at the end of a motion: position, and orientation where that counts."""
+    found = _region(goal.inner(_OF_GOAL)) if isinstance(goal, RegionGoal) else _pose(goal)
+    return [replace(room, during=(1.0, 1.0), reserve=0.0) for room in found]
+
+
+def _region(goal: RegionGoal) -> list[Room]:
+    """Each coordinate of the region above its lower and below its upper bound."""
+    to_region, back = goal.X_WR.inverse(), goal.X_RF.inverse()
+
+    def along(k: SymbolicState) -> Any:
+        X = k.pose(goal.frame)
+        p = X.p + X.R @ k.constant(back.translation)
+        return _between(
+            k, k.constant(to_region.rotation) @ p + k.constant(to_region.translation), goal.low[:3], goal.high[:3]
+        )
+
+    def about(k: SymbolicState) -> Any:
+        R = k.constant(to_region.rotation) @ k.pose(goal.frame).R @ k.constant(back.rotation)
+        return _between(k, _vector(R) if not goal.free else _tilt(R, goal.free[0]), goal.low[3:], goal.high[3:])
+
+    parts = ((along, slice(0, 3), LENGTH), (about, slice(3, 6), ANGLE))
+    widths = goal.high - goal.low
+    narrow = [float(np.min(widths[part])) for _, part, _ in parts]
+    return [
+        _room("goal", build, 0.5 * width, unit)
+        for (build, _, unit), width in zip(parts, narrow, strict=True)
+        if np.isfinite(width)
+    ]
+
+
+def _between(k: SymbolicState, c: Any, low: Array, high: Array) -> Any:
+    rows = [c[j] - k.constant(low[j]) for j in range(3) if np.isfinite(low[j])]
+    rows += [k.constant(high[j]) - c[j] for j in range(3) if np.isfinite(high[j])]
+    return _stacked(*rows)
+
+
+def _vector(R: Any) -> Any:
+    """Return log(R), rad, of a rotation by less than a half turn, by its quaternion."""
+    import casadi
+
+    w = 0.5 * casadi.sqrt(casadi.fmax(1.0 + R[0, 0] + R[1, 1] + R[2, 2], _TINY))
+    v = _stacked(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]) / (4.0 * w)
+    sine = casadi.sqrt(v.T @ v + _TINY)
+    return 2.0 * casadi.atan2(sine, w) / sine * v
+
+
+def _tilt(R: Any, axis: int) -> Any:
+    """Return the vector, rad, of the shortest rotation that takes an axis where R takes it."""
+    import casadi
+
+    a, e = R[:, axis], np.eye(3)[axis]
+    across = casadi.cross(casadi.DM(e), a)
+    sine = casadi.sqrt(across.T @ across + _TINY)
+    return casadi.atan2(sine, a[axis]) / sine * across
+
+
+def _pose(goal: PoseGoal) -> list[Room]:
     X = goal.X_WG
     position, orientation = _OF_GOAL * goal.position, _OF_GOAL * goal.orientation
 
@@ -78,8 +138,7 @@ def end_rooms(goal: PoseGoal) -> list[Room]:
         return _turned(k, k.constant(X.rotation.T) @ k.pose(goal.frame).R, orientation)
 
     found = [_room("goal", off, position, LENGTH)]
-    found += [_room("goal", turned, orientation, ANGLE)] if goal.orientation < np.pi else []
-    return [replace(room, during=(1.0, 1.0), reserve=0.0) for room in found]
+    return found + ([_room("goal", turned, orientation, ANGLE)] if goal.orientation < np.pi else [])
 
 
 def _room(name: str, build: Callable[[SymbolicState], Any], tolerance: float, unit: float) -> Room:

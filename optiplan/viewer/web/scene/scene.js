@@ -1,7 +1,7 @@
 "use strict";
 // Builds the three.js objects of a page's data inside a meshcat viewer. World frame: metres, z up.
 const OptiPlanScene = (() => {
-  const THREE = MeshCat.THREE, { floats } = OptiPlanPacked, { makeGeometry, rgb, place, palette, triad } = OptiPlanShapes;
+  const THREE = MeshCat.THREE, { floats } = OptiPlanPacked, { makeGeometry, rgb, place, palette, triad, region } = OptiPlanShapes;
   const { runColour, addPaths } = OptiPlanPaths, { Painter, Labels } = OptiPlanBodies;
   const START = "#2f9e5b", GOAL = "#2374c6";
   const ROBOT_SETS = ["visual", "collision", "frame", "attached"], TRAIL = 7;
@@ -34,6 +34,7 @@ const OptiPlanScene = (() => {
       this.prepare();
       this.size = this.box.getSize(new THREE.Vector3()).length();
       for (const pose of data.targets) this.addTriad(this.layers.goal, pose, 0.07);
+      for (const one of data.regions || []) this.layers.goal.add(...region(one, GOAL));
       this.addTriad(this.layers.frames, [0, 0, 0, 0, 0, 0, 1], 0.12);
       this.layers.frames.visible = this.layers.trail.visible = false;
       this.addEllipsoids();

@@ -90,5 +90,17 @@ const OptiPlanShapes = (() => {
     return group;
   }
 
-  return { makeGeometry, rgb, named, place, palette, triad };
+  // A goal region: its extent, and a ring about the axis that the frame may turn about as it likes.
+  function region(one, colour) {
+    const look = { color: named(colour), transparent: true, depthWrite: false };
+    const box = new THREE.Mesh(new THREE.BoxGeometry(...one.size), new THREE.MeshBasicMaterial({ ...look, opacity: 0.18 }));
+    box.add(new THREE.LineSegments(new THREE.EdgesGeometry(box.geometry), new THREE.LineBasicMaterial({ ...look, opacity: 0.8 })));
+    place(box, one.pose);
+    if (!one.ring) return [box];
+    const ring = new THREE.Mesh(new THREE.TorusGeometry(one.ring.radius, 0.003, 8, 64), new THREE.MeshBasicMaterial({ ...look, opacity: 0.7 }));
+    place(ring, one.ring.pose);
+    return [box, ring];
+  }
+
+  return { makeGeometry, rgb, named, place, palette, triad, region };
 })();

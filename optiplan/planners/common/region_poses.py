@@ -1,0 +1,59 @@
+"""Poses of a goal region, for planners whose motion leads to one pose."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.native_model import planning_model
+from optiplan.kinematics.ik.numeric import random_seeds
+from optiplan.kinematics.jacobians import frame_pose
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem, RegionGoal
+from optiplan.problem.regions.sampling import RegionSampler
+
+_TRIED, _KEPT = 24, 4
+"""Configurations looked at, and poses of free ones kept."""
+
+_SHARE = 0.2
+"""Of the narrowest width of a region, m or rad: the tolerance of a pose in it."""
+
+
+def with_poses(problem: Problem) -> Problem:
+    """Return the problem with each goal region as poses in it: that nearest to the start's, then some drawn at random.
+
+    All are poses of free configurations within the limits, where any was found.
+    """
+    regions = any(isinstance(goal, RegionGoal) for goal in problem.goal)
+    return replace(problem, goal=tuple(single_ends(problem))) if regions else problem
+
+
+def single_ends(problem: Problem) -> list[JointGoal | PoseGoal]:
+    """Return the alternatives of the goal, poses in the place of regions."""
+    ends: list[JointGoal | PoseGoal] = []
+    for goal in problem.goal:
+        ends += _poses(problem, goal) if isinstance(goal, RegionGoal) else [goal]
+    return ends
+
+
+def _poses(problem: Problem, goal: RegionGoal) -> list[PoseGoal]:
+    robot, rng = problem.robot, np.random.default_rng(problem.seed)
+    sampler = RegionSampler(robot, goal)
+    model = planning_model(robot, problem.scene)
+    first = sampler.onto(problem.start)
+    reached = [first[0]] if first[1] and not model.collides(first[0]) else []
+    for seed in random_seeds(robot, problem.start, rng, _TRIED, goal.frame):
+        q, inside = sampler.drawn(seed, rng)
+        reached += [q] if inside and not model.collides(q) else []
+        if len(reached) >= _KEPT:
+            break
+    reached = reached or [first[0]]
+    width = goal.high - goal.low
+    position, orientation = _tolerance(width[:3], 1e-4), _tolerance(width[3:], 1e-3)
+    inner = goal.inner(0.5)
+    return [
+        PoseGoal(goal.frame, inner.nearest(frame_pose(robot, q, goal.frame)), position, orientation) for q in reached
+    ]
+
+
+def _tolerance(width: Array, usual: float) -> float:
+    return float(min(usual, _SHARE * float(np.min(width))))

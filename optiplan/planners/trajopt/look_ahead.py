@@ -1,0 +1,125 @@
+"""Attempts run side by side: threads work on those that are likely to come next."""
+
+import threading
+from collections.abc import Iterable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import NamedTuple
+
+from optiplan._core import core
+from optiplan.arrays import Array
+from optiplan.collision.native_model import planning_model
+from optiplan.planners.base import Budget
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
+from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.sqp import SLOW
+from optiplan.problem.problem import Problem
+
+_POLL = 0.02
+"""s between two looks at the budget while another thread works on the attempt that is waited for."""
+
+
+class AttemptOutcome(NamedTuple):
+    """What an attempt led to.
+
+    Attributes:
+        attempt: as `Optimiser.run` returns it.
+        steps: taken.
+        first: its first curve that was free; None without one.
+    """
+
+    attempt: Attempt | None
+    steps: int
+    first: Attempt | None
+
+
+@dataclass(eq=False)
+class _Begun:
+    """An attempt in another thread, begun with what was known then."""
+
+    best: float
+    patient: bool
+    future: "Future[AttemptOutcome]"
+    cancel: threading.Event = field(default_factory=threading.Event)
+
+    def holds(self, best: float, patient: bool) -> bool:
+        """Return whether the outcome is the one that an attempt begun now has.
+
+        The best cost and patience matter only to descents of `SLOW` steps or more.
+        """
+        if (self.best, self.patient) == (best, patient):
+            return True
+        return self.future.result().steps < SLOW
+
+    def end(self) -> None:
+        """Have it end soon, or never begin."""
+        self.future.cancel()
+        self.cancel.set()
+
+
+class LookAhead:
+    """Runs attempts in `workers` - 1 threads before it is known whether they will be asked for.
+
+    The planner decides one attempt after the other, as it does alone. Before each it says which are likely to come
+    next (`expect`), and takes the outcome of one that came true (`take`). An attempt is a function of its initial curve
+    and of what is known of the best motion, so the result is the same for any number of threads, bit by bit, unless the
+    clock cut it.
+
+    Threads gain only where the native core does the work. Path constraints and costs that CasADi evaluates do not
+    leave the interpreter to others for long; there, and without the core, no thread is begun.
+    """
+
+    def __init__(self, problem: Problem, options: TrajOptOptions, budget: Budget) -> None:
+        self._problem, self._options, self._budget = problem, options, budget
+        native = core is not None and problem.objective.plain and not problem.path_constraints
+        self._threads = ThreadPoolExecutor(options.workers - 1) if native and options.workers > 1 else None
+        self._own = threading.local()
+        self._tasks: dict[bytes, _Begun] = {}
+        self.used = 0
+
+    def expect(self, curves: Iterable[Array], best: float, patient: bool) -> None:
+        """Begin with the first of these curves (K, n) that attempts are likely to begin with; end all others."""
+        if self._threads is None:
+            return
+        wanted = {control.tobytes(): control for control in islice(curves, self._options.workers)}
+        for key in self._tasks.keys() - wanted.keys():
+            self._tasks.pop(key).end()
+        for key, control in wanted.items():
+            if key not in self._tasks:
+                cancel = threading.Event()
+                future = self._threads.submit(self._run, control, best, patient, cancel)
+                self._tasks[key] = _Begun(best, patient, future, cancel)
+
+    def take(self, control: Array, budget: Budget, best: float, patient: bool) -> AttemptOutcome | None:
+        """Return the outcome of the attempt from a curve (K, n); None where no thread has begun it, or not this one."""
+        task = self._tasks.pop(control.tobytes(), None)
+        if task is None or task.future.cancel():
+            return None
+        while not wait([task.future], timeout=_POLL).done:
+            if budget.over:
+                task.end()
+                return None
+        if not task.holds(best, patient):
+            return None
+        self.used += 1
+        return task.future.result()
+
+    def close(self) -> None:
+        """End all threads."""
+        for task in self._tasks.values():
+            task.end()
+        self._tasks.clear()
+        if self._threads is not None:
+            self._threads.shutdown()
+
+    def _run(self, control: Array, best: float, patient: bool, cancel: threading.Event) -> AttemptOutcome:
+        """Run an attempt in a thread, which has a collision model of its own."""
+        optimiser: Optimiser | None = getattr(self._own, "optimiser", None)
+        if optimiser is None:
+            model = planning_model(self._problem.robot, self._problem.scene)
+            optimiser = self._own.optimiser = Optimiser(self._problem, model, self._options)
+        before, free = optimiser.steps, list[Attempt]()
+        budget = Budget(self._budget.remaining, cancel)
+        attempt = optimiser.run(control, budget, None, best, patient=patient, first=free.append)
+        return AttemptOutcome(attempt, optimiser.steps - before, free[0] if free else None)

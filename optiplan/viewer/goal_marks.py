@@ -1,0 +1,78 @@
+"""What the page draws of goals and vias: axes at poses, and the extent of regions."""
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.problem.problem import PoseGoal, Problem, RegionGoal
+
+_ENDLESS = 0.5
+"""m; what is drawn of a direction without bound, either way."""
+
+_THIN = 0.004
+"""m; thickness of a region that has none to speak of."""
+
+_RING = 0.06
+"""m; radius of the ring about an axis that a frame turns about freely, where it does not stand off that axis."""
+
+
+def targets(problem: Problem) -> tuple[list[float], ...]:
+    """Return the poses that goals name and those of vias: the tool's where a via gives joint values."""
+    robot = problem.robot
+    data = robot.model.createData()
+    poses = [end.X_WG for end in problem.goal if isinstance(end, PoseGoal)]
+    poses += [end.pose(_middle(end)) for end in problem.goal if isinstance(end, RegionGoal)]
+    for via in problem.vias:
+        if isinstance(via.at, PoseGoal):
+            poses.append(via.at.X_WG)
+        else:
+            pin.framesForwardKinematics(robot.model, data, via.at.q)
+            poses.append(data.oMf[robot.model.getFrameId(robot.tool_frame)].copy())
+    return tuple(pin.SE3ToXYZQUAT(X).tolist() for X in poses)
+
+
+def regions(problem: Problem, reached: Array | None) -> tuple[dict[str, Any], ...]:
+    """Return the goal regions: `{pose, size, ring}`, of a box and of a ring about its free axis.
+
+    `ring` is `{pose, radius}`, about the z axis of its pose, or None. A direction without bound is drawn half a metre
+    either way of where the frame is at `reached` (n,), or of the region's middle.
+    """
+    return tuple(_drawn(problem, end, reached) for end in problem.goal if isinstance(end, RegionGoal))
+
+
+def _drawn(problem: Problem, end: RegionGoal, reached: Array | None) -> dict[str, Any]:
+    there = _middle(end)
+    if reached is not None:
+        data = problem.robot.model.createData()
+        pin.framesForwardKinematics(problem.robot.model, data, reached)
+        there = np.clip(end.coordinates(data.oMf[problem.robot.frame_id(end.frame)]), end.low, end.high)
+    low = np.where(np.isfinite(end.low), end.low, there - _ENDLESS)[:3]
+    high = np.where(np.isfinite(end.high), end.high, there + _ENDLESS)[:3]
+    box = end.X_WR * pin.SE3(np.eye(3), 0.5 * (low + high))
+    ring = None
+    if len(end.free) == 1:
+        ring = _ring(end, end.X_WR * pin.SE3(np.eye(3), there[:3].copy()), end.free[0])
+    size = np.maximum(high - low, _THIN)
+    return {"pose": _numbers(box), "size": np.round(size, 9).tolist(), "ring": ring}
+
+
+def _ring(end: RegionGoal, X: pin.SE3, axis: int) -> dict[str, Any]:
+    """Return the circle that the frame's origin turns on about an axis of the region, a small one on the axis."""
+    offset = np.array(end.X_RF.translation)
+    along = offset[axis] * np.eye(3)[axis]
+    radius = float(np.linalg.norm(offset - along))
+    turned = np.roll(np.eye(3), -(axis + 1), axis=0).T  # its z axis is that axis, the others follow in turn
+    pose = X * pin.SE3(turned, along)
+    return {"pose": _numbers(pose), "radius": round(radius, 9) if radius > _THIN else _RING}
+
+
+def _middle(end: RegionGoal) -> Array:
+    both = np.isfinite(end.low) & np.isfinite(end.high)
+    middle = 0.5 * (np.where(both, end.low, 0.0) + np.where(both, end.high, 0.0))
+    return np.asarray(np.clip(middle, end.low, end.high))
+
+
+def _numbers(X: pin.SE3) -> list[float]:
+    return [round(float(x), 9) for x in pin.SE3ToXYZQUAT(X)]

@@ -1,0 +1,94 @@
+"""Attempts side by side: the same motion, bit by bit, for any number of threads."""
+
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from optiplan._core import core
+from optiplan.collision.native_model import planning_model
+from optiplan.planners.base import Budget, PlanResult
+from optiplan.planners.trajopt.initial_guess import along_path
+from optiplan.planners.trajopt.look_ahead import LookAhead
+from optiplan.planners.trajopt.optimizer import Optimiser
+from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.planner import TrajOpt
+from optiplan.problem.load import load_problem
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.trajectory import Trajectory
+
+pytestmark = pytest.mark.skipif(core is None, reason="threads are for the native core")
+
+
+def planned(problem: Problem, workers: int, seconds: float = 60.0) -> PlanResult:
+    """Plan with so many workers and few attempts."""
+    options = TrajOptOptions(workers=workers, seeds=3)
+    return TrajOpt(options).plan(problem, Budget(seconds), lambda stage, share: None)
+
+
+def bits(result: PlanResult) -> tuple[bytes, bytes]:
+    """Return the motion as bytes."""
+    assert result.trajectory is not None
+    return result.trajectory.coefficients.tobytes(), result.trajectory.breakpoints.tobytes()
+
+
+@pytest.mark.parametrize("name", ["04_box", "07_any_of", "12_planar"])
+def test_any_number_of_workers_gives_the_same_bits(name: str, problems: Path) -> None:
+    problem = load_problem(problems / f"{name}.yaml")
+    alone, two, four = (planned(problem, workers) for workers in (1, 2, 4))
+    assert not any(result.info["cut_short"] for result in (alone, two, four))
+    assert bits(alone) == bits(two) == bits(four)
+    assert alone.info["attempts"] == two.info["attempts"] == four.info["attempts"]
+    assert "workers" not in alone.info
+    assert two.info["workers"]["count"] == 2
+
+
+def test_threads_end_with_the_plan_and_with_its_cancelling(problems: Path) -> None:
+    problem, before = load_problem(problems / "02_shelf.yaml"), threading.active_count()
+    planned(problem, 4)
+    assert threading.active_count() == before
+    cancel = threading.Event()
+    cancel.set()
+    TrajOpt(TrajOptOptions(workers=4)).plan(problem, Budget(60.0, cancel), lambda stage, share: None)
+    assert threading.active_count() == before
+
+
+def test_an_outcome_is_taken_only_where_it_is_that_of_an_attempt_begun_now(problems: Path) -> None:
+    problem = load_problem(problems / "01_reach.yaml")
+    run = TrajOpt(TrajOptOptions(workers=2))
+    ahead, budget = LookAhead(problem, run.options, Budget(60.0)), Budget(60.0)
+    optimiser = Optimiser(problem, planning_model(problem.robot, problem.scene), run.options)
+    goal = problem.start + 0.3
+    control = along_path(optimiser.basis, np.array([problem.start, goal]), problem.limits.velocity)
+    ahead.expect([control], np.inf, False)
+    time.sleep(0.2)  # begun by then
+    assert ahead.take(control + 1e-9, budget, np.inf, False) is None
+    outcome = ahead.take(control, budget, np.inf, False)
+    own = optimiser.run(control, budget, None, np.inf)
+    ahead.close()
+    assert outcome is not None
+    assert outcome.attempt is not None
+    assert own is not None
+    assert outcome.steps == optimiser.steps
+    assert outcome.attempt.control.tobytes() == own.control.tobytes()
+
+
+def test_every_improvement_is_told_with_duration_and_bound(problems: Path) -> None:
+    told: list[tuple[Trajectory, float]] = []
+
+    class Watch:
+        def __call__(self, stage: str, share: float) -> None:
+            pass
+
+        def found(self, trajectory: Trajectory, bound: float) -> None:
+            told.append((trajectory, bound))
+
+    problem = load_problem(problems / "02_shelf.yaml")
+    result = TrajOpt(TrajOptOptions(seeds=2)).plan(problem, Budget(30.0), Watch())
+    assert result.trajectory is not None
+    durations = [trajectory.duration for trajectory, _ in told]
+    assert len(durations) == len(result.earlier) + 1
+    assert durations[-1] == result.trajectory.duration
+    assert all(0.0 < bound <= duration for (_, bound), duration in zip(told, durations, strict=True))
