@@ -2,11 +2,12 @@
 
     python benchmarks/control_scenes.py --mink MINK [--steps 2000] [--markdown scenes.md]   # 2 minutes on one core
 
-MINK is a checkout of github.com/kevinzakka/mink; its `examples` hold the models, which are read by MuJoCo and written as
-URDFs for the others. Motions, costs, gains and limits are those of its `benchmarks/scenes.py`, but that G1's pelvis is
-fixed, for want of a floating base (so the tasks of its feet, pelvis and centre of mass are left out), and that ALOHA's
-bodies keep 1 cm instead of 5: some stand nearer than that at the start. The hands of G1 are what its elbow carries. Clearance in mink is of the listed pairs of
-geoms, in ours of all bodies that have such geoms; pink has none. The last line is one JSON object.
+MINK is a checkout of github.com/kevinzakka/mink; its `examples` hold the models, which MuJoCo reads and which are
+written as URDFs for the others. Motions, costs, gains and limits are those of its `benchmarks/scenes.py`, with three
+changes: G1's pelvis is fixed, for want of a floating base here, so the tasks of its feet, pelvis and centre of mass are
+left out; its forearms stand for its hands in pairs with the thighs, as models before 2025 have no bodies for these; and
+ALOHA's bodies keep 1 cm instead of 5, since some stand nearer than that at the start. Clearance in mink is of those
+pairs of geoms, in ours of all pairs of links that have them; pink has none. The last line is one JSON object.
 """
 
 import os
@@ -27,8 +28,8 @@ from typing import Any
 import mink
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pink
+import pinocchio as pin
 import trimesh
 from published import print_json, print_table, write_markdown
 from qpsolvers import available_solvers
@@ -75,23 +76,28 @@ class MinkScene:
 
 
 def inward(t: float) -> float:
+    """How far ALOHA's hands have come together, 0 to 1."""
     return 0.5 * (1.0 - np.cos(2.0 * np.pi * 0.4 * t))
 
 
 def circle(radius: float, rate: float) -> Callable[[float], list[float]]:
+    """In the plane x-z, so many rounds a second."""
     return lambda t: [radius * np.cos(2.0 * np.pi * rate * t), 0.0, radius * np.sin(2.0 * np.pi * rate * t)]
 
 
 def wave(t: float) -> list[float]:
+    """Of G1's left hand."""
     w = 2.0 * np.pi * 0.8 * t
     return [0.0, 0.05 + 0.04 * np.sin(w), 0.04 * np.cos(w)]
 
 
 def aloha_hand(side: float) -> Callable[[float], list[float]]:
+    """In to the middle and down, and back."""
     return lambda t: [side * (0.03 + 0.13 * inward(t)), -0.04 * (1.0 - inward(t)), -0.24 * inward(t)]
 
 
 def aloha_pairs(model: mujoco.MjModel) -> list[tuple[list[int], list[int]]]:
+    """Wrist and wrist; arms, and frame and table."""
     wrists = [mink.get_subtree_geom_ids(model, model.body(f"{side}/wrist_link").id) for side in ("left", "right")]
     arms = [mink.get_subtree_geom_ids(model, model.body(f"{side}/upper_arm_link").id) for side in ("left", "right")]
     frame = mink.get_body_geom_ids(model, model.body("metal_frame").id)
@@ -99,6 +105,7 @@ def aloha_pairs(model: mujoco.MjModel) -> list[tuple[list[int], list[int]]]:
 
 
 def g1_pairs(model: mujoco.MjModel) -> list[tuple[list[int], list[int]]]:
+    """Forearm and thigh of each side."""
     found = []
     for side in ("left", "right"):
         bodies = model.body(f"{side}_elbow_roll_link").id, model.body(f"{side}_hip_yaw_link").id
@@ -170,6 +177,7 @@ class Loaded:
         return sum(len(a) * len(b) for a, b in self.groups)
 
     def targets(self, t: float) -> list[pin.SE3]:
+        """Of all hands at a time, s."""
         found = []
         for hand, X in zip(self.scene.hands, self.start, strict=True):
             shift = np.array(hand.shift(t))
@@ -177,6 +185,7 @@ class Loaded:
         return found
 
     def to_mujoco(self, q: np.ndarray) -> np.ndarray:
+        """The same configuration in MuJoCo's order."""
         found = np.empty(len(q))
         found[self.order] = q
         return found
