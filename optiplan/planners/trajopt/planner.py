@@ -21,7 +21,7 @@ from optiplan.planners.common.path_timing import stopping, timed_path, within_to
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.constrained.seeds import ConstrainedSeeds
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
-from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path, shortened
+from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.search import Searcher
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import through_thinner
@@ -47,9 +47,6 @@ _EARLY = 1.0 / 3.0
 
 _QUICK = 0.15
 """Work, s, that a search may take that a late straight line waits for: for a first motion, not for a hard problem."""
-
-_FEW = 20
-"""Shortcuts tried on such a path at first."""
 
 _CLOSE = 0.2
 """Share of the option's margin that the best motion is optimised with once more: the margin is a wish."""
@@ -197,7 +194,8 @@ class _Run:
             if not self._worth():
                 break
             self.ahead.expect(self._coming(sampler, number, rng), self.best, self.searched_in_vain)
-            path = self._kept() or self._sample(sampler, self._most(), through_thinner(self._repaired))
+            path = self.quick or self._sample(sampler, self._most(), through_thinner(self._repaired))
+            self.quick = None
             if isinstance(path, Failure):
                 failure = path
                 self.direct = self.searched_in_vain = True
@@ -242,7 +240,9 @@ class _Run:
         A path that lies on an optimised curve already, and that no shortcut has made shorter, is not optimised again;
         one that takes far longer than the best motion even at full speed is left.
         """
-        failure = None if self.candidates else self._stopping(path)
+        failure = None
+        if not self.candidates:
+            failure = self._time_path(path) if self.on_constraints.apply else self._stopping(path)
         repaired, self.repaired = self.repaired, None
         if repaired is not None and path.cost > _SHORTER * repaired[1]:
             self._keep(repaired[0])
@@ -265,27 +265,16 @@ class _Run:
         """Look for a path at once while there is no motion, and offer it with a stop at every corner."""
         if self.candidates or self.searches or self.on_constraints.apply:
             return
-        path = self._sample(sampler, self.patience.seconds + _QUICK, None, _FEW)
+        path = self._sample(sampler, self.patience.seconds + _QUICK, None)
         if isinstance(path, SampledPath):
             self.quick = path
             self._stopping(path)
-
-    def _kept(self) -> SampledPath | None:
-        """Return the path that a line has waited for, now shortened as others are, once."""
-        path, self.quick = self.quick, None
-        if path is None:
-            return None
-        with self.watch.stage("sampling"):
-            options = SamplingOptions(self.budget, seed=self.problem.seed)
-            return shortened(self.model, path, self.problem.limits, options)
 
     def _most(self) -> float:
         """Return the work, s, at which searches end: where they stop being worth it, once there is a motion."""
         return self.patience.seconds + (self.patience.worth(self.best, self.bound) if self.candidates else np.inf)
 
-    def _sample(
-        self, sampler: GoalSampler, most: float, relaxed: Searcher | None, shortcuts: int = SamplingOptions.attempts
-    ) -> SampledPath | Failure:
+    def _sample(self, sampler: GoalSampler, most: float, relaxed: Searcher | None) -> SampledPath | Failure:
         """Return a path of the next seed to any of the promising goals, sampled within `most` of work in all, s."""
         self.repaired, number = None, self.searches
         self.searches += 1
@@ -297,7 +286,6 @@ class _Run:
             options = SamplingOptions(
                 budget,
                 seed=self.problem.seed + 1000 * number,
-                attempts=shortcuts,
                 searcher=counted(rrt_connect, self.patience, most),
                 alternate=counted(kpiece, self.patience, most, STATE / ALTERNATE_RATIO),
                 relaxed=counted(relaxed, self.patience, most, STATE / ALTERNATE_RATIO) if relaxed else None,
