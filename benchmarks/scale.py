@@ -46,6 +46,32 @@ def write_chain(folder: Path, count: int) -> Path:
     return path
 
 
+def write_triangles(folder: Path, count: int) -> Path:
+    """A problem of the Panda among four balls of triangles, of so many in all, one of which is in its way."""
+    import trimesh  # here: the curves that have no meshes need none
+
+    levels = 1
+    while 4 * 20 * 4 ** (levels + 1) <= count:
+        levels += 1
+    ball = trimesh.creation.icosphere(subdivisions=levels, radius=0.12)
+    ball.export(folder / "ball.stl")
+    places = [(0.5, 0.0, 0.4), (0.45, -0.55, 0.25), (0.75, 0.0, 0.75), (-0.4, 0.0, 0.3)]
+    balls = "".join(
+        f"    - {{name: ball{k}, shape: {{mesh: {{file: ball.stl}}}}, pose: {{position: {list(place)}}}}}\n"
+        for k, place in enumerate(places)
+    )
+    path = folder / "triangles.yaml"
+    lists = ["[-0.6, -0.2, 0, -2.0, 0, 1.8, 0.785]", "[0.6, -0.2, 0, -2.0, 0, 1.8, 0.785]"]
+    head = f"version: 1\nrobot: panda\nstart: {{joints: {lists[0]}}}\ngoal: {{joints: {lists[1]}}}\n"
+    path.write_text(f"{head}scene:\n  obstacles:\n{balls}")
+    return path
+
+
+def triangles(folder: Path) -> int:
+    """How many triangles the problem of `write_triangles` has."""
+    return 4 * (((folder / "ball.stl").stat().st_size - 84) // 50)
+
+
 def main() -> None:
     """Write, load, print."""
     parser = argparse.ArgumentParser(description=__doc__)

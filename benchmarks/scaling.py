@@ -1,12 +1,14 @@
-"""How cost grows: seconds and memory with more joints, obstacles, spans and samples, each in a process of its own.
+"""How cost grows: with joints, obstacles, triangles, spans and samples; each point in a process of its own.
 
     python benchmarks/scaling.py                                  # all curves, a few minutes
     python benchmarks/scaling.py --curves obstacles --markdown scaling.md --picture scaling.png
 
-*Joints*: a chain of boxes among which nothing stands. *Obstacles*: the Panda among small boxes. *Spans*: of the curve
-that `trajopt` optimises, on the shelf example. *Load* is the second load of the file in the process; *first* the time
-of the first verified answer; *proof* one call of the verifier; *memory* the largest resident memory of the process. The
-last line printed is one JSON object.
+*Joints*: a chain of boxes among which nothing stands. *Obstacles*: the Panda among small boxes. *Triangles*: of the
+meshes among which it goes. *Spans* and *samples*: of the curve that `trajopt` optimises, on the shelf example, with
+one round of attempts; samples are the instants at which contacts are seen to begin with, at least. *Load* is the second
+load of the file in the process, *first* the first verified answer, *proof* one call of the verifier, *memory* the
+largest resident memory of the process. Load, plan and proof are processor time. The last line printed is one JSON
+object.
 """
 
 import argparse
@@ -19,12 +21,14 @@ from pathlib import Path
 from typing import Any
 
 from published import ROOT, commit, print_json, print_table, write_markdown
-from scale import write_chain, write_obstacles
+from scale import triangles, write_chain, write_obstacles, write_triangles
 
 CURVES = {
     "joints": (6, 12, 24, 48),
     "obstacles": (10, 100, 1000, 5000),
+    "triangles": (300, 5_000, 80_000, 320_000),
     "spans": (12, 24, 48, 96),
+    "samples": (32, 64, 128, 256, 512),
 }
 HEADINGS = ("curve", "value", "load s", "first s", "plan s", "proof ms", "verified", "memory MB")
 WORK = """
@@ -35,15 +39,15 @@ from optiplan.runs.pipeline import run
 from optiplan.verify.verify import verify
 file, budget, options = sys.argv[1], float(sys.argv[2]), json.loads(sys.argv[3])
 load_problem(file)
-began = time.perf_counter(); problem = load_problem(file); load = time.perf_counter() - began
+began = time.process_time(); problem = load_problem(file); load = time.process_time() - began
 run(problem, "trajopt", options, Budget(min(budget, 1.0)), lambda *_: None)
 done = run(problem, "trajopt", options, Budget(budget), lambda *_: None)
-began = time.perf_counter()
+began = time.process_time()
 if done.trajectory is not None:
     verify(problem, done.trajectory)
-proof = time.perf_counter() - began
+proof = time.process_time() - began
 print(json.dumps({"load": load, "first": done.improvements[0][0] if done.improvements else None,
-    "plan": done.timings["plan"], "proof": proof, "verified": done.verified,
+    "plan": done.plan_cpu, "proof": proof, "verified": done.verified,
     "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}))
 """
 
@@ -52,7 +56,7 @@ def main() -> None:
     """Measure, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--curves", nargs="*", choices=list(CURVES), default=list(CURVES))
-    parser.add_argument("--budget", type=float, default=5.0, help="seconds for each problem")
+    parser.add_argument("--budget", type=float, default=10.0, help="seconds for each problem")
     parser.add_argument("--markdown", type=Path, help="write the table to this file")
     parser.add_argument("--picture", type=Path, help="draw the curves into this file")
     arguments = parser.parse_args()
@@ -60,7 +64,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for curve in arguments.curves:
             for value in CURVES[curve]:
-                rows.append({"curve": curve, "value": value, **solve(curve, value, Path(folder), arguments.budget)})
+                rows.append({"curve": curve, "value": value} | solve(curve, value, Path(folder), arguments.budget))
     table = [line(row) for row in rows]
     print_table(HEADINGS, table)
     write_markdown(arguments.markdown, HEADINGS, table)
@@ -71,20 +75,24 @@ def main() -> None:
 
 def solve(curve: str, value: int, folder: Path, budget: float) -> dict[str, Any]:
     """One point of a curve."""
-    options = {}
+    options: dict[str, int] = {}
+    exact = {}
     if curve == "joints":
         file = write_chain(folder, value)
     elif curve == "obstacles":
         file = write_obstacles(folder, value)
+    elif curve == "triangles":
+        file = write_triangles(folder, value)
+        exact = {"value": triangles(folder)}
     else:
-        file, options = next((ROOT / "problems").glob("02_shelf.yaml")), {"spans": value}
+        file, options = ROOT / "problems" / "02_shelf.yaml", {curve: value, "seeds": 1}
     command = [sys.executable, "-c", WORK, str(file), str(budget), json.dumps(options)]
     done = subprocess.run(
         command, env={**os.environ, "OMP_NUM_THREADS": "1"}, capture_output=True, text=True, check=False
     )
     if done.returncode:
-        return {"failed": done.stderr.strip().splitlines()[-1]}
-    return dict(json.loads(done.stdout.splitlines()[-1]))
+        return {**exact, "failed": done.stderr.strip().splitlines()[-1]}
+    return {**exact, **json.loads(done.stdout.splitlines()[-1])}
 
 
 def line(row: dict[str, Any]) -> tuple[str, ...]:
@@ -100,17 +108,26 @@ def line(row: dict[str, Any]) -> tuple[str, ...]:
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
     """A panel a curve: seconds against the value, both logarithmic."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
 
     names = list(dict.fromkeys(row["curve"] for row in rows))
-    figure = Figure(figsize=(3.2 * len(names), 3.2), layout="constrained")
-    for ax, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
+    columns = min(3, len(names))
+    lines = -(-len(names) // columns)
+    figure = Figure(figsize=(3.4 * columns, 2.8 * lines + 0.3), layout="constrained")
+    axes = figure.subplots(lines, columns, squeeze=False).ravel()
+    for ax in axes[len(names) :]:
+        ax.axis("off")
+    for ax, name in zip(axes, names, strict=False):
         some = [row for row in rows if row["curve"] == name and "failed" not in row]
-        for key in ("load", "first", "proof"):
+        for key in ("load", "first", "plan", "proof"):
             own = [(row["value"], row[key]) for row in some if row[key]]
             ax.plot(*zip(*own, strict=True), marker="o", markersize=4, label=key) if own else None
         ax.set(xscale="log", yscale="log", xlabel=name, ylabel="s")
+        values = [row["value"] for row in some]
+        ax.set_xticks(values, [f"{value:,}" for value in values])
+        ax.xaxis.set_minor_formatter(NullFormatter())
         ax.grid(alpha=0.3)
-        ax.legend(fontsize="small")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     figure.savefig(path)
 
 

@@ -63,7 +63,8 @@ def draw(rows: list[dict[str, float]], path: Path) -> None:
     from matplotlib.figure import Figure
 
     rows = sorted(rows, key=lambda row: sum(row.values()))
-    names = list(dict.fromkeys(name for row in rows for name in row))
+    last = ("rest of planning", "proof", "metrics")
+    names = [name for name in dict.fromkeys(name for row in rows for name in row) if name not in last] + [*last]
     figure = Figure(figsize=(8.0, 4.0), layout="constrained")
     ax: Any = figure.subplots()
     base = [0.0] * len(rows)
@@ -72,7 +73,13 @@ def draw(rows: list[dict[str, float]], path: Path) -> None:
         ax.bar(range(len(rows)), heights, bottom=base, width=1.0, color=f"C{k}", label=name)
         base = [low + height for low, height in zip(base, heights, strict=True)]
     ax.set(xlabel="problems, the quickest first", ylabel="s", xlim=(-0.5, len(rows) - 0.5))
-    ax.set_ylim(0.0, 1.05 * sorted(base)[int(0.9 * (len(base) - 1))])  # the slowest tenth is cut off
+    top = 1.05 * sorted(base)[int(0.85 * (len(base) - 1))]  # the slowest are cut off, and say how long they are
+    ax.set_ylim(0.0, top)
+    for k, total in enumerate(base):
+        if total > top:
+            ax.text(
+                k, 0.97 * top, f"{total:.1f} s", rotation=90, ha="center", va="top", color="white", fontsize="small"
+            )
     ax.legend(fontsize="small", ncols=2)
     figure.savefig(path)
 
