@@ -53,6 +53,8 @@ def main() -> None:
 
 def solve(name: str, seeds: int, budget: float) -> dict[str, Any] | str:
     """What became of one problem; a reason in words where the planner does not take it."""
+    if op.load_problem(name).task:
+        return "a task of several steps"
     found: dict[str, Any] = {"problem": name, "solved": [], "seconds": [], "duration": [], "alike": True}
     for seed in range(seeds):
         once = attempt(name, seed, budget, found["seconds"])

@@ -134,3 +134,14 @@ def test_repr_and_targets(panda):
     X = pin.SE3.Random()
     for target in (X, X.homogeneous):
         assert op.PoseTask("panda_hand_tcp", target).target.isApprox(X, 1e-9)
+
+
+def test_a_gain_of_ones_own_is_meant(panda):
+    """Without one, tasks ask for no more than the robot can do; with one, for gain times the error."""
+    tool, far = panda.tool_frame, np.full(6, 2.0)
+    for make in (op.PoseTask, lambda frame, **given: op.RelativePoseTask(frame, "panda_link0", **given)):
+        free, own = make(tool), make(tool, gain=7.0)
+        for task in (free, own):
+            task.bind(panda)
+        np.testing.assert_allclose(own.wanted_rate(far), -7.0 * far)
+        assert np.linalg.norm(free.wanted_rate(far)) < 0.9 * free.gain * np.linalg.norm(far)
