@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import coal
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry.convex import triangles_of, vertices_of
 from optiplan.geometry.enclosure import Enclosure, connected_parts
 
@@ -52,7 +53,8 @@ class Containment:
         Args:
             poses: (G, 4, 4) of the bodies in the world.
         """
-        for pair, mesh, other in self._sides:
+        for k in np.flatnonzero(self._may_hold(poses)).tolist():
+            pair, mesh, other = self._sides[k]
             X_MO = np.linalg.inv(poses[mesh]) @ poses[other]
             low, high = self._box(mesh)
             for points in self._parts_of(other):
@@ -60,6 +62,31 @@ class Containment:
                 if ((p_M >= low) & (p_M <= high)).all() and self._enclosure(mesh).holds(p_M):
                     return Contained(pair, other, mesh, poses[other, :3, :3] @ points[0] + poses[other, :3, 3])
         return None
+
+    def _may_hold(self, poses: Array) -> Flags:
+        """Whether a point of the other body's first part lies in the box of the mesh, of each side: (K,).
+
+        Bodies of one part, whose points are all tried, are out where that point is.
+        """
+        if not self._sides:
+            return np.zeros(0, dtype=bool)
+        meshes, others, low, high, point, several = self._table
+        R, p = poses[meshes, :3, :3], poses[meshes, :3, 3]
+        world = np.einsum("kij,kj->ki", poses[others, :3, :3], point) + poses[others, :3, 3]
+        p_M = np.einsum("kji,kj->ki", R, world - p)
+        slack = 1e-9 * (1.0 + np.abs(p_M).max(axis=1, keepdims=True))
+        inside = ((p_M >= low - slack) & (p_M <= high + slack)).all(axis=1)
+        return np.asarray(inside | several)
+
+    @cached_property
+    def _table(self) -> tuple[Index, Index, Array, Array, Array, Flags]:
+        """Of each side: mesh, other body, box of the mesh, a point of the other body, whether that has more parts."""
+        meshes, others = (np.array([side[k] for side in self._sides], dtype=np.intp) for k in (1, 2))
+        boxes = np.array([self._box(mesh) for mesh in meshes.tolist()])
+        parts = [self._parts_of(other) for other in others.tolist()]
+        several = np.array([len(part) != 1 for part in parts])
+        points = np.array([part[0][0] if part else np.zeros(3) for part in parts])
+        return meshes, others, boxes[:, 0], boxes[:, 1], points, several
 
     def _box(self, mesh: int) -> tuple[Array, Array]:
         if mesh not in self._corners:

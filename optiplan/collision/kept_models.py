@@ -5,7 +5,6 @@ import threading
 import numpy as np
 
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
 
@@ -35,9 +34,11 @@ def kept_planning_model(robot: Robot, scene: Scene) -> CollisionModel:
 
     A start or goal that changes needs no other, and neither does the next planner.
     """
+    from optiplan.collision.native_model import planning_model  # here: the verifier must not load the core
+
     model: CollisionModel | None = getattr(_kept, "planning", None)
     if model is None or not _is_of(model, robot, scene):
-        model = planning_model(robot, scene)
+        model = planning_model(robot, scene, collision_model(robot, scene))
         _kept.planning = model if len(model.pairs) <= _LARGE else None
     return model
 

@@ -106,6 +106,12 @@ class CollisionModel:
         self._data = self.model.createData()
         self.outline = Outline(self.model, self.geometry)
 
+    def _take(self, known: "CollisionModel", scene: Scene) -> None:
+        """Become a model of the bodies and pairs of another one, of the same content, with a work space of its own."""
+        cached = {name for name, value in vars(CollisionModel).items() if isinstance(value, cached_property)}
+        vars(self).update({name: value for name, value in vars(known).items() if name not in cached})
+        self.scene, self._data, self.outline = scene, self.model.createData(), self.outline.with_own_queries()
+
     @cached_property
     def _queries(self) -> PairQueries:
         return PairQueries(self.model, self.geometry, exact_queries)

@@ -1,11 +1,14 @@
 """The collision model of planners: queries in the native core where that is there and knows the shapes."""
 
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
+import coal
 import numpy as np
 
 from optiplan._core import core
 from optiplan.arrays import Array
+from optiplan.collision.clusters import clusters_of
 from optiplan.collision.model import CollisionModel, Contact, Contacts
 from optiplan.collision.native_shapes import native_shape
 from optiplan.geometry.scene import Scene
@@ -15,12 +18,20 @@ from optiplan.robot.robot import Robot
 if TYPE_CHECKING:
     from optiplan._core._core_base import Shape, World
 
+_links: "WeakKeyDictionary[Robot, dict[int, list[Shape] | None]]" = WeakKeyDictionary()
 
-def planning_model(robot: Robot, scene: Scene) -> CollisionModel:
-    """A model for planners; the verifier's is `CollisionModel` itself, which never asks the core."""
+
+def planning_model(robot: Robot, scene: Scene, known: CollisionModel | None = None) -> CollisionModel:
+    """A model for planners; the verifier's is `CollisionModel` itself, which never asks the core.
+
+    Args:
+        robot: the robot.
+        scene: the scene.
+        known: a model of the same robot in the same scene, whose bodies and pairs need not be found again.
+    """
     if core is None:
         return CollisionModel(robot, scene)
-    return NativeCollisionModel(robot, scene)
+    return NativeCollisionModel(robot, scene, known)
 
 
 def not_in_core(model: CollisionModel) -> dict[str, list[str]]:
@@ -37,9 +48,13 @@ class NativeCollisionModel(CollisionModel):
         unknown: names of the bodies with such shapes; with any, coal answers all queries.
     """
 
-    def __init__(self, robot: Robot, scene: Scene) -> None:
-        super().__init__(robot, scene)
-        shapes = [_shapes(self, k) for k in range(len(self.names))]
+    def __init__(self, robot: Robot, scene: Scene, known: CollisionModel | None = None) -> None:
+        if known is None:
+            super().__init__(robot, scene)
+        else:
+            self._take(known, scene)
+        links = _link_shapes(self)
+        shapes = [links[k] if k in links else _shapes(self, k) for k in range(len(self.names))]
         self.unknown = tuple(name for name, found in zip(self.names, shapes, strict=True) if found is None)
         self.world = None if self.unknown else _world(self, [found for found in shapes if found is not None])
 
@@ -96,6 +111,16 @@ def _packed(values: Array) -> Array:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
+def _link_shapes(model: CollisionModel) -> "dict[int, list[Shape] | None]":
+    """The core's shapes of the robot's own convex bodies, made once for each robot."""
+    robot = model.robot
+    if robot not in _links:
+        bodies = enumerate(robot.geometry.geometryObjects)
+        convex = [k for k, body in bodies if not isinstance(body.geometry, coal.BVHModelBase)]
+        _links[robot] = {k: _shapes(model, k) for k in convex}
+    return _links[robot]
+
+
 def _shapes(model: CollisionModel, body: int) -> "list[Shape] | None":
     """The core's shape of a body, of a mesh its hull before it; None where it knows none."""
     outline, solid = (bodies.geometryObjects[body].geometry for bodies in (model.outline.geometry, model.geometry))
@@ -112,4 +137,4 @@ def _world(model: CollisionModel, shapes: "list[list[Shape]]") -> "World":
             core.Body.of(int(body.parentJoint), body.placement.homogeneous, shapes[k], box, float(bounds.radius[k]))
         )
     pairs = np.array([(pair.a, pair.b) for pair in model.pairs], dtype=np.int64).reshape(-1, 2)
-    return core.World.of(native_tree(model.model), bodies, pairs)
+    return core.World.of(native_tree(model.model), bodies, pairs, clusters_of(model.robot))

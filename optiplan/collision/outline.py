@@ -35,6 +35,12 @@ class Outline:
             item = self.geometry.geometryObjects[body]
             item.geometry = hull_of_mesh(item.geometry)
 
+    def with_own_queries(self) -> "Outline":
+        """Return the same hulls with a work space of their own."""
+        twin = Outline.__new__(Outline)
+        twin._model, twin.geometry, twin.pairs = self._model, self.geometry, self.pairs
+        return twin
+
     @cached_property
     def _queries(self) -> PairQueries:
         return PairQueries(self._model, self.geometry, exact_queries)

@@ -69,7 +69,7 @@ class BatchKinematics:
         return (poses[:, 1:, :3, :3] @ axis[:, :, None])[..., 0], poses[:, 1:, :3, 3].copy()
 
     def moment_arms(self, joint: int, points: Array, stroke: Array) -> Array:
-        """Bounds, m, on how far points (K, 3) fixed to a joint travel for each rad or m of each joint: (J,).
+        """Bounds, m, on how far points (…, K, 3) fixed to a joint travel for each rad or m of each joint: (…, J).
 
         Holds at: every configuration with |q_j| <= stroke_j; `stroke` (n,) matters for prismatic joints only, m. Seen
         from the frame of a joint, what the next joint carries stays within a ball about that joint's origin, which
@@ -77,15 +77,16 @@ class BatchKinematics:
         points 0. A follower f stays within |multiplier| stroke + |offset|.
         """
         reach = self.joint_reach(stroke) + np.abs(self.offset)
-        result = np.zeros(len(reach))
-        ball = 0.0
+        result = np.zeros((*points.shape[:-2], len(reach)))
+        ball = np.zeros(points.shape[:-2])
         while joint > 0:
             if self.revolute[joint - 1]:
-                result[joint - 1] = np.linalg.norm(np.cross(points, self._screws[joint - 1, 3:]), axis=1).max() + ball
+                arms = np.linalg.norm(np.cross(points, self._screws[joint - 1, 3:]), axis=-1)
+                result[..., joint - 1] = arms.max(axis=-1) + ball
             else:
-                result[joint - 1] = 1.0
-                ball += float(reach[joint - 1])
-            ball += float(np.linalg.norm(points, axis=1).max())
+                result[..., joint - 1] = 1.0
+                ball = ball + float(reach[joint - 1])
+            ball = ball + np.linalg.norm(points, axis=-1).max(axis=-1)
             points = self._placements[joint][None, :3, 3]
             joint = self._parents[joint]
         return result

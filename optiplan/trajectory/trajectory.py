@@ -194,6 +194,11 @@ class Trajectory:
 
         Exact but for the rounding of the polynomials' values, which `verify.continuous.polynomial_bounds` counts.
         """
+        if order not in self._extrema:
+            self._extrema[order] = self._find_extrema(order)
+        return self._extrema[order]
+
+    def _find_extrema(self, order: int) -> Extrema:
         c = np.swapaxes(self.derivatives(order), 1, 2)  # (m, n, d + 1)
         m, n, size = c.shape
         h = np.diff(self.breakpoints)
@@ -281,6 +286,10 @@ class Trajectory:
             field = problem[0] if problem[0] == "joint_names" else f"pieces.{problem[0]}"
             raise InputError([Issue(file, None, field, *problem[1:])])
         return cls(tuple(names), breakpoints, coefficients, read_segments(data, file))
+
+    @cached_property
+    def _extrema(self) -> dict[int, Extrema]:
+        return {}
 
     @cached_property
     def _derivatives(self) -> tuple[Array, ...]:

@@ -70,7 +70,7 @@ def test_approach_bounds_the_gap_over_the_whole_interval(model, panda, seed, wid
     poses = bodies.kinematics.poses(b.q)
     placed = bodies.place(poses, rows, pairs)
     asked_of = PairDistances(model, bodies)
-    found = asked_of.query(b.q, rows, pairs, placed)
+    found = asked_of.query(pairs, placed)
     near = Motion(bodies).separation_rate(
         b, DistanceQuery(rows, pairs, placed, *bodies.kinematics.axes(poses)), found.normals
     )
@@ -78,7 +78,7 @@ def test_approach_bounds_the_gap_over_the_whole_interval(model, panda, seed, wid
     for t in np.linspace(0.0, trajectory.breakpoints[1], 9):
         q = trajectory(np.array([t]))
         later = bodies.place(bodies.kinematics.poses(q), rows, pairs)
-        exact = asked_of.query(q, rows, pairs, later)
+        exact = asked_of.query(pairs, later)
         apart = exact.measured > 0
         assert (exact.measured >= low - 1e-8)[apart].all()
         assert (low <= 1e-8)[~apart].all()  # bodies that touch are never bounded away from each other
@@ -123,7 +123,7 @@ def test_plane_bounds_meet_the_measured_distance(model, panda, seed):
     pairs = np.arange(len(model.pairs))
     rows = np.zeros_like(pairs)
     placed = bodies.place(bodies.kinematics.poses(q), rows, pairs)
-    found = PairDistances(model, bodies).query(q, rows, pairs, placed)
+    found = PairDistances(model, bodies).query(pairs, placed)
     apart = found.measured > 1e-6
     assert not found.gjk_only.any()
     assert (found.bound <= found.measured + 1e-8)[apart].all()
@@ -157,7 +157,7 @@ def test_cylinders_almost_touching_get_a_tight_plane(planar):
     Q = np.linspace(-3e-6, 3e-6, 300)[:, None] * np.ones(2)
     rows = np.arange(len(Q))
     pairs = np.full(len(Q), next(p.index for p in model.pairs if {p.name_a, p.name_b} == {"held", "other"}))
-    found = PairDistances(model, bodies).query(Q, rows, pairs, bodies.place(bodies.kinematics.poses(Q), rows, pairs))
+    found = PairDistances(model, bodies).query(pairs, bodies.place(bodies.kinematics.poses(Q), rows, pairs))
     assert found.measured.min() > 1e-5
     assert (found.bound >= found.measured - 1e-6).all()
 
@@ -171,7 +171,7 @@ def test_a_positive_bound_is_confirmed_by_linear_programming(model, panda, seed)
     chosen = np.array([k for k, (a, b) in enumerate(bodies.pairs) if is_polyhedron(bodies, a, b)])
     rows = np.zeros_like(chosen)
     placed = bodies.place(bodies.kinematics.poses(q), rows, chosen)
-    found = PairDistances(model, bodies).query(q, rows, chosen, placed)
+    found = PairDistances(model, bodies).query(chosen, placed)
     model.place(q[0])
     nearest = np.argsort(np.abs(found.bound))[:12]
     for k in nearest:

@@ -47,7 +47,8 @@ static Body make_body(int joint, const Matrix &placement, std::vector<Shape> sha
     return body;
 }
 
-static World make_world(const Tree &tree, const std::vector<Body> &bodies, const IndexPairs &pairs) {
+static World make_world(const Tree &tree, const std::vector<Body> &bodies, const IndexPairs &pairs,
+                        const std::vector<std::pair<Body, std::vector<int>>> &clusters) {
     std::vector<std::pair<int, int>> found;
     const auto count = static_cast<std::int64_t>(bodies.size());
     for (std::size_t k = 0; k < 2 * pairs.shape(0); ++k)
@@ -55,7 +56,14 @@ static World make_world(const Tree &tree, const std::vector<Body> &bodies, const
     for (std::size_t k = 0; k < pairs.shape(0); ++k)
         found.emplace_back(static_cast<int>(pairs.data()[2 * k]), static_cast<int>(pairs.data()[2 * k + 1]));
     for (const Body &body : bodies) expect(body.joint >= 0 && body.joint < tree.count(), "bodies are on joints");
-    return World(tree, bodies, found);
+    std::vector<Cluster> together;
+    for (const auto &[hull, members] : clusters) {
+        expect(hull.joint >= 0 && hull.joint < tree.count(), "hulls are on joints");
+        for (int body : members)
+            expect(body >= 0 && body < count && bodies[body].joint == hull.joint, "members are bodies on their hull's joint");
+        together.push_back({hull, members});
+    }
+    return World(tree, bodies, found, std::move(together));
 }
 
 static nb::ndarray<nb::numpy, double> poses(const Tree &tree, const Matrix &Q) {
@@ -237,7 +245,8 @@ void bind_world(nb::module_ &m) {
         .def("gravity", &gravity, "Q"_a);
     nb::class_<Body>(m, "Body").def_static("of", &make_body, "joint"_a, "placement"_a, "shapes"_a, "box"_a, "radius"_a);
     nb::class_<World>(m, "World")
-        .def_static("of", &make_world, "tree"_a, "bodies"_a, "pairs"_a)
+        .def_static("of", &make_world, "tree"_a, "bodies"_a, "pairs"_a,
+                    "clusters"_a = std::vector<std::pair<Body, std::vector<int>>>())
         .def("near", &near, "Q"_a, "cutoff"_a)
         .def("nearest", &nearest, "Q"_a)
         .def("gradients", &gradients, "Q"_a, "rows"_a, "pairs"_a, "points"_a, "normals"_a)

@@ -31,12 +31,17 @@ def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: 
         more torque than allowed.
     """
     robot = model.robot
-    stops = within_torque(robot, limits, stop_at_corners(waypoints, limits, robot.joint_names))
+    stops = stopping(robot, limits, waypoints)
     distinct = np.any(np.diff(waypoints, axis=0) != 0.0, axis=1)
     if stops is None or not distinct.any():
         return stops
     blended = _blend(model, waypoints[np.concatenate([[True], distinct])], limits, budget)
     return stops if blended is None or blended.duration > stops.duration else blended
+
+
+def stopping(robot: Robot, limits: Limits, waypoints: Array) -> Trajectory | None:
+    """Return the motion along straight segments (k, n) that stops at every corner; None where gravity is too much."""
+    return within_torque(robot, limits, stop_at_corners(waypoints, limits, robot.joint_names))
 
 
 def within_torque(robot: Robot, limits: Limits, trajectory: Trajectory) -> Trajectory | None:

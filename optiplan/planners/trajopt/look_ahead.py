@@ -27,11 +27,13 @@ class AttemptOutcome(NamedTuple):
         attempt: as `Optimiser.run` returns it.
         steps: taken.
         first: its first curve that was free; None without one.
+        late: whether it was late, see `Optimiser.run`.
     """
 
     attempt: Attempt | None
     steps: int
     first: Attempt | None
+    late: bool
 
 
 @dataclass(eq=False)
@@ -119,7 +121,9 @@ class LookAhead:
         if optimiser is None:
             model = planning_model(self._problem.robot, self._problem.scene)
             optimiser = self._own.optimiser = Optimiser(self._problem, model, self._options)
-        before, free = optimiser.steps, list[Attempt]()
+        before, free, late = optimiser.steps, list[Attempt](), list[bool]()
         budget = Budget(self._budget.remaining, cancel)
-        attempt = optimiser.run(control, budget, None, best, patient=patient, first=free.append)
-        return AttemptOutcome(attempt, optimiser.steps - before, free[0] if free else None)
+        attempt = optimiser.run(
+            control, budget, None, best, patient=patient, first=free.append, late=lambda: late.append(True)
+        )
+        return AttemptOutcome(attempt, optimiser.steps - before, free[0] if free else None, bool(late))

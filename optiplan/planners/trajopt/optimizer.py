@@ -33,6 +33,9 @@ SPACING = 0.025
 _LONGER = 1.5
 """Times the duration of a descent's last curve within which the cheapest one is looked for."""
 
+LATE = 8
+"""Looks at the budget, about one a step, after which a curve that is not free yet is said to be late."""
+
 ACTIVE = 1e-3
 """Clearance beyond its margin, m, below which a pair counts as held by it."""
 
@@ -92,6 +95,7 @@ class Optimiser:
         *,
         patient: bool = False,
         first: Callable[[Attempt], None] | None = None,
+        late: Callable[[], None] | None = None,
     ) -> Attempt | None:
         """Optimise from control points (K, n), check between the samples, add samples at contacts there, and repeat.
 
@@ -108,6 +112,7 @@ class Optimiser:
             patient: whether a curve may take any time; else it is given up after 30 steps where it takes twice the time
                 that it began with.
             first: called with the first curve that is free.
+            late: called once, between two steps, where no curve is free after the first few of them.
         """
         terms = self.constraints.begin() + (() if self.end is None else self.end.terms)
         descender, u = self.descender(control, margin, terms), self.instants(control)
@@ -115,6 +120,14 @@ class Optimiser:
         least = self.basis.shortest_duration(control, self.problem.limits.rates)
         longest = np.inf if patient or terms or self._costs else GROWN * least
         looked: Attempt | None = None
+        looks = 0
+
+        def over() -> bool:
+            nonlocal looks
+            looks += 1
+            if looks == LATE and looked is None and late is not None:
+                late()
+            return budget.over
 
         def go_on(control: Array, duration: float) -> bool:
             nonlocal looked, first
@@ -127,12 +140,12 @@ class Optimiser:
         for _ in range(self.options.refinements + 1):
             descender.set_samples(u)
             left = self.options.iterations - iterations
-            found = descender.optimise(control, left, lambda: budget.over, best, longest, None if terms else go_on)
+            found = descender.optimise(control, left, over, best, longest, None if terms else go_on)
             iterations += found.steps
             self.steps += found.steps
             control = found.control if self.end is None else self.end.landed(found.control)
-            late = budget.over and self.problem.objective.time * found.duration >= best
-            if late or budget.cancelled or found.missing > MAX_VIOLATION:
+            too_late = budget.over and self.problem.objective.time * found.duration >= best
+            if too_late or budget.cancelled or found.missing > MAX_VIOLATION:
                 return None
             if looked is None or not np.array_equal(looked.control, control):
                 looked = self._checked(control, found.duration, budget)

@@ -1,7 +1,7 @@
 """`trajopt`: optimise several initial guesses and return the best motion that is free at all times."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import replace
 from itertools import count
@@ -17,10 +17,11 @@ from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.moving_scene import among_moving
-from optiplan.planners.common.path_timing import timed_path, within_torque
+from optiplan.planners.common.path_timing import stopping, timed_path, within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
-from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
+from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path, shortened
+from optiplan.planners.sampling.search import Searcher
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import through_thinner
 from optiplan.planners.trajopt.among_moving import plan_among_moving
@@ -42,6 +43,12 @@ from optiplan.trajectory.trajectory import Trajectory
 
 _EARLY = 1.0 / 3.0
 """Share of the budget after which straight lines that led to nothing must leave the rest to sampled paths."""
+
+_QUICK = 0.15
+"""Work, s, that a search may take that a late straight line waits for: for a first motion, not for a hard problem."""
+
+_FEW = 20
+"""Shortcuts tried on such a path at first."""
 
 _CLOSE = 0.2
 """Share of the option's margin that the best motion is optimised with once more: the margin is a wish."""
@@ -118,6 +125,8 @@ class _Run:
         self.searched_in_vain = False  # whether a search ended without a path
         self.direct = True  # whether straight lines, with or without a bump, are still tried
         self.repaired: tuple[Attempt, float] | None = None  # what the last path lies on, and that path's cost, s
+        self.quick: SampledPath | None = None  # found while a line was being optimised, not optimised itself yet
+        self.searches = 0  # for paths, begun
         self.touching: tuple[Touch, Trajectory] | None = None
         self.breaking: tuple[Broken, Trajectory] | None = None
         self.bound = self.soonest = 0.0  # on costs, and on durations, s
@@ -170,9 +179,8 @@ class _Run:
                 self.ahead.expect(lines, self.best, self.searched_in_vain)
             self._straight(np.array([start, goal]))
             if self._worth():
-                self._attempt(
-                    "straight", self._along(np.array([start, goal])), self.budget if self.candidates else early
-                )
+                within = self.budget if self.candidates else early
+                self._attempt("straight", self._along(np.array([start, goal])), within, lambda: self._quick(sampler))
         self.info["cut_short"] = early.over and not self.candidates
         return self._further(sampler)
 
@@ -187,7 +195,7 @@ class _Run:
             if not self._worth():
                 break
             self.ahead.expect(self._coming(sampler, number, rng), self.best, self.searched_in_vain)
-            path = self._sample(sampler, number)
+            path = self._kept() or self._sample(sampler, self._most(), through_thinner(self._repaired))
             if isinstance(path, Failure):
                 failure = path
                 self.direct = self.searched_in_vain = True
@@ -232,7 +240,7 @@ class _Run:
         A path that lies on an optimised curve already, and that no shortcut has made shorter, is not optimised again;
         one that takes far longer than the best motion even at full speed is left.
         """
-        failure = None if self.candidates else self._time_path(path)
+        failure = None if self.candidates else self._stopping(path)
         repaired, self.repaired = self.repaired, None
         if repaired is not None and path.cost > _SHORTER * repaired[1]:
             self._keep(repaired[0])
@@ -251,20 +259,44 @@ class _Run:
         costs = [self._cost_bound(float(bound)) for bound in bounds]
         return [q for q, cost in zip(goals, costs, strict=True) if cost < self.best]
 
-    def _sample(self, sampler: GoalSampler, number: int) -> SampledPath | Failure:
-        """Return the sampled path of one seed to any of the promising goals."""
-        self.repaired = None
+    def _quick(self, sampler: GoalSampler) -> None:
+        """Look for a path at once while there is no motion, and offer it with a stop at every corner."""
+        if self.candidates or self.searches:
+            return
+        path = self._sample(sampler, self.patience.seconds + _QUICK, None, _FEW)
+        if isinstance(path, SampledPath):
+            self.quick = path
+            self._stopping(path)
+
+    def _kept(self) -> SampledPath | None:
+        """Return the path that a line has waited for, now shortened as others are, once."""
+        path, self.quick = self.quick, None
+        if path is None:
+            return None
+        with self.watch.stage("sampling"):
+            options = SamplingOptions(self.budget, seed=self.problem.seed)
+            return shortened(self.model, path, self.problem.limits, options)
+
+    def _most(self) -> float:
+        """Return the work, s, at which searches end: where they stop being worth it, once there is a motion."""
+        return self.patience.seconds + (self.patience.worth(self.best, self.bound) if self.candidates else np.inf)
+
+    def _sample(
+        self, sampler: GoalSampler, most: float, relaxed: Searcher | None, shortcuts: int = SamplingOptions.attempts
+    ) -> SampledPath | Failure:
+        """Return a path of the next seed to any of the promising goals, sampled within `most` of work in all, s."""
+        self.repaired, number = None, self.searches
+        self.searches += 1
         share = _SEARCH if self.candidates else _FIRST_SEARCH
         budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
-        worth = self.patience.worth(self.best, self.bound) if self.candidates else np.inf
         with self.watch.stage("sampling"):
-            most = self.patience.seconds + worth
             options = SamplingOptions(
                 budget,
                 seed=self.problem.seed + 1000 * number,
+                attempts=shortcuts,
                 searcher=counted(rrt_connect, self.patience, most),
                 alternate=counted(kpiece, self.patience, most, STATE / ALTERNATE_RATIO),
-                relaxed=counted(through_thinner(self._repaired), self.patience, most, STATE / ALTERNATE_RATIO),
+                relaxed=counted(relaxed, self.patience, most, STATE / ALTERNATE_RATIO) if relaxed else None,
                 more_goals=sampler.more,
             )
             path = sample_path(self.model, self.problem.start, self._promising(sampler), self.problem.limits, options)
@@ -291,6 +323,16 @@ class _Run:
             if timed is not None and first_contact(self.model, timed, lambda: self.budget.over) is None:
                 self._offer(timed, None)
 
+    def _stopping(self, path: SampledPath) -> Failure | None:
+        """Offer the motion along the sampled path that stops at every corner: the first to be had of a path."""
+        with self.watch.stage("timing of sampled paths"):
+            timed = stopping(self.problem.robot, self.problem.limits, path.waypoints)
+        if timed is None:
+            return too_heavy(self.problem.robot, self.problem.limits, path.waypoints)
+        if self._offer(timed, None):
+            self.info["fallback"] = "sampled path"
+        return None
+
     def _time_path(self, path: SampledPath) -> Failure | None:
         """Time the sampled path without optimising it."""
         with self.watch.stage("timing of sampled paths"):
@@ -304,9 +346,9 @@ class _Run:
     def _along(self, waypoints: Array) -> Array:
         return along_path(self.optimiser.basis, waypoints, self.problem.limits.velocity)
 
-    def _attempt(self, kind: Kind, control: Array, budget: Budget) -> None:
-        """Optimise from a seed, and keep what comes of it."""
-        attempt = self._optimised(kind, control, budget, None)
+    def _attempt(self, kind: Kind, control: Array, budget: Budget, late: Callable[[], None] | None = None) -> None:
+        """Optimise from a seed, and keep what comes of it; `late` as in `Optimiser.run`."""
+        attempt = self._optimised(kind, control, budget, None, late)
         if kind in ("straight", "line"):
             self.direct = attempt is not None
         self._keep(attempt)
@@ -355,14 +397,21 @@ class _Run:
         if finer is not None:
             self._offer(finer.trajectory, finer)
 
-    def _optimised(self, kind: Kind, control: Array, budget: Budget, margin: float | None) -> Attempt | None:
+    def _optimised(
+        self,
+        kind: Kind,
+        control: Array,
+        budget: Budget,
+        margin: float | None,
+        late: Callable[[], None] | None = None,
+    ) -> Attempt | None:
         """Return the optimised motion of an initial guess, if it is free."""
         self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
         with self.watch.stage("optimisation"):
             known = None
             if kind in ("straight", "line", "bump"):
                 known = self.ahead.take(control, budget, self.best, self.searched_in_vain)
-            attempt, steps = self._run(control, budget, margin) if known is None else self._made(known)
+            attempt, steps = self._run(control, budget, margin, late) if known is None else self._made(known, late)
         self.patience.work(steps=steps)
         free = attempt is not None and attempt.free
         entry: dict[str, Any] = {"seed": kind, "free": free, "iterations": steps}
@@ -375,23 +424,27 @@ class _Run:
             self.breaking = attempt.broken[0], attempt.trajectory
         return attempt if free else None
 
-    def _run(self, control: Array, budget: Budget, margin: float | None) -> tuple[Attempt | None, int]:
+    def _run(
+        self, control: Array, budget: Budget, margin: float | None, late: Callable[[], None] | None
+    ) -> tuple[Attempt | None, int]:
         """Return the attempt from an initial guess, and its steps."""
         before = self.optimiser.steps
         attempt = self.optimiser.run(
-            control, budget, margin, self.best, patient=self.searched_in_vain, first=self._offer_first
+            control, budget, margin, self.best, patient=self.searched_in_vain, first=self._offer_first, late=late
         )
         return attempt, self.optimiser.steps - before
 
-    def _made(self, outcome: AttemptOutcome) -> tuple[Attempt | None, int]:
+    def _made(self, outcome: AttemptOutcome, late: Callable[[], None] | None) -> tuple[Attempt | None, int]:
         """Return an attempt that another thread has made, and its steps."""
+        if outcome.late and late is not None:
+            late()
         if outcome.first is not None:
             self._offer_first(outcome.first)
         return outcome.attempt, outcome.steps
 
     def _offer_first(self, attempt: Attempt) -> None:
-        """Keep a curve that is free but not short yet while there is no motion at all."""
-        if not self.candidates:
+        """Keep a curve that is free but not short yet while there is no other curve."""
+        if self.curve is None:
             self._offer(attempt.trajectory, attempt)
 
     def _offer(self, trajectory: Trajectory, attempt: Attempt | None) -> bool:

@@ -210,8 +210,11 @@ class PairBounds:
         pair p changes by at most sum_j moment_arms[p, j] |d_j|.
         """
         corners = np.einsum("gij,gkj->gki", self.placement[:, :3, :3], self._corners) + self.placement[:, None, :3, 3]
-        bodies = [self.kinematics.moment_arms(int(j), x, stroke) for j, x in zip(self.joint, corners, strict=True)]
-        both = np.array(bodies).reshape(-1, len(self.kinematics.revolute))[self.pairs] * self.moves  # (P, 2, J)
+        bodies = np.zeros((len(corners), len(self.kinematics.revolute)))
+        for joint in np.unique(self.joint).tolist():
+            own = self.joint == joint
+            bodies[own] = self.kinematics.moment_arms(joint, corners[own], stroke)
+        both = bodies[self.pairs] * self.moves  # (P, 2, J)
         return self.kinematics.planned_bound(both.sum(axis=1))
 
     def body_reaches(self) -> Array:

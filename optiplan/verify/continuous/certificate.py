@@ -29,7 +29,7 @@ _MOST_HALVINGS = 12  # of a piece before the first query
 _MOST_ITEMS = 20_000  # items processed at once, to bound memory
 _CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memory
 
-_tools: WeakKeyDictionary[CollisionModel, tuple[Bodies, PairDistances, Motion]] = WeakKeyDictionary()
+_tools: WeakKeyDictionary[CollisionModel, tuple[Bodies, PairDistances, Motion, Containment]] = WeakKeyDictionary()
 """What is the same for every motion in a work space."""
 
 
@@ -146,8 +146,9 @@ class _Search:
     def __post_init__(self) -> None:
         if self.model not in _tools:
             bodies = Bodies(self.model)
-            _tools[self.model] = bodies, PairDistances(self.model, bodies), Motion(bodies)
-        self.bodies, self.distances, self.motion = _tools[self.model]
+            inside = Containment(bodies.shapes, [(p.a, p.b) for p in self.model.pairs])
+            _tools[self.model] = bodies, PairDistances(self.model, bodies), Motion(bodies), inside
+        self.bodies, self.distances, self.motion, self.containment = _tools[self.model]
         self.jump = step_sizes(self.trajectory, self.policy.jump_tolerance)
 
     def boxes(self, items: Intervals) -> Boxes:
@@ -167,7 +168,7 @@ class _Search:
             return
         q = self.trajectory.start
         poses = self.bodies.kinematics.poses(q[None])[0][self.bodies.joints] @ self.bodies.placements
-        found = Containment(self.bodies.shapes, [(p.a, p.b) for p in self.model.pairs]).find(poses)
+        found = self.containment.find(poses)
         if found is not None:
             pair = self.model.pairs[found.pair]
             where = Moment(0.0, 0.0, (pair.name_a, pair.name_b), np.array([found.point, found.point]), q)
@@ -233,7 +234,7 @@ class _Search:
         b = self.boxes(unique)
         poses = self.bodies.kinematics.poses(b.q)
         placed = self.bodies.place(poses, rows, items.pair)
-        found = self.distances.query(b.q, rows, items.pair, placed, max(_HULLS, _ROOM * self.target()))
+        found = self.distances.query(items.pair, placed, max(_HULLS, _ROOM * self.target()))
         query = DistanceQuery(rows, items.pair, placed, *self.bodies.kinematics.axes(poses))
         near = self.motion.separation_rate(b, query, found.normals)
         margin = np.maximum(found.bound - near.travel, near.linear - near.curvature_loss) - ROUNDING

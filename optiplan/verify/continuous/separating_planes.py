@@ -1,17 +1,14 @@
 """Distances of pairs of bodies, each confirmed by a separating plane, independent of the query's accuracy."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import coal
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.pair_queries import PairQueries
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
-from optiplan.geometry.mesh_hulls import exact_queries
 from optiplan.verify.continuous.bodies import Bodies, PlacedBody
 
 _LOOSE = 1e-7  # m that a plane may lose against the measured distance before another one is sought
@@ -50,54 +47,47 @@ class PairDistances:
     """
 
     def __init__(self, model: CollisionModel, bodies: Bodies) -> None:
-        self._outline, self._bodies = model.outline, bodies
-        self._robot, self._geometry = model.model, model.geometry
-        self._data = self._robot.createData()
+        self._bodies = bodies
+        self._shapes = bodies.shapes
+        self._hulls = [body.geometry for body in model.outline.geometry.geometryObjects]
+        # At coal's own 1e-6 the normal of a cylinder can cost the plane 0.2 mm; polyhedra end exactly anyway.
+        self._request = _request(coal.GJKConvergenceCriterion.Default, 1e-10)
+        self._again = _request(coal.GJKConvergenceCriterion.DualityGap, 1e-6)
+        self._outline = _request(coal.GJKConvergenceCriterion.Default, 1e-9)
         self._convex: Flags = np.logical_and(*bodies.kind(coal.ShapeBase).T)
         self._planes: Flags = bodies.kind(coal.Halfspace)
+        self._mesh: Flags = np.array([not isinstance(shape, coal.ShapeBase) for shape in self._shapes], dtype=bool)
 
-    @cached_property
-    def _placed(self) -> PairQueries:
-        # At coal's own 1e-6 the normal of a cylinder can cost the plane 0.2 mm; polyhedra end exactly anyway.
-        return self._queries(coal.GJKConvergenceCriterion.Default, 1e-10)
-
-    @cached_property
-    def _again(self) -> PairQueries:
-        return self._queries(coal.GJKConvergenceCriterion.DualityGap, 1e-6)
-
-    @cached_property
-    def _outlined(self) -> PairQueries:
-        return PairQueries(self._robot, self._outline.geometry, exact_queries)
-
-    def query(self, Q: Array, rows: Index, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
-        """Distance k of pair pairs[k] at Q[rows[k]], where `placed` has its bodies; rows ascend, Q (N, n).
+    def query(self, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
+        """Distance k of pair pairs[k] (K,) where `placed` has its bodies.
 
         Meshes are queried only where a plane between their hulls proves no more than `enough`, m.
         """
-        normals, bound = self._between_hulls(Q, rows, pairs, placed) if np.isfinite(enough) else (None, None)
+        normals, bound = self._between_hulls(pairs, placed) if np.isfinite(enough) else (None, None)
         if normals is None or bound is None:
-            return self._exact(Q, rows, pairs, placed)
+            return self._exact(pairs, placed)
         hulls: Flags = bound > enough
-        measured, gjk_only = bound.copy(), np.zeros(len(rows), dtype=bool)
+        measured, gjk_only = bound.copy(), np.zeros(len(pairs), dtype=bool)
         asked = np.flatnonzero(~hulls)
         if len(asked):
-            found = self._exact(Q, rows[asked], pairs[asked], placed.take(asked))
+            found = self._exact(pairs[asked], placed.take(asked))
             measured[asked], normals[asked], bound[asked] = found.measured, found.normals, found.bound
             gjk_only[asked] = found.gjk_only
         return Distances(measured, normals, bound, gjk_only, hulls)
 
-    def _between_hulls(self, Q: Array, rows: Index, pairs: Index, placed: PlacedBody) -> tuple[Array, Array]:
+    def _between_hulls(self, pairs: Index, placed: PlacedBody) -> tuple[Array, Array]:
         """Normals (K, 3) of planes between the hulls of pairs with a mesh, and gaps (K,), m; -inf for other pairs."""
-        normals, gap = np.full((len(rows), 3), np.nan), np.full(len(rows), -np.inf)
+        normals, gap = np.full((len(pairs), 3), np.nan), np.full(len(pairs), -np.inf)
         asked = np.flatnonzero(~self._convex[pairs] & ~self._planes[pairs].any(axis=1))
         if len(asked):
-            normals[asked] = self._measure(self._outlined, Q, rows[asked], pairs[asked], hulls=True)[1]
-            gap[asked] = self._gap(placed.take(asked), normals[asked])
+            hulls = placed.take(asked)
+            normals[asked] = self._measure(self._hulls, self._outline, hulls)[1]
+            gap[asked] = self._gap(hulls, normals[asked])
         return normals, gap
 
-    def _exact(self, Q: Array, rows: Index, pairs: Index, placed: PlacedBody) -> Distances:
+    def _exact(self, pairs: Index, placed: PlacedBody) -> Distances:
         """Query the bodies themselves."""
-        measured, normals = self._measure(self._placed, Q, rows, pairs)
+        measured, normals = self._measure(self._shapes, self._request, placed)
         for side, sign in ((0, 1.0), (1, -1.0)):
             for k in np.flatnonzero(self._planes[pairs, side]):  # the half-space itself is the plane
                 own = np.array(self._bodies.shapes[placed.bodies[k, side]].n)
@@ -105,7 +95,7 @@ class PairDistances:
         plane, flat = self._gap(placed, normals), self._planes[pairs].any(axis=1)
         loose = np.flatnonzero(self._convex[pairs] & ~flat & (plane < measured - _LOOSE))
         if len(loose):
-            other = self._measure(self._again, Q, rows[loose], pairs[loose])[1]
+            other = self._measure(self._shapes, self._again, placed.take(loose))[1]
             gap = self._gap(placed.take(loose), other)
             better = gap > plane[loose]
             normals[loose[better]], plane[loose[better]] = other[better], gap[better]
@@ -116,21 +106,10 @@ class PairDistances:
 
     def witness(self, q: Array, pair: int) -> tuple[float, Array]:
         """Distance, m, and nearest points (2, 3) on a and b of a pair, in the world, m, at q (n,)."""
-        pin.forwardKinematics(self._robot, self._data, q)
-        self._placed.place(self._data)
-        result = self._placed.distance(pair)
+        one = np.zeros(1, dtype=np.intp)
+        placed = self._bodies.place(self._bodies.kinematics.poses(q[None]), one, one + pair)
+        result = next(_ask(self._shapes, self._request, placed))
         return float(result.min_distance), np.array([result.getNearestPoint1(), result.getNearestPoint2()])
-
-    def _queries(self, criterion: coal.GJKConvergenceCriterion, tolerance: float) -> PairQueries:
-        """Queries that start afresh each time and end by this criterion."""
-
-        def prepare(data: pin.GeometryData) -> None:
-            for request in data.distanceRequests:
-                request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
-                request.gjk_convergence_criterion = criterion
-                request.gjk_tolerance, request.gjk_max_iterations = tolerance, 500
-
-        return PairQueries(self._robot, self._geometry, prepare)
 
     def _gap(self, placed: PlacedBody, normals: Array) -> Array:
         """-h_b(-n) - h_a(n), m: a lower bound of the distance for each unit normal (K, 3); -inf where it is NaN."""
@@ -138,23 +117,37 @@ class PairDistances:
         return np.asarray(np.nan_to_num(gap, nan=-np.inf))
 
     def _measure(
-        self, queries: PairQueries, Q: Array, rows: Index, pairs: Index, hulls: bool = False
+        self, shapes: list[coal.CollisionGeometry], request: coal.DistanceRequest, placed: PlacedBody
     ) -> tuple[Array, Array]:
-        """Measure with coal: distances (K,) and unit normals from a to b (K, 3), NaN where it gives none."""
-        measured, normals = np.empty(len(rows)), np.empty((len(rows), 3))
-        geometry, placed, places = queries.ready(pairs)
-        results, last = placed.distanceResults, -1
-        for k, (row, pair, place) in enumerate(zip(rows.tolist(), pairs.tolist(), places.tolist(), strict=True)):
-            if row != last:
-                pin.updateGeometryPlacements(self._robot, self._data, geometry, placed, Q[row])
-                last = row
-            pin.computeDistance(geometry, placed, place)
-            result = results[place]
+        """Measure with coal: distances (K,) and unit normals from a to b (K, 3), NaN where there is none."""
+        measured, normals = np.empty(len(placed.bodies)), np.empty((len(placed.bodies), 3))
+        # coal leaves the normal of two meshes unset: there it is the direction between the nearest points.
+        own = self._mesh if shapes is self._shapes else np.zeros_like(self._mesh)
+        meshes: list[bool] = np.asarray(own[placed.bodies].any(axis=1)).tolist()
+        for k, result in enumerate(_ask(shapes, request, placed)):
             measured[k] = result.min_distance
-            if hulls or self._convex[pair]:
-                normals[k] = result.normal
-            else:  # coal leaves the normal of two meshes unset
-                normals[k] = result.getNearestPoint2() - result.getNearestPoint1()
-        length = np.linalg.norm(normals, axis=1, keepdims=True)
+            normals[k] = result.getNearestPoint2() - result.getNearestPoint1() if meshes[k] else result.normal
+        length = np.sqrt(np.einsum("ki,ki->k", normals, normals))[:, None]
         with np.errstate(invalid="ignore", divide="ignore"):
             return measured, normals / length
+
+
+def _ask(
+    shapes: list[coal.CollisionGeometry], request: coal.DistanceRequest, placed: PlacedBody
+) -> Iterator[coal.DistanceResult]:
+    """Yield coal's result for each of K pairs; the next one overwrites it."""
+    result, place, distance = coal.DistanceResult(), coal.Transform3s, coal.distance
+    rotations, origins = placed.poses[..., :3, :3], placed.poses[..., :3, 3]
+    for (a, b), R, p in zip(placed.bodies.tolist(), rotations, origins, strict=True):
+        result.clear()
+        distance(shapes[a], place(R[0], p[0]), shapes[b], place(R[1], p[1]), request, result)
+        yield result
+
+
+def _request(criterion: coal.GJKConvergenceCriterion, tolerance: float) -> coal.DistanceRequest:
+    """Return a request that starts every query afresh and ends it by this criterion."""
+    request = coal.DistanceRequest()
+    request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
+    request.gjk_convergence_criterion = criterion
+    request.gjk_tolerance, request.gjk_max_iterations = tolerance, 500
+    return request

@@ -14,7 +14,7 @@ from optiplan.planners import base
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_time
-from optiplan.planners.trajopt import planner, stopping_rule
+from optiplan.planners.trajopt import optimizer, planner, stopping_rule
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
@@ -193,7 +193,7 @@ def test_a_straight_line_that_leads_to_nothing_is_given_up_and_says_what_it_took
 def test_lines_wait_for_a_search_that_fails_once_one_has_led_to_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing comes of any curve: with a path there is no second line; without one there is, with all its time."""
     seen: list[bool] = []
-    monkeypatch.setattr(Optimiser, "run", lambda self, *given, patient, first: seen.append(patient))
+    monkeypatch.setattr(Optimiser, "run", lambda self, *given, patient, first, late: seen.append(patient))
     problem, quiet = cases.wall(), lambda stage, fraction: None
     seeds = [
         entry["seed"] for entry in TrajOpt(TrajOptOptions(seeds=2)).plan(problem, Budget(5.0), quiet).info["attempts"]
@@ -251,3 +251,17 @@ def test_a_path_that_takes_far_longer_than_the_best_motion_is_left() -> None:
     run._sampled(SampledPath(ends, 0, 2.0 * run.best, {}))
     assert len(run.info["attempts"]) == before
     assert run.patience.in_vain == 1
+
+
+def test_a_late_line_waits_for_a_path_whose_stops_are_the_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The line leads through the wall and is free only after some steps: a path is there before it, and is proved."""
+    problem = cases.wall()
+    monkeypatch.setattr(optimizer, "LATE", 1)
+    result = TrajOpt(TrajOptOptions(seeds=1)).plan(problem, Budget(5.0), lambda stage, fraction: None)
+    first = result.earlier[0].trajectory
+    assert result.trajectory is not None
+    assert result.info["attempts"][0] == {**result.info["attempts"][0], "seed": "straight", "free": True}
+    assert first.duration > result.trajectory.duration
+    middle = first(np.linspace(0.0, first.duration, 2000)[1:-1], 1)
+    assert (np.abs(middle).max(axis=1) < 1e-3).any(), "it stops at a corner"
+    assert verify(problem, first).verified

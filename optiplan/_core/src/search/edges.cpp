@@ -76,6 +76,10 @@ bool EdgeChecker::apart(const double *a, const double *d) {
         if (travel > 0.0) pairs.push_back(p);
     }
     if (pairs.empty()) return true;
+    std::vector<double> together(world_.groups().size(), 0.0);  // the farthest travel of each group's pairs
+    for (std::size_t g = 0; g < together.size(); ++g)
+        for (int p : world_.groups()[g].pairs) together[g] = std::max(together[g], travel_[p]);
+    std::vector<char> known(together.size());
     const double wanted = std::ceil(0.5 * farthest / rules_.first);
     if (wanted > rules_.most) return false;
     const int count = std::max(1, static_cast<int>(wanted));
@@ -90,8 +94,10 @@ bool EdgeChecker::apart(const double *a, const double *d) {
             for (int j = 0; j < n; ++j) q_[j] = a[j] + part.middle * d[j];
             world_.place(q_.data(), at_);
             const std::size_t first = left.size();
+            std::fill(known.begin(), known.end(), 0);
             for (std::size_t k = part.begin; k < part.end; ++k) {
                 const int p = pairs[k];
+                if (world_.settled(at_, p, known, [&](int g) { return together[g] * half + rules_.margin; })) continue;
                 const double margin = travel_[p] * half + rules_.margin;
                 if (world_.balls_apart(at_, p, margin) || world_.lower_bound(at_, p) > margin) continue;
                 if (!world_.within(at_, p, margin)) continue;

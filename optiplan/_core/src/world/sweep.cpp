@@ -65,7 +65,10 @@ bool Sweep::free(const Interval &interval, const std::vector<int> &pairs, Touche
     std::vector<int> left;
     double ratio = 0.0, least = 0.0;
     int worst = -1;
+    std::vector<char> known(world_.groups().size());
+    const auto group_gap = [&](int group) { return world_.group_travel(reaches_, reach_.data(), group) + rules_.margin; };
     for (int pair : pairs) {
+        if (world_.settled(at_, pair, known, group_gap)) continue;
         const double travel = world_.travel(reaches_, reach_.data(), pair);
         if (world_.balls_apart(at_, pair, travel) || world_.lower_bound(at_, pair) > travel) continue;
         const double gap = world_.gap(at_, pair, travel + rules_.margin) - rules_.margin;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numeric>
 
 namespace optiplan {
@@ -10,8 +11,10 @@ namespace optiplan {
 static constexpr double INF = std::numeric_limits<double>::infinity();
 static constexpr double ROUNDING = 2e-6;  // m; what a hull's distance may exceed that of its mesh by, rounded
 
-World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs)
+World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
+             std::vector<Cluster> clusters)
     : tree_(std::move(tree)), bodies_(std::move(bodies)) {
+    for (const Cluster &cluster : clusters) bodies_.push_back(cluster.hull);
     still_.resize(bodies_.size());
     for (std::size_t k = 0; k < bodies_.size(); ++k) {
         if (bodies_[k].joint > 0)
@@ -19,16 +22,48 @@ World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<in
         else
             still_[k] = bodies_[k].X_JB;
     }
-    std::vector<char> carries(tree_.joints.size());
     for (auto [a, b] : pairs) {
         const bool plane = bodies_[a].half_space || bodies_[b].half_space;
         pairs_.push_back({a, b, (bodies_[a].mesh() || bodies_[b].mesh()) && !plane});
-        std::fill(carries.begin(), carries.end(), 0);
-        for (int j = bodies_[a].joint; j > 0; j = tree_.joints[j].parent) carries[j] = 1;
-        int j = bodies_[b].joint;
-        while (j > 0 && !carries[j]) j = tree_.joints[j].parent;
-        common_.push_back(j);
+        common_.push_back(common_joint(a, b));
     }
+    gather(clusters);
+}
+
+int World::common_joint(int a, int b) const {
+    std::vector<char> carries(tree_.joints.size());
+    for (int j = bodies_[a].joint; j > 0; j = tree_.joints[j].parent) carries[j] = 1;
+    int j = bodies_[b].joint;
+    while (j > 0 && !carries[j]) j = tree_.joints[j].parent;
+    return j;
+}
+
+// The pairs of each cluster by their other body; a half-space has no distance from a hull that is cheaper than theirs.
+void World::gather(const std::vector<Cluster> &clusters) {
+    const int first = static_cast<int>(bodies_.size() - clusters.size());
+    std::vector<int> cluster_of(bodies_.size(), -1);
+    for (std::size_t k = 0; k < clusters.size(); ++k)
+        for (int body : clusters[k].members) cluster_of[body] = static_cast<int>(k);
+    std::map<std::pair<int, int>, int> known;
+    group_of_.assign(pairs_.size(), -1);
+    for (std::size_t pair = 0; pair < pairs_.size(); ++pair) {
+        const auto [a, b, by_outline] = pairs_[pair];
+        if ((cluster_of[a] < 0) == (cluster_of[b] < 0)) continue;
+        const int other = cluster_of[a] < 0 ? a : b, cluster = cluster_of[a] < 0 ? cluster_of[b] : cluster_of[a];
+        if (bodies_[other].half_space) continue;
+        const auto [at, fresh] = known.try_emplace({cluster, other}, static_cast<int>(groups_.size()));
+        if (fresh) groups_.push_back({first + cluster, other, common_joint(first + cluster, other), {}});
+        groups_[at->second].pairs.push_back(static_cast<int>(pair));
+        group_of_[pair] = at->second;
+    }
+}
+
+bool World::group_apart(const Placement &at, int group, double gap) const {
+    const int hull = groups_[group].hull, other = groups_[group].other;
+    if (balls_apart_of(at, hull, other, gap)) return true;
+    if (std::max(ball_to_box(at, hull, other), ball_to_box(at, other, hull)) > gap) return true;
+    return !overlap_within(bodies_[hull].outline(), at.bodies[hull], bodies_[other].outline(), at.bodies[other],
+                           gap + ROUNDING);
 }
 
 Placement World::placement() const {
@@ -81,7 +116,9 @@ bool World::collides(Placement &at) const {
     const int count = static_cast<int>(pairs_.size());
     auto touches = [&](int pair) { return !(lower_bound(at, pair) > 0.0) && within(at, pair, 0.0); };
     if (count > 0 && touches(at.touching)) return true;
+    std::vector<char> known(groups_.size());
     for (int pair = 0; pair < count; ++pair) {
+        if (settled(at, pair, known, [](int) { return 0.0; })) continue;
         if (balls_apart(at, pair, 0.0) || pair == at.touching) continue;
         if (touches(pair)) {
             at.touching = pair;
@@ -107,7 +144,9 @@ Witness World::nearest_points(const Placement &at, int pair, double cutoff) cons
 }
 
 void World::near(const Placement &at, int row, double cutoff, std::vector<Contact> &found) const {
+    std::vector<char> known(groups_.size());
     for (int pair = 0; pair < static_cast<int>(pairs_.size()); ++pair) {
+        if (settled(at, pair, known, [cutoff](int) { return cutoff; })) continue;
         if (balls_apart(at, pair, cutoff) || !(lower_bound(at, pair) < cutoff)) continue;
         const Witness witness = nearest_points(at, pair, cutoff);
         if (witness.distance < cutoff) found.push_back({row, pair, witness});
@@ -179,20 +218,25 @@ void World::reaches(const Placement &at, std::vector<double> &out) const {
 }
 
 // From the tip to the base: t <- t + D_j (R_j + t) for a joint that turns, t + D_j for one that slides.
-double World::travel(const std::vector<double> &reaches, const double *D, int pair) const {
-    double moved = 0.0;
-    const int common = common_[pair];
-    for (int body : {pairs_[pair].a, pairs_[pair].b}) {
-        const double *reach = reaches.data() + body * tree_.joints.size();
-        double own = 0.0;
-        for (int j = bodies_[body].joint; j != common; j = tree_.joints[j].parent) {
-            const Joint &joint = tree_.joints[j];
-            const double step = std::fabs(joint.multiplier) * D[joint.leader];
-            own += joint.revolute ? step * (reach[j] + own) : step;
-        }
-        moved += own;
+double World::travel_of(const std::vector<double> &reaches, const double *D, int body, int common) const {
+    const double *reach = reaches.data() + body * tree_.joints.size();
+    double own = 0.0;
+    for (int j = bodies_[body].joint; j != common; j = tree_.joints[j].parent) {
+        const Joint &joint = tree_.joints[j];
+        const double step = std::fabs(joint.multiplier) * D[joint.leader];
+        own += joint.revolute ? step * (reach[j] + own) : step;
     }
-    return moved;
+    return own;
+}
+
+double World::travel(const std::vector<double> &reaches, const double *D, int pair) const {
+    const double of_a = travel_of(reaches, D, pairs_[pair].a, common_[pair]);
+    return of_a + travel_of(reaches, D, pairs_[pair].b, common_[pair]);
+}
+
+double World::group_travel(const std::vector<double> &reaches, const double *D, int group) const {
+    const Together &of = groups_[group];
+    return travel_of(reaches, D, of.hull, of.common) + travel_of(reaches, D, of.other, of.common);
 }
 
 double World::gap(const Placement &at, int pair, double cutoff) const {

@@ -30,6 +30,19 @@ struct Pair {
     bool by_outline;  // a mesh takes part, and no half-space: hulls are asked first
 };
 
+// Bodies that one joint carries, many of them, in a hull of their own: what that is apart from, they all are.
+struct Cluster {
+    Body hull;                 // of all of them
+    std::vector<int> members;
+};
+
+// The pairs of a cluster's bodies with one other body.
+struct Together {
+    int hull, other;           // bodies, the hull behind all others
+    int common;                // the last joint that carries both
+    std::vector<int> pairs;    // rising
+};
+
 // A pair at configuration `row`; normal . (b - a) = distance.
 struct Contact {
     int row, pair;
@@ -45,11 +58,13 @@ struct Placement {
 
 class World {
   public:
-    World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs);
+    World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
+          std::vector<Cluster> clusters = {});
 
     const Tree &tree() const { return tree_; }
     const std::vector<Pair> &pairs() const { return pairs_; }
-    const std::vector<Body> &bodies() const { return bodies_; }
+    const std::vector<Body> &bodies() const { return bodies_; }  // hulls of clusters last
+    const std::vector<Together> &groups() const { return groups_; }
 
     // The last joint that carries both bodies of a pair: it does not change their distance.
     int common(int pair) const { return common_[pair]; }
@@ -62,9 +77,19 @@ class World {
 
     // Whether the balls are farther apart than `gap`: the first and cheapest test.
     bool balls_apart(const Placement &at, int pair, double gap) const {
-        const Pair &p = pairs_[pair];
-        const double reach = bodies_[p.a].radius + bodies_[p.b].radius + gap;
-        return squared_norm(at.centres[p.b] - at.centres[p.a]) > reach * reach;
+        return balls_apart_of(at, pairs_[pair].a, pairs_[pair].b, gap);
+    }
+
+    // Whether all pairs of a group are apart by more than `gap`, m, because the hull of its cluster is.
+    bool group_apart(const Placement &at, int group, double gap) const;
+
+    // Asks `group_apart` once a group, at one placement: whether a pair is apart by its group's `gap`, m.
+    template <class Gap>
+    bool settled(const Placement &at, int pair, std::vector<char> &known, const Gap &gap) const {
+        const int group = group_of_[pair];
+        if (group < 0) return false;
+        if (!known[group]) known[group] = group_apart(at, group, gap(group)) ? APART : NEAR;
+        return known[group] == APART;
     }
 
     // Whether a pair is nearer than a margin, m. Above WIDE the hull of a mesh is asked in its place.
@@ -94,6 +119,7 @@ class World {
 
     // Bound, m, on the change of a pair's distance while |q_j - Q_j| <= D_j (n,): see `PairBounds.travel_of`.
     double travel(const std::vector<double> &reaches, const double *D, int pair) const;
+    double group_travel(const std::vector<double> &reaches, const double *D, int group) const;
 
     // A lower bound of a pair's distance: that itself, unless it exceeds the cutoff, or the hulls of a mesh are farther
     // apart than SETTLED.
@@ -102,6 +128,15 @@ class World {
     static constexpr double WIDE = 0.03, SETTLED = 0.01;
 
   private:
+    static constexpr char NEAR = 1, APART = 2;
+
+    double travel_of(const std::vector<double> &reaches, const double *D, int body, int common) const;
+    bool balls_apart_of(const Placement &at, int a, int b, double gap) const {
+        const double reach = bodies_[a].radius + bodies_[b].radius + gap;
+        return squared_norm(at.centres[b] - at.centres[a]) > reach * reach;
+    }
+    void gather(const std::vector<Cluster> &clusters);
+    int common_joint(int a, int b) const;
     double ball_to_box(const Placement &at, int ball, int box) const;
     void push(const Placement &at, int joint, const Vec3 &point, const Vec3 &direction, double *out) const;
 
@@ -111,6 +146,8 @@ class World {
     std::vector<int> moving_;             // bodies that a joint carries
     std::vector<Pose> still_;             // poses of the bodies that none carries
     std::vector<int> common_;             // of each pair: the last joint that carries both bodies
+    std::vector<Together> groups_;
+    std::vector<int> group_of_;           // of each pair; -1: none
 };
 
 }  // namespace optiplan
