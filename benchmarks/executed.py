@@ -33,12 +33,14 @@ from optiplan.errors import InputError
 from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.timeline import ScenePart, scene_parts
 from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.runs.pipeline import attempt
 from optiplan.simulation.execution import ExecutionOptions, execute
 from optiplan.simulation.log import Log
 from optiplan.simulation.plants.base import Payload
 from optiplan.simulation.plants.imperfections import Imperfections
+from optiplan.trajectory.trajectory import Trajectory
 
 RATED = {"panda": 3.0, "ur5": 5.0, "ur3": 3.0, "baxter": 2.2, "baxter_left": 2.2, "puma560": 2.5, "delbot": 3.0}
 """kg, the makers' data sheets (Delbot's arm: the UR3's); of others, 2.5 kg is taken."""
@@ -109,34 +111,53 @@ def run(file: Path, budget: float) -> dict[str, Any] | str:
         return "no verified motion"
     mass = SHARE * RATED.get(problem.robot.name, OTHER_RATED)
     payload, delay = Payload(mass, 0.0), Imperfections(delay=DELAY)
+    parts = scene_parts(problem, done.trajectory)
+    ways: dict[str, dict[str, Any]] = {
+        "own": {},
+        "mujoco": {"engine": "mujoco"},
+        "payload": {"payload": payload},
+        "delay": {"imperfections": delay},
+        "both": {"payload": payload, "imperfections": delay},
+        "mujoco, both": {"engine": "mujoco", "payload": payload, "imperfections": delay},
+    }
     try:
-        own = execute(problem, done.trajectory)
+        found = {name: executed(parts, done.trajectory, way) for name, way in ways.items()}
     except InputError as error:
         return error.issues[0].found
-    strays = Strays(problem)
-    mujoco = execute(problem, done.trajectory, ExecutionOptions(engine="mujoco"))
-    disturbed = {
-        "payload": execute(problem, done.trajectory, ExecutionOptions(payload=payload)),
-        "delay": execute(problem, done.trajectory, ExecutionOptions(imperfections=delay)),
-        "both": execute(problem, done.trajectory, ExecutionOptions(payload=payload, imperfections=delay)),
-        "mujoco": execute(
-            problem, done.trajectory, ExecutionOptions(engine="mujoco", payload=payload, imperfections=delay)
-        ),
-    }
+    own, mujoco = found.pop("own"), found.pop("mujoco")
+    found["mujoco"] = found.pop("mujoco, both")
     return {
         "problem": file.stem,
         "robot": problem.robot.name,
         "duration": done.trajectory.duration,
         "planned": None if done.metrics is None else done.metrics.lowest_clearance,
-        "own": told(own),
-        "mujoco": told(mujoco),
-        "touched": own.touched or mujoco.touched,
+        "own": own,
+        "mujoco": mujoco,
+        "touched": own["touched"] or mujoco["touched"],
         "payload": mass,
         "disturbed": {
-            name: {"strays": strays(log), "touched": log.touched, "saturated": bool(log.tracking.saturated.any())}
-            for name, log in disturbed.items()
+            name: {"strays": log["strays"], "touched": log["touched"], "saturated": any(log["saturated"])}
+            for name, log in found.items()
         },
     }
+
+
+def executed(parts: list[ScenePart], trajectory: Trajectory, way: dict[str, Any]) -> dict[str, Any]:
+    """Errors of one motion, JSON-ready: of a task part by part, each with the scene it has, begun as it was planned."""
+    logs = []
+    for part in parts:
+        options = ExecutionOptions(**way, **({} if part is parts[-1] else {"settle": 0.0}))
+        log = execute(part.problem, part.motion(trajectory), options)
+        logs.append({**told(log), "strays": Strays(part.problem)(log), "steps": len(log.q)})
+    steps = np.array([log["steps"] for log in logs])
+    whole: dict[str, Any] = {"touched": any(log["touched"] for log in logs)}
+    leasts = [log["least"] for log in logs if log["least"] is not None]
+    whole |= {"least": min(leasts, default=None), "strays": max(log["strays"] for log in logs)}
+    for key in ("rms", "tool_rms", "turn_rms"):
+        whole[key] = np.sqrt(np.average([np.square(log[key]) for log in logs], axis=0, weights=steps)).tolist()
+    for key in ("peak", "tool_peak", "turn_peak", "saturated"):
+        whole[key] = np.max([log[key] for log in logs], axis=0).tolist()
+    return whole
 
 
 def told(log: Log) -> dict[str, Any]:
@@ -151,7 +172,8 @@ class Strays:
     def __init__(self, problem: Problem) -> None:
         bodies = CollisionModel(problem.robot, problem.scene).geometry.geometryObjects
         self._kinematics = BatchKinematics(problem.robot.model)
-        self._corners = [(body.parentJoint, corners(body)) for body in bodies if body.parentJoint > 0]
+        count = problem.robot.model.njoints  # behind these come the joints of obstacles that move
+        self._corners = [(body.parentJoint, corners(body)) for body in bodies if 0 < body.parentJoint < count]
 
     def __call__(self, log: Log) -> float:
         """Largest distance, m, over time, of the corners of the bodies' bounding boxes and of the tool."""

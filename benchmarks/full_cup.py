@@ -1,6 +1,6 @@
-"""A full cup across shelves and tables: `trajopt` with a 10° cone beside OMPL's projected RRT-Connect, in one run.
+"""A full cup across shelves and tables: `trajopt` and `rrtconnect` with a 10° cone beside OMPL, in one run.
 
-    python benchmarks/full_cup.py                    # 35 problems of MotionBenchMaker's Panda, about ten minutes
+    python benchmarks/full_cup.py                    # 35 problems of MotionBenchMaker's Panda, about twenty minutes
     python benchmarks/full_cup.py --count 2 --budget 5
 
 Scene and goal are MotionBenchMaker's (shelves and tables; `$OPTIPLAN_SHARED/mbm/panda`). The cup's axis is the
@@ -42,6 +42,7 @@ IN_A_SET = 50  # problems
 TRIES = 200
 FEW = GoalOptions(count=1, solutions=2, attempts=5)
 DELTA = 0.05  # rad, of OMPL's steps on the constraint
+OURS = ("trajopt", "rrtconnect")
 HEADINGS = ("planner", "n", "verified", "plan s 50 / 95", "ratio 50 / 90")
 
 
@@ -143,7 +144,7 @@ def main() -> None:
     parser.add_argument("--budget", type=float, default=10.0, help="s, of each planner on each problem")
     parser.add_argument("--markdown", type=Path, help="file for the table")
     arguments = parser.parse_args()
-    console, found = Console(stderr=True), {"trajopt": [], "projected RRT-Connect (OMPL)": []}  # type: dict[str, list[dict[str, Any]]]
+    console, found = Console(stderr=True), {name: [] for name in (*OURS, "projected RRT-Connect (OMPL)")}  # type: dict[str, list[dict[str, Any]]]
     with tempfile.TemporaryDirectory() as folder:
         each = -(-arguments.count // len(SETS))
         sets = import_sets("panda", Path(folder), every=max(1, IN_A_SET // each))
@@ -157,10 +158,11 @@ def main() -> None:
                 console.print(f"{file.parent.name}/{file.stem}: no start that holds the cup")
                 continue
             bound = lower_bound(problem.start, problem.goal[0].q, problem.limits)  # type: ignore[union-attr]
-            run = op.plan(problem, "trajopt", budget=arguments.budget)
-            why = [run.failure.kind] if run.failure else [check.name for check in run.report.failures if run.report]
-            entry = {"name": file.stem, "verified": run.verified, "seconds": run.timings["plan"], "refused": why}
-            found["trajopt"].append({**entry, "ratio": (run.duration or np.nan) / bound})
+            for name in OURS:
+                run = op.plan(problem, name, budget=arguments.budget)
+                why = [run.failure.kind] if run.failure else [check.name for check in run.report.failures if run.report]
+                entry = {"name": file.stem, "verified": run.verified, "seconds": run.timings["plan"], "refused": why}
+                found[name].append({**entry, "ratio": (run.duration or np.nan) / bound})
             began = time.perf_counter()
             motion = projected(problem, arguments.budget, number)
             entry = {"name": file.stem, "seconds": time.perf_counter() - began}

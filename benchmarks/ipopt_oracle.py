@@ -62,7 +62,7 @@ BEGIN_AGAIN = 3
 BETTER = 0.995
 """Share of the SQP's duration or merit below which IPOPT's answer counts as better."""
 
-STEPS, SECONDS = 500, 60.0
+STEPS, SECONDS = 400, 30.0
 """Iterations and s of each of IPOPT's descents."""
 
 SETTINGS: dict[str, Any] = {

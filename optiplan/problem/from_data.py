@@ -24,7 +24,7 @@ from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
-from optiplan.problem.task.steps import TaskStep
+from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
 
 TOUCHING = 1e-12
@@ -103,10 +103,10 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     if robot is not None:
         ends = compiler.start(robot), compiler.goal(robot), compiler.vias(robot)
         steps = TaskReader(compiler, robot, scene).steps()
-        issues += _standing(document, scene) if steps else []
         places = _Places(*ends, steps, compiler.constraints(robot, scene))
     issues += [] if any(issue.field == "file" for issue in issues) else goal_or_task(document)
     issues += compiler.issues
+    issues += [] if robot is None else _moving_first(document, robot, places)
     limits = None if robot is None else robot.limits.scaled(**({} if spec is None else spec.limits.model_dump()))
     if robot is not None and limits is not None:
         issues += _constraints(document, robot, scene, compiler.draft, places)
@@ -160,20 +160,22 @@ def goal_or_task(document: Document) -> list[Issue]:
         return []
     beside = [key for key in ("goal", "via") if data.get(key)]
     where = {"goal": "a step of the task", "via": "`via` of a step of the task"}
-    issues = [document.issue((key,), f"`{key}` beside a task", where[key]) for key in beside]
-    start = data.get("start")
-    moving = [key for key in ("velocity", "acceleration") if isinstance(start, Mapping) and start.get(key) is not None]
-    rest = "a task that begins at rest"
-    return issues + [document.issue(("start", key), "a robot that is moving", rest) for key in moving]
+    return [document.issue((key,), f"`{key}` beside a task", where[key]) for key in beside]
 
 
-def _standing(document: Document, scene: Scene) -> list[Issue]:
-    """Report obstacles that move beside a task: when its steps are done is not known beforehand."""
-    return [
-        document.issue(("scene", "obstacles", k), f"'{body.name}', which moves, beside a task", "obstacles that stand")
-        for k, body in enumerate(scene.obstacles)
-        if body.motion is not None
-    ]
+def _moving_first(document: Document, robot: Robot, places: _Places) -> list[Issue]:
+    """Report joints that move at the start of a task and that its first step does not move."""
+    if places.start is None or not places.task:
+        return []
+    state, first = places.start.state, places.task[0].value.action
+    moved = first.joints if isinstance(first, Move) else ()
+    issues = []
+    for key, values in (("velocity", state.v), ("acceleration", state.a)):
+        names = [name for name, rate in zip(robot.joint_names, values, strict=True) if rate and name not in moved]
+        if names:
+            found = f"{', '.join(names)} moving before {places.task[0].value.words}"
+            issues.append(document.issue(("start", key), found, "a task whose first step is a `move` of these joints"))
+    return issues
 
 
 def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:

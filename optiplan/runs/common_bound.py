@@ -7,7 +7,8 @@ from optiplan.arrays import Array
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.segments import RESTING
-from optiplan.trajectory.timing.lower_bound import lower_bound
+from optiplan.trajectory.state import State
+from optiplan.trajectory.timing.lower_bound import lower_bound, moving_bounds
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -47,14 +48,24 @@ def bound_of(problem: Problem, trajectory: Trajectory) -> float:
     """Return the lower bound, s, of a motion's duration: of its end, or of all that a task must do at rest.
 
     Of a task: the sum over the stretches between the steps before and after which the robot stands still, each from
-    rest to rest; what grippers and dwelling take is counted whole.
+    rest (or the moving start) to rest; what grippers and dwelling take is counted whole.
     """
     if not problem.task:
         return float(problem.lower_bounds([trajectory.end])[0])
     total, begin = 0.0, 0.0
     for segment in trajectory.segments:
         if segment.kind in RESTING:
-            total += lower_bound(trajectory(begin), trajectory(segment.begin), problem.limits)
+            total += _least(problem, trajectory, begin, segment.begin)
             total += segment.end - segment.begin
             begin = segment.end
-    return total + lower_bound(trajectory(begin), trajectory.end, problem.limits)
+    return total + _least(problem, trajectory, begin, trajectory.duration)
+
+
+def _least(problem: Problem, trajectory: Trajectory, begin: float, end: float) -> float:
+    """Return the least time, s, from where a motion is at one time to where it is at another; from rest to rest.
+
+    At the start the robot may be moving, as its problem says.
+    """
+    if begin == 0.0 and problem.moving_start:
+        return float(moving_bounds(problem.start_state, [State(trajectory(end))], problem.limits).min())
+    return lower_bound(trajectory(begin), trajectory(end), problem.limits)

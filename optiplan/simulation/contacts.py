@@ -39,7 +39,8 @@ class ContactWatch:
         self._seen += len(t)
         if not len(rows) or not self._model.pairs:
             return
-        found = self._model.near(Q[rows], WINDOW)
+        placed = self._model.at_times(Q[rows], t[rows]) if self._model.motions else Q[rows]
+        found = self._model.near(placed, WINDOW)
         if not len(found.distance):
             return
         k = int(found.distance.argmin())

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.errors import wrong_argument
 from optiplan.problem.problem import Problem
 from optiplan.simulation.closed_loop import Loop, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque
@@ -45,9 +45,14 @@ class ExecutionOptions:
 def execute(problem: Problem, trajectory: Trajectory, options: ExecutionOptions = ExecutionOptions()) -> Log:
     """Let computed torque follow a trajectory of a problem, from its start to its end.
 
+    The plant begins with the velocities that the trajectory begins with.
+
     Raises:
-        InputError: a joint of the robot moves no inertia.
+        InputError: a joint of the robot moves no inertia; a task, whose scene changes on the way: execute its parts.
     """
+    if problem.task:
+        expected = "a problem with a goal, such as the parts of a task, optiplan.problem.task.timeline.scene_parts"
+        raise wrong_argument("execute", "problem", "a task, in which objects change hands", expected)
     robot = problem.robot
     check_inertias(robot)
     payload = options.payload
@@ -58,7 +63,7 @@ def execute(problem: Problem, trajectory: Trajectory, options: ExecutionOptions 
         limits=problem.limits,
         reference=TrajectoryReference(trajectory),
         controller=controller,
-        plant=_plant(problem, np.asarray(trajectory.start), options),
+        plant=_plant(problem, trajectory, options),
         dt=options.dt,
         settle=options.settle,
         imperfections=options.imperfections,
@@ -67,9 +72,11 @@ def execute(problem: Problem, trajectory: Trajectory, options: ExecutionOptions 
     return simulate(loop)
 
 
-def _plant(problem: Problem, q: Array, options: ExecutionOptions) -> Plant:
+def _plant(problem: Problem, trajectory: Trajectory, options: ExecutionOptions) -> Plant:
+    q = np.asarray(trajectory.start)
+    made = PlantOptions(payload=options.payload, velocity=trajectory(np.zeros(1), 1)[0])
     if options.engine == "mujoco":
         from optiplan.simulation.plants.mujoco_plant import MujocoPlant
 
-        return MujocoPlant(problem.robot, problem.scene, q, options.step, PlantOptions(payload=options.payload))
-    return RigidBodyPlant(problem.robot, q, options.step, PlantOptions(payload=options.payload))
+        return MujocoPlant(problem.robot, problem.scene, q, options.step, made)
+    return RigidBodyPlant(problem.robot, q, options.step, made)

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+import optiplan as op
+from optiplan.errors import InputError
 from optiplan.geometry.scene import Scene
-from optiplan.problem.obstacles import Box
+from optiplan.problem.obstacles import Box, Sphere
 from optiplan.simulation.closed_loop import Loop, Push, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque, PidController, VelocityTracking
 from optiplan.simulation.execution import ExecutionOptions, execute
@@ -16,6 +18,7 @@ from optiplan.simulation.plants.imperfections import DelayLine, Imperfections, S
 from optiplan.simulation.plants.rigid_body import RigidBodyPlant
 from optiplan.simulation.references.joints import StepReference, TrajectoryReference
 from optiplan.simulation.step_response import step_response
+from optiplan.trajectory.cut import cut
 from tests.simulation.conftest import READY, swing
 
 BY = np.array([0.4, 0.2, -0.3, 0.3, 0.2, 0.4, -0.5])
@@ -37,6 +40,39 @@ def test_computed_torque_follows_at_full_speed(reach, motion):
     np.testing.assert_allclose(log.q[-1], motion.end, atol=1e-5)
     assert not log.touched
     assert "no contact" in repr(log)
+
+
+@pytest.mark.parametrize("engine", ["own", "mujoco"])
+def test_obstacles_move_while_a_motion_is_executed(reach, motion, engine):
+    """A ball that falls onto the arm: it touches when its height says so, and a slower one has not arrived."""
+    if engine == "mujoco":
+        pytest.importorskip("mujoco")
+    ball = Sphere("ball", radius=0.05, position=(0.0, 0.0, 2.0))
+    fast, slow = (reach.with_scene(Scene([ball.moving([[0.0], [0.0], [0.0, speed]])])) for speed in (-3.0, -0.5))
+    options = ExecutionOptions(engine=engine)
+    log = execute(fast, motion, options)
+    assert log.touched
+    met = min(log.contacts.touched.values())
+    standing = execute(reach.with_scene(Scene([ball])), motion, options)
+    assert not standing.touched
+    assert 0.2 < met < 0.5  # what is below it is 0.5 to 1.4 m high
+    assert not execute(slow, motion, options).touched
+
+
+@pytest.mark.parametrize("engine", ["own", "mujoco"])
+def test_a_motion_that_begins_moving_is_executed_so(reach, panda, engine):
+    if engine == "mujoco":
+        pytest.importorskip("mujoco")
+    part = cut(swing(panda.joint_names, READY, BY, 0.7), 0.35, 0.7)
+    log = execute(reach, part, ExecutionOptions(engine=engine))
+    assert np.abs(part(np.zeros(1), 1)).max() > 0.5
+    assert np.abs(log.error[0]).max() == 0.0
+    assert log.tracking.tool_peak < 2e-3
+
+
+def test_a_task_is_executed_in_parts_only(motion):
+    with pytest.raises(InputError, match="hands"):
+        execute(op.load_problem("40_panda_sorts_cubes"), motion)
 
 
 def test_an_error_dies_out_as_the_law_says(panda):

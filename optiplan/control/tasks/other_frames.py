@@ -55,9 +55,8 @@ class RelativePoseTask(ControlTask):
         """Find F and R."""
         self._frame = frame_of(self, "frame", robot, self.frame)
         self._root = frame_of(self, "root", robot, self.root)
-        self._abilities = tool_abilities(robot, self.frame)
         if not self._has_gain:
-            self.gain = default_gain(robot)
+            self.gain, self._abilities = default_gain(robot), tool_abilities(robot, self.frame)
 
     @property
     def target(self) -> pin.SE3 | None:
@@ -150,9 +149,8 @@ class LookAtTask(ControlTask):
     def bind(self, robot: Robot) -> None:
         """Find F."""
         self._frame = frame_of(self, "frame", robot, self.frame)
-        self._abilities = tool_abilities(robot, self.frame)
         if not self._has_gain:
-            self.gain = default_gain(robot)
+            self.gain, self._abilities = default_gain(robot), tool_abilities(robot, self.frame)
 
     def error(self, c: Configuration) -> Array:
         """(2,), rad."""

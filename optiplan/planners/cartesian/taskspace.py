@@ -44,13 +44,17 @@ _KNOTS = 5
 _INSIDE = 1e-4
 """rad or m: how far the roll-out keeps from the ends of joints, for the polynomials between its samples."""
 _STALLED, _GAIN = 1.5, 0.02
-"""s of simulated motion within which the distance to the goal has to shrink by this share, or the roll-out is over."""
-_AHEAD = 0.05
-"""s at the velocity limits: how far ahead of the robot the configuration runs that leads it."""
+"""s of simulated motion within which what is left, of the path or to the goal, has to shrink by this share."""
+_AHEAD = (0.05, 0.02)
+"""s at the velocity limits: how far ahead of the robot the configuration runs that leads it; the nearer, the truer."""
+_SPEED = 0.7
+"""Share of the velocity limits at which it leads first, as far ahead as the gains need for that."""
 _SEARCH = 0.3
 """Share of the remaining budget for a path."""
 _ROOM = (0.02, 0.008, 0.004)
 """m; how far paths keep from obstacles, the first that leads to the goal is taken."""
+_PATHS = 3
+"""Paths of each such distance."""
 _GOALS = 4
 """Goal configurations to which a path is sought."""
 _CLOSE = 0.3
@@ -64,7 +68,7 @@ class TaskSpaceOptions(PlannerOptions):
 
     dt: float = option(0.004, "s, of a step.", least=1e-4, most=0.05)
     clearance: float = option(0.002, "m; how far the roll-out keeps from everything.", least=0.0)
-    seconds: float = option(30.0, "s of simulated motion after which it is given up.", above=0)
+    seconds: float = option(60.0, "s of simulated motion after which it is given up.", above=0)
     lead: bool = option(True, "lead the controller along a sampled path where it does not get to the goal by itself.")
 
 
@@ -112,35 +116,46 @@ class TaskSpace(Planner[TaskSpaceOptions]):
     ) -> tuple[Trajectory | Failure | None, dict[str, int]]:
         """The motion along a path to one of the goals, or why it ends before; None without a path."""
         failure: Failure | None = None
-        for k, room in enumerate(_ROOM):
-            progress("led roll-out", 0.5 + 0.5 * k / len(_ROOM))
+        attempts = [(seed, room) for seed in range(_PATHS) for room in _ROOM]
+        for k, (seed, room) in enumerate(attempts):
+            progress("led roll-out", 0.5 + 0.5 * k / len(attempts))
             if work.budget.over:
                 break
             with work.watch.stage("path"):
-                path = self._path(work, goals, room)
+                path = self._path(work, goals, room, work.problem.seed + seed)
             if isinstance(path, Failure):
                 continue
-            with work.watch.stage("roll-out"):
-                found = self._attempt(work, JointGoal(path[-1]), path)
+            found = self._along(work, path)
             if isinstance(found, Trajectory):
                 return found, {"waypoints": len(path)}
             failure = replace(found, detail=f"led along a path of {len(path)} points: {found.detail}")
         return failure, {}
 
-    def _path(self, work: Work, goals: list[Array], room: float) -> Array | Failure:
+    def _along(self, work: Work, path: Array) -> Trajectory | Failure:
+        """The motion along a path: far behind what leads it, for speed; where that cuts a corner too much, close."""
+        found: Trajectory | Failure = Failure("no-path", "it was not tried", {})
+        goal, velocity = JointGoal(path[-1]), work.problem.limits.velocity
+        for ahead in sorted({_SPEED / default_gain(work.problem.robot), *_AHEAD}, reverse=True):
+            with work.watch.stage("roll-out"):
+                found = self._attempt(work, goal, _Lead(path, velocity, ahead))
+            if isinstance(found, Trajectory) or work.budget.over:
+                break
+        return found
+
+    def _path(self, work: Work, goals: list[Array], room: float, seed: int) -> Array | Failure:
         """Waypoints (k, n) to one of the goals, among obstacles thicker by `room`, m."""
         problem = work.problem
         model = planning_model(problem.robot, thinned(problem.scene, -room)) if room > 0.0 else work.model
-        options = SamplingOptions(work.budget.share(_SEARCH), seed=problem.seed)
+        options = SamplingOptions(work.budget.share(_SEARCH), seed=seed)
         found = sample_path(model, problem.start, goals, problem.limits, options)
         return found if isinstance(found, Failure) else found.waypoints
 
-    def _attempt(self, work: Work, goal: JointGoal | PoseGoal, path: Array | None = None) -> Trajectory | Failure:
+    def _attempt(self, work: Work, goal: JointGoal | PoseGoal, lead: "_Lead | None" = None) -> Trajectory | Failure:
         """The motion to one goal, within limits and free, or why there is none."""
         problem, limits, model = work.problem, work.problem.limits, work.model
         states = [State(problem.start)]
         last: ControlStep | None = None
-        for last in self._steps(problem, goal, states[0], path):
+        for last in self._steps(problem, goal, states[0], lead):
             states.append(last.state)
             if work.budget.over:
                 return out_of_time(work.budget, "rolling out")
@@ -160,18 +175,19 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         return too_heavy(model.robot, limits, np.array([motion.start, motion.end])) if slower is None else slower
 
     def _steps(
-        self, problem: Problem, goal: JointGoal | PoseGoal, state: State, path: Array | None
+        self, problem: Problem, goal: JointGoal | PoseGoal, state: State, lead: "_Lead | None"
     ) -> Iterator[ControlStep]:
         """Steps until the robot stands at the goal, or comes no nearer to it."""
         controller = self._controller(problem, goal)
-        lead = None if path is None else _Lead(path, problem.limits.velocity)
         dt, arrived = self.options.dt, False
-        least, since = np.inf, 0.0
+        least, since, led = np.inf, 0.0, lead is not None
         for _ in range(int(self.options.seconds / dt)):
             if lead is not None:
                 controller.tasks[0].target = lead.ahead_of(state.q)
             off = _distance(problem, goal, state.q)
-            left = off if lead is None else off + lead.left / _AHEAD
+            if led and (lead is None or lead.left == 0.0):
+                least, led = np.inf, False  # the path is done: from now on what counts is the goal
+            left = lead.left if led and lead is not None else off
             arrived = arrived or (off < _CLOSE and not np.abs(state.v).max() > 0.01)
             since = 0.0 if left < (1.0 - _GAIN) * least else since + dt
             least = left if since == 0.0 else least
@@ -189,20 +205,23 @@ class TaskSpace(Planner[TaskSpaceOptions]):
             tasks = [PostureTask(goal.q, cost=1.0, gain=default_gain(robot))]
         else:
             tasks = [PoseTask(goal.frame, goal.X_WG), PostureTask(problem.start, cost=1e-3)]
-        inside = PositionLimit(problem.limits.lower + _INSIDE, problem.limits.upper - _INSIDE)
+        ends = [problem.start, *([goal.q] if isinstance(goal, JointGoal) else [])]  # these may lie nearer to the ends
+        lower = np.min([problem.limits.lower + _INSIDE, *ends], axis=0)
+        upper = np.max([problem.limits.upper - _INSIDE, *ends], axis=0)
+        inside = PositionLimit(np.maximum(lower, problem.limits.lower), np.minimum(upper, problem.limits.upper))
         others = [limit for limit in default_limits() if not isinstance(limit, PositionLimit)]
         return Controller(robot, tasks, limits=[inside, *others, ClearanceLimit(problem.scene, self.options.clearance)])
 
 
 class _Lead:
-    """A configuration that runs along a path (k, n), never farther ahead of the robot than `_AHEAD`.
+    """A configuration that runs along a path (k, n), never farther ahead of the robot than `ahead`, s.
 
     Attributes:
         left: s at the velocity limits that are left of the path.
     """
 
-    def __init__(self, path: Array, velocity: Array) -> None:
-        self._path, self._velocity = path, velocity
+    def __init__(self, path: Array, velocity: Array, ahead: float) -> None:
+        self._path, self._velocity, self._ahead = path, velocity, ahead
         self._times = np.concatenate([[0.0], np.cumsum((np.abs(np.diff(path, axis=0)) / velocity).max(axis=1))])
         self._at = 0.0
 
@@ -214,9 +233,9 @@ class _Lead:
         """Run on as far as the robot at q (n,) lets it: (n,)."""
         target = self._point(self._at)
         while self.left > 0.0:
-            at = min(self._at + 0.05 * _AHEAD, float(self._times[-1]))
+            at = min(self._at + 0.05 * self._ahead, float(self._times[-1]))
             following = self._point(at)
-            if float((np.abs(following - q) / self._velocity).max()) > _AHEAD:
+            if float((np.abs(following - q) / self._velocity).max()) > self._ahead:
                 break
             self._at, target = at, following
         return target

@@ -1,6 +1,6 @@
 """Base of the sampling planners: goals, a sampled path to one of them, then smoothing and timing."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from optiplan.collision.model import CollisionModel
@@ -11,6 +11,7 @@ from optiplan.planners.common.goal_ranking import goal_sampler
 from optiplan.planners.common.path_timing import timed_path
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.option_schema import PlannerOptions, option
+from optiplan.planners.sampling.constrained.plan import ConstrainedSearch, plan_constrained
 from optiplan.planners.sampling.ompl_search import rrt_connect
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.search import Searcher
@@ -46,11 +47,12 @@ class PlanTask:
 
 @dataclass(frozen=True)
 class How:
-    """The search algorithm; see `SamplingOptions`."""
+    """The search algorithm; see `SamplingOptions`, and `constrained` for problems with path constraints."""
 
     searcher: Searcher = rrt_connect
     detour: float = 2.0
     improve: Searcher | None = None
+    constrained: ConstrainedSearch = field(default_factory=ConstrainedSearch)
 
 
 def plan_sampled(task: PlanTask, options: SampledOptions, how: How) -> PlanResult:
@@ -63,6 +65,11 @@ def plan_sampled(task: PlanTask, options: SampledOptions, how: How) -> PlanResul
         sampler = goal_sampler(problem, model, budget, options.goals)
     if isinstance(sampler, Failure):
         return PlanResult(None, sampler, watch.seconds)
+    if problem.path_constraints:
+        asked = how.constrained, options.attempts, options.goals
+        with watch.stage("sampling"):
+            found = plan_constrained(problem, model, sampler, (budget, task.progress), asked)
+        return replace(found, timings=watch.seconds)
     task.progress("sampling", 0.1)
     goals = sampler.configurations[: options.goals]
     sampling = SamplingOptions(

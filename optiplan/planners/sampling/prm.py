@@ -8,6 +8,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.option_schema import option
 from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
+from optiplan.planners.sampling.constrained.plan import ConstrainedSearch
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends, search_bounds
 from optiplan.planners.sampling.roadmap import Roadmap
@@ -41,13 +42,17 @@ class Prm(Planner[PrmOptions]):
 
     Options = PrmOptions
 
+    holds_constraints = True  # with a roadmap of its own for each query
+
     def __init__(self, options: PrmOptions | None = None) -> None:
         super().__init__(options)
         self.roadmaps: OrderedDict[tuple[object, ...], Roadmap] = OrderedDict()
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        return plan_sampled(PlanTask(problem, budget, progress), self.options, How(self.search, detour=inf))
+        constrained = ConstrainedSearch(roadmap=True, vertices=max(1, self.options.vertices // 4))
+        how = How(self.search, detour=inf, constrained=constrained)
+        return plan_sampled(PlanTask(problem, budget, progress), self.options, how)
 
     def search(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
         """Query the roadmap of this scene and grow it until it connects the ends; a `search.Searcher`.

@@ -23,6 +23,8 @@ class RrtConnect(Planner[RrtConnectOptions]):
 
     Options = RrtConnectOptions
 
+    holds_constraints = True
+
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         searcher = partial(search, options=SearchOptions("rrtconnect", self.options.reach))

@@ -6,6 +6,7 @@ from functools import partial
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.option_schema import option
 from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
+from optiplan.planners.sampling.constrained.plan import ConstrainedSearch
 from optiplan.planners.sampling.ompl_search import search
 from optiplan.planners.sampling.search import Kind, SearchOptions
 from optiplan.problem.problem import Problem
@@ -29,12 +30,15 @@ class RrtStar(Planner[RrtStarOptions]):
 
     Options = RrtStarOptions
 
+    holds_constraints = True
+
     kind: Kind = "rrtstar"
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         options = SearchOptions(self.kind, self.options.reach, self.options.iterations)
-        how = How(improve=partial(search, options=options))
+        constrained = ConstrainedSearch(iterations=self.options.iterations, informed=self.kind == "informed_rrtstar")
+        how = How(improve=partial(search, options=options), constrained=constrained)
         return plan_sampled(PlanTask(problem, budget, progress), self.options, how)
 
 

@@ -114,14 +114,6 @@ def sample_path(
     return SampledPath(path, index, float(path_time(path, limits.velocity).sum()), info)
 
 
-def shortened(model: CollisionModel, path: SampledPath, limits: Limits, options: SamplingOptions) -> SampledPath:
-    """Return a path after further shortcuts, as many and as seeded as `options` say."""
-    check = MotionCheck(model, limits, Gravity(model.robot, limits.torque, _RESERVE))
-    draws = np.random.default_rng(options.seed).uniform(size=(options.attempts, 3))
-    waypoints = _shorter(check, [path.waypoints], draws, options.budget)
-    return replace(path, waypoints=waypoints, cost=float(path_time(waypoints, limits.velocity).sum()))
-
-
 def _shorter(check: MotionCheck, paths: list[Array | None], draws: Array, budget: Budget) -> Array:
     """Shorten each path and return the cheapest."""
     velocity = check.limits.velocity

@@ -84,8 +84,8 @@ def _goes_on(before: Stretch, after: Stretch) -> bool:
 
 
 def _can_flow(done: Done) -> bool:
-    """Whether a step may be part of a longer motion: moves whose curve may change, and lines."""
-    if done.stage is None or done.curve is None or done.step.kind == "gripper":
+    """Whether a step may be part of a longer motion: moves from rest whose curve may change, and lines."""
+    if done.stage is None or done.curve is None or done.step.kind == "gripper" or done.stage.problem.moving_start:
         return False
     action = done.step.action
     return done.is_line or (isinstance(action, Move) and not action.vias and not done.stage.problem.path_constraints)

@@ -9,12 +9,14 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.failures import too_heavy
+from optiplan.planners.common.moving_scene import without_moving
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.task.chains import Done, of_step
 from optiplan.planners.task.flow import flowing
 from optiplan.planners.task.line_timing import line_limits, timed_line
 from optiplan.planners.task.search import TaskSearch
 from optiplan.planners.task.stretches import Stretch
+from optiplan.planners.task.waiting import standstill, waiting
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import Dwell
 from optiplan.robot.robot import Robot
@@ -35,12 +37,7 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         progress: called with the stages.
     """
     began, watch = time.perf_counter(), Stopwatch()
-    if problem.scene.moving or problem.moving_start:
-        what = "an obstacle that moves" if problem.scene.moving else "a robot that is moving at the start"
-        return PlanResult(
-            None, Failure("unsupported", f"tasks are planned from rest among what stands still, not {what}")
-        )
-    search = TaskSearch(problem, planner, budget.share(_SEARCHING), progress)
+    search = TaskSearch(without_moving(problem), planner, budget.share(_SEARCHING), progress)
     with watch.stage("steps"):
         done = search.run()
     if isinstance(done, Failure):
@@ -51,6 +48,9 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     if failed is not None:
         return PlanResult(None, failed, watch.seconds)
     stretches = [Stretch.of(a, b) for a, b in zip(done, timed, strict=True) if not isinstance(b, Failure)]
+    if problem.scene.moving:
+        with watch.stage("waiting"):
+            return _among_moving(problem, stretches, budget, progress, {"moves": search.infos})
     first = Candidate(joined(problem, stretches), time.perf_counter() - began)
     info: dict[str, Any] = {"moves": search.infos, "attempts": search.attempts}
     with watch.stage("flow"):
@@ -60,6 +60,20 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         return PlanResult(first.trajectory, None, watch.seconds, info, (), first.seconds)
     info |= {"duration_with_stops": first.trajectory.duration, "stops_left_out": len(stretches) - len(flow)}
     return PlanResult(joined(problem, flow), None, watch.seconds, info, (first,), time.perf_counter() - began)
+
+
+def _among_moving(
+    problem: Problem, stretches: list[Stretch], budget: Budget, progress: Progress, info: dict[str, Any]
+) -> PlanResult:
+    """Let what moves pass: of the steps joined where that is quicker, or else of them one by one."""
+    failure: Failure | None = None
+    for way in (flowing(stretches, budget, progress), stretches):
+        passed = waiting(problem, way, budget)
+        if not isinstance(passed, Failure):
+            info["waited"] = sum(b.ends[-1] - a.ends[-1] for a, b in zip(way, passed, strict=True))
+            return PlanResult(joined(problem, passed), None, {}, info)
+        failure = passed
+    return PlanResult(None, failure, {}, info)
 
 
 def _timed(done: Done) -> "Trajectory | float | Failure":
@@ -89,13 +103,13 @@ def joined(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
             assert first.stage is not None
             parts.append(whole(problem.robot, first.stage.columns, motion, first.before.q))
         elif motion > 0.0:
-            parts.append(_still(problem.robot, first.before.q, motion))
+            parts.append(standstill(problem.robot, first.before.q, motion))
         since = begin
         for one, end in zip(stretch.done, stretch.ends, strict=True):
             segments.append(Segment(one.step.number, one.step.kind, one.step.name, since, begin + end))
             since = begin + end
         begin = since
-    return concatenated(parts or [_still(problem.robot, problem.start, 1e-3)], segments)
+    return concatenated(parts or [standstill(problem.robot, problem.start, 1e-3)], segments)
 
 
 def whole(robot: Robot, columns: Sequence[int], motion: Trajectory, q: Array) -> Trajectory:
@@ -114,7 +128,3 @@ def concatenated(parts: Sequence[Trajectory], segments: Sequence[Segment]) -> Tr
     breakpoints = [part.breakpoints[1:] + begin for part, begin in zip(parts, begins, strict=False)]
     times = np.concatenate([[0.0], *breakpoints])
     return Trajectory(parts[0].joint_names, times, np.concatenate(padded), tuple(segments))
-
-
-def _still(robot: Robot, q: Array, seconds: float) -> Trajectory:
-    return Trajectory(robot.joint_names, np.array([0.0, seconds]), q[None, None])

@@ -233,6 +233,8 @@ class TaskSearch:
         assert isinstance(leg.move.action, Move)
         stage = self.stages.at(state, leg.move, leg.move.action.joints)
         goal = JointGoal(node.q[stage.columns])
+        if k == 1 and self.problem.moving_start:
+            stage = self.stages.moving(stage)
         problem = stage.to((goal,), leg.move.action.vias)
         share = self.budget.share(1.0 / (len(self.legs) - k + 1))
 

@@ -56,6 +56,11 @@ class Stages:
         self.problem = problem
         self._known: list[tuple[tuple[object, ...], Array, Scene, Stage]] = []
 
+    def moving(self, stage: Stage) -> Stage:
+        """Return the stage of the first step, in which the robot moves at the start as the task's problem says."""
+        v, a = self.problem.start_velocity[stage.columns], self.problem.start_acceleration[stage.columns]
+        return replace(stage, problem=replace(stage.problem, start_velocity=v, start_acceleration=a))
+
     def at(self, state: Situation, step: TaskStep, joints: tuple[str, ...]) -> Stage:
         """Return the stage of a step from a state."""
         own = columns(self.problem.robot, joints)

@@ -19,8 +19,9 @@ from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.moving_scene import among_moving
 from optiplan.planners.common.path_timing import stopping, timed_path, within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.sampling.constrained.seeds import ConstrainedSeeds
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
-from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path, shortened
+from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.search import Searcher
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import through_thinner
@@ -46,9 +47,6 @@ _EARLY = 1.0 / 3.0
 
 _QUICK = 0.15
 """Work, s, that a search may take that a late straight line waits for: for a first motion, not for a hard problem."""
-
-_FEW = 20
-"""Shortcuts tried on such a path at first."""
 
 _CLOSE = 0.2
 """Share of the option's margin that the best motion is optimised with once more: the margin is a wish."""
@@ -134,6 +132,7 @@ class _Run:
         with self.watch.stage("set-up"):
             self.model = kept_planning_model(problem.robot, problem.scene)
             self.info.update(not_in_core(self.model))
+            self.on_constraints = ConstrainedSeeds(problem, self.model)
             self.optimiser = Optimiser(problem, self.model, options)
         self.ahead = LookAhead(problem, options, budget)
 
@@ -195,7 +194,8 @@ class _Run:
             if not self._worth():
                 break
             self.ahead.expect(self._coming(sampler, number, rng), self.best, self.searched_in_vain)
-            path = self._kept() or self._sample(sampler, self._most(), through_thinner(self._repaired))
+            path = self.quick or self._sample(sampler, self._most(), through_thinner(self._repaired))
+            self.quick = None
             if isinstance(path, Failure):
                 failure = path
                 self.direct = self.searched_in_vain = True
@@ -240,7 +240,9 @@ class _Run:
         A path that lies on an optimised curve already, and that no shortcut has made shorter, is not optimised again;
         one that takes far longer than the best motion even at full speed is left.
         """
-        failure = None if self.candidates else self._stopping(path)
+        failure = None
+        if not self.candidates:
+            failure = self._time_path(path) if self.on_constraints.apply else self._stopping(path)
         repaired, self.repaired = self.repaired, None
         if repaired is not None and path.cost > _SHORTER * repaired[1]:
             self._keep(repaired[0])
@@ -261,39 +263,29 @@ class _Run:
 
     def _quick(self, sampler: GoalSampler) -> None:
         """Look for a path at once while there is no motion, and offer it with a stop at every corner."""
-        if self.candidates or self.searches:
+        if self.candidates or self.searches or self.on_constraints.apply:
             return
-        path = self._sample(sampler, self.patience.seconds + _QUICK, None, _FEW)
+        path = self._sample(sampler, self.patience.seconds + _QUICK, None)
         if isinstance(path, SampledPath):
             self.quick = path
             self._stopping(path)
-
-    def _kept(self) -> SampledPath | None:
-        """Return the path that a line has waited for, now shortened as others are, once."""
-        path, self.quick = self.quick, None
-        if path is None:
-            return None
-        with self.watch.stage("sampling"):
-            options = SamplingOptions(self.budget, seed=self.problem.seed)
-            return shortened(self.model, path, self.problem.limits, options)
 
     def _most(self) -> float:
         """Return the work, s, at which searches end: where they stop being worth it, once there is a motion."""
         return self.patience.seconds + (self.patience.worth(self.best, self.bound) if self.candidates else np.inf)
 
-    def _sample(
-        self, sampler: GoalSampler, most: float, relaxed: Searcher | None, shortcuts: int = SamplingOptions.attempts
-    ) -> SampledPath | Failure:
+    def _sample(self, sampler: GoalSampler, most: float, relaxed: Searcher | None) -> SampledPath | Failure:
         """Return a path of the next seed to any of the promising goals, sampled within `most` of work in all, s."""
         self.repaired, number = None, self.searches
         self.searches += 1
         share = _SEARCH if self.candidates else _FIRST_SEARCH
         budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
         with self.watch.stage("sampling"):
+            if self.on_constraints.apply:
+                return self.on_constraints.path(self._promising(sampler), budget, number)
             options = SamplingOptions(
                 budget,
                 seed=self.problem.seed + 1000 * number,
-                attempts=shortcuts,
                 searcher=counted(rrt_connect, self.patience, most),
                 alternate=counted(kpiece, self.patience, most, STATE / ALTERNATE_RATIO),
                 relaxed=counted(relaxed, self.patience, most, STATE / ALTERNATE_RATIO) if relaxed else None,
@@ -336,7 +328,11 @@ class _Run:
     def _time_path(self, path: SampledPath) -> Failure | None:
         """Time the sampled path without optimising it."""
         with self.watch.stage("timing of sampled paths"):
-            timed = timed_path(self.model, path.waypoints, self.problem.limits, self.budget)
+            timed = self.on_constraints.motion(path, self.optimiser.constraints, self.budget)
+            if timed is None:
+                timed = timed_path(self.model, path.waypoints, self.problem.limits, self.budget)
+        if isinstance(timed, Failure):
+            return timed
         if timed is None:
             return too_heavy(self.problem.robot, self.problem.limits, path.waypoints)
         if self._offer(timed, None):

@@ -198,6 +198,9 @@ class TaskReader:
         if body is not None and body.shape.endless:
             self.compiler.report((*place, "object"), f"'{body.name}', a half-space", "a shape that ends somewhere")
             return
+        if body is not None and body.motion is not None:
+            self.compiler.report((*place, "object"), f"'{body.name}', which moves", "an object that stands")
+            return
         if spec.mass is None and (spec.centre is not None or spec.inertia is not None):
             self.compiler.report(place, "a centre or an inertia of what has no mass", "`mass` too")
         if spec.link in links:

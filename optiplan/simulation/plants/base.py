@@ -49,12 +49,14 @@ class PlantOptions:
         friction: of the joints; None: without.
         payload: at the tool; None: without.
         rotor_inertia: (n,), kg·m² (kg), of the drives, seen from the joints; None: without.
+        velocity: (n,), with which it begins, rad/s (m/s); None: at rest.
     """
 
     limit: Array | None = None
     friction: Friction | None = None
     payload: Payload | None = None
     rotor_inertia: Array | None = None
+    velocity: Array | None = None
 
     @property
     def mass(self) -> float:

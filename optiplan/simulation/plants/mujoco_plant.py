@@ -25,14 +25,14 @@ class MujocoPlant:
     input: Input = "torque"
 
     def __init__(self, robot: Robot, scene: Scene, q: Array, step: float, options: PlantOptions = NOMINAL) -> None:
-        """Stand at q.
+        """Begin at q.
 
         Args:
             robot: with n joints.
-            scene: obstacles and held objects.
+            scene: obstacles, which may move, and held objects.
             q: (n,), rad or m.
             step: s.
-            options: drives, friction, payload.
+            options: drives, friction, payload, velocity.
 
         Raises:
             OptiPlanError: MuJoCo is not installed.
@@ -47,11 +47,14 @@ class MujocoPlant:
         self._dof = np.array([joint.dofadr[0] for joint in joints])
         # For holding and for pushes; the motion is MuJoCo's.
         self._dynamics = RigidBodyDynamics(robot, options.mass, options.centre)
+        velocity = np.zeros(robot.n) if options.velocity is None else options.velocity
         for name, mimic in robot.followers.items():
-            follower = self.model.joint(name)
-            source = float(np.asarray(q)[robot.joint_names.index(mimic.source)])
-            self.data.qpos[follower.qposadr[0]] = mimic.multiplier * source + mimic.offset
-        self.data.qpos[self._at] = q
+            follower, source = self.model.joint(name), robot.joint_names.index(mimic.source)
+            self.data.qpos[follower.qposadr[0]] = mimic.multiplier * float(np.asarray(q)[source]) + mimic.offset
+            self.data.qvel[follower.dofadr[0]] = mimic.multiplier * float(velocity[source])
+        self.data.qpos[self._at], self.data.qvel[self._dof] = q, velocity
+        self._motions = [body.motion for body in scene.moving if body.motion is not None]
+        self._move_obstacles()
         self._touched: set[tuple[str, str]] = set()
         self._mujoco.mj_forward(self.model, self.data)
         self._note()
@@ -78,6 +81,7 @@ class MujocoPlant:
             drive = applied + self._dynamics.tool_jacobian(self.q).T @ wrench.vector
         self.data.qfrc_applied[self._dof] = drive
         for _ in range(steps):
+            self._move_obstacles()
             self._mujoco.mj_step(self.model, self.data)
             if self.data.ncon:
                 self._note()
@@ -88,6 +92,11 @@ class MujocoPlant:
         found = sorted(self._touched)
         self._touched.clear()
         return found
+
+    def _move_obstacles(self) -> None:
+        """Put moving obstacles to where they are at the time of the data."""
+        for k, motion in enumerate(self._motions):
+            self.data.mocap_pos[k] = motion.at(np.array([self.data.time]))[0]
 
     def _note(self) -> None:
         for contact in self.data.contact[: self.data.ncon]:

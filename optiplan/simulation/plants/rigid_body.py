@@ -26,13 +26,13 @@ class RigidBodyPlant:
     input: Input = "torque"
 
     def __init__(self, robot: Robot, q: Array, step: float, options: PlantOptions = NOMINAL) -> None:
-        """Stand at q.
+        """Begin at q.
 
         Args:
             robot: with n joints.
             q: (n,), rad or m.
             step: s.
-            options: drives, friction, payload.
+            options: drives, friction, payload, velocity.
         """
         self.step = step
         none, friction = np.zeros(robot.n), options.friction
@@ -41,7 +41,7 @@ class RigidBodyPlant:
         self._frictionless = not (self._viscous.any() or self._coulomb.any())
         self._rotor = none if options.rotor_inertia is None else options.rotor_inertia
         self.dynamics = RigidBodyDynamics(robot, options.mass, options.centre)
-        self._q, self._v = np.array(q, float), none.copy()
+        self._q, self._v = np.array(q, float), np.array(none if options.velocity is None else options.velocity, float)
 
     @property
     def q(self) -> Array:

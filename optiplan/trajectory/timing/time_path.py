@@ -137,12 +137,12 @@ def _refined(rows: Callable[[Array], Rows], grid: Array, stop: Callable[[], bool
 
 
 def _grid(path: Trajectory, least_parts: int) -> Array:
-    """Parameters (k,) at which TOPP-RA looks at the path; among them all its breakpoints."""
+    """Increasing parameters (k,) at which TOPP-RA looks at the path; among them all its breakpoints."""
     h = np.diff(path.breakpoints)
     least = max(1, min(_PARTS_OF_PIECE, _MOST_PARTS // len(h)))
     parts = np.maximum(least, np.ceil(h * (least_parts / path.duration))).astype(int)
     ends = zip(path.breakpoints[:-1], path.breakpoints[1:], parts, strict=True)
-    return np.concatenate([[0.0], *(np.linspace(a, b, k + 1)[1:] for a, b, k in ends)])
+    return np.unique(np.concatenate([[0.0], *(np.linspace(a, b, k + 1)[1:] for a, b, k in ends)]))  # of tiny pieces too
 
 
 def _held(path: Trajectory, law: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> Trajectory | None:

@@ -326,27 +326,29 @@ def _off_circle(k: SymbolicState, p: Any, centre: Array, normal: Array, radius: 
 
 
 def _screw(one: OnScrew) -> list[Room]:
-    """The axis stays where it is, and the frame slides along it as far as it turns, of several turns the nearest."""
+    """The frame turns about the axis alone, is where that puts it, and slides as far, of several turns the nearest."""
     R, p = np.asarray(one.X_WF.rotation), np.asarray(one.X_WF.translation) - one.point
     sides = np.linalg.svd(one.axis[None])[2][1:]
 
     def parts(k: SymbolicState) -> tuple[Any, Any, Any]:
         X, axis = k.pose(one.frame), k.constant(one.axis)
         D = X.R @ k.constant(R.T)
-        off = X.p - k.constant(one.point) - D @ k.constant(p)
-        return D, off, axis
+        skew = _stacked(D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1])
+        turn = _stacked(D[0, 0] + D[1, 1] + D[2, 2] - axis.T @ D @ axis, axis.T @ skew)
+        cosine, sine = (turn[i] / k.norm(turn) for i in range(2))
+        along, across = k.constant(one.axis * (one.axis @ p)), k.constant(np.cross(one.axis, p))
+        off = X.p - k.constant(one.point) - along - cosine * (k.constant(p) - along) - sine * across
+        return D, off, turn
 
     def turned(k: SymbolicState) -> Any:
-        D, _, axis = parts(k)
-        return _box(k, k.constant(sides) @ (D @ axis), one.orientation)
+        D, _, _ = parts(k)
+        return _box(k, k.constant(sides) @ (D @ k.constant(one.axis)), one.orientation)
 
     def slid(k: SymbolicState) -> Any:
-        D, off, axis = parts(k)
-        along = axis.T @ off
+        _, off, turn = parts(k)
+        along = k.constant(one.axis).T @ off
         if one.pitch != 0.0:
-            skew = _stacked(D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1])
-            angle = k.atan2(axis.T @ skew, D[0, 0] + D[1, 1] + D[2, 2] - axis.T @ D @ axis)
-            left = along / k.constant(one.pitch) - angle
+            left = along / k.constant(one.pitch) - k.atan2(turn[1], turn[0])
             along = k.constant(one.pitch) * k.atan2(k.sin(left), k.cos(left))
         return _box(k, _stacked(k.constant(sides) @ off, along), one.position)
 

@@ -1,0 +1,1 @@
+"""Searches for paths that hold path constraints: samples are projected, edges are walked with projected steps."""

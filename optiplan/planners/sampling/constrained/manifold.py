@@ -1,0 +1,84 @@
+"""Configurations that hold a problem's path constraints, and projection onto them."""
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.trajopt.terms.contacts import NamedClearanceTerm
+from optiplan.planners.trajopt.terms.expression import KEPT, ExpressionTerm
+from optiplan.planners.trajopt.terms.rooms import rooms
+from optiplan.problem.constraints.statements import WHOLE, PairClearance
+from optiplan.problem.problem import Problem
+
+_ITERATIONS = 12
+_DAMPING = 1e-9  # of the squares of the rows' slopes, so that rows that say the same twice do no harm
+_LONGEST = 0.3  # rad or m, of a joint in one step
+_AIMED = 1.5  # times the reserve: where projection aims, so that points between two of them hold too
+
+
+class Manifold:
+    """The set g(q) >= 0 of all constraints of positions, of which projection keeps a reserve r: g(q) >= r.
+
+    Newton's method on the rows that are violated: d = J^T (J J^T + damping)^-1 (r - g), for the rows and the exact
+    slopes that `trajopt` has as terms. A pair that is to stay apart is looked at and not projected onto, and
+    constraints of speed are the time law's business.
+
+    Sources: Stilman, "Global manipulation planning in robot joint space with task constraints", T-RO 2010; Berenson
+    et al., "Manipulation planning on constraint manifolds", ICRA 2009.
+    """
+
+    def __init__(self, problem: Problem, ends: Array) -> None:
+        """Take the reserve where the ends (k, n), which hold the constraints, have it."""
+        robot, constraints = problem.robot, problem.path_constraints
+        self._terms = [
+            ExpressionTerm(robot, room)
+            for one in constraints
+            if not isinstance(one, PairClearance)
+            for room in rooms(one)
+            if not room.rate
+        ]
+        self._apart = [NamedClearanceTerm(problem, one) for one in constraints if isinstance(one, PairClearance)]
+        self._low, self._high = problem.limits.lower, problem.limits.upper
+        self._still = np.zeros((1, robot.n))
+        size = sum(term.expression.size for term in self._terms)
+        self._reserve = np.zeros(size)
+        reserve = np.concatenate([np.full(t.expression.size, t.room.reserve) for t in self._terms] or [np.zeros(0)])
+        least = np.min([self._rows(q)[0] for q in ends], axis=0)
+        self._reserve = np.clip(KEPT * least, 0.0, reserve)
+
+    def holds(self, q: Array) -> bool:
+        """Return whether q (n,) holds all constraints."""
+        value, _ = self._rows(q)
+        return bool((value >= -1e-9).all()) and self._far_apart(q)
+
+    def project(self, q: Array) -> Array | None:
+        """Return a configuration (n,) near q that holds limits, and constraints with reserve; None if not found."""
+        for _ in range(_ITERATIONS):
+            value, slopes = self._rows(q)
+            off = value - self._reserve
+            if (off >= 0.0).all():
+                return q if self._far_apart(q) else None
+            wrong = off < 0.0
+            J, e = slopes[wrong], _AIMED * self._reserve[wrong] - value[wrong]
+            A = J @ J.T
+            A.flat[:: len(e) + 1] += _DAMPING * max(float(np.trace(A)), 1e-12)
+            step = J.T @ np.linalg.solve(A, e)
+            largest = float(np.abs(step).max())
+            q = np.clip(q + step * min(1.0, _LONGEST / max(largest, 1e-12)), self._low, self._high)
+        return None
+
+    def _rows(self, q: Array) -> tuple[Array, Array]:
+        """Return g (m,) and its slopes (m, n)."""
+        motion = [np.ascontiguousarray(q)[None], self._still, self._still]
+        found = [term.expression(motion) for term in self._terms]
+        if not found:
+            return np.zeros(0), np.zeros((0, len(q)))
+        return np.concatenate([value[0] for value, _ in found]), np.vstack([slopes[0][0] for _, slopes in found])
+
+    def _far_apart(self, q: Array) -> bool:
+        motion = [q[None], self._still, self._still]
+        return all(float(term.least(motion).min()) >= 0.0 for term in self._apart)
+
+
+def in_part_only(problem: Problem) -> list[str]:
+    """Return the constraints that hold in a part of the motion only: a path has no time to tell which."""
+    return [one.KEY for one in problem.path_constraints if one.during != WHOLE]

@@ -1,0 +1,169 @@
+"""Plan under path constraints: search on them, shorten, smooth, time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.base import Budget, Failure, PlanResult, Progress
+from optiplan.planners.common.failures import too_heavy
+from optiplan.planners.common.goal_ranking import GoalSampler
+from optiplan.planners.common.gravity import Gravity
+from optiplan.planners.common.path_timing import timed_path
+from optiplan.planners.sampling.constrained.manifold import Manifold, in_part_only
+from optiplan.planners.sampling.constrained.searches import Query, connect, roadmap, star
+from optiplan.planners.sampling.constrained.smoothing import shortcut, smooth_curves
+from optiplan.planners.sampling.constrained.walk import Walker
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.trajopt.terms.path_constraints import PathConstraints, broken_constraint
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.timing.time_path import TimingOptions, time_path
+from optiplan.trajectory.trajectory import Trajectory
+
+_RESERVE = 3e-3  # share of the torque limits kept free for gravity between the steps
+_SEARCHING = 0.6  # share of the budget for searching; the rest is for smoothing and timing
+
+
+@dataclass(frozen=True)
+class ConstrainedSearch:
+    """Which search is made, and how.
+
+    Attributes:
+        roadmap: a roadmap in the place of two trees.
+        iterations: of RRT* after the first path; 0: none.
+        informed: whether that samples only where shorter paths can pass.
+        vertices: of the roadmap, first.
+    """
+
+    roadmap: bool = False
+    iterations: int = 0
+    informed: bool = False
+    vertices: int = 150
+
+
+@dataclass(frozen=True, eq=False)
+class ConstrainedPath:
+    """A path on the constraints.
+
+    Attributes:
+        waypoints: (k, n), rad or m; every point holds the constraints, every segment is proved free.
+        walker: that has found it.
+        states: configurations that the search has reached.
+    """
+
+    waypoints: Array
+    walker: Walker
+    states: int
+
+
+def constrained_path(  # noqa: PLR0913
+    model: CollisionModel,
+    problem: Problem,
+    goals: list[Array],
+    budget: Budget,
+    search: ConstrainedSearch,
+    attempts: int,
+) -> ConstrainedPath | Failure:
+    """Return a path on the constraints from the start to one of the goals (n,), all of which hold them.
+
+    Failure kinds: `unsupported` where a constraint holds in a part of the motion only; `no-path`.
+    """
+    parts = in_part_only(problem)
+    if parts:
+        kinds = ", ".join(parts)
+        return Failure(
+            "unsupported", f"this planner holds constraints on the whole motion only, not `during` ({kinds})"
+        )
+    check = MotionCheck(model, problem.limits, Gravity(model.robot, problem.limits.torque, _RESERVE))
+    manifold = Manifold(problem, np.vstack([problem.start, *goals]))
+    walker = Walker(manifold, check, budget.share(_SEARCHING))
+    query = Query(
+        walker, problem.start, np.array(goals), problem.seed, search.iterations, search.informed, search.vertices
+    )
+    path = _straight(query)
+    if path is None:
+        path = roadmap(query) if search.roadmap else connect(query)
+    if path is None:
+        detail = (
+            f"no path that holds the path constraints within {budget.seconds:.3g} s; the search reached "
+            f"{sum(query.states)} states"
+        )
+        return Failure("no-path", detail, {"q": problem.start.tolist()})
+    draws = np.random.default_rng(problem.seed).uniform(size=(attempts, 2))
+    path = shortcut(walker, path, draws)
+    if search.iterations:
+        path = shortcut(walker, star(query, path), draws)
+    return ConstrainedPath(path, walker, sum(query.states))
+
+
+def plan_constrained(
+    problem: Problem,
+    model: CollisionModel,
+    sampler: GoalSampler,
+    tools: tuple[Budget, Progress],
+    search: tuple[ConstrainedSearch, int, int],
+) -> PlanResult:
+    """Plan with goals of a sampler; `search` has how, the number of shortcuts and that of goals."""
+    (budget, progress), (how, attempts, count) = tools, search
+    constraints = PathConstraints(problem)
+    goals = _held_goals(sampler, constraints.end_holds, count, budget)
+    if not goals:
+        return PlanResult(None, constraints.no_end(sampler.configurations), {})
+    progress("sampling", 0.1)
+    found = constrained_path(model, problem, goals, budget, how, attempts)
+    if isinstance(found, Failure):
+        return PlanResult(None, found, {})
+    progress("timing", 0.7)
+    motion = timed(problem, found, constraints, budget)
+    info = {"waypoints": len(found.waypoints), "states": found.states, "cut_short": budget.over}
+    return PlanResult(None, motion, {}, info) if isinstance(motion, Failure) else PlanResult(motion, None, {}, info)
+
+
+def timed(
+    problem: Problem, found: ConstrainedPath, constraints: PathConstraints, budget: Budget
+) -> Trajectory | Failure:
+    """Return the fastest motion that holds the constraints along smooth curves near a path, or with its corners."""
+    model, limits, names = found.walker.check.model, problem.limits, problem.robot.joint_names
+    walker = Walker(found.walker.manifold, found.walker.check, budget)
+    timing = TimingOptions(stop=lambda: budget.over)
+    motions: list[Trajectory | None] = []
+    for curve in smooth_curves(walker, found.waypoints, names):
+        motions.append(time_path(curve, model.robot, limits, timing))
+    held = _held(motions, constraints)
+    if not held:
+        motions = [timed_path(model, found.waypoints, limits, budget)]
+        held = _held(motions, constraints)
+    if held:
+        return min(held, key=lambda motion: motion.duration)
+    last = motions[-1]
+    if last is None:
+        return too_heavy(problem.robot, limits, found.waypoints)
+    return broken_constraint(constraints.broken(last)[0], last, "a path was found, but no motion along it")
+
+
+def _held(motions: list[Trajectory | None], constraints: PathConstraints) -> list[Trajectory]:
+    slowed = [constraints.slowed(motion) for motion in motions if motion is not None]
+    return [motion for motion in slowed if not constraints.broken(motion)]
+
+
+def _straight(query: Query) -> Array | None:
+    """Return the first walk from the start straight to a goal that gets there."""
+    for goal in query.goals:
+        points = query.walker.joined(query.start, goal)
+        if points is not None:
+            return np.vstack([query.start, points])
+    return None
+
+
+def _held_goals(sampler: GoalSampler, holds: Callable[[Array], bool], count: int, budget: Budget) -> list[Array]:
+    """Return up to `count` goals that hold the constraints; more are drawn for a while where none does."""
+    looking = budget.share(0.2)
+    goals = [q for q in sampler.configurations if holds(q)]
+    while not goals and not sampler.complete and not looking.over:
+        fresh = sampler.more(4, lambda: looking.over)
+        if not fresh:
+            break
+        goals = [q for q in fresh if holds(q)]
+    return goals[:count]

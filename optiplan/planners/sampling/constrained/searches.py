@@ -1,0 +1,257 @@
+"""Searches on the constraints: RRT-Connect, RRT* (also informed) and a roadmap."""
+
+import heapq
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.sampling.constrained.tree import Tree
+from optiplan.planners.sampling.constrained.walk import Walker
+from optiplan.planners.sampling.ompl_space import search_bounds
+from optiplan.planners.sampling.shortcutting import path_times
+
+_EXTEND = 0.6  # s at full joint speed: how far a tree grows towards a sample
+_NEAR = 0.5  # share of samples that lie near the ends
+_AROUND = 0.6  # s: how far beyond the ends these are
+_NEIGHBOURS = 8
+_STALE = 150  # samples of RRT* in a row that gain less than `_GAIN`
+_GAIN = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Query:
+    """What a search is asked: from start (n,) to any of goals (k, n), all on the constraints.
+
+    Attributes:
+        seed: of its random numbers.
+        iterations: of RRT* at most; 0: none.
+        informed: whether RRT* samples only where shorter paths can pass.
+        vertices: of the roadmap before its first query.
+        states: how many configurations were reached, told by the search.
+    """
+
+    walker: Walker
+    start: Array
+    goals: Array
+    seed: int
+    iterations: int = 0
+    informed: bool = False
+    vertices: int = 150
+    states: list[int] = field(default_factory=list)
+
+    @property
+    def over(self) -> bool:
+        """Whether the budget is used up."""
+        return self.walker.budget.over
+
+    def samples(self) -> "RandomConfigurations":
+        """Return a source of random configurations."""
+        return RandomConfigurations(self)
+
+
+class RandomConfigurations:
+    """Random configurations within the limits, half of them near the ends."""
+
+    def __init__(self, query: Query) -> None:
+        self._rng = np.random.default_rng(query.seed)
+        both = np.vstack([query.start, query.goals])
+        reach = _AROUND * query.walker.units
+        self._all = search_bounds(query.walker.check.limits, (query.start, query.goals))
+        low, high = both.min(axis=0) - reach, both.max(axis=0) + reach
+        self._near = np.maximum(low, self._all[0]), np.minimum(high, self._all[1])
+
+    def __call__(self) -> Array:
+        """Return one, (n,)."""
+        low, high = self._near if self._rng.uniform() < _NEAR else self._all
+        return np.asarray(self._rng.uniform(low, high))
+
+
+def connect(query: Query) -> Array | None:
+    """Grow two trees towards each other until they meet: RRT-Connect with walked edges (CBiRRT). Returns (k, n)."""
+    walker, draw = query.walker, query.samples()
+    trees = [Tree(query.start[None], walker.units), Tree(query.goals, walker.units)]
+    while not query.over:
+        for one, other in ((0, 1), (1, 0)):
+            new = _grown(trees[one], walker, draw())
+            if new is None:
+                continue
+            target = trees[one].node(new)
+            k = int(np.argmin(trees[other].distances(target)))
+            points = walker.towards(trees[other].node(k), target)
+            if not points:
+                continue
+            met = trees[other].add(k, np.array(points))
+            if points[-1] is not target:
+                continue
+            ways = [trees[one].path(new), trees[other].path(met)[::-1]]
+            first, second = ways if one == 0 else (ways[1][::-1], ways[0][::-1])
+            query.states.append(sum(map(len, trees)))
+            return np.vstack([first, second[1:]])
+    query.states.append(sum(map(len, trees)))
+    return None
+
+
+def _grown(tree: Tree, walker: Walker, towards: Array) -> int | None:
+    """Grow a tree from its node nearest to a sample; return the new node."""
+    k = int(np.argmin(tree.distances(towards)))
+    points = walker.towards(tree.node(k), towards, _EXTEND)
+    return tree.add(k, np.array(points)) if points else None
+
+
+def star(query: Query, path: Array) -> Array:
+    """Shorten a path (k, n) by RRT* from its start to its end: a tree that is rewired as it grows, edges walked."""
+    walker, draw, goal = query.walker, query.samples(), path[-1]
+    tree = Tree(query.start[None], walker.units)
+    best, cost, stale = path, walker.cost(path), 0
+    for _ in range(query.iterations):
+        if query.over or stale > _STALE:
+            break
+        q = draw()
+        stale += 1
+        if query.informed and _least(query, q, goal) >= cost:
+            continue
+        new = _branch(tree, walker, q)
+        if new is None or tree.costs[new] + _least(query, tree.node(new), goal, half=True) >= cost:
+            continue
+        points = walker.joined(tree.node(new), goal)
+        if points is None:
+            continue
+        found = np.vstack([tree.path(new), points])
+        shorter = walker.cost(found)
+        stale = 0 if shorter < (1.0 - _GAIN) * cost else stale
+        best, cost = (found, shorter) if shorter < cost else (best, cost)
+    query.states.append(len(tree))
+    return best
+
+
+def _least(query: Query, q: Array, goal: Array, half: bool = False) -> float:
+    """Return a lower bound, s, of paths from the start, or with `half` from q (n,), through q to the goal (n,)."""
+    rest = path_times(q[None], goal[None], query.walker.units)[0]
+    return float(rest if half else rest + path_times(query.start[None], q[None], query.walker.units)[0])
+
+
+def _branch(tree: Tree, walker: Walker, towards: Array) -> int | None:
+    """Grow a node towards a sample with the cheapest of its neighbours as parent, and rewire the others to it."""
+    nearest = int(np.argmin(tree.distances(towards)))
+    points = walker.towards(tree.node(nearest), towards, _EXTEND)
+    if not points:
+        return None
+    q = points[-1]
+    parent, way = nearest, np.array(points)
+    cost = tree.costs[nearest] + _edge_cost(walker, tree.node(nearest), way)
+    near = np.argsort(tree.distances(q))[:_NEIGHBOURS]
+    for k in map(int, near):
+        least = tree.costs[k] + float(path_times(tree.node(k)[None], q[None], walker.units)[0])
+        if k == nearest or least >= cost:
+            continue
+        other = walker.joined(tree.node(k), q)
+        if other is not None and tree.costs[k] + _edge_cost(walker, tree.node(k), np.array(other)) < cost:
+            parent, way = k, np.array(other)
+            cost = tree.costs[k] + _edge_cost(walker, tree.node(k), way)
+    new = tree.add(parent, way, cost)
+    for k in map(int, near):
+        _rewire(tree, walker, k, new)
+    return new
+
+
+def _rewire(tree: Tree, walker: Walker, k: int, new: int) -> None:
+    """Make a new node the parent of another where that is cheaper."""
+    least = tree.costs[new] + float(path_times(tree.node(new)[None], tree.node(k)[None], walker.units)[0])
+    if k == tree.parents[new] or least >= tree.costs[k]:
+        return
+    points = walker.joined(tree.node(new), tree.node(k))
+    cost = np.inf if points is None else tree.costs[new] + _edge_cost(walker, tree.node(new), np.array(points))
+    gain = tree.costs[k] - cost
+    if points is None or gain <= 0.0:
+        return
+    tree.parents[k], tree.edges[k] = new, np.array(points)
+    below = {k}
+    tree.costs[k] = cost
+    while below:
+        parent = below.pop()
+        children = [child for child, above in enumerate(tree.parents) if above == parent]
+        for child in children:
+            tree.costs[child] -= gain
+        below.update(children)
+
+
+def _edge_cost(walker: Walker, a: Array, points: Array) -> float:
+    return walker.cost(np.vstack([a, points]))
+
+
+def roadmap(query: Query) -> Array | None:
+    """Connect samples on the constraints with their neighbours, and find the shortest way whose edges can be walked.
+
+    Edges are walked when a shortest way takes them (Bohlin and Kavraki, "Path planning using lazy PRM", ICRA 2000); no
+    way: half as many vertices again.
+    """
+    walker, draw = query.walker, query.samples()
+    vertices = [query.start, *query.goals]
+    walked: dict[tuple[int, int], list[Array] | None] = {}
+    wanted = query.vertices
+    while not query.over:
+        while len(vertices) < wanted + 1 + len(query.goals) and not query.over:
+            q = walker.manifold.project(draw())
+            if q is not None and not walker.check.blocked(q):
+                vertices.append(q)
+        found = _shortest(query, vertices, walked)
+        if found is not None:
+            query.states.append(len(vertices))
+            return found
+        wanted += wanted // 2
+    query.states.append(len(vertices))
+    return None
+
+
+def _shortest(query: Query, vertices: list[Array], walked: dict[tuple[int, int], list[Array] | None]) -> Array | None:
+    """Return the shortest way (k, n) from vertex 0 to one of the goals after it, walking its edges as needed."""
+    walker, Q = query.walker, np.array(vertices)
+    apart = np.linalg.norm((Q[:, None] - Q[None]) / walker.units, axis=2)
+    near = np.argsort(apart, axis=1)[:, 1 : 1 + _NEIGHBOURS]
+    links: list[set[int]] = [set() for _ in vertices]
+    for k, row in enumerate(near.tolist()):
+        for other in row:
+            links[k].add(other)
+            links[other].add(k)
+    while not query.over:
+        way = _dijkstra(links, apart, walked, len(query.goals))
+        if way is None:
+            return None
+        points = [query.start]
+        for edge in pairwise(way):
+            key = min(edge), max(edge)
+            if key not in walked:
+                found = walker.joined(Q[key[0]], target := vertices[key[1]])
+                walked[key] = None if found is None else [Q[key[0]], *found[:-1], target]
+            stretch = walked[key]
+            if stretch is None:
+                break
+            points += stretch[1:] if edge[0] == key[0] else stretch[::-1][1:]
+        else:
+            return np.array(points)
+    return None
+
+
+def _dijkstra(
+    links: list[set[int]], apart: Array, walked: dict[tuple[int, int], list[Array] | None], goals: int
+) -> list[int] | None:
+    """Return the vertices of the shortest way from 0 to one of 1 … goals by edges that are not known to be blocked."""
+    costs, before, queue = {0: 0.0}, {0: 0}, [(0.0, 0)]
+    while queue:
+        cost, k = heapq.heappop(queue)
+        if cost > costs[k]:
+            continue
+        if 1 <= k <= goals:
+            way = [k]
+            while way[-1]:
+                way.append(before[way[-1]])
+            return way[::-1]
+        for other in links[k]:
+            key = min(k, other), max(k, other)
+            through = cost + float(apart[k, other])
+            if walked.get(key, []) is not None and through < costs.get(other, np.inf):
+                costs[other], before[other] = through, k
+                heapq.heappush(queue, (through, other))
+    return None

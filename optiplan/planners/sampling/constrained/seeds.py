@@ -1,0 +1,49 @@
+"""Paths on the constraints as initial guesses of an optimiser, and the motions along them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.sampling.constrained.manifold import in_part_only
+from optiplan.planners.sampling.constrained.plan import ConstrainedPath, ConstrainedSearch, constrained_path, timed
+from optiplan.planners.sampling.sample_path import SampledPath
+from optiplan.planners.sampling.shortcutting import path_time
+from optiplan.planners.trajopt.terms.path_constraints import PathConstraints
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.trajectory import Trajectory
+
+_SHORTCUTS = 60
+
+
+@dataclass
+class ConstrainedSeeds:
+    """Paths on the constraints of a problem, and the motion along the last of them."""
+
+    problem: Problem
+    model: CollisionModel
+    last: ConstrainedPath | None = None
+
+    @property
+    def apply(self) -> bool:
+        """Whether there are constraints, all of the whole motion."""
+        return bool(self.problem.path_constraints) and not in_part_only(self.problem)
+
+    def path(self, goals: list[Array], budget: Budget, number: int) -> SampledPath | Failure:
+        """Return a path to one of the goals (n,), another for each number."""
+        problem = replace(self.problem, seed=self.problem.seed + 1000 * number)
+        goals = goals[number % len(goals) :] + goals[: number % len(goals)]
+        found = constrained_path(self.model, problem, goals, budget, ConstrainedSearch(), _SHORTCUTS)
+        if isinstance(found, Failure):
+            return found
+        self.last = found
+        cost = float(path_time(found.waypoints, problem.limits.velocity).sum())
+        return SampledPath(found.waypoints, -1, cost, {"states": found.states, "cut_short": budget.over})
+
+    def motion(self, path: SampledPath, constraints: PathConstraints, budget: Budget) -> Trajectory | Failure | None:
+        """Return the motion along a path that `path` gave; None of any other."""
+        if self.last is None or not np.array_equal(self.last.waypoints, path.waypoints):
+            return None
+        return timed(self.problem, self.last, constraints, budget)

@@ -1,0 +1,77 @@
+"""Shorten a path on the constraints, and make it a smooth curve that holds them."""
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from optiplan.arrays import Array
+from optiplan.planners.common.continuous_collision import first_contact
+from optiplan.planners.sampling.constrained.walk import Walker
+from optiplan.planners.sampling.shortcutting import path_time
+from optiplan.planners.sampling.smoothing import spline_along
+from optiplan.trajectory.bspline import pieces
+from optiplan.trajectory.trajectory import Trajectory
+
+_DEGREE = 5
+_SPANS = (4, 8, 16, 32, 64, 128)  # few are smooth, many follow the path closely
+_POINTS = 3  # projected for each span, so that the curve between them holds the constraints too
+_LOOKS = 4  # at the curve between two of these
+_END = 0.5  # of the length of the first interval: where the spline's first inner knots are
+
+
+def shortcut(walker: Walker, path: Array, draws: Array) -> Array:
+    """Return a path (m, n) of no higher cost: the one (k, n) with stretches walked straight.
+
+    Each row of `draws` (attempts, 2), uniform in [0, 1), says between which shares of its length.
+    """
+    for row in draws:
+        if len(path) < 3 or walker.budget.over:
+            break
+        along = np.concatenate([[0.0], np.cumsum(path_time(path, walker.units))])
+        i, j = np.sort(np.searchsorted(along, row * along[-1]))
+        if j - i < 2:
+            continue
+        points = walker.joined(path[i], path[j])
+        if points is None:
+            continue
+        new = np.vstack([path[i], points])
+        if walker.cost(new) < walker.cost(path[i : j + 1]):
+            path = np.vstack([path[:i], new, path[j + 1 :]])
+    return path
+
+
+def smooth_curves(walker: Walker, waypoints: Array, names: tuple[str, ...]) -> list[Trajectory]:
+    """Return smooth curves near a path (k, n), over s, that hold the constraints where looked at and are proved free.
+
+    A B-spline near the path (`smoothing.spline_along`) is sampled, the samples are projected onto the constraints, and
+    a spline of degree five goes through them: between samples at distance h it is off by the order of h^6, where the
+    straight segments of the path are off by h^2. The smoothest comes first; those that fail are passed over.
+    """
+    along = np.concatenate([[0.0], np.cumsum(path_time(waypoints, walker.units))])
+    found: list[Trajectory] = []
+    for spans in _SPANS:
+        if walker.budget.over or along[-1] == 0.0 or len(found) == 2:
+            break
+        curve = Trajectory(names, *spline_along(along, waypoints, spans))
+        held = curve if _holds(walker, curve, spans) else _projected(walker, curve, spans)
+        if held is not None and first_contact(walker.check.model, held, lambda: walker.budget.over) is None:
+            found.append(held)
+    return found
+
+
+def _projected(walker: Walker, curve: Trajectory, spans: int) -> Trajectory | None:
+    """Return the spline through projected points of a curve; None where a point, or the spline, does not hold."""
+    s = np.linspace(0.0, curve.duration, max(_POINTS * spans, 2 * _DEGREE) + 1)
+    points = [walker.manifold.project(q) for q in curve(s[1:-1])]
+    whole = [q for q in points if q is not None]
+    if len(whole) < len(points):
+        return None
+    spline = make_interp_spline(s, np.vstack([curve.start, *whole, curve.end]), k=_DEGREE)
+    held = Trajectory(curve.joint_names, *pieces(spline.t, spline.c, _DEGREE))
+    return held if _holds(walker, held, len(s) - 1) else None
+
+
+def _holds(walker: Walker, curve: Trajectory, parts: int) -> bool:
+    limits = walker.check.limits
+    Q = curve(np.linspace(0.0, curve.duration, _LOOKS * parts + 1))
+    inside = bool(((limits.lower <= Q) & (limits.upper >= Q)).all())
+    return inside and all(walker.manifold.holds(q) for q in Q[1:-1])

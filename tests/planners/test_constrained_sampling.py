@@ -1,0 +1,128 @@
+"""Sampling planners under path constraints: projection, walks, motions that are proved to hold them."""
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.collision.native_model import planning_model
+from optiplan.planners.base import Budget
+from optiplan.planners.common.gravity import Gravity
+from optiplan.planners.sampling.constrained.manifold import Manifold
+from optiplan.planners.sampling.constrained.searches import Query, connect, roadmap, star
+from optiplan.planners.sampling.constrained.smoothing import shortcut
+from optiplan.planners.sampling.constrained.walk import Walker
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.trajopt.terms.path_constraints import PathConstraints
+from tests.planners.constraint_cases import CONSTRAINTS, KIND, key_of, stated
+
+PLANNERS = ("rrtconnect", "prm", "rrtstar", "informed_rrtstar")
+HEIGHT = 0.486869558
+PLANE = {"plane": {"normal": [0, 0, 1], "offset": HEIGHT, "within": 0.001}}
+DOWN = {"orientation": {"axis": [0, 0, 1], "toward": [0, 0, -1], "within": 0.02}}
+
+
+@pytest.fixture(scope="module")
+def around():
+    """On a plane, the tool pointing down, around a post."""
+    post = op.Box("post", size=(0.06, 0.06, 0.9), position=(0.45, 0.15, 0.45))
+    goal = op.Pose((0.5, 0.35, HEIGHT), rpy=(np.pi, 0.0, 0.0))
+    return op.Problem("panda", start="ready", goal=goal, scene=[post], path_constraints=[PLANE, DOWN])
+
+
+@pytest.fixture(scope="module")
+def query(around):
+    model = planning_model(around.robot, around.scene)
+    goals = [q for q in op.plan(around, "trajopt", budget=3.0).trajectory(np.array([1e9]), clamp=True)]
+    manifold = Manifold(around, np.vstack([around.start, *goals]))
+    check = MotionCheck(model, around.limits, Gravity(around.robot, around.limits.torque))
+    return Query(Walker(manifold, check, Budget(20.0)), around.start, np.array(goals), seed=1, iterations=60)
+
+
+@pytest.mark.parametrize("name", [name for name in CONSTRAINTS if key_of(name) not in ("tool_speed", "wheel_speed")])
+def test_projection_holds_the_constraint(name):
+    problem = stated(name)
+    constraints, rng = PathConstraints(problem), np.random.default_rng(0)
+    manifold = Manifold(problem, problem.start[None])
+    still = np.zeros((1, problem.robot.n))
+    drawn = problem.start + rng.uniform(-0.5, 0.5, (20, problem.robot.n))
+    found = [q for q in (manifold.project(q) for q in drawn) if q is not None]
+    assert len(found) >= (1 if key_of(name) == "clearance" else 8)
+    for q in found:
+        assert manifold.holds(q)
+        violation = max(kept.worst([q[None], still, still])[0] for kept in constraints.all)
+        assert violation <= 1e-9
+        assert (problem.limits.lower <= q).all()
+        assert (q <= problem.limits.upper).all()
+
+
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_rrtconnect_holds_it_and_the_verifier_proves_it(name):
+    run = op.plan(stated(name), "rrtconnect", budget=10.0)
+    assert run.verified, run.failure
+    checks = [check for check in run.report.checks if check.name.endswith("constraint")]
+    assert checks
+    assert all(check.kind == KIND.get(key_of(name), "continuous") for check in checks)
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_each_goes_around_an_obstacle_on_a_plane(around, planner):
+    run = op.plan(around, planner, budget=10.0)
+    assert run.verified, run.failure
+    assert run.info["states"] > 1
+    assert sum(check.name.endswith("constraint") for check in run.report.checks) == 2
+
+
+def test_a_walk_stays_on_the_constraints_and_ends_where_it_is_sent(query):
+    walker, start = query.walker, query.start
+    assert walker.joined(start, query.goals[0]) is None, "the post is in the way"
+    rng, reached = np.random.default_rng(0), 0
+    for _ in range(20):
+        target = walker.manifold.project(start + rng.uniform(-0.3, 0.3, 7))
+        points = [] if target is None else walker.towards(start, target)
+        reached += bool(points) and points[-1] is target
+        for a, b in zip([start, *points], points, strict=False):
+            assert walker.manifold.holds(b)
+            assert walker.manifold.holds(0.5 * (a + b))
+            assert walker.check.free(a, b)
+    assert reached >= 5
+
+
+@pytest.mark.parametrize("search", [connect, roadmap])
+def test_searches_return_paths_on_the_constraints_from_the_start_to_a_goal(query, search):
+    path = search(query)
+    np.testing.assert_array_equal(path[0], query.start)
+    np.testing.assert_array_equal(path[-1], query.goals[0])
+    assert all(query.walker.manifold.holds(q) for q in path)
+    draws = np.random.default_rng(0).uniform(size=(60, 2))
+    shorter = shortcut(query.walker, path, draws)
+    assert query.walker.cost(shorter) <= query.walker.cost(path)
+    best = star(query, shorter)
+    assert query.walker.cost(best) <= query.walker.cost(shorter)
+    assert all(query.walker.manifold.holds(q) for q in best)
+    np.testing.assert_array_equal(best[[0, -1]], path[[0, -1]])
+
+
+def test_the_same_seed_gives_the_same_motion(around):
+    one, other = (op.plan(around, "rrtconnect", seed=3, budget=20.0) for _ in range(2))
+    np.testing.assert_array_equal(one.trajectory.coefficients, other.trajectory.coefficients)
+
+
+def test_constraints_of_a_part_of_the_motion_are_refused_in_words(around):
+    part = around.with_constraints({"plane": {**PLANE["plane"], "during": [0.2, 0.8]}})
+    run = op.plan(part, "rrtconnect", budget=2.0)
+    assert run.failure.kind == "unsupported"
+    assert "plane" in run.failure.detail
+
+
+def test_goals_that_cannot_hold_the_constraint_are_a_reason(around):
+    off = around.with_goal(op.Pose((0.5, 0.35, 0.4), rpy=(np.pi, 0.0, 0.0)))
+    run = op.plan(off, "rrtconnect", budget=4.0)
+    assert run.failure.kind == "constraint"
+    assert "off the plane" in run.failure.detail
+
+
+@pytest.mark.parametrize("planner", ["kpiece", "bitstar"])
+def test_others_say_what_they_do_not_hold(around, planner):
+    run = op.plan(around, planner, budget=2.0)
+    assert run.failure.kind == "unsupported"
+    assert "plane" in run.failure.detail
