@@ -108,6 +108,11 @@ TASKS = {
 """Pictures of tasks: the problem, and the instant, s."""
 
 
+def goal_region() -> None:
+    """Write the picture of a goal region: any side of a can."""
+    save_picture(page(plan("trajopt", "44_can_from_any_side")), HERE / "goal-region.png", "t=0.7&paused", WIDE)
+
+
 def task(name: str) -> None:
     """Write the picture of a task."""
     problem, time = TASKS[name]
@@ -122,6 +127,7 @@ PICTURES = {
     "failure": failure,
     "comparison": comparison,
     "two-arms": two_arms,
+    "goal-region": goal_region,
     **{name: partial(task, name) for name in TASKS},
 }
 

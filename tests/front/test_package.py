@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import venv
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -102,6 +103,11 @@ def test_the_wheel_works_from_an_empty_folder(tmp_path):
     subprocess.run([*pip, *build, without_core], check=True, env=clean)
     (wheel,) = tmp_path.glob("optiplan-*.whl")
     assert wheel.name.startswith(f"optiplan-{op.__version__}-")
+    held = set(zipfile.ZipFile(wheel).namelist())
+    data = ("robots/panda", "problems/01_reach.yaml", "control/")
+    for part in (*(f"optiplan/_data/{name}" for name in data), "optiplan/viewer/web/", "optiplan/_core/_core_base.pyi"):
+        assert any(name.startswith(part) for name in held), part
+    assert not any(name.endswith((".cpp", ".hpp")) or "in_place" in name for name in held)
     venv.create(home, with_pip=False)
     python = home / "bin" / "python"
     packages = next((home / "lib").glob("python*")) / "site-packages"

@@ -20,6 +20,7 @@ from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.limit_checks import goal as goal_check
+from optiplan.viewer.scene import build_scene
 
 FREE = [(), (0,), (1,), (2,), (0, 1, 2)]
 
@@ -201,3 +202,43 @@ def test_a_region_of_an_arm_of_two_joints(write):
     problem = op.load_problem(write("goal: {joints: [1, 0.5]}", text))
     run = op.plan(problem, planner="quintic", budget=5)
     assert run.verified, run.failure
+
+
+REGION = {"position": [0.5, 0.2, 0.4], "rpy": [np.pi, 0.0, 0.0], "along": {"x": 0.1, "y": 0.1}, "about": {"z": "free"}}
+
+
+def test_a_move_of_a_task_ends_in_a_region():
+    problem = op.Problem(
+        "panda", start="ready", task=[{"move": {"region": REGION}}, {"move": {"configuration": "ready"}}]
+    )
+    run = op.plan(problem, budget=10.0)
+    assert run.verified, run.failure
+
+
+def test_a_moving_start_and_an_earlier_run_lead_to_a_region_too():
+    problem = op.Problem("panda", start="ready", goal={"region": REGION})
+    run = op.plan(problem, budget=3.0)
+    assert run.verified
+    assert run.duration < 1.05 * min(problem.lower_bounds([run.trajectory.end]))
+    start = problem.start + 0.05
+    again = op.plan(problem.with_start(start), budget=3.0, warm_start=run)
+    assert again.verified
+    moving = op.plan(problem.with_start(op.State(start, v=np.full(7, 0.1))), budget=5.0)
+    assert moving.verified, moving.failure
+
+
+def test_the_page_draws_the_extent_of_a_region_and_a_ring_about_its_free_axis():
+    problem = op.load_problem("44_can_from_any_side")
+    (drawn,) = build_scene(problem, []).regions
+    np.testing.assert_allclose(drawn["size"], [0.004, 0.004, 0.06])
+    np.testing.assert_allclose(drawn["pose"][:3], [0.5, 0.2, 0.28])
+    assert drawn["ring"]["radius"] == pytest.approx(0.12)
+    np.testing.assert_allclose(drawn["ring"]["pose"], [0.5, 0.2, 0.28, 0.0, 0.0, 0.0, 1.0], atol=1e-9)
+    plane = problem.with_goal(
+        op.Region((0.0, 0.0, 0.4), along={"x": "free", "y": "free", "z": (0.0, "free")}, about="free")
+    )
+    (drawn,) = build_scene(plane, []).regions
+    np.testing.assert_allclose(drawn["size"], [1.0, 1.0, 0.5])
+    assert drawn["ring"] is None
+    (target,) = build_scene(plane, []).targets
+    np.testing.assert_allclose(target[:3], [0.0, 0.0, 0.4])

@@ -317,6 +317,8 @@ class _Run:
 
     def _stopping(self, path: SampledPath) -> Failure | None:
         """Offer the motion along the sampled path that stops at every corner: the first to be had of a path."""
+        if self.on_constraints.apply:  # whose paths have too many corners
+            return self._time_path(path)
         with self.watch.stage("timing of sampled paths"):
             timed = stopping(self.problem.robot, self.problem.limits, path.waypoints)
         if timed is None:

@@ -23,7 +23,7 @@ from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
 _RESERVE = 3e-3  # share of the torque limits kept free for gravity between the steps
-_SEARCHING = 0.6  # share of the budget for searching; the rest is for smoothing and timing
+_SEARCHING = 0.75  # share of the budget for searching; the rest is for smoothing and timing
 
 
 @dataclass(frozen=True)

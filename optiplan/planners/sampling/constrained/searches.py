@@ -16,6 +16,7 @@ _EXTEND = 0.6  # s at full joint speed: how far a tree grows towards a sample
 _NEAR = 0.5  # share of samples that lie near the ends
 _AROUND = 0.6  # s: how far beyond the ends these are
 _NEIGHBOURS = 8
+_PATIENCE, _GROWTH = 100, 2  # growths of each tree in the first round, and factor from one round to the next
 _STALE = 150  # samples of RRT* in a row that gain less than `_GAIN`
 _GAIN = 0.01
 
@@ -69,28 +70,49 @@ class RandomConfigurations:
 
 
 def connect(query: Query) -> Array | None:
-    """Grow two trees towards each other until they meet: RRT-Connect with walked edges (CBiRRT). Returns (k, n)."""
-    walker, draw = query.walker, query.samples()
-    trees = [Tree(query.start[None], walker.units), Tree(query.goals, walker.units)]
+    """Grow two trees towards each other until they meet: RRT-Connect with walked edges (CBiRRT). Returns (k, n).
+
+    Trees that have not met are begun anew, in rounds of growing patience: the time that random trees take is
+    heavy-tailed.
+    """
+    draw, patience = query.samples(), _PATIENCE
     while not query.over:
-        for one, other in ((0, 1), (1, 0)):
-            new = _grown(trees[one], walker, draw())
-            if new is None:
-                continue
-            target = trees[one].node(new)
-            k = int(np.argmin(trees[other].distances(target)))
-            points = walker.towards(trees[other].node(k), target)
-            if not points:
-                continue
-            met = trees[other].add(k, np.array(points))
-            if points[-1] is not target:
-                continue
-            ways = [trees[one].path(new), trees[other].path(met)[::-1]]
-            first, second = ways if one == 0 else (ways[1][::-1], ways[0][::-1])
-            query.states.append(sum(map(len, trees)))
-            return np.vstack([first, second[1:]])
-    query.states.append(sum(map(len, trees)))
+        found = _round(query, draw, patience)
+        if found is not None:
+            return found
+        patience *= _GROWTH
     return None
+
+
+def _round(query: Query, draw: RandomConfigurations, patience: int) -> Array | None:
+    """Grow two new trees until they meet, or each has grown `patience` times."""
+    walker = query.walker
+    trees = [Tree(query.start[None], walker.units), Tree(query.goals, walker.units)]
+    path: Array | None = None
+    for number in range(2 * patience):
+        one = number % 2
+        new = None if query.over else _grown(trees[one], walker, draw())
+        path = None if new is None else _met(trees, one, new, walker)
+        if path is not None or query.over:
+            break
+    query.states.append(sum(map(len, trees)))
+    return path
+
+
+def _met(trees: list[Tree], one: int, new: int, walker: Walker) -> Array | None:
+    """Grow the other tree to a new node of one; return the path (k, n) from start to goal where it gets there."""
+    tree, other = trees[one], trees[1 - one]
+    target = tree.node(new)
+    k = int(np.argmin(other.distances(target)))
+    points = walker.towards(other.node(k), target)
+    if not points:
+        return None
+    met = other.add(k, np.array(points))
+    if points[-1] is not target:
+        return None
+    ways = [tree.path(new), other.path(met)]
+    start, goal = ways[one], ways[1 - one]
+    return np.vstack([start, goal[::-1][1:]])
 
 
 def _grown(tree: Tree, walker: Walker, towards: Array) -> int | None:

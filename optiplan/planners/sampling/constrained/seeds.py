@@ -20,11 +20,12 @@ _SHORTCUTS = 60
 
 @dataclass
 class ConstrainedSeeds:
-    """Paths on the constraints of a problem, and the motion along the last of them."""
+    """Paths on the constraints of a problem, the last of them, and the motion along that."""
 
     problem: Problem
     model: CollisionModel
     last: ConstrainedPath | None = None
+    timed: Trajectory | Failure | None = None
 
     @property
     def apply(self) -> bool:
@@ -38,7 +39,7 @@ class ConstrainedSeeds:
         found = constrained_path(self.model, problem, goals, budget, ConstrainedSearch(), _SHORTCUTS)
         if isinstance(found, Failure):
             return found
-        self.last = found
+        self.last, self.timed = found, None
         cost = float(path_time(found.waypoints, problem.limits.velocity).sum())
         return SampledPath(found.waypoints, -1, cost, {"states": found.states, "cut_short": budget.over})
 
@@ -46,4 +47,6 @@ class ConstrainedSeeds:
         """Return the motion along a path that `path` gave; None of any other."""
         if self.last is None or not np.array_equal(self.last.waypoints, path.waypoints):
             return None
-        return timed(self.problem, self.last, constraints, budget)
+        if self.timed is None:
+            self.timed = timed(self.problem, self.last, constraints, budget)
+        return self.timed

@@ -15,17 +15,20 @@ _DEGREE = 5
 _SPANS = (4, 8, 16, 32, 64, 128)  # few are smooth, many follow the path closely
 _POINTS = 3  # projected for each span, so that the curve between them holds the constraints too
 _LOOKS = 4  # at the curve between two of these
-_END = 0.5  # of the length of the first interval: where the spline's first inner knots are
+_STALE, _GAIN = 25, 0.005  # shortcuts in a row that gain less than this share of the path's cost
 
 
 def shortcut(walker: Walker, path: Array, draws: Array) -> Array:
     """Return a path (m, n) of no higher cost: the one (k, n) with stretches walked straight.
 
-    Each row of `draws` (attempts, 2), uniform in [0, 1), says between which shares of its length.
+    Each row of `draws` (attempts, 2), uniform in [0, 1), says between which shares of its length; after 25 in a row of
+    little use, no more are tried.
     """
+    stale = 0
     for row in draws:
-        if len(path) < 3 or walker.budget.over:
+        if len(path) < 3 or walker.budget.over or stale >= _STALE:
             break
+        stale += 1
         along = np.concatenate([[0.0], np.cumsum(path_time(path, walker.units))])
         i, j = np.sort(np.searchsorted(along, row * along[-1]))
         if j - i < 2:
@@ -34,7 +37,9 @@ def shortcut(walker: Walker, path: Array, draws: Array) -> Array:
         if points is None:
             continue
         new = np.vstack([path[i], points])
-        if walker.cost(new) < walker.cost(path[i : j + 1]):
+        gain = walker.cost(path[i : j + 1]) - walker.cost(new)
+        if gain > 0.0:
+            stale = 0 if gain > _GAIN * along[-1] else stale
             path = np.vstack([path[:i], new, path[j + 1 :]])
     return path
 

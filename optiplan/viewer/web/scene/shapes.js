@@ -97,7 +97,7 @@ const OptiPlanShapes = (() => {
     box.add(new THREE.LineSegments(new THREE.EdgesGeometry(box.geometry), new THREE.LineBasicMaterial({ ...look, opacity: 0.8 })));
     place(box, one.pose);
     if (!one.ring) return [box];
-    const ring = new THREE.Mesh(new THREE.TorusGeometry(one.ring.radius, 0.003, 8, 64), new THREE.MeshBasicMaterial({ ...look, opacity: 0.7 }));
+    const ring = new THREE.Mesh(new THREE.TorusGeometry(one.ring.radius, 0.005, 8, 96), new THREE.MeshBasicMaterial({ ...look, opacity: 0.7 }));
     place(ring, one.ring.pose);
     return [box, ring];
   }
