@@ -59,6 +59,8 @@ _GOALS = 4
 """Goal configurations to which a path is sought."""
 _CLOSE = 0.3
 """Share of the goal's tolerances within which the roll-out may end."""
+_CLOSE_LED = 0.02
+"""The same of the configuration at the end of a path, which may itself be at the end of a pose's tolerances."""
 _FITS = 8
 
 
@@ -181,6 +183,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         controller = self._controller(problem, goal)
         dt, arrived = self.options.dt, False
         least, since, led = np.inf, 0.0, lead is not None
+        close = _CLOSE if lead is None else _CLOSE_LED
         for _ in range(int(self.options.seconds / dt)):
             if lead is not None:
                 controller.tasks[0].target = lead.ahead_of(state.q)
@@ -188,7 +191,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
             if led and (lead is None or lead.left == 0.0):
                 least, led = np.inf, False  # the path is done: from now on what counts is the goal
             left = lead.left if led and lead is not None else off
-            arrived = arrived or (off < _CLOSE and not np.abs(state.v).max() > 0.01)
+            arrived = arrived or (off < close and not np.abs(state.v).max() > 0.01)
             since = 0.0 if left < (1.0 - _GAIN) * least else since + dt
             least = left if since == 0.0 else least
             step = controller.stop(state, dt) if arrived or since > _STALLED else controller.step(state, dt)
