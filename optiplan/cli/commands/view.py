@@ -10,6 +10,9 @@ from optiplan.cli.output import results
 from optiplan.errors import InputError, Issue
 from optiplan.files import write_text
 
+ADDRESS = ("t", "paused", "speed", "cam", "layers", "run", "runs", "tab", "panel", "theme")
+"""What may stand after the page's #."""
+
 
 def view(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="run folders of one robot")],
@@ -46,7 +49,7 @@ def view(
 
     wanted = {"export": export, "png": png, "gif": gif}
     _check(wanted)
-    pixels = _pixels(size)
+    pixels, at = _pixels(size), _address(at)
     problem, shown = open_runs(runs)
     if not any(wanted.values()):
         serve_page(problem, shown, port)
@@ -84,3 +87,14 @@ def _pixels(size: str) -> tuple[int, int]:
     if found is None:
         raise InputError([Issue("view", None, "size", f"'{size}'", "width x height in px, such as 1280x800")])
     return int(found[1]), int(found[2])
+
+
+def _address(at: str) -> str:
+    """Return what stands after the page's #, after a check of what it says."""
+    at = at.removeprefix("#")
+    said = [part.partition("=")[0] for part in at.split("&") if part]
+    unknown = [key for key in said if key not in ADDRESS]
+    if unknown:
+        expected = f"such as t=0.4&tab=jerk; what may be said: {', '.join(ADDRESS)}"
+        raise InputError([Issue("view", None, "at", f"'{unknown[0]}'", expected)])
+    return at
