@@ -180,10 +180,11 @@ def test_a_pose_is_measured_as_an_angle_and_a_distance():
 
 def test_planners_that_do_not_hold_constraints_say_so(problem):
     level = problem.with_constraints(op.OrientationCone(TOOL, np.array([0, 0, 1.0]), np.array([0, 0, -1.0]), 0.1))
-    run = op.plan(level, "rrtconnect", budget=2.0)
+    run = op.plan(level, "bitstar", budget=2.0)
     assert run.failure.kind == "unsupported"
     assert "orientation" in run.failure.detail
     assert op.plan(level, "line", budget=5.0).verified
+    assert op.plan(level, "rrtconnect", budget=5.0).verified
 
 
 def test_a_line_keeps_the_tool_speed_of_the_problem(problem, line):
