@@ -39,9 +39,7 @@ def clusters_of(robot: Robot) -> "list[Cluster]":
         for joint in range(1, robot.model.njoints):
             members = [k for k in np.flatnonzero(joints == joint).tolist() if len(corners[k])]
             if len(members) >= _MANY:
-                placed = [
-                    corners[k] @ bodies[k].placement.rotation.T + bodies[k].placement.translation for k in members
-                ]
+                placed = [_placed(corners[k], bodies[k].placement) for k in members]
                 found += [(hull, members) for hull in _hull(joint, np.vstack(placed))]
         _kept[robot] = found
     return _kept[robot]
@@ -61,6 +59,7 @@ def _hull(joint: int, points: Array) -> "list[Body]":
 
 
 def _placed(points: Array, X: pin.SE3) -> Array:
+    """Return points (k, 3), m, of a body in the frame in which its pose is X."""
     return np.asarray(points @ X.rotation.T + X.translation)
 
 

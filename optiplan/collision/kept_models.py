@@ -11,7 +11,7 @@ from optiplan.robot.robot import Robot
 _MOST = 2
 
 _LARGE = 5000
-"""Pairs above which a planner's model is not kept: each takes some 7 kB, and building it is little beside planning."""
+"""Pairs above which a planner's model is not kept: it takes memory, and building it is little beside planning."""
 
 _kept = threading.local()
 

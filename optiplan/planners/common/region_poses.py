@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.native_model import planning_model
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.kinematics.ik.numeric import random_seeds
 from optiplan.kinematics.jacobians import frame_pose
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem, RegionGoal
@@ -38,7 +38,7 @@ def single_ends(problem: Problem) -> list[JointGoal | PoseGoal]:
 def _poses(problem: Problem, goal: RegionGoal) -> list[PoseGoal]:
     robot, rng = problem.robot, np.random.default_rng(problem.seed)
     sampler = RegionSampler(robot, goal)
-    model = planning_model(robot, problem.scene)
+    model = kept_planning_model(robot, problem.scene)
     first = sampler.onto(problem.start)
     reached = [first[0]] if first[1] and not model.collides(first[0]) else []
     for seed in random_seeds(robot, problem.start, rng, _TRIED, goal.frame):
