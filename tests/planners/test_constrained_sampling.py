@@ -13,7 +13,7 @@ from optiplan.planners.sampling.constrained.smoothing import shortcut
 from optiplan.planners.sampling.constrained.walk import Walker
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.trajopt.terms.path_constraints import PathConstraints
-from tests.planners.constraint_cases import CONSTRAINTS, KIND, key_of, stated
+from tests.planners.constraint_cases import CONSTRAINTS, assert_held_and_proved, key_of, stated
 
 PLANNERS = ("rrtconnect", "prm", "rrtstar", "informed_rrtstar")
 HEIGHT = 0.486869558
@@ -57,11 +57,7 @@ def test_projection_holds_the_constraint(name):
 
 @pytest.mark.parametrize("name", CONSTRAINTS)
 def test_rrtconnect_holds_it_and_the_verifier_proves_it(name):
-    run = op.plan(stated(name), "rrtconnect", budget=10.0)
-    assert run.verified, run.failure
-    checks = [check for check in run.report.checks if check.name.endswith("constraint")]
-    assert checks
-    assert all(check.kind == KIND.get(key_of(name), "continuous") for check in checks)
+    assert_held_and_proved(name, "rrtconnect")
 
 
 @pytest.mark.parametrize("planner", PLANNERS)

@@ -14,7 +14,7 @@ from optiplan.planners.trajopt.terms.term import Curve, Instants
 from optiplan.problem.constraints.measures import measures
 from optiplan.problem.constraints.statements import KINDS
 from optiplan.trajectory.trajectory import Trajectory
-from tests.planners.constraint_cases import CONSTRAINTS, GOAL, KIND, key_of, stated
+from tests.planners.constraint_cases import CONSTRAINTS, GOAL, assert_held_and_proved, key_of, stated
 
 BASIS = SplineBasis(bunched_breakpoints(10, 0.6))
 
@@ -30,11 +30,7 @@ def test_every_kind_of_constraint_is_here():
 
 @pytest.mark.parametrize("name", CONSTRAINTS)
 def test_trajopt_holds_it_and_the_verifier_proves_it(name):
-    run = op.plan(stated(name), "trajopt", budget=10.0)
-    assert run.verified, run.failure
-    checks = [check for check in run.report.checks if check.name.endswith("constraint")]
-    assert checks
-    assert all(check.kind == KIND.get(key_of(name), "continuous") for check in checks)
+    assert_held_and_proved(name, "trajopt")
 
 
 @pytest.mark.parametrize("name", CONSTRAINTS)
