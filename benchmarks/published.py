@@ -30,10 +30,11 @@ def commit() -> str:
 
 
 def command_line() -> str:
-    """The command that this process was started with, as one would type it in the checkout."""
+    """The command that this process was started with, as one would type it in the checkout, folders left out."""
     script = Path(sys.argv[0]).resolve()
     shown = script.relative_to(ROOT) if script.is_relative_to(ROOT) else script
-    return shlex.join(["python", str(shown), *_without_markdown(sys.argv[1:])])
+    rest = (Path(word).name if word.startswith("/") else word for word in _without_markdown(sys.argv[1:]))
+    return shlex.join(["python", str(shown), *rest])
 
 
 def print_table(headings: Sequence[str], rows: Rows) -> None:
