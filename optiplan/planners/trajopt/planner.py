@@ -19,6 +19,7 @@ from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.moving_scene import among_moving
 from optiplan.planners.common.path_timing import stopping, timed_path, within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.path_constraints.held import Broken, broken_constraint
 from optiplan.planners.sampling.constrained.seeds import ConstrainedSeeds
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
@@ -34,7 +35,6 @@ from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.sqp import WORSE
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.planners.trajopt.terms.free_end import FreeEnd
-from optiplan.planners.trajopt.terms.path_constraints import Broken, broken_constraint
 from optiplan.planners.trajopt.through_vias import through_vias
 from optiplan.planners.trajopt.warm import WarmStart
 from optiplan.problem.problem import JointGoal, Problem
