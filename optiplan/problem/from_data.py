@@ -115,7 +115,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
     ):
         model = collision_model(robot, scene)
-        later = CollisionModel(robot, scene.standing) if scene.moving else model  # what moves may be elsewhere by then
+        later = collision_model(robot, scene.standing) if scene.moving else model  # what moves may be elsewhere by then
         issues += _collisions(document, (model, later), compiler.draft, places)
     if issues or spec is None or robot is None or limits is None or places.start is None:
         return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
