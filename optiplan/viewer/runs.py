@@ -15,6 +15,7 @@ from optiplan.runs.common_bound import bound_of
 from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.log_curves import Arrays, log_quantities
+from optiplan.viewer.run_attempts import found_by
 from optiplan.viewer.run_checks import about, checks_of
 from optiplan.viewer.run_clearance import clearance_of
 from optiplan.viewer.run_curves import curves_of, tool_frames, tool_points
@@ -124,6 +125,7 @@ def show_run(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail = _W
     if run.trajectory is not None:
         shown["facts"] = _facts(problem, run.trajectory, run.report)
     shown["checks"], shown["about"] = checks_of(problem, report), about(problem, report) if report else None
+    shown["found"] = found_by(run.record)
     if failure:
         shown["problems"].append(f"{failure.get('kind', 'failed')}: {failure.get('detail', '')}")
     refused = [check for check in report.get("checks", ()) if not check.get("passed")]

@@ -9,6 +9,7 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis
+from optiplan.planners.trajopt.iteration_log import NOTHING
 from optiplan.planners.trajopt.optimizer import ACTIVE, Attempt, Optimiser, around
 from optiplan.planners.trajopt.sqp import MAX_VIOLATION, STUCK, Descended, Descender
 from optiplan.problem.problem import Problem
@@ -83,7 +84,7 @@ class MovingOptimiser:
         own, options = self.optimiser, self.optimiser.options
         control = self.ends.held(self.basis, control, duration)
         descender, u = own.descender(control, margin, own.constraints.begin()), own.instants(control)
-        attempt, before = None, own.steps
+        attempt, before, own.log = None, own.steps, NOTHING
         for _ in range(options.refinements + 1):
             descender.set_samples(u)
             found = self._fixed_point(descender, control, duration, options.iterations + before, lambda: budget.over)
@@ -115,6 +116,7 @@ class MovingOptimiser:
             control = self.ends.held(self.basis, control, times[-1])
             found = descender.optimise(control, max(1, most - own.steps), stop)
             own.steps += found.steps
+            own.log = own.log.then(found.log)
             control = found.control
             settled = abs(found.duration - times[-1]) <= SETTLED * found.duration
             times.append(found.duration)

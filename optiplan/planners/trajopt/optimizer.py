@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -13,6 +14,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.iteration_log import NOTHING, IterationLog
 from optiplan.planners.trajopt.native_sqp import NativeSqp
 from optiplan.planners.trajopt.native_step import step_solver
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
@@ -74,6 +76,7 @@ class Optimiser:
         constraints: on the path.
         objective: what motions cost.
         steps: taken so far, in all attempts.
+        log: of the latest attempt.
     """
 
     def __init__(
@@ -85,6 +88,7 @@ class Optimiser:
         self.objective = problem.objective_parts()
         self._costs = integral_costs(problem, model)
         self.steps = 0
+        self.log: IterationLog = NOTHING
 
     def run(  # noqa: PLR0913
         self,
@@ -116,7 +120,7 @@ class Optimiser:
         """
         terms = self.constraints.begin() + (() if self.end is None else self.end.terms)
         descender, u = self.descender(control, margin, terms), self.instants(control)
-        iterations, attempt = 0, None
+        iterations, attempt, self.log = 0, None, NOTHING
         least = self.basis.shortest_duration(control, self.problem.limits.rates)
         longest = np.inf if patient or terms or self._costs else GROWN * least
         looked: Attempt | None = None
@@ -143,6 +147,7 @@ class Optimiser:
             found = descender.optimise(control, left, over, best, longest, None if terms else go_on)
             iterations += found.steps
             self.steps += found.steps
+            self.log = self.log.then(found.log)
             control = found.control if self.end is None else self.end.landed(found.control)
             too_late = budget.over and self.problem.objective.time * found.duration >= best
             if too_late or budget.cancelled or found.missing > MAX_VIOLATION:
@@ -215,6 +220,26 @@ class Optimiser:
         )
         slower = fastest.scaled(fastest.duration * float(found.x))
         return slower if self.objective.cost(slower) < self.objective.cost(fastest) else fastest
+
+
+def attempt_record(seed: str, attempt: Attempt | None, steps: int, log: IterationLog) -> dict[str, Any]:
+    """Return what a planner's `info["attempts"]` says of an attempt, JSON-ready.
+
+    Args:
+        seed: what it began at.
+        attempt: what it led to; None as of `Optimiser.run`.
+        steps: taken.
+        log: of its iterations.
+    """
+    told: dict[str, Any] = {"seed": seed, "free": attempt is not None and attempt.free, "iterations": steps}
+    if attempt is not None:
+        told["duration"] = attempt.trajectory.duration
+        if attempt.touches:
+            pair = attempt.touches[0].contact.pair
+            told["touches"] = [pair.name_a, pair.name_b]
+        if attempt.broken:
+            told["breaks"] = attempt.broken[0].kept.name
+    return told | log.to_dict()
 
 
 def _instants(basis: SplineBasis, count: int) -> Array:

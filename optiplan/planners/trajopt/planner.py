@@ -29,7 +29,7 @@ from optiplan.planners.trajopt.among_moving import plan_among_moving
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.look_ahead import AttemptOutcome, LookAhead
 from optiplan.planners.trajopt.moving import plan_moving
-from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.sqp import WORSE
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
@@ -411,16 +411,13 @@ class _Run:
                 known = self.ahead.take(control, budget, self.best, self.searched_in_vain)
             attempt, steps = self._run(control, budget, margin, late) if known is None else self._made(known, late)
         self.patience.work(steps=steps)
-        free = attempt is not None and attempt.free
-        entry: dict[str, Any] = {"seed": kind, "free": free, "iterations": steps}
-        if attempt is not None:
-            entry["duration"] = attempt.trajectory.duration
-        self.info["attempts"].append(entry)
+        log = self.optimiser.log if known is None else known.log
+        self.info["attempts"].append(attempt_record(kind, attempt, steps, log))
         if attempt is not None and attempt.touches:
             self.touching = attempt.touches[0], attempt.trajectory
         if attempt is not None and attempt.broken:
             self.breaking = attempt.broken[0], attempt.trajectory
-        return attempt if free else None
+        return attempt if attempt is not None and attempt.free else None
 
     def _run(
         self, control: Array, budget: Budget, margin: float | None, late: Callable[[], None] | None
