@@ -204,7 +204,7 @@ def test_how_a_run_was_found(proof):
 
 
 def test_a_planners_run_tells_the_page_how_it_was_found():
-    run = op.plan("01_reach", "trajopt", budget=2.0)
+    run = op.plan(op.load_problem("01_reach"), "trajopt", budget=2.0)
     shown = build_scene(run.problem, [ViewedRun("a", run.trajectory, run.report.to_dict(), None, run.to_dict())])
     first, *_ = shown.to_dict()["runs"][0]["found"]["attempts"]
     assert first["begun_at"] == "straight line"
