@@ -10,7 +10,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis
 from optiplan.planners.trajopt.optimizer import ACTIVE, Attempt, Optimiser, around
-from optiplan.planners.trajopt.sqp import MAX_VIOLATION, STUCK, Descended, Descender
+from optiplan.planners.trajopt.program.sqp import MAX_VIOLATION, STUCK, Descended, Descender
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.time_scaling import speed_ratio

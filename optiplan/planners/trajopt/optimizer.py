@@ -13,16 +13,16 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
-from optiplan.planners.trajopt.native_sqp import NativeSqp
-from optiplan.planners.trajopt.native_step import step_solver
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
-from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
+from optiplan.planners.trajopt.program.native_sqp import NativeSqp
+from optiplan.planners.trajopt.program.native_step import step_solver
+from optiplan.planners.trajopt.program.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.free_end import FreeEnd
 from optiplan.planners.trajopt.terms.integrals import integral_costs
 from optiplan.planners.trajopt.terms.path_constraints import Broken, PathConstraints
 from optiplan.planners.trajopt.terms.term import Term
-from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
