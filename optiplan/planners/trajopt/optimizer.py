@@ -114,6 +114,7 @@ class Optimiser:
             first: called with the first curve that is free.
             late: called once, between two steps, where no curve is free after the first few of them.
         """
+        control = self._within_limits(control)
         terms = self.constraints.begin() + (() if self.end is None else self.end.terms)
         descender, u = self.descender(control, margin, terms), self.instants(control)
         iterations, attempt = 0, None
@@ -160,6 +161,12 @@ class Optimiser:
             times += [one.share for one in attempt.broken]
             u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
         return attempt
+
+    def _within_limits(self, control: Array) -> Array:
+        """Return control points (K, n) within the position limits, which a curve fitted to a path may exceed."""
+        held, free = control.copy(), self.basis.free
+        held[free] = np.clip(control[free], self.problem.limits.lower, self.problem.limits.upper)
+        return held
 
     def _checked(self, control: Array, duration: float, budget: Budget) -> Attempt | None:
         """Return a curve timed and checked between the samples; None if gravity is too much."""
