@@ -146,7 +146,7 @@ def test_a_curve_fitted_along_a_position_limit_does_not_exceed_it(robot: Robot) 
     problem = make(robot)
     optimiser = Optimiser(problem, planning_model(robot, problem.scene), TrajOptOptions())
     path = np.array([problem.start, problem.start, GOAL, GOAL])
-    path[1:3, 1] = problem.limits.upper[1]
+    path[1:3, 6] = problem.limits.upper[6]
     control = along_path(optimiser.basis, path, problem.limits.velocity)
     assert (control.max(axis=0) > problem.limits.upper + 1e-3).any()
     attempt = optimiser.run(control, Budget(1e-9))  # over before the first step
