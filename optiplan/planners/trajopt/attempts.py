@@ -10,12 +10,12 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.continuous_collision import Touch
 from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.path_constraints.held import Broken, broken_constraint
 from optiplan.planners.trajopt.incumbent import Incumbent
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.speculative_attempts import AttemptOutcome, SpeculativeAttempts
 from optiplan.planners.trajopt.stopping_rule import Patience
 from optiplan.planners.trajopt.terms.free_end import FreeEnd
-from optiplan.planners.trajopt.terms.path_constraints import Broken, broken_constraint
 from optiplan.problem.problem import JointGoal
 from optiplan.trajectory.trajectory import Trajectory
 
