@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.planners.trajopt.iteration_log import COLUMNS
+from optiplan.planners.trajopt.program.iteration_log import COLUMNS
 
 BEGUN_AT = {
     "straight": "straight line",
