@@ -12,10 +12,10 @@ from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.report import VerifyPolicy
 from optiplan.viewer.page import render_page
 from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema
-from optiplan.viewer.run_attempts import found_by
-from optiplan.viewer.run_checks import checks_of
-from optiplan.viewer.run_clearance import clearance_of
-from optiplan.viewer.run_curves import curves_of, short_names, tool_frames
+from optiplan.viewer.run_data.attempts import found_by
+from optiplan.viewer.run_data.checks import checks_of
+from optiplan.viewer.run_data.clearance import clearance_of
+from optiplan.viewer.run_data.curves import curves_of, short_names, tool_frames
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
 

@@ -115,8 +115,7 @@ class MovingOptimiser:
         for k in range(ROUNDS):
             control = self.ends.held(self.basis, control, times[-1])
             found = descender.optimise(control, max(1, most - own.steps), stop)
-            own.steps += found.steps
-            own.log = own.log.then(found.log)
+            own.count(found)
             control = found.control
             settled = abs(found.duration - times[-1]) <= SETTLED * found.duration
             times.append(found.duration)

@@ -19,7 +19,7 @@ from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.program.iteration_log import NOTHING, IterationLog
 from optiplan.planners.trajopt.program.native_sqp import NativeSqp
 from optiplan.planners.trajopt.program.native_step import step_solver
-from optiplan.planners.trajopt.program.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
+from optiplan.planners.trajopt.program.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descended, Descender, Sqp
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.free_end import FreeEnd
@@ -150,8 +150,7 @@ class Optimiser:
             left = self.options.iterations - iterations
             found = descender.optimise(control, left, over, best, longest, None if terms else go_on)
             iterations += found.steps
-            self.steps += found.steps
-            self.log = self.log.then(found.log)
+            self.count(found)
             control = found.control if self.end is None else self.end.landed(found.control)
             too_late = budget.over and self.problem.objective.time * found.duration >= best
             if too_late or budget.cancelled or found.missing > MAX_VIOLATION:
@@ -175,6 +174,11 @@ class Optimiser:
         held, free = control.copy(), self.basis.free
         held[free] = np.clip(control[free], self.problem.limits.lower, self.problem.limits.upper)
         return held
+
+    def count(self, found: Descended) -> None:
+        """Count a descent as part of the latest attempt."""
+        self.steps += found.steps
+        self.log = self.log.then(found.log)
 
     def _checked(self, control: Array, duration: float, budget: Budget) -> Attempt | None:
         """Return a curve timed and checked between the samples; None if gravity is too much."""
