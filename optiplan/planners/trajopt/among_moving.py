@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.collision.native_model import planning_model
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
 from optiplan.planners.common.moving_scene import delayed, without_moving
 from optiplan.planners.trajopt.bspline_basis import DEGREE
@@ -64,7 +64,7 @@ def plan_among_moving(
     static = planner.plan(without_moving(problem), budget.share(_STATIC), progress)
     if static.trajectory is None:
         return static
-    model = planning_model(problem.robot, problem.scene)
+    model = kept_planning_model(problem.robot, problem.scene)
     waiting = delayed(problem, [static.trajectory], model, budget.share(_DELAYS))
     info: dict[str, Any] = {"attempts": [*static.info.get("attempts", ())], "cut_short": False}
     found: list[Candidate] = []

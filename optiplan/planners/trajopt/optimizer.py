@@ -12,17 +12,18 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
+from optiplan.planners.path_constraints.held import Broken, PathConstraints
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
-from optiplan.planners.trajopt.native_sqp import NativeSqp
-from optiplan.planners.trajopt.native_step import step_solver
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
-from optiplan.planners.trajopt.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
+from optiplan.planners.trajopt.program.native_sqp import NativeSqp
+from optiplan.planners.trajopt.program.native_step import step_solver
+from optiplan.planners.trajopt.program.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.free_end import FreeEnd
 from optiplan.planners.trajopt.terms.integrals import integral_costs
-from optiplan.planners.trajopt.terms.path_constraints import Broken, PathConstraints
+from optiplan.planners.trajopt.terms.path_constraints import ConstraintTerms
 from optiplan.planners.trajopt.terms.term import Term
-from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
@@ -72,6 +73,7 @@ class Optimiser:
     Attributes:
         end: the set in which motions end; None: where they begin to.
         constraints: on the path.
+        constraint_terms: the same as terms.
         objective: what motions cost.
         steps: taken so far, in all attempts.
     """
@@ -82,6 +84,7 @@ class Optimiser:
         self.problem, self.model, self.options, self.end = problem, model, options, end
         self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching), open_end=end is not None)
         self.constraints = PathConstraints(problem)
+        self.constraint_terms = ConstraintTerms(self.constraints)
         self.objective = problem.objective_parts()
         self._costs = integral_costs(problem, model)
         self.steps = 0
@@ -114,7 +117,8 @@ class Optimiser:
             first: called with the first curve that is free.
             late: called once, between two steps, where no curve is free after the first few of them.
         """
-        terms = self.constraints.begin() + (() if self.end is None else self.end.terms)
+        control = self._within_limits(control)
+        terms = self.constraint_terms.begin() + (() if self.end is None else self.end.terms)
         descender, u = self.descender(control, margin, terms), self.instants(control)
         iterations, attempt = 0, None
         least = self.basis.shortest_duration(control, self.problem.limits.rates)
@@ -155,11 +159,17 @@ class Optimiser:
             enough = iterations >= self.options.iterations or (iterations >= SLOW and found.duration > longest)
             if attempt.free or enough or budget.over or found.missing > STUCK:
                 break
-            self.constraints.raise_prices(attempt.broken)
+            self.constraint_terms.raise_prices(attempt.broken)
             times = [touch.t / attempt.trajectory.duration for touch in attempt.touches]
             times += [one.share for one in attempt.broken]
             u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
         return attempt
+
+    def _within_limits(self, control: Array) -> Array:
+        """Return control points (K, n) within the position limits, which a curve fitted to a path may exceed."""
+        held, free = control.copy(), self.basis.free
+        held[free] = np.clip(control[free], self.problem.limits.lower, self.problem.limits.upper)
+        return held
 
     def _checked(self, control: Array, duration: float, budget: Budget) -> Attempt | None:
         """Return a curve timed and checked between the samples; None if gravity is too much."""

@@ -13,13 +13,13 @@ from optiplan._core import core, variants
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.geometry.scene import Box, Obstacle, Scene, Sphere
-from optiplan.planners.trajopt import native_sqp, native_step, sqp
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
-from optiplan.planners.trajopt.native_sqp import NativeSqp
-from optiplan.planners.trajopt.qp import Subproblem
+from optiplan.planners.trajopt.program import native_sqp, native_step, sqp
+from optiplan.planners.trajopt.program.native_sqp import NativeSqp
+from optiplan.planners.trajopt.program.qp import Subproblem
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
-from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.problem import JointGoal, Objective, Problem
 from optiplan.robot.robot import Robot, load_robot
 from tests.planners import cases

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.trajopt import qp, sqp
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
-from optiplan.planners.trajopt.qp import Penalty, Step, Subproblem
-from optiplan.planners.trajopt.sqp import optimise
+from optiplan.planners.trajopt.program import qp, sqp
+from optiplan.planners.trajopt.program.qp import Penalty, Step, Subproblem
+from optiplan.planners.trajopt.program.sqp import optimise
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.term import CostModel, SoftRows
-from optiplan.planners.trajopt.transcription import Transcription
 from tests.planners import cases
 
 RADIUS = 0.3

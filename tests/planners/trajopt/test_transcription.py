@@ -10,11 +10,11 @@ from optiplan.collision.model import CollisionModel, Contacts
 from optiplan.geometry.scene import Box, Obstacle, Scene, Sphere
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
-from optiplan.planners.trajopt.qp import Subproblem
-from optiplan.planners.trajopt.sqp import evaluate, optimise
+from optiplan.planners.trajopt.program.qp import Subproblem
+from optiplan.planners.trajopt.program.sqp import evaluate, optimise
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CUTOFF, Margins, _pushed_one_way
 from optiplan.planners.trajopt.terms.term import CostModel, SoftRows
-from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.problem import JointGoal, Objective, Problem
 from optiplan.robot.robot import load_robot
 

@@ -8,12 +8,12 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel
-from optiplan.planners.trajopt import sqp
-from optiplan.planners.trajopt.native_step import GAP, native_spline
-from optiplan.planners.trajopt.sqp import Descended, GoOn
+from optiplan.planners.trajopt.program import sqp
+from optiplan.planners.trajopt.program.native_step import GAP, native_spline
+from optiplan.planners.trajopt.program.sqp import Descended, GoOn
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE, CONTACT_PENALTY, CUTOFF
 from optiplan.planners.trajopt.terms.torques import TORQUE_PENALTY
-from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.robot.native_tree import native_tree
 
 

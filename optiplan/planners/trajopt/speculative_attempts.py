@@ -13,7 +13,7 @@ from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.sqp import SLOW
+from optiplan.planners.trajopt.program.sqp import SLOW
 from optiplan.problem.problem import Problem
 
 _POLL = 0.02
@@ -60,7 +60,7 @@ class _Begun:
         self.cancel.set()
 
 
-class LookAhead:
+class SpeculativeAttempts:
     """Runs attempts in `workers` - 1 threads before it is known whether they will be asked for.
 
     The planner decides one attempt after the other, as it does alone. Before each it says which are likely to come

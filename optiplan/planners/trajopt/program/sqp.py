@@ -6,11 +6,11 @@ from math import inf
 from typing import NamedTuple, Protocol
 
 from optiplan.arrays import Array
-from optiplan.planners.trajopt.native_step import StepSolver
-from optiplan.planners.trajopt.qp import Penalty, Step
+from optiplan.planners.trajopt.program.native_step import StepSolver
+from optiplan.planners.trajopt.program.qp import Penalty, Step
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE
 from optiplan.planners.trajopt.terms.term import SoftRows, Term
-from optiplan.planners.trajopt.transcription import Transcription
 
 FIRST_RADIUS, LEAST_RADIUS = 0.1, 3e-5
 """Trust region on every control point, as a share of what its joint can travel at full speed in that duration."""
