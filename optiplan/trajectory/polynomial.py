@@ -17,11 +17,15 @@ _ROUNDING = 2.0**-51
 
 def evaluate(coefficients: Array, x: Array) -> Array:
     """p(x) by Horner's rule; `coefficients` (..., d + 1) and x (...) broadcast against each other."""
-    value = np.broadcast_to(coefficients[..., -1], np.broadcast_shapes(coefficients.shape[:-1], x.shape)).copy()
-    for k in range(coefficients.shape[-1] - 2, -1, -1):
+    degree = coefficients.shape[-1] - 1
+    if degree == 0:
+        return np.broadcast_to(coefficients[..., 0], np.broadcast_shapes(coefficients.shape[:-1], x.shape)).copy()
+    value = coefficients[..., degree] * x
+    value += coefficients[..., degree - 1]
+    for k in range(degree - 2, -1, -1):
         value *= x
         value += coefficients[..., k]
-    return value
+    return np.asarray(value)
 
 
 def derivative(coefficients: Array) -> Array:

@@ -57,15 +57,16 @@ class PairDistances:
         self._convex: Flags = np.logical_and(*bodies.kind(coal.ShapeBase).T)
         self._planes: Flags = bodies.kind(coal.Halfspace)
         self._mesh: Flags = np.array([not isinstance(shape, coal.ShapeBase) for shape in self._shapes], dtype=bool)
+        self._all_convex, self._any_plane = bool(self._convex.all()), bool(self._planes.any())
 
     def query(self, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
         """Distance k of pair pairs[k] (K,) where `placed` has its bodies.
 
         Meshes are queried only where a plane between their hulls proves no more than `enough`, m.
         """
-        normals, bound = self._between_hulls(pairs, placed) if np.isfinite(enough) else (None, None)
-        if normals is None or bound is None:
+        if self._all_convex or not np.isfinite(enough):
             return self._exact(pairs, placed)
+        normals, bound = self._between_hulls(pairs, placed)
         hulls: Flags = bound > enough
         measured, gjk_only = bound.copy(), np.zeros(len(pairs), dtype=bool)
         asked = np.flatnonzero(~hulls)
@@ -88,7 +89,7 @@ class PairDistances:
     def _exact(self, pairs: Index, placed: PlacedBody) -> Distances:
         """Query the bodies themselves."""
         measured, normals = self._measure(self._shapes, self._request, placed)
-        for side, sign in ((0, 1.0), (1, -1.0)):
+        for side, sign in ((0, 1.0), (1, -1.0)) if self._any_plane else ():
             for k in np.flatnonzero(self._planes[pairs, side]):  # the half-space itself is the plane
                 own = np.array(self._bodies.shapes[placed.bodies[k, side]].n)
                 normals[k] = sign * placed.poses[k, side, :3, :3] @ own
@@ -136,11 +137,14 @@ def _ask(
     shapes: list[coal.CollisionGeometry], request: coal.DistanceRequest, placed: PlacedBody
 ) -> Iterator[coal.DistanceResult]:
     """Yield coal's result for each of K pairs; the next one overwrites it."""
-    result, place, distance = coal.DistanceResult(), coal.Transform3s, coal.distance
+    result, distance = coal.DistanceResult(), coal.distance
+    X_WA, X_WB = coal.Transform3s(), coal.Transform3s()  # set anew each time, which takes a third of making others
     rotations, origins = placed.poses[..., :3, :3], placed.poses[..., :3, 3]
     for (a, b), R, p in zip(placed.bodies.tolist(), rotations, origins, strict=True):
         result.clear()
-        distance(shapes[a], place(R[0], p[0]), shapes[b], place(R[1], p[1]), request, result)
+        X_WA.setTransform(R[0], p[0])
+        X_WB.setTransform(R[1], p[1])
+        distance(shapes[a], X_WA, shapes[b], X_WB, request, result)
         yield result
 
 
