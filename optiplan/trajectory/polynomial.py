@@ -110,7 +110,8 @@ def rising_root(coefficients: Array) -> Array:
 
 def _clip(x: Array) -> Array:
     """Into [0, 1]; what is not finite (no root at all) goes to an end."""
-    return np.clip(np.nan_to_num(x), 0.0, 1.0)
+    found = x if np.isfinite(x).all() else np.nan_to_num(x)
+    return np.minimum(np.maximum(found, 0.0), 1.0)
 
 
 def _divide(numerator: Array, denominator: Array) -> Array:

@@ -133,6 +133,16 @@ class _Coarse:
         return replace(items, pair=np.repeat(pairs, many))
 
 
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Distances (K,), m, at times (K,), s, of the pairs of a query, on intervals with the middles q (N, n)."""
+
+    distance: Array
+    times: Array
+    q: Array
+    query: DistanceQuery
+
+
 @dataclass(eq=False)
 class _Search:
     """Branch and bound over intervals: `advance` processes many open items and returns those still open, divided."""
@@ -240,8 +250,12 @@ class _Search:
         margin = np.maximum(found.bound - near.travel, near.linear - near.curvature_loss) - ROUNDING
         best = np.maximum(found.bound, found.measured)
         times = middles(self.trajectory, unique)[rows]
-        for kind in (~found.hulls, found.hulls):  # what hulls answered is no distance measured
-            self.see(best[kind], times[kind], b.q[rows[kind]], items.pair[kind], bool(found.hulls[kind].any()))
+        seen = _Seen(best, times, b.q, query)
+        if found.hulls.any():  # what hulls answered is no distance measured
+            self.see(seen, np.flatnonzero(~found.hulls))
+            self.see(seen, np.flatnonzero(found.hulls), measure=True)
+        else:
+            self.see(seen, np.arange(len(best)))
         self.count(unique, found)
         if (best <= self.policy.clearance + ROUNDING).any():
             reason = "bodies touch" if self.policy.clearance <= 0 else "bodies come too near"
@@ -298,17 +312,18 @@ class _Search:
         end = spans(self.trajectory, coarse.intervals.take(coarse.last[rows] - 1))[1]
         self.record.add(begin, end, pairs, coarse.margin[rows, pairs])
 
-    def see(self, distance: Array, times: Array, Q: Array, pairs: Index, measure: bool) -> None:
-        """Remember the smallest distance, with its witness; with `measure` those given are lower bounds."""
+    def see(self, seen: "_Seen", among: Index, measure: bool = False) -> None:
+        """Remember the smallest distance of these, with its witness; with `measure` those given are lower bounds."""
         known = np.inf if self.proof.nearest is None else self.proof.nearest.distance
+        distance = seen.distance[among]
         if distance.min(initial=np.inf) >= known:
             return
-        k = int(np.argmin(distance))
-        measured, points = self.distances.witness(Q[k], int(pairs[k]))
-        least = measured if measure else float(distance[k])
+        k = int(among[np.argmin(distance)])
+        measured, points = self.distances.witness(seen.query.placed.take(np.array([k])))
+        least = measured if measure else float(seen.distance[k])
         if least < known:
-            pair = self.model.pairs[int(pairs[k])]
-            nearest = Moment(least, float(times[k]), (pair.name_a, pair.name_b), points, Q[k].copy())
+            pair, q = self.model.pairs[int(seen.query.pairs[k])], seen.q[seen.query.rows[k]].copy()
+            nearest = Moment(least, float(seen.times[k]), (pair.name_a, pair.name_b), points, q)
             self.proof = replace(self.proof, nearest=nearest)
 
 

@@ -105,10 +105,8 @@ class PairDistances:
         gjk_only = ~self._convex[pairs] & (coal_says > plane)
         return Distances(measured, normals, np.where(gjk_only, coal_says, plane), gjk_only, np.zeros_like(gjk_only))
 
-    def witness(self, q: Array, pair: int) -> tuple[float, Array]:
-        """Distance, m, and nearest points (2, 3) on a and b of a pair, in the world, m, at q (n,)."""
-        one = np.zeros(1, dtype=np.intp)
-        placed = self._bodies.place(self._bodies.kinematics.poses(q[None]), one, one + pair)
+    def witness(self, placed: PlacedBody) -> tuple[float, Array]:
+        """Distance, m, and nearest points (2, 3) on a and b, in the world, m, of one pair where its bodies are."""
         result = next(_ask(self._shapes, self._request, placed))
         return float(result.min_distance), np.array([result.getNearestPoint1(), result.getNearestPoint2()])
 
