@@ -103,12 +103,8 @@ def _joined(group: list[Stretch], budget: Budget, thorough: bool) -> list[Stretc
         if found is not None and found.ends[-1] < (stopping if best is None else best.ends[-1]):
             best = found
         slow = found is not None and found.ends[-1] > (1.0 + _HOPELESS) * stopping
-        if (
-            budget.over
-            or slow
-            or (found is not None and not thorough)
-            or (best is not None and best.ends[-1] < (1.0 - _ENOUGH) * stopping)
-        ):
+        gained = best is not None and best.ends[-1] < (1.0 - _ENOUGH) * stopping
+        if budget.over or slow or gained or (found is not None and not thorough):
             break
     if best is not None:
         return [best]
