@@ -82,10 +82,16 @@ class Optimiser:
     """
 
     def __init__(
-        self, problem: Problem, model: CollisionModel, options: TrajOptOptions, end: FreeEnd | None = None
+        self,
+        problem: Problem,
+        model: CollisionModel,
+        options: TrajOptOptions,
+        end: FreeEnd | None = None,
+        basis: SplineBasis | None = None,
     ) -> None:
         self.problem, self.model, self.options, self.end = problem, model, options, end
-        self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching), open_end=end is not None)
+        bunched = bunched_breakpoints(options.spans, options.bunching)
+        self.basis = SplineBasis(bunched, open_end=end is not None) if basis is None else basis
         self.constraints = PathConstraints(problem)
         self.constraint_terms = ConstraintTerms(self.constraints)
         self.objective = problem.objective_parts()

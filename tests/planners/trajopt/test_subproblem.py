@@ -156,18 +156,18 @@ def test_rows_out_of_reach_change_nothing(monkeypatch: pytest.MonkeyPatch, radiu
     made.set_samples(np.linspace(0.0, 1.0, 66)[1:-1])
     point = sqp.evaluate(made, line, 0.0)
     counts = []
-    within = qp._within_reach
+    within = qp.within_reach
 
     def counting(*arguments):  # type: ignore[no-untyped-def]
         rows = within(*arguments)
         counts.append((len(arguments[0].value), len(rows.value)))
         return rows
 
-    monkeypatch.setattr(qp, "_within_reach", counting)
+    monkeypatch.setattr(qp, "within_reach", counting)
     tight = {**qp.TOLERANCES, "piqp": dict.fromkeys(qp.TOLERANCES["piqp"], 1e-9)}
     monkeypatch.setattr(qp, "TOLERANCES", tight)
     culled = Subproblem(made, "piqp").solve(point.control, point.duration, point.soft, radius, point.span)
-    monkeypatch.setattr(qp, "_within_reach", lambda rows, *arguments: rows)
+    monkeypatch.setattr(qp, "within_reach", lambda rows, *arguments: rows)
     whole = Subproblem(made, "piqp").solve(point.control, point.duration, point.soft, radius, point.span)
     assert culled is not None
     assert whole is not None

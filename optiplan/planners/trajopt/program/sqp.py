@@ -3,15 +3,14 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.program.iteration_log import Ending, IterationLog
 from optiplan.planners.trajopt.program.native_step import StepSolver
 from optiplan.planners.trajopt.program.qp import Penalty, Step
-from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE
-from optiplan.planners.trajopt.terms.term import SoftRows, Term
+from optiplan.planners.trajopt.terms.term import Cost, SoftRows, Term
 
 FIRST_RADIUS, LEAST_RADIUS = 0.1, 3e-5
 """Trust region on every control point, as a share of what its joint can travel at full speed in that duration."""
@@ -43,6 +42,40 @@ GROWN = 2.0
 GoOn = Callable[[Array, float], bool]
 """(control (K, n), duration) of the first curve of a descent on which all rows hold, where they did not on the initial
 one -> whether to descend from it; asked once."""
+
+
+class Discretised(Protocol):
+    """What a descent asks of a transcription; shape and curves are its own: of one move, or of several parts."""
+
+    @property
+    def terms(self) -> tuple[Any, ...]:
+        """Return the terms of such curves; see `terms.term.Term`."""
+
+    @property
+    def costs(self) -> tuple[Cost, ...]:
+        """Return the costs beside the duration."""
+
+    def shortest_duration(self, control: Array) -> float:
+        """Return the least duration of a shape within the limits of the joints, s."""
+
+    def curve(self, control: Array, duration: float) -> Any:
+        """Return the curve of a shape at a duration."""
+
+    def cost(self, curve: Any) -> float:
+        """Return its cost, s."""
+
+
+class Stepper(Protocol):
+    """Builds and solves the program of a step; see `qp.Subproblem`."""
+
+    @property
+    def transcription(self) -> Discretised:
+        """Return what it is the program of."""
+
+    def solve(
+        self, control: Array, duration: float, soft: Sequence[Penalty], radius: float, span: float
+    ) -> Step | None:
+        """Return one step from (control, duration); None when the solver fails."""
 
 
 class Descended(NamedTuple):
@@ -155,9 +188,9 @@ def penalties(terms: Sequence[Term], rows: Sequence[SoftRows], span: float) -> l
     return [Penalty(found, term.price * span, term.unit) for term, found in zip(terms, rows, strict=True)]
 
 
-def evaluate(transcription: Transcription, control: Array, duration: float, span: float | None = None) -> Point:
+def evaluate(transcription: Discretised, control: Array, duration: float, span: float | None = None) -> Point:
     """Evaluate the curve at a duration that its derivative control points allow; `span` is that by default."""
-    duration = max(duration, transcription.basis.shortest_duration(control, transcription.rates))
+    duration = max(duration, transcription.shortest_duration(control))
     span = span or duration
     curve, terms = transcription.curve(control, duration), transcription.terms
     rows = tuple(term.rows(curve) for term in terms)
@@ -166,7 +199,7 @@ def evaluate(transcription: Transcription, control: Array, duration: float, span
 
 
 def optimise(  # noqa: C901, PLR0913
-    subproblem: StepSolver,
+    subproblem: Stepper,
     control: Array,
     iterations: int,
     stop: Callable[[], bool],
@@ -244,14 +277,14 @@ def _stalled(missing: list[float]) -> bool:
     return len(missing) > STALLED and missing[-1] > max(STUCK, HALVED * missing[-1 - STALLED])
 
 
-def _second(subproblem: StepSolver, trial: Point, radius: float) -> Point:
+def _second(subproblem: Stepper, trial: Point, radius: float) -> Point:
     """Return the better of a trial point and the point one step from it."""
     step = subproblem.solve(trial.control, trial.duration, trial.soft, radius, trial.span)
     again = trial if step is None else _follow(subproblem.transcription, trial, step)
     return again if again.merit < trial.merit else trial
 
 
-def _watching(transcription: Transcription, point: Point, trial: Point) -> Point:
+def _watching(transcription: Discretised, point: Point, trial: Point) -> Point:
     """Return the point with the rows that a rejected trial point showed to matter."""
     new = [term.watch(rows) for term, rows in zip(point.terms, trial.rows, strict=True)]
     if not any(new):
@@ -261,7 +294,7 @@ def _watching(transcription: Transcription, point: Point, trial: Point) -> Point
     return replace(point, rows=tuple(term.rows(curve) if again else rows for term, rows, again in fresh))
 
 
-def _follow(transcription: Transcription, point: Point, step: Step) -> Point:
+def _follow(transcription: Discretised, point: Point, step: Step) -> Point:
     # Where nothing else asks for time, the derivative control points alone determine the least T.
     timed = any(rows.by_duration.any() for rows in point.rows) or any(cost.timed for cost in transcription.costs)
     duration = step.duration if timed else 0.0
