@@ -42,10 +42,10 @@ from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.sqp import Point, evaluate
+from optiplan.planners.trajopt.program.sqp import Point, evaluate
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE, Margins
 from optiplan.planners.trajopt.terms.term import Curve
-from optiplan.planners.trajopt.transcription import Transcription
 
 Array = npt.NDArray[np.float64]
 

@@ -26,7 +26,7 @@ ROOMS = (
 )
 LEVELS = {name: level for level, names in enumerate(ROOMS, 1) for name in names}
 GROUND = {"_core", "arrays", "cache", "config", "errors", "files", "resources"}
-MAX_FILE, MAX_FUNCTION = 500, 58
+MAX_FILE, MAX_FUNCTION = 420, 58
 MAX_SIDE_BY_SIDE = 17
 
 

@@ -11,7 +11,7 @@ from optiplan.planners.common.goal_ranking import goal_sampler
 from optiplan.planners.common.path_timing import timed_path
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.option_schema import PlannerOptions, option
-from optiplan.planners.sampling.constrained.plan import ConstrainedSearch, plan_constrained
+from optiplan.planners.sampling.constrained.planner import ConstrainedSearch, plan_constrained
 from optiplan.planners.sampling.ompl_search import rrt_connect
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
 from optiplan.planners.sampling.search import Searcher

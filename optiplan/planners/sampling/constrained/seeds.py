@@ -9,7 +9,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.path_constraints.held import PathConstraints
 from optiplan.planners.sampling.constrained.manifold import in_part_only
-from optiplan.planners.sampling.constrained.plan import ConstrainedPath, ConstrainedSearch, constrained_path, timed
+from optiplan.planners.sampling.constrained.planner import ConstrainedPath, ConstrainedSearch, constrained_path, timed
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.problem.problem import Problem
