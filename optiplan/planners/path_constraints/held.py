@@ -59,7 +59,7 @@ class Kept:
     @property
     def name(self) -> str:
         """Name of the constraint, for people."""
-        return self.one.name if isinstance(self.one, Expression) else self.one.KEY
+        return constraint_name(self.one)
 
     def worst(self, motion: Sequence[Array]) -> tuple[float, int, str]:
         """Return the largest violation among states (N, n), at most 0 where there is none, where, and in words."""
@@ -131,6 +131,11 @@ class PathConstraints:
             if not by <= ROUNDING:
                 found.append(Broken(kept, words, by, float(u[k]) * trajectory.duration, float(u[k])))
         return found
+
+
+def constraint_name(one: PathConstraint) -> str:
+    """Return the name of a constraint, for people: a user's own, or the key in a problem file."""
+    return one.name if isinstance(one, Expression) else one.KEY
 
 
 def broken_constraint(one: Broken, trajectory: Trajectory, detail: str) -> Failure:
