@@ -115,11 +115,9 @@ class PathConstraints:
         """Return the motion, slowed down as far as constraints of speed and acceleration ask for it."""
         factor = 1.0
         for kept in self.all:
-            motion = None
-            for each in kept.inequalities:
-                if each.slower(-1.0) > 1.0:
-                    motion = _states(trajectory, kept.one)[1] if motion is None else motion
-                    factor = max(factor, each.slower(float(each.least(motion).min())))
+            timed = [each for each in kept.inequalities if each.depends_on_rates]
+            motion = _states(trajectory, kept.one)[1] if timed else []
+            factor = max([factor, *(each.slower(motion) for each in timed)])
         return trajectory if factor == 1.0 else trajectory.scaled(trajectory.duration * factor)
 
     def broken(self, trajectory: Trajectory) -> list[Broken]:
