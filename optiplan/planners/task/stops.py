@@ -54,7 +54,7 @@ def _leads_back(before: Done, after: Done) -> bool:
 
 
 def stops_of(stretches: Sequence[Stretch]) -> list[dict[str, Any]]:
-    """Return the stops between the first and the last motion: time `t`, s, the step that it comes `after`, and `why`."""
+    """Return the stops on the way: time `t`, s, the step that each comes `after`, and `why`."""
     found: list[dict[str, Any]] = []
     begin = 0.0
     for before, after in pairwise(stretches):
