@@ -29,7 +29,7 @@ class MovePart:
         self.limits = own.problem.limits
         margins = Margins.between(own.model, ends, own.options.margin)
         torques = TorqueTerm(own.problem.robot, self.limits.torque)
-        self.terms: tuple[Term, ...] = (ContactTerm(own.model, margins), torques, *own.constraints.begin())
+        self.terms: tuple[Term, ...] = (ContactTerm(own.model, margins), torques, *own.constraint_terms.begin())
         self._shapes = self.basis.end_shapes
         self.look_at(u)
 

@@ -8,11 +8,19 @@ from optiplan.arrays import Array
 from optiplan.planners.task.optimisation.line_part import LinePart
 from optiplan.planners.task.optimisation.move_part import MovePart
 from optiplan.planners.task.optimisation.transcription import StretchCurve, StretchTranscription
-from optiplan.planners.trajopt.qp import NEAR, REGULARISATION, TOLERANCES, Penalty, Step, soft_program, within_reach
+from optiplan.planners.trajopt.program.qp import (
+    NEAR,
+    REGULARISATION,
+    TOLERANCES,
+    Penalty,
+    Step,
+    soft_program,
+    within_reach,
+)
 
 
 class StretchProgram:
-    """Builds and solves it, as `trajopt.qp.Subproblem` does for one curve.
+    """Builds and solves it, as `trajopt.program.qp.Subproblem` does for one curve.
 
     Variables have no unit: changes of free control points over v_j `span` tau_k, of the laws' over the path, of shares
     over themselves, of states between moves over what limits allow; then the change of T over T, and the slacks. Rows
@@ -26,7 +34,7 @@ class StretchProgram:
     def solve(
         self, control: Array, duration: float, soft: Sequence[Penalty], radius: float, span: float
     ) -> Step | None:
-        """Return one step from (y, duration); None when the solver fails; see `trajopt.qp.Subproblem.solve`."""
+        """Return one step from (y, duration); None when the solver fails; see `trajopt.program.qp.Subproblem.solve`."""
         import qpsolvers
         import scipy.sparse as sp
 

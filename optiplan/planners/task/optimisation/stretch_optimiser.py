@@ -9,6 +9,7 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.common.via_legs import joined
+from optiplan.planners.path_constraints.held import PathConstraints
 from optiplan.planners.task.chains import Done
 from optiplan.planners.task.flow import time_of
 from optiplan.planners.task.line_timing import line_limits
@@ -22,8 +23,7 @@ from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, moving_
 from optiplan.planners.trajopt.moving_ends import with_reserve
 from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.sqp import optimise
-from optiplan.planners.trajopt.terms.path_constraints import PathConstraints
+from optiplan.planners.trajopt.program.sqp import optimise
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import tool_motion, tool_scale
@@ -97,7 +97,7 @@ class StretchOptimiser:
         y = self._begin()
         program = StretchProgram(self.made)
         for _ in range(_ROUNDS):
-            point, steps = optimise(program, y, _STEPS, lambda: budget.over)
+            point, steps, _ = optimise(program, y, _STEPS, lambda: budget.over)
             self.steps += steps
             y = point.control
             found = self._timed(y)

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from optiplan.arrays import Array
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.term import SoftRows
-from optiplan.planners.trajopt.transcription import Transcription
 
 if TYPE_CHECKING:
     import scipy.sparse as sp

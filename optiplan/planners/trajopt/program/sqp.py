@@ -6,8 +6,9 @@ from math import inf
 from typing import Any, NamedTuple, Protocol
 
 from optiplan.arrays import Array
-from optiplan.planners.trajopt.native_step import StepSolver
-from optiplan.planners.trajopt.qp import Penalty, Step
+from optiplan.planners.trajopt.program.iteration_log import Ending, IterationLog
+from optiplan.planners.trajopt.program.native_step import StepSolver
+from optiplan.planners.trajopt.program.qp import Penalty, Step
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE
 from optiplan.planners.trajopt.terms.term import Cost, SoftRows, Term
 
@@ -27,6 +28,9 @@ STALLED, HALVED = 5, 0.5
 
 SETTLED = 2
 """Accepted steps in a row that gain little, after which a descent ends: one alone may be an unlucky step."""
+
+ACCEPTED, REPAIRED, REFUSED = 1.0, 0.5, 0.0
+"""In the log: a step, one with a second one from its end, one that was undone."""
 
 SLOW, WORSE = 30, 1.5
 """Steps after which a curve's merit must be within this factor of the best motion known."""
@@ -83,6 +87,7 @@ class Descended(NamedTuple):
         missing: clearance violation summed over the samples, m.
         nearest: least clearance of a near pair beyond its margin, m; infinite where none is near.
         steps: taken.
+        log: of the iterations.
     """
 
     control: Array
@@ -90,6 +95,7 @@ class Descended(NamedTuple):
     missing: float
     nearest: float
     steps: int
+    log: IterationLog
 
 
 class Descender(Protocol):
@@ -130,8 +136,8 @@ class Sqp:
         go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see the function `optimise`."""
-        point, steps = optimise(self.subproblem, control, iterations, stop, best, longest, go_on)
-        return Descended(point.control, point.duration, point.missing, point.nearest, steps)
+        point, steps, log = optimise(self.subproblem, control, iterations, stop, best, longest, go_on)
+        return Descended(point.control, point.duration, point.missing, point.nearest, steps, log)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,8 +206,8 @@ def optimise(  # noqa: C901, PLR0913
     best: float = inf,
     longest: float = inf,
     go_on: GoOn | None = None,
-) -> tuple[Point, int]:
-    """Descend from control points (K, n) until two steps in a row gain less than 0.2 %; return the point and the steps.
+) -> tuple[Point, int, IterationLog]:
+    """Descend from control points (K, n) until two steps in a row gain less than 0.2 %; return point, steps and log.
 
     A step is accepted when the merit falls by a tenth of the decrease predicted by the model; the trust region doubles
     where it fell by more than 70 %. A rejected step is followed by a second one from its end (the watchdog of
@@ -214,23 +220,30 @@ def optimise(  # noqa: C901, PLR0913
     transcription = subproblem.transcription
     point, taken, settled, radius = evaluate(transcription, control, 0.0), 0, 0, FIRST_RADIUS
     missing: list[float] = []
+    log: list[tuple[float, ...]] = []
+    ended: Ending | None = None
     ask = None if point.feasible else go_on
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
         if taken >= SLOW and (point.merit > WORSE * best or point.duration > longest):
+            ended = "too slow"
             break
         missing.append(point.missing)
+        before = point.duration, point.merit, point.missing, radius
         step = subproblem.solve(point.control, point.duration, point.soft, radius, point.span)
         taken += 1
         if step is None:
+            log.append((*before, REFUSED))
             radius *= SHRINK
             continue
         if step.promise < 2e-4 * point.duration:
+            ended = "converged"
             break
-        trial = _follow(transcription, point, step)
+        trial, accepted = _follow(transcription, point, step), ACCEPTED
         if point.merit - trial.merit <= 0.1 * step.promise and not stop():
-            trial = _second(subproblem, trial, radius)
+            trial, accepted = _second(subproblem, trial, radius), REPAIRED
             taken += 1
         gain = point.merit - trial.merit
+        log.append((*before, accepted if gain > 0.1 * step.promise else REFUSED))
         if gain <= 0.1 * step.promise:
             radius *= SHRINK
             point = _watching(transcription, point, trial)
@@ -242,12 +255,21 @@ def optimise(  # noqa: C901, PLR0913
         if good:
             radius *= 2.0
         if settled == SETTLED:
+            ended = "converged"
             break
         if ask is not None and point.feasible:
             if not ask(point.control, point.duration):
+                ended = "contact between samples"
                 break
             ask = None
-    return point, taken
+    if ended is None:
+        ended = _ending(taken >= iterations, radius < LEAST_RADIUS, _stalled(missing))
+    return point, taken, IterationLog.of(log, ended)
+
+
+def _ending(all_steps: bool, small: bool, stalled: bool) -> Ending:
+    """Return why no further step is taken: a step limit, a small trust region, a stalled violation, else the budget."""
+    return "step limit" if all_steps else "trust region" if small else "penetration" if stalled else "stopped"
 
 
 def _stalled(missing: list[float]) -> bool:
