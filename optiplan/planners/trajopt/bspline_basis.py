@@ -1,7 +1,7 @@
 """The curve that is optimised: a clamped B-spline q(u), u in [0, 1], run through in T seconds (t = u T)."""
 
 import math
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -28,6 +28,12 @@ def bunched_breakpoints(spans: int, bunching: float) -> Array:
     x = np.linspace(0.0, 1.0, spans - 1)
     u = x - bunching * np.sin(2.0 * np.pi * x) / (2.0 * np.pi)
     return np.concatenate([[0.0, 0.3 * u[1]], u[1:-1], [1.0 - 0.3 * u[1], 1.0]])
+
+
+@lru_cache(maxsize=8)
+def bunched_basis(spans: int, bunching: float, open_end: bool) -> "SplineBasis":
+    """Return the basis with these spans, made once: every attempt of every plan asks for one of a few."""
+    return SplineBasis(bunched_breakpoints(spans, bunching), open_end)
 
 
 class SplineBasis:

@@ -12,7 +12,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
-from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_basis
 from optiplan.planners.trajopt.native_sqp import NativeSqp
 from optiplan.planners.trajopt.native_step import step_solver
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
@@ -80,7 +80,7 @@ class Optimiser:
         self, problem: Problem, model: CollisionModel, options: TrajOptOptions, end: FreeEnd | None = None
     ) -> None:
         self.problem, self.model, self.options, self.end = problem, model, options, end
-        self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching), open_end=end is not None)
+        self.basis = bunched_basis(options.spans, options.bunching, end is not None)
         self.constraints = PathConstraints(problem)
         self.objective = problem.objective_parts()
         self._costs = integral_costs(problem, model)
