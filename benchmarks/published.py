@@ -1,5 +1,6 @@
 """What the benchmarks share: problems of MotionBenchMaker, and Markdown tables that name their command and commit."""
 
+import argparse
 import json
 import math
 import os
@@ -29,11 +30,19 @@ def commit() -> str:
     return f"{head}-dirty" if _git("status", "--porcelain", "--untracked-files=no", "--", "optiplan") else head
 
 
+def table_parser(description: str | None) -> argparse.ArgumentParser:
+    """A parser of the command line of a script that makes a table, with the option `--markdown`."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--markdown", type=Path, help="write the table to this file")
+    return parser
+
+
 def command_line() -> str:
-    """The command that this process was started with, as one would type it in the checkout."""
+    """The command that this process was started with, as one would type it in the checkout, folders left out."""
     script = Path(sys.argv[0]).resolve()
     shown = script.relative_to(ROOT) if script.is_relative_to(ROOT) else script
-    return shlex.join(["python", str(shown), *_without_markdown(sys.argv[1:])])
+    rest = (Path(word).name if word.startswith("/") else word for word in _without_markdown(sys.argv[1:]))
+    return shlex.join(["python", str(shown), *rest])
 
 
 def print_table(headings: Sequence[str], rows: Rows) -> None:

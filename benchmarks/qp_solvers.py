@@ -20,9 +20,9 @@ from rich.console import Console
 from rich.table import Table
 
 from optiplan.planners.base import Budget
-from optiplan.planners.trajopt import qp
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
+from optiplan.planners.trajopt.program import qp
 from optiplan.problem.load import load_problem
 from optiplan.resources import problems_dir
 

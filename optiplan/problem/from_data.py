@@ -22,7 +22,7 @@ from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.moving_states import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import Draft, LocatedValue
-from optiplan.problem.schema import ProblemSpec
+from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
@@ -115,7 +115,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
     ):
         model = collision_model(robot, scene)
-        later = CollisionModel(robot, scene.standing) if scene.moving else model  # what moves may be elsewhere by then
+        later = collision_model(robot, scene.standing) if scene.moving else model  # what moves may be elsewhere by then
         issues += _collisions(document, (model, later), compiler.draft, places)
     if issues or spec is None or robot is None or limits is None or places.start is None:
         return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))

@@ -9,7 +9,7 @@ from optiplan.geometry.meshes.reading import FORMATS, OCTREE_FORMATS, POINT_FORM
 from optiplan.geometry.scene import Obstacle
 from optiplan.geometry.shapes import build_geometry, shape_from_spec
 from optiplan.problem.builder import stated_pose
-from optiplan.problem.schema import ObstacleSpec
+from optiplan.problem.schema.scene import ObstacleSpec
 from optiplan.problem.statement import Values, checked
 
 

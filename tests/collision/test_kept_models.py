@@ -45,3 +45,19 @@ def test_another_robot_has_its_own_model(problem):
     model = collision_model(problem.robot, problem.scene)
     raised = problem.with_base(op.Pose((0.0, 0.0, 0.1)))
     assert collision_model(raised.robot, raised.scene) is not model
+
+
+@pytest.mark.parametrize("planner", ["quintic", "rrtconnect", "sclerp", "line", "trajopt"])
+def test_planners_ask_the_kept_model(problem, planner, monkeypatch):
+    kept_planning_model(problem.robot, problem.scene)
+    made = []
+    monkeypatch.setattr("optiplan.collision.native_model.planning_model", lambda *given: made.append(given))
+    op.plan(problem, planner, budget=0.5)
+    assert not made
+
+
+def test_the_model_of_what_stands_still_is_kept_beside_that_of_what_moves(problem):
+    moving = op.Scene([*problem.scene.obstacles, op.Sphere("ball", 0.05, (1, 0, 1)).moving([[0, 0.01], [0], [0]])])
+    model = kept_planning_model(problem.robot, problem.scene)
+    assert kept_planning_model(problem.robot, moving) is not model
+    assert kept_planning_model(problem.robot, moving.standing) is model

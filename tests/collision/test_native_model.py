@@ -160,9 +160,9 @@ def test_all_builds_give_the_same_bits(models, monkeypatch) -> None:
     Q, answers = configurations(native, 30, seed=7), []
     for name in variants()[:-1]:
         built = import_module(f"optiplan._core._core_{name}")
-        for module in ("collision.native_model", "collision.clusters", "collision.native_shapes", "robot.native_tree"):
+        for module in ("collision.native_model", "collision.native_shapes", "robot.native_tree"):
             monkeypatch.setattr(import_module(f"optiplan.{module}"), "core", built)
-        for module, kept in (("native_shapes", "_made"), ("native_model", "_links"), ("clusters", "_kept")):
+        for module, kept in (("native_shapes", "_made"), ("native_model", "_links"), ("native_model", "_hulls")):
             monkeypatch.setattr(import_module(f"optiplan.collision.{module}"), kept, {})
         world = planning_model(native.robot, native.scene)
         assert isinstance(world, NativeCollisionModel)

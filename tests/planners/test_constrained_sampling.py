@@ -7,12 +7,12 @@ import optiplan as op
 from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget
 from optiplan.planners.common.gravity import Gravity
+from optiplan.planners.path_constraints.held import PathConstraints
 from optiplan.planners.sampling.constrained.manifold import Manifold
 from optiplan.planners.sampling.constrained.searches import Query, connect, roadmap, star
 from optiplan.planners.sampling.constrained.smoothing import shortcut
 from optiplan.planners.sampling.constrained.walk import Walker
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.trajopt.terms.path_constraints import PathConstraints
 from tests.planners.constraint_cases import CONSTRAINTS, assert_held_and_proved, key_of, stated
 
 PLANNERS = ("rrtconnect", "prm", "rrtstar", "informed_rrtstar")

@@ -221,7 +221,7 @@ def test_the_optimiser_repairs_a_path_between_thinner_obstacles():
     assert [attempt["seed"] for attempt in run.info["attempts"]] == ["relaxed"]
     assert np.array_equal(found.path[[0, -1]], [problem.start, cases.LEFT])
     assert polyline_contact(run.model, found.path) is None
-    assert run.candidates
+    assert run.incumbent.candidates
 
 
 def test_a_stage_within_another_counts_for_itself_alone():

@@ -8,7 +8,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.option_schema import option
 from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
-from optiplan.planners.sampling.constrained.plan import ConstrainedSearch
+from optiplan.planners.sampling.constrained.planner import ConstrainedSearch
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends, search_bounds
 from optiplan.planners.sampling.roadmap import Roadmap

@@ -6,7 +6,7 @@ from functools import partial
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.option_schema import option
 from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
-from optiplan.planners.sampling.constrained.plan import ConstrainedSearch
+from optiplan.planners.sampling.constrained.planner import ConstrainedSearch
 from optiplan.planners.sampling.ompl_search import search
 from optiplan.planners.sampling.search import Kind, SearchOptions
 from optiplan.problem.problem import Problem

@@ -10,20 +10,19 @@ position and two derivatives at both of its ends; between two moves both parts a
 move ends.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.task.chains import Done
 from optiplan.planners.task.line_timing import line_limits
+from optiplan.planners.task.stops import why_stop
 from optiplan.planners.task.stretches import Stretch
-from optiplan.problem.task.steps import Move
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path_by_law
@@ -53,45 +52,46 @@ _SLACK = 1e-9
 _BISECTIONS = 60
 
 
-def flowing(stretches: Sequence[Stretch], budget: Budget, progress: Progress) -> list[Stretch]:
-    """Return the stretches, those joined that are quicker so."""
-    groups = _groups(stretches)
-    found: list[Stretch] = []
+def flowing(
+    stretches: Sequence[Stretch], budget: Budget, progress: Progress, thorough: bool = True
+) -> list[list[Stretch]]:
+    """Return the stretches, those joined that are quicker so, in groups between which the arm must stop.
+
+    Args:
+        stretches: steps, each from rest to rest.
+        budget: what is not joined when it is over stops.
+        progress: called with the share of groups.
+        thorough: whether junctions of other sizes are tried where the first free ones gain little.
+    """
+    groups = _groups(stretches, _goes_on)
+    found: list[list[Stretch]] = []
     for k, group in enumerate(groups):
         progress("joining steps", k / len(groups))
-        found += _joined(group, budget)
+        found.append([one for part in _groups(group, _can_be_joined) for one in _joined(part, budget, thorough)])
     return found
 
 
-def _groups(stretches: Sequence[Stretch]) -> list[list[Stretch]]:
-    """Cut stretches where the arm must stop: at events, other joints, and between two lines."""
+def _groups(stretches: Sequence[Stretch], go_on: Callable[[Done, Done], bool]) -> list[list[Stretch]]:
+    """Cut stretches where one does not go on in the next."""
     groups: list[list[Stretch]] = []
     for stretch in stretches:
-        if groups and _goes_on(groups[-1][-1], stretch):
+        if groups and go_on(groups[-1][-1].done[-1], stretch.done[0]):
             groups[-1].append(stretch)
         else:
             groups.append([stretch])
     return groups
 
 
-def _goes_on(before: Stretch, after: Stretch) -> bool:
-    a, b = before.done[-1], after.done[0]
-    if not (_can_flow(a) and _can_flow(b)) or (a.is_line and b.is_line):
-        return False
-    assert a.stage is not None
-    assert b.stage is not None
-    return a.stage.columns == b.stage.columns and a.after.scene is b.before.scene
+def _goes_on(before: Done, after: Done) -> bool:
+    return why_stop(before, after) is None
 
 
-def _can_flow(done: Done) -> bool:
-    """Whether a step may be part of a longer motion: moves from rest whose curve may change, and lines."""
-    if done.stage is None or done.curve is None or done.step.kind == "gripper" or done.stage.problem.moving_start:
-        return False
-    action = done.step.action
-    return done.is_line or (isinstance(action, Move) and not action.vias and not done.stage.problem.path_constraints)
+def _can_be_joined(before: Done, after: Done) -> bool:
+    """Whether the curves of both may change without regard to constraints: those of lines do not."""
+    return all(one.is_line or (one.stage and not one.stage.problem.path_constraints) for one in (before, after))
 
 
-def _joined(group: list[Stretch], budget: Budget) -> list[Stretch]:
+def _joined(group: list[Stretch], budget: Budget, thorough: bool) -> list[Stretch]:
     """Return a group as one stretch, or as several where some junction is not free, or not quicker."""
     if len(group) == 1 or budget.over:
         return group
@@ -102,13 +102,14 @@ def _joined(group: list[Stretch], budget: Budget) -> list[Stretch]:
         if found is not None and found.ends[-1] < (stopping if best is None else best.ends[-1]):
             best = found
         slow = found is not None and found.ends[-1] > (1.0 + _HOPELESS) * stopping
-        if budget.over or slow or (best is not None and best.ends[-1] < (1.0 - _ENOUGH) * stopping):
+        gained = best is not None and best.ends[-1] < (1.0 - _ENOUGH) * stopping
+        if budget.over or slow or gained or (found is not None and not thorough):
             break
     if best is not None:
         return [best]
     if len(group) == 2:
         return group
-    return [*_joined(group[:2], budget), *_joined(group[2:], budget)]
+    return [*_joined(group[:2], budget, thorough), *_joined(group[2:], budget, thorough)]
 
 
 def _in_one_go(group: list[Stretch], first: int, budget: Budget) -> Stretch | None:
@@ -239,11 +240,13 @@ def _element(done: Done) -> _PathElement:
     times = np.interp(np.linspace(0.0, length, _POINTS), way[kept], t[kept])
     points = done.curve(times)
     points[0], points[-1] = Q[0], Q[-1]
-    spline = CubicSpline(np.linspace(0.0, length, _POINTS), points)
-    return _PathElement(done, _of_spline(done.curve.joint_names, spline))
+    return _PathElement(done, _cubic_spline(done.curve.joint_names, length, points))
 
 
-def _of_spline(names: tuple[str, ...], spline: CubicSpline) -> Trajectory:
+def _cubic_spline(names: tuple[str, ...], length: float, points: Array) -> Trajectory:
+    from scipy.interpolate import CubicSpline  # takes 0.2 s, which every `optiplan plan` would pay
+
+    spline = CubicSpline(np.linspace(0.0, length, len(points)), points)
     return Trajectory(names, spline.x, np.swapaxes(spline.c[::-1], 0, 1))
 
 

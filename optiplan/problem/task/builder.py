@@ -9,7 +9,7 @@ import numpy as np
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.problem.constraints.statements import constraint_data
-from optiplan.problem.schema import TaskStepSpec
+from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.statement import End, Pose, Values, ViaPoint, checked, end_data, is_configuration, via_point_data
 
 

@@ -12,20 +12,16 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, frame_names, link_names
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import LocatedValue
-from optiplan.problem.schema import (
-    ENDS,
-    AlternativeSpec,
+from optiplan.problem.schema.ends import ENDS, AlternativeSpec, PoseGoalSpec, StartSpec, ViaSpec
+from optiplan.problem.schema.task import (
     ApproachSpec,
     AttachSpec,
     DetachSpec,
     GripperSpec,
     MoveSpec,
-    PoseGoalSpec,
     RetreatSpec,
-    StartSpec,
     StraightLineSpec,
     TaskStepSpec,
-    ViaSpec,
 )
 from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.robot.robot import Robot

@@ -34,6 +34,15 @@ class Distances:
     hulls: Flags
 
 
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """Distance, m, of a pair of the model and its nearest points (2, 3) on a and b, m, world."""
+
+    distance: float
+    points: Array
+    pair: int
+
+
 class PairDistances:
     """Distance queries on the verifier's own copy of the work space; one object a thread.
 
@@ -49,7 +58,8 @@ class PairDistances:
     def __init__(self, model: CollisionModel, bodies: Bodies) -> None:
         self._bodies = bodies
         self._shapes = bodies.shapes
-        self._hulls = [body.geometry for body in model.outline.geometry.geometryObjects]
+        outline = [body.geometry for body in model.outline.geometry.geometryObjects]
+        self._hulls = [*outline, *(hull.shape for hull in bodies.tree.hulls)]
         # At coal's own 1e-6 the normal of a cylinder can cost the plane 0.2 mm; polyhedra end exactly anyway.
         self._request = _request(coal.GJKConvergenceCriterion.Default, 1e-10)
         self._again = _request(coal.GJKConvergenceCriterion.DualityGap, 1e-6)
@@ -57,17 +67,19 @@ class PairDistances:
         self._convex: Flags = np.logical_and(*bodies.kind(coal.ShapeBase).T)
         self._planes: Flags = bodies.kind(coal.Halfspace)
         self._mesh: Flags = np.array([not isinstance(shape, coal.ShapeBase) for shape in self._shapes], dtype=bool)
-        self._all_convex, self._any_plane = bool(self._convex.all()), bool(self._planes.any())
+        self._no_hulls = bool(self._convex.all()) and not bodies.tree.hulls
+        self._any_plane = bool(self._planes.any())
 
     def query(self, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
         """Distance k of pair pairs[k] (K,) where `placed` has its bodies.
 
-        Meshes are queried only where a plane between their hulls proves no more than `enough`, m.
+        Meshes are queried only where a plane between their hulls proves no more than `enough`, m; of pairs of hulls
+        that stand for others (`PairTree`) nothing else is known.
         """
-        if self._all_convex or not np.isfinite(enough):
+        if self._no_hulls or not np.isfinite(enough):
             return self._exact(pairs, placed)
         normals, bound = self._between_hulls(pairs, placed)
-        hulls: Flags = bound > enough
+        hulls: Flags = (bound > enough) | (pairs >= self._bodies.tree.count)
         measured, gjk_only = bound.copy(), np.zeros(len(pairs), dtype=bool)
         asked = np.flatnonzero(~hulls)
         if len(asked):
@@ -77,9 +89,10 @@ class PairDistances:
         return Distances(measured, normals, bound, gjk_only, hulls)
 
     def _between_hulls(self, pairs: Index, placed: PlacedBody) -> tuple[Array, Array]:
-        """Normals (K, 3) of planes between the hulls of pairs with a mesh, and gaps (K,), m; -inf for other pairs."""
+        """Normals (K, 3) of planes between hulls, and gaps (K,), m; -inf for pairs without a mesh or a cluster."""
         normals, gap = np.full((len(pairs), 3), np.nan), np.full(len(pairs), -np.inf)
-        asked = np.flatnonzero(~self._convex[pairs] & ~self._planes[pairs].any(axis=1))
+        outer = ~self._convex[pairs] | (pairs >= self._bodies.tree.count)
+        asked = np.flatnonzero(outer & ~self._planes[pairs].any(axis=1))
         if len(asked):
             hulls = placed.take(asked)
             normals[asked] = self._measure(self._hulls, self._outline, hulls)[1]
@@ -105,10 +118,21 @@ class PairDistances:
         gjk_only = ~self._convex[pairs] & (coal_says > plane)
         return Distances(measured, normals, np.where(gjk_only, coal_says, plane), gjk_only, np.zeros_like(gjk_only))
 
-    def witness(self, placed: PlacedBody) -> tuple[float, Array]:
-        """Distance, m, and nearest points (2, 3) on a and b, in the world, m, of one pair where its bodies are."""
-        result = next(_ask(self._shapes, self._request, placed))
-        return float(result.min_distance), np.array([result.getNearestPoint1(), result.getNearestPoint2()])
+    def witness(self, poses: Array, pair: int) -> Witness:
+        """Return the nearest of the pairs that one stands for, perhaps itself only, at joint poses (n + 1, 4, 4)."""
+        pairs = self._bodies.tree.members(pair)
+        placed = self._bodies.place(poses[None], np.zeros(len(pairs), dtype=np.intp), pairs)
+        bounds = self._bodies.lower_bound(placed) if len(pairs) > 1 else np.zeros(1)
+        best: Witness | None = None
+        for k in np.argsort(bounds, kind="stable").tolist():
+            if best is not None and bounds[k] >= best.distance:
+                break
+            result = next(_ask(self._shapes, self._request, placed.take(np.array([k]))))
+            if best is None or result.min_distance < best.distance:
+                points = np.array([result.getNearestPoint1(), result.getNearestPoint2()])
+                best = Witness(float(result.min_distance), points, int(pairs[k]))
+        assert best is not None
+        return best
 
     def _gap(self, placed: PlacedBody, normals: Array) -> Array:
         """-h_b(-n) - h_a(n), m: a lower bound of the distance for each unit normal (K, 3); -inf where it is NaN."""

@@ -10,15 +10,15 @@ import pytest
 from optiplan._core import core, variants
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Box, Obstacle, Scene, Sphere
-from optiplan.planners.trajopt import native_step, sqp
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
-from optiplan.planners.trajopt.native_step import NativeSubproblem, step_solver
 from optiplan.planners.trajopt.options import AUTO
-from optiplan.planners.trajopt.qp import Penalty, Step, Subproblem
+from optiplan.planners.trajopt.program import native_step, sqp
+from optiplan.planners.trajopt.program.native_step import NativeSubproblem, step_solver
+from optiplan.planners.trajopt.program.qp import Penalty, Step, Subproblem
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.term import SoftRows
-from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.problem import JointGoal, Objective, Problem
 from optiplan.robot.robot import load_robot
 

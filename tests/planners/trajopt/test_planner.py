@@ -6,8 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Box, Obstacle, Scene
 from optiplan.planners.base import Budget, PlanResult
+from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
@@ -137,3 +139,17 @@ def test_the_best_curve_is_optimised_once_more_with_twice_the_spans(robot: Robot
     assert result.trajectory is not None
     assert result.trajectory.duration == attempts[-1]["duration"]
     assert attempts[-1]["duration"] < 0.999 * min(attempt["duration"] for attempt in attempts[:-1] if attempt["free"])
+
+
+def test_a_curve_fitted_along_a_position_limit_does_not_exceed_it(robot: Robot) -> None:
+    """The path runs along a limit between two corners; least squares overshoot there."""
+    problem = make(robot)
+    optimiser = Optimiser(problem, planning_model(robot, problem.scene), TrajOptOptions())
+    path = np.array([problem.start, problem.start, GOAL, GOAL])
+    path[1:3, 6] = problem.limits.upper[6]
+    control = along_path(optimiser.basis, path, problem.limits.velocity)
+    assert (control.max(axis=0) > problem.limits.upper + 1e-3).any()
+    attempt = optimiser.run(control, Budget(1e-9))  # over before the first step
+    assert attempt is not None
+    held = verify(problem, attempt.trajectory).checks
+    assert next(check for check in held if check.name == "position").passed

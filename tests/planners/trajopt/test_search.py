@@ -14,7 +14,7 @@ from optiplan.planners import base
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_time
-from optiplan.planners.trajopt import optimizer, planner, stopping_rule
+from optiplan.planners.trajopt import optimizer, path_search, planner, stopping_rule
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
@@ -202,7 +202,7 @@ def test_lines_wait_for_a_search_that_fails_once_one_has_led_to_nothing(monkeypa
     assert set(seeds[1:]) == {"sampled"}
     assert not any(seen)
     failure = Failure("no-path", "none")
-    monkeypatch.setattr(planner, "sample_path", lambda *given: failure)
+    monkeypatch.setattr(path_search, "sample_path", lambda *given: failure)
     result = TrajOpt(TrajOptOptions(seeds=2)).plan(problem, Budget(5.0), quiet)
     assert [entry["seed"] for entry in result.info["attempts"]] == ["straight", "line", "line"]
     assert seen[-3:] == [False, True, True]
@@ -238,7 +238,7 @@ def test_a_path_on_an_optimised_curve_is_optimised_again_only_where_shortcuts_he
     run._sampled(SampledPath(ends, 0, shorter * cost, {}))
     seeds = [entry["seed"] for entry in run.info["attempts"] if entry["seed"] != "close"]
     assert seeds == kinds
-    assert run.candidates
+    assert run.incumbent.candidates
     assert run.repaired is None
 
 
@@ -246,9 +246,9 @@ def test_a_path_that_takes_far_longer_than_the_best_motion_is_left() -> None:
     problem = cases.free()
     run = planner._Run(problem, Budget(5.0), lambda stage, fraction: None, TrajOptOptions())
     ends = np.array([problem.start, problem.goal[0].q])
-    run._attempt("straight", run._along(ends), run.budget)
+    run.attempts.attempt("straight", run._along(ends), run.budget)
     before = len(run.info["attempts"])
-    run._sampled(SampledPath(ends, 0, 2.0 * run.best, {}))
+    run._sampled(SampledPath(ends, 0, 2.0 * run.incumbent.cost, {}))
     assert len(run.info["attempts"]) == before
     assert run.patience.in_vain == 1
 

@@ -6,16 +6,16 @@ import pytest
 import optiplan as op
 from optiplan._core import core
 from optiplan.collision.native_model import planning_model
-from optiplan.planners.trajopt import sqp
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
-from optiplan.planners.trajopt.native_step import NativeSubproblem
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.qp import Subproblem
+from optiplan.planners.trajopt.program import sqp
+from optiplan.planners.trajopt.program.native_step import NativeSubproblem
+from optiplan.planners.trajopt.program.qp import Subproblem
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.free_end import FreeEnd
-from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.problem.goals import goal_configurations, goal_residual
 
 BASIS = SplineBasis(bunched_breakpoints(14, 0.6), open_end=True)

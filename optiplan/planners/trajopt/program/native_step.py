@@ -9,8 +9,8 @@ from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.bspline_basis import FIXED
 from optiplan.planners.trajopt.options import AUTO
-from optiplan.planners.trajopt.qp import Penalty, Step, Subproblem
-from optiplan.planners.trajopt.transcription import Transcription
+from optiplan.planners.trajopt.program.qp import Penalty, Step, Subproblem
+from optiplan.planners.trajopt.program.transcription import Transcription
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import Spline

@@ -8,12 +8,13 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel
-from optiplan.planners.trajopt import sqp
-from optiplan.planners.trajopt.native_step import GAP, native_spline
-from optiplan.planners.trajopt.sqp import Descended, GoOn
+from optiplan.planners.trajopt.program import sqp
+from optiplan.planners.trajopt.program.iteration_log import ENDINGS, IterationLog
+from optiplan.planners.trajopt.program.native_step import GAP, native_spline
+from optiplan.planners.trajopt.program.sqp import Descended, GoOn
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE, CONTACT_PENALTY, CUTOFF
 from optiplan.planners.trajopt.terms.torques import TORQUE_PENALTY
-from optiplan.planners.trajopt.transcription import Transcription
 from optiplan.robot.native_tree import native_tree
 
 
@@ -51,10 +52,10 @@ class NativeSqp:
         go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see `sqp.optimise`."""
-        control, duration, _, missing, nearest, steps = self._sqp.optimise(
+        control, duration, _, missing, nearest, steps, rows, ended = self._sqp.optimise(
             np.ascontiguousarray(control), iterations, stop, best, longest, go_on
         )
-        return Descended(control, duration, missing, nearest, steps)
+        return Descended(control, duration, missing, nearest, steps, IterationLog(rows, ENDINGS[ended]))
 
 
 def _settings() -> dict[str, float]:

@@ -11,10 +11,10 @@ from optiplan._core import core
 from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget, PlanResult
 from optiplan.planners.trajopt.initial_guess import along_path
-from optiplan.planners.trajopt.look_ahead import LookAhead
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
+from optiplan.planners.trajopt.speculative_attempts import SpeculativeAttempts
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
@@ -58,7 +58,7 @@ def test_threads_end_with_the_plan_and_with_its_cancelling(problems: Path) -> No
 def test_an_outcome_is_taken_only_where_it_is_that_of_an_attempt_begun_now(problems: Path) -> None:
     problem = load_problem(problems / "01_reach.yaml")
     run = TrajOpt(TrajOptOptions(workers=2))
-    ahead, budget = LookAhead(problem, run.options, Budget(60.0)), Budget(60.0)
+    ahead, budget = SpeculativeAttempts(problem, run.options, Budget(60.0)), Budget(60.0)
     optimiser = Optimiser(problem, planning_model(problem.robot, problem.scene), run.options)
     goal = problem.start + 0.3
     control = along_path(optimiser.basis, np.array([problem.start, goal]), problem.limits.velocity)

@@ -12,12 +12,12 @@ from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.path_timing import timed_path
+from optiplan.planners.path_constraints.held import PathConstraints, broken_constraint
 from optiplan.planners.sampling.constrained.manifold import Manifold, in_part_only
 from optiplan.planners.sampling.constrained.searches import Query, connect, roadmap, star
 from optiplan.planners.sampling.constrained.smoothing import shortcut, smooth_curves
 from optiplan.planners.sampling.constrained.walk import Walker
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.trajopt.terms.path_constraints import PathConstraints, broken_constraint
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
