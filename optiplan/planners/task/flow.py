@@ -20,7 +20,7 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.task.chains import Done
-from optiplan.planners.task.line_timing import line_limits
+from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
 from optiplan.planners.task.stops import why_stop
 from optiplan.planners.task.stretches import Stretch
 from optiplan.trajectory import polynomial
@@ -114,9 +114,10 @@ def _joined(group: list[Stretch], budget: Budget, thorough: bool) -> list[Stretc
 
 def _in_one_go(group: list[Stretch], first: int, budget: Budget) -> Stretch | None:
     """Return a group as one motion, with junctions of the first free size from `first` on; None where one is not."""
-    sizes = [first] * (len(group) - 1)
-    while not budget.over and max(sizes) < len(_SHARES):
-        path = _Path.of(group, sizes)
+    runs = smooth_runs([stretch.done[0] for stretch in group])
+    sizes = [first] * (len(runs) - 1)
+    while not budget.over and max(sizes, default=0) < len(_SHARES):
+        path = _Path.of(runs, sizes)
         if path is None:
             return None
         touched = path.junction_that_touches(budget)
@@ -128,10 +129,15 @@ def _in_one_go(group: list[Stretch], first: int, budget: Budget) -> Stretch | No
 
 @dataclass(frozen=True, eq=False)
 class _PathElement:
-    """A move or a line in the path: its curve over a parameter, and how long it stops for, s."""
+    """A move or a line in the path, and its curve over the path's parameter."""
 
-    done: Done
+    run: SmoothRun
     curve: Trajectory
+
+    @property
+    def done(self) -> Done:
+        """Its first step."""
+        return self.run.done[0]
 
     def state(self, p: float) -> Array:
         """Return q, dq/dp, d²q/dp² (3, n)."""
@@ -155,9 +161,9 @@ class _Path:
     parts: list[Trajectory]
 
     @classmethod
-    def of(cls, group: Sequence[Stretch], sizes: Sequence[int]) -> "_Path | None":
+    def of(cls, runs: Sequence[SmoothRun], sizes: Sequence[int]) -> "_Path | None":
         """Return the path with junctions of these sizes (indices of `_SHARES`); None where one turns back."""
-        elements = [_element(stretch.done[0]) for stretch in group]
+        elements = [_element(run) for run in runs]
         parts = []
         for k, element in enumerate(elements):
             if element.done.is_line:
@@ -210,37 +216,40 @@ class _Path:
         assert first.stage is not None
         path = _one_after_another(self.parts, edges)
         shares = edges / edges[-1]
+        places = list(zip(self.elements, pairwise(shares.tolist()), strict=True))
         slow = [
-            (float(shares[k]), float(shares[k + 1]), tool)
-            for k, element in enumerate(self.elements)
-            if element.done.is_line and (tool := line_limits(element.done)) is not None
+            (low + begin * (high - low), low + end * (high - low), tool)
+            for element, (low, high) in places
+            for begin, end, tool in element.run.slow_parts()
         ]
         options = TimingOptions(tool_parts=tuple(slow), stop=lambda: budget.over)
         found = time_path_by_law(path, first.stage.problem.robot, first.stage.problem.limits, options)
         if found is None:
             return None
         motion, law = found
-        ends = [_time_of(law, float(share)) for share in shares[1:-1]]
-        return Stretch(tuple(element.done for element in self.elements), motion, (*ends, motion.duration))
+        ends = [low + edge * (high - low) for element, (low, high) in places for edge in element.run.edges[1:]]
+        times = [time_of(law, share) for share in ends[:-1]]
+        done = tuple(one for element in self.elements for one in element.run.done)
+        return Stretch(done, motion, (*times, motion.duration))
 
 
-def _element(done: Done) -> _PathElement:
-    """Return a step's curve over a parameter in which the fastest joint runs about at its speed limit."""
-    assert done.curve is not None
-    assert done.stage is not None
-    speed = done.stage.problem.limits.velocity
-    t = np.linspace(0.0, done.curve.duration, _SAMPLES + 1)
-    Q = done.curve(t)
+def _element(run: SmoothRun) -> _PathElement:
+    """Return a run's curve over a parameter in which the fastest joint runs about at its speed limit."""
+    stage, curve = run.done[0].stage, run.curve
+    assert stage is not None
+    speed = stage.problem.limits.velocity
+    t = np.linspace(0.0, curve.duration, _SAMPLES + 1)
+    Q = curve(t)
     steps = np.linalg.norm(np.diff(Q, axis=0) / speed, axis=1)
     length = float(steps.sum())
-    if done.is_line:
-        return _PathElement(done, done.curve.scaled(max(length, 1e-6)))
+    if run.is_line:
+        return _PathElement(run, curve.scaled(max(length, 1e-6)))
     way = np.concatenate([[0.0], np.cumsum(steps)])
     kept = np.concatenate([[True], np.diff(way) > 1e-9 * max(length, 1e-9)])
     times = np.interp(np.linspace(0.0, length, _POINTS), way[kept], t[kept])
-    points = done.curve(times)
+    points = curve(times)
     points[0], points[-1] = Q[0], Q[-1]
-    return _PathElement(done, _cubic_spline(done.curve.joint_names, length, points))
+    return _PathElement(run, _cubic_spline(curve.joint_names, length, points))
 
 
 def _cubic_spline(names: tuple[str, ...], length: float, points: Array) -> Trajectory:
@@ -324,7 +333,7 @@ def _one_after_another(parts: Sequence[Trajectory], edges: Array) -> Trajectory:
     return Trajectory(parts[0].joint_names, np.concatenate([[0.0], *breakpoints]), np.concatenate(padded))
 
 
-def _time_of(law: Trajectory, share: float) -> float:
+def time_of(law: Trajectory, share: float) -> float:
     """Return when a law passes a share of the path, s; it never decreases."""
     low, high = 0.0, law.duration
     for _ in range(_BISECTIONS):

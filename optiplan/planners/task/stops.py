@@ -4,12 +4,20 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from optiplan.planners.task.chains import Done
+from optiplan.planners.task.smooth_runs import is_rounded
 from optiplan.planners.task.stretches import Stretch
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move
 
 NOT_QUICKER = "no motion without this stop was found that is free and quicker"
-CORNER = "a corner of two lines: with `blend` it is passed"
+CORNER = "an exact corner of two lines (`blend` rounds it off)"
+BACK = "a line straight back"
+BENT = "a corner of two lines that the arm cannot pass smoothly"
+
+_BACK = -0.99
+"""Cosine of the angle between two lines, in the joints' space, below which the second one leads back."""
 
 
 def why_stop(before: Done, after: Done) -> str | None:
@@ -28,11 +36,25 @@ def why_stop(before: Done, after: Done) -> str | None:
     assert after.stage is not None
     if before.stage.columns != after.stage.columns:
         return "other joints go on"
-    return CORNER if before.is_line and after.is_line else None
+    if not (before.is_line and after.is_line) or is_rounded(before, after):
+        return None
+    if before.corner is not None:
+        return BENT
+    return BACK if _leads_back(before, after) else CORNER
+
+
+def _leads_back(before: Done, after: Done) -> bool:
+    """Whether a line goes back to where the one before came from, as far as the joints can tell."""
+    assert before.stage is not None
+    assert before.curve is not None
+    assert after.curve is not None
+    speed = before.stage.problem.limits.velocity
+    a, b = before.curve(before.curve.duration, 1) / speed, after.curve(0.0, 1) / speed
+    return bool(a @ b < _BACK * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def stops_of(stretches: Sequence[Stretch]) -> list[dict[str, Any]]:
-    """Return every stop between the first and the last motion: its time, s, the step that it follows, and why."""
+    """Return the stops on the way: time `t`, s, the step that each comes `after`, and `why`."""
     found: list[dict[str, Any]] = []
     begin = 0.0
     for before, after in pairwise(stretches):

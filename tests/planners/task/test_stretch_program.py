@@ -49,7 +49,7 @@ def made():
     ]
     lines = [
         LinePart(first, problem.robot, tight, (True, False), [SlowPart(0.0, 1.0, 0.8)]),
-        LinePart(last, problem.robot, tight, (False, True), []),
+        LinePart(last, problem.robot, tight, (False, True)),
     ]
     return StretchTranscription([lines[0], *moves, lines[1]])
 

@@ -16,7 +16,7 @@ from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.trajectory import Trajectory
 
 _SPANS, _BUNCHING = 12, 0.4
-"""Of the spline that is the law of a line."""
+"""Of the spline that is the law: spans for each of its lines."""
 
 _SAMPLES, _TORQUES = 5, 3
 """In each of its spans, at which limits of the joints and torques are seen; motions are scaled to exact extrema."""
@@ -43,12 +43,18 @@ class LinePart:
         free: (K,) which control points are variables.
     """
 
-    def __init__(
-        self, path: Trajectory, robot: Robot, limits: Limits, rests: tuple[bool, bool], slow: Sequence[SlowPart]
+    def __init__(  # noqa: PLR0913
+        self,
+        path: Trajectory,
+        robot: Robot,
+        limits: Limits,
+        rests: tuple[bool, bool],
+        slow: Sequence[SlowPart] = (),
+        lines: int = 1,
     ) -> None:
         self.path, self.limits, self.slow = path.scaled(1.0), limits, tuple(slow)
         self.terms = (TorqueTerm(robot, limits.torque),)
-        self.basis = SplineBasis(moving_breakpoints(_SPANS, _BUNCHING, rests))
+        self.basis = SplineBasis(moving_breakpoints(_SPANS * lines, _BUNCHING, rests))
         self.free: Mask = np.ones(self.basis.size, dtype=bool)
         self.free[: FIXED if rests[0] else 1] = False
         self.free[-(FIXED if rests[1] else 1) :] = False
@@ -113,6 +119,7 @@ class LinePart:
         ]
         for begin, end, rate in self.slow:
             inside = (s >= begin) & (s <= end)
+            inside[1:-1] |= inside[2:] | inside[:-2]  # what lies between a sample within and one outside counts too
             found.append(RateRows(np.ones(int(inside.sum()), dtype=int), s1[inside] / rate, B[1][inside] / rate))
         joined = RateRows.joined(found)
         return joined._replace(gradient=joined.gradient[:, self.free])

@@ -4,20 +4,20 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.common.via_legs import joined
 from optiplan.planners.path_constraints.held import PathConstraints
 from optiplan.planners.task.chains import Done
+from optiplan.planners.task.flow import time_of
 from optiplan.planners.task.line_timing import line_limits
 from optiplan.planners.task.optimisation.line_part import LinePart, SlowPart
 from optiplan.planners.task.optimisation.move_part import MovePart
 from optiplan.planners.task.optimisation.program import StretchProgram
 from optiplan.planners.task.optimisation.transcription import Part, StretchCurve, StretchTranscription
+from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
 from optiplan.planners.task.stretches import Stretch
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, moving_breakpoints
 from optiplan.planners.trajopt.moving_ends import with_reserve
@@ -26,8 +26,7 @@ from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.program.sqp import optimise
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.paths.hermite import hermite
-from optiplan.trajectory.samples import sample_times
-from optiplan.trajectory.timing.path_constraints import tool_scale
+from optiplan.trajectory.timing.path_constraints import tool_motion, tool_scale
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
@@ -44,6 +43,12 @@ _GAIN = 1e-3
 _ON_PATH = 1e-7
 """rad or m: how far polynomials of degree five may be off the path of a line between their knots."""
 
+_ROUNDING = 1e-9
+"""rad or m: beyond the position limits."""
+
+_ALONG, _STILL = 30, 1e-9
+"""Places at which the speed of the tool along a path is seen; m or rad: less than this is none."""
+
 _APART = 1e-6
 """Share of its duration by which knots of a line are apart at least."""
 
@@ -53,16 +58,17 @@ _KNOTS = 9
 
 def optimised(stretches: Sequence[Stretch], options: TrajOptOptions, budget: Budget) -> list[Stretch]:
     """Return stretches that may be one as one, where that is quicker; else as they are."""
-    done = tuple(one for stretch in stretches for one in stretch.done)
-    curves, ends = [], []
-    begin = 0.0
+    done = [one for stretch in stretches for one in stretch.done]
+    runs = smooth_runs(done)
+    if len(runs) == 1:
+        return list(stretches)
+    steps: list[Trajectory] = []
     for stretch in stretches:
         assert isinstance(stretch.motion, Trajectory)
-        times = (0.0, *stretch.ends)
-        curves += [cut(stretch.motion, a, b) for a, b in pairwise(times)]
-        ends += [begin + end for end in stretch.ends]
-        begin = ends[-1]
-    found = StretchOptimiser(Stretch(done, begin, tuple(ends)), curves, options).run(budget)
+        steps += [cut(stretch.motion, a, b) for a, b in pairwise((0.0, *stretch.ends))]
+    counts = np.cumsum([0, *(len(run.done) for run in runs)]).tolist()
+    curves = [joined(steps[a:b]) for a, b in pairwise(counts)]
+    found = StretchOptimiser(runs, curves, options).run(budget)
     return list(stretches) if found is None else [found]
 
 
@@ -70,19 +76,20 @@ class StretchOptimiser:
     """One stretch: its parts, and the motion to begin with.
 
     Attributes:
-        stretch: as it is run so far.
-        curves: of its steps so far, (N steps).
+        runs: moves and lines.
+        curves: the motion of each so far.
+        duration: of all of them so far, s.
     """
 
-    def __init__(self, stretch: Stretch, curves: Sequence[Trajectory], options: TrajOptOptions) -> None:
-        self.stretch, self.curves, self.options = stretch, tuple(curves), options
+    def __init__(self, runs: Sequence[SmoothRun], curves: Sequence[Trajectory], options: TrajOptOptions) -> None:
+        self.runs, self.curves, self.options = tuple(runs), tuple(curves), options
+        self.duration = sum(curve.duration for curve in curves)
         self.parts: list[Part] = []
         self.steps = 0
         last = len(curves) - 1
-        for k, (done, curve) in enumerate(zip(stretch.done, curves, strict=True)):
-            self.parts.append(
-                self._line(done, (k == 0, k == last)) if done.is_line else self._move(done, curve, (k == 0, k == last))
-            )
+        for k, (run, curve) in enumerate(zip(runs, curves, strict=True)):
+            rests = k == 0, k == last
+            self.parts.append(_line(run, rests) if run.is_line else self._move(run.done[0], curve, rests))
         self.made = StretchTranscription(self.parts)
 
     def run(self, budget: Budget) -> Stretch | None:
@@ -94,28 +101,13 @@ class StretchOptimiser:
             self.steps += steps
             y = point.control
             found = self._timed(y)
-            if found is None or found.ends[-1] > (1.0 - _GAIN) * self.stretch.ends[-1]:
+            if found is None or found.ends[-1] > (1.0 - _GAIN) * self.duration:
                 return None
             if not self._touches(y, budget):
                 return None if self._broken(found) else found
             if budget.over:
                 break
         return None
-
-    def _line(self, done: Done, rests: tuple[bool, bool]) -> LinePart:
-        assert done.curve is not None
-        assert done.stage is not None
-        problem, limits = done.stage.problem, line_limits(done)
-        slow = []
-        if limits is not None:
-            X, Y = (frame_pose(problem.robot, q, limits.frame) for q in (done.curve.start, done.curve.end))
-            length, angle = (
-                np.linalg.norm(Y.translation - X.translation),
-                np.linalg.norm(pin.log3(X.rotation.T @ Y.rotation)),
-            )
-            rates = [limit / way for limit, way in ((limits.linear, length), (limits.angular, angle)) if way > 1e-9]
-            slow = [SlowPart(0.0, 1.0, float(min(rates)))] if rates and np.isfinite(min(rates)) else []
-        return LinePart(done.curve, problem.robot, with_reserve(problem).limits, rests, slow)
 
     def _move(self, done: Done, curve: Trajectory, rests: tuple[bool, bool]) -> MovePart:
         assert done.stage is not None
@@ -127,7 +119,7 @@ class StretchOptimiser:
 
     def _begin(self) -> Array:
         """Return the variables nearest to the motion so far."""
-        made, T = self.made, self.stretch.ends[-1]
+        made, T = self.made, self.duration
         y = np.zeros(made.size)
         w = np.linspace(0.0, 1.0, _SAMPLES)
         y[: len(self.parts)] = [curve.duration / T for curve in self.curves]
@@ -146,35 +138,50 @@ class StretchOptimiser:
 
     def _timed(self, y: Array) -> Stretch | None:
         """Return the stretch at the least duration within all limits, exactly; None where gravity is too much."""
-        first = self.stretch.done[0].stage
+        first = self.runs[0].done[0].stage
         assert first is not None
         robot, limits = first.problem.robot, first.problem.limits
         curve = self.made.curve(y, self.made.shortest_duration(y))
         motions = [self._motion(curve, k) for k in range(len(self.parts))]
         edges = np.concatenate([[0.0], np.cumsum([motion.duration for motion in motions])])
         whole = joined(motions)
+        ends = self._ends(curve, edges)
+        done = tuple(one for run in self.runs for one in run.done)
         slower = 0.0
-        for done, motion in zip(self.stretch.done, motions, strict=True):
-            if done.is_line:
-                slower = max(slower, tool_scale(robot, line_limits(done), motion, sample_times(motion)))
+        for one, begin, end in zip(done, (0.0, *ends), ends, strict=False):
+            if one.is_line:
+                slower = max(slower, tool_scale(robot, line_limits(one), cut(whole, begin, end)))
         low, high = whole.extrema(0)
-        if (low < limits.lower - 1e-9).any() or (high > limits.upper + 1e-9).any():
+        if (low < limits.lower - _ROUNDING).any() or (high > limits.upper + _ROUNDING).any():
             return None
         fitted = scale_to_limits(whole, limits, slower)
         scale = torque_scale(robot, limits.torque, fitted)
         if not np.isfinite(scale):
             return None
         fitted = fitted.scaled(fitted.duration * scale)
-        return Stretch(self.stretch.done, fitted, tuple(fitted.duration * edges[1:] / edges[-1]))
+        return Stretch(done, fitted, tuple(fitted.duration / whole.duration * end for end in ends))
+
+    def _ends(self, curve: StretchCurve, edges: Array) -> list[float]:
+        """Return when each step ends, s: inside of a run where its law passes the edge."""
+        found: list[float] = []
+        for k, run in enumerate(self.runs):
+            inner = run.edges[1:-1]
+            if inner:
+                law = self._spline(curve, k)
+                found += [float(edges[k]) + time_of(law, edge) for edge in inner]
+            found.append(float(edges[k + 1]))
+        return found
 
     def _motion(self, curve: StretchCurve, k: int) -> Trajectory:
         """Return the motion of a part."""
-        part, seconds = self.parts[k], curve.seconds(k)
-        first = self.stretch.done[0].stage
-        assert first is not None
-        names = first.problem.robot.joint_names if isinstance(part, MovePart) else ("s",)
-        motion = Trajectory.from_bspline(names, part.basis.knots * seconds, curve.controls[k], DEGREE)
+        part, motion = self.parts[k], self._spline(curve, k)
         return motion if isinstance(part, MovePart) else along(part.path, motion)
+
+    def _spline(self, curve: StretchCurve, k: int) -> Trajectory:
+        """Return the motion of a move, or the law of a line."""
+        part = self.parts[k]
+        names = self.curves[k].joint_names if isinstance(part, MovePart) else ("s",)
+        return Trajectory.from_bspline(names, part.basis.knots * curve.seconds(k), curve.controls[k], DEGREE)
 
     def _touches(self, y: Array, budget: Budget) -> bool:
         """Whether a move touches anything; samples are added where it does."""
@@ -199,6 +206,21 @@ class StretchOptimiser:
             if kept.all and list(kept.broken(cut(stretch.motion, begin, end))):
                 return True
         return False
+
+
+def _line(run: SmoothRun, rests: tuple[bool, bool]) -> LinePart:
+    """Return the part of a line, with what limits the speed of its tool as rates of the path's parameter."""
+    stage = run.done[0].stage
+    assert stage is not None
+    robot, path = stage.problem.robot, run.curve.scaled(1.0)
+    slow = []
+    for begin, end, limits in run.slow_parts():
+        s = np.linspace(begin, end, _ALONG)
+        twist, _ = tool_motion(robot, limits.frame, [path(s, order) for order in range(3)])
+        ways = np.linalg.norm(twist.reshape(-1, 2, 3), axis=2).max(axis=0)
+        rates = [limit / way for limit, way in zip((limits.linear, limits.angular), ways, strict=True) if way > _STILL]
+        slow += [SlowPart(begin, end, float(min(rates)))] if np.isfinite(min(rates, default=np.inf)) else []
+    return LinePart(path, robot, with_reserve(stage.problem).limits, rests, slow, len(run.done))
 
 
 def along(path: Trajectory, law: Trajectory) -> Trajectory:
