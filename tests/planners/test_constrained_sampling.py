@@ -1,10 +1,12 @@
 """Sampling planners under path constraints: projection, walks, motions that are proved to hold them."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import optiplan as op
 from optiplan.collision.native_model import planning_model
+from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.path_constraints.held import PathConstraints
@@ -135,3 +137,19 @@ def test_a_search_without_success_names_the_constraints_and_how_near_it_came(aro
     q = np.array(run.failure.witness["q"])
     assert np.abs(q - around.start).max() > 0.05
     assert Manifold(around, around.start[None]).holds(q)
+
+
+@pytest.mark.parametrize("planner", ["trajopt", "rrtconnect"])
+def test_a_goal_of_one_hand_takes_the_other_with_it(planner):
+    """Inverse kinematics leaves the second arm where it was: the goals that it finds are moved onto the constraint."""
+    robot = op.load_robot("baxter")
+    poses = [frame_pose(robot, robot.configurations["ready"], hand) for hand in ("left_gripper", "right_gripper")]
+    X = poses[1].actInv(poses[0])
+    held = {"position": X.translation.tolist(), "rpy": pin.rpy.matrixToRpy(X.rotation).tolist()}
+    held |= {"frame": "left_gripper", "to": "right_gripper", "tolerance": {"position": 1e-3, "orientation": 5e-3}}
+    there = poses[0].translation + np.array([0.0, 0.04, 0.05])
+    goal = op.Pose(tuple(there), rpy=tuple(pin.rpy.matrixToRpy(poses[0].rotation)))
+    problem = op.Problem("baxter", "ready", goal, path_constraints=[{"relative_pose": held}])
+    run = op.plan(problem, planner, budget=8.0)
+    assert run.verified, run.failure
+    assert np.abs(run.trajectory.end - problem.start)[7:].max() > 0.01

@@ -129,6 +129,11 @@ class GoalSampler:
         new += [end for q in new if not stop() for end in self._sooner(q)]
         return self._add(new)
 
+    def add(self, q: Array) -> None:
+        """Take a configuration (n,) that was found elsewhere, in the goal and free, where gravity allows it."""
+        if not self._gravity.too_much(q):
+            self._add([q])
+
     def _add(self, found: list[Array]) -> list[Array]:
         """Insert new configurations by rank."""
         new: list[Array] = []

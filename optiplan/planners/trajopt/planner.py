@@ -18,6 +18,7 @@ from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.moving_scene import among_moving
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.path_constraints.held_goals import hold_goals
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt.among_moving import plan_among_moving
@@ -126,7 +127,7 @@ class _Run:
             sampler = goal_sampler(problem, self.model, self.budget)
         if isinstance(sampler, Failure):
             return sampler
-        goals = [q for q in sampler.configurations if self.optimiser.constraints.end_holds(q)]
+        goals = hold_goals(problem, self.model, sampler, self.optimiser.constraints, lambda: self.budget.over)
         if not goals:
             return self.optimiser.constraints.no_end(sampler.configurations)
         bounds = lower_bounds(start, np.array(goals), problem.limits)

@@ -89,10 +89,14 @@ class FramePoses:
         """Return X (N, 4, 4) at configurations Q (N, n)."""
         found = np.empty((len(Q), 4, 4))
         for k, q in enumerate(Q):
-            pin.framesForwardKinematics(self._model, self._data, q)
-            X = self._data.oMf[self._frame]
-            found[k] = (X if self._base is None else self._data.oMf[self._base].inverse() * X).homogeneous
+            found[k] = self.at(q).homogeneous
         return found
+
+    def at(self, q: Array) -> pin.SE3:
+        """Return the pose at one configuration (n,)."""
+        pin.framesForwardKinematics(self._model, self._data, q)
+        X = self._data.oMf[self._frame]
+        return X.copy() if self._base is None else self._data.oMf[self._base].inverse() * X
 
 
 def _cone(one: OrientationCone) -> list[Measure]:

@@ -13,6 +13,7 @@ from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.path_timing import timed_path
 from optiplan.planners.path_constraints.held import PathConstraints, broken_constraint, constraint_name
+from optiplan.planners.path_constraints.held_goals import hold_goals
 from optiplan.planners.sampling.constrained.manifold import Manifold, in_part_only
 from optiplan.planners.sampling.constrained.searches import Query, connect, roadmap, star
 from optiplan.planners.sampling.constrained.smoothing import shortcut, smooth_curves
@@ -115,7 +116,8 @@ def plan_constrained(
     """Plan with goals of a sampler; `search` has how, the number of shortcuts and that of goals."""
     (budget, progress), (how, attempts, count) = tools, search
     constraints = PathConstraints(problem)
-    goals = _held_goals(sampler, constraints.end_holds, count, budget)
+    held = hold_goals(problem, model, sampler, constraints, lambda: budget.over)
+    goals = held[:count] or _held_goals(sampler, constraints.end_holds, count, budget)
     if not goals:
         return PlanResult(None, constraints.no_end(sampler.configurations), {})
     progress("sampling", 0.1)
