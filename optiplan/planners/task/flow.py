@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Progress
@@ -252,11 +251,13 @@ def _element(run: SmoothRun) -> _PathElement:
     times = np.interp(np.linspace(0.0, length, _POINTS), way[kept], t[kept])
     points = curve(times)
     points[0], points[-1] = Q[0], Q[-1]
-    spline = CubicSpline(np.linspace(0.0, length, _POINTS), points)
-    return _PathElement(run, _of_spline(curve.joint_names, spline))
+    return _PathElement(run, _cubic_spline(curve.joint_names, length, points))
 
 
-def _of_spline(names: tuple[str, ...], spline: CubicSpline) -> Trajectory:
+def _cubic_spline(names: tuple[str, ...], length: float, points: Array) -> Trajectory:
+    from scipy.interpolate import CubicSpline  # takes 0.2 s, which every `optiplan plan` would pay
+
+    spline = CubicSpline(np.linspace(0.0, length, len(points)), points)
     return Trajectory(names, spline.x, np.swapaxes(spline.c[::-1], 0, 1))
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from optiplan._core import core
 from optiplan.arrays import Array
@@ -231,6 +230,8 @@ class Optimiser:
         """Return the motion at its cheapest duration, which is at most half longer than that of the descent."""
         if self.problem.objective.plain:
             return fastest
+        from scipy.optimize import minimize_scalar  # takes 0.1 s, which every `optiplan plan` would pay
+
         most = max(1.0, _LONGER * duration / fastest.duration)
         found = minimize_scalar(
             lambda factor: self.objective.cost(fastest.scaled(fastest.duration * factor)),
