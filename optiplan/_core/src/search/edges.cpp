@@ -20,7 +20,7 @@ bool EdgeChecker::too_heavy() {
 }
 
 bool EdgeChecker::blocked(const double *q) {
-    world_.place(q, at_);
+    world_.place_outside(q, at_);
     return world_.collides(at_) || too_heavy();
 }
 
@@ -92,7 +92,7 @@ bool EdgeChecker::apart(const double *a, const double *d) {
         left.clear(), next.clear();
         for (const Part &part : parts) {
             for (int j = 0; j < n; ++j) q_[j] = a[j] + part.middle * d[j];
-            world_.place(q_.data(), at_);
+            world_.place_outside(q_.data(), at_);
             const std::size_t first = left.size();
             std::fill(known.begin(), known.end(), 0);
             for (std::size_t k = part.begin; k < part.end; ++k) {
