@@ -289,7 +289,7 @@ class Compiler:
         return self._from_file((*place, spec.kind, "file"), shape) if isinstance(shape, FileShape) else shape
 
     def _from_file(self, place: Place, stated: FileShape) -> FileShape | None:
-        valid = f"a {stated.kind} file ({stated.formats})"
+        valid = stated.wanted
         try:
             file = (self.base / stated.file).resolve()
         except (OSError, ValueError) as error:  # a name that no file can have

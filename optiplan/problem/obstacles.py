@@ -200,5 +200,5 @@ def _obstacle(
         except ValueError as error:
             missing = isinstance(error.__cause__, FileNotFoundError)
             found = f"{str(solid.file)!r}, which is not there" if missing else str(error)
-            raise wrong_argument(function, "file", found, f"a {solid.kind} file ({solid.formats})") from None
+            raise wrong_argument(function, "file", found, solid.wanted) from None
     return Obstacle(spec.name, solid, X_WO, words)

@@ -19,7 +19,7 @@ from optiplan.planners.trajopt.moving_ends import (
     torque_ratio,
     with_reserve,
 )
-from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import speed_ratio
@@ -115,10 +115,8 @@ def _curves(
             guesses.append((with_bump(optimiser.basis, base, T, problem.limits, rng), T))
         before = optimiser.steps
         attempt = curves.run(*guesses[k], budget)
-        free = attempt is not None and attempt.free
-        entry = {"seed": "in time", "free": free, "iterations": optimiser.steps - before}
-        info["attempts"].append(entry | ({} if attempt is None else {"duration": attempt.trajectory.duration}))
-        if attempt is not None and free:
+        info["attempts"].append(attempt_record("in time", attempt, optimiser.steps - before, optimiser.log))
+        if attempt is not None and attempt.free:
             offer(attempt.trajectory)
             if best is None or attempt.trajectory.duration < best.trajectory.duration:
                 best = attempt

@@ -10,6 +10,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis
 from optiplan.planners.trajopt.optimizer import ACTIVE, Attempt, Optimiser, around
+from optiplan.planners.trajopt.program.iteration_log import NOTHING
 from optiplan.planners.trajopt.program.sqp import MAX_VIOLATION, STUCK, Descended, Descender
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.state import State
@@ -83,7 +84,7 @@ class MovingOptimiser:
         own, options = self.optimiser, self.optimiser.options
         control = self.ends.held(self.basis, control, duration)
         descender, u = own.descender(control, margin, own.constraint_terms.begin()), own.instants(control)
-        attempt, before = None, own.steps
+        attempt, before, own.log = None, own.steps, NOTHING
         for _ in range(options.refinements + 1):
             descender.set_samples(u)
             found = self._fixed_point(descender, control, duration, options.iterations + before, lambda: budget.over)
@@ -114,7 +115,7 @@ class MovingOptimiser:
         for k in range(ROUNDS):
             control = self.ends.held(self.basis, control, times[-1])
             found = descender.optimise(control, max(1, most - own.steps), stop)
-            own.steps += found.steps
+            own.count(found)
             control = found.control
             settled = abs(found.duration - times[-1]) <= SETTLED * found.duration
             times.append(found.duration)

@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.limit_violations import excess
 from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, torque_ratio, with_reserve
-from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
@@ -81,10 +80,7 @@ class WarmStart:
             expected = cost(self.earlier) + problem.objective.time * float(moved.max(axis=1).sum())
             self.good = cost(self.attempt.trajectory) <= AS_GOOD * expected
         self.seconds = time.perf_counter() - began
-        self.info: dict[str, Any] = {"seed": "warm", "free": self.attempt is not None}
-        self.info["iterations"] = self.optimiser.steps
-        if self.attempt is not None:
-            self.info["duration"] = self.attempt.trajectory.duration
+        self.info = attempt_record("warm", self.attempt, self.optimiser.steps, self.optimiser.log)
 
     @property
     def best(self) -> Trajectory | None:

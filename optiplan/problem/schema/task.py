@@ -39,7 +39,8 @@ class MoveSpec(Strict):
 class StraightLineSpec(Strict):
     """The tool straight to `pose`, or `by` a vector, m, seen from the world or the tool (`in`).
 
-    `speed` of the tool at most, m/s; `frame` is the robot's tool frame without one.
+    `speed` of the tool at most, m/s; `frame` is the robot's tool frame without one. `blend`, m: where a line follows,
+    the corner may be rounded off within this distance of it; without one it is exact, and the arm stops there.
     """
 
     pose: PoseGoalSpec | None = None
@@ -47,6 +48,7 @@ class StraightLineSpec(Strict):
     in_: Annotated[Literal["world", "tool"], Field(alias="in")] = "world"
     frame: Name | None = None
     speed: Length | None = None
+    blend: Length | None = None
     group: Name | None = None
 
     @model_validator(mode="after")
@@ -58,7 +60,10 @@ class StraightLineSpec(Strict):
 
 
 class ApproachSpec(Strict):
-    """Anywhere to `distance`, m, before a pose, and from there straight `along` an axis of its frame."""
+    """Anywhere to `distance`, m, before a pose, and from there straight `along` an axis of its frame.
+
+    `blend` is as of a line.
+    """
 
     pose: PoseGoalSpec | None = None
     any_of: Annotated[tuple[PoseGoalSpec, ...], Field(min_length=1)] | None = None
@@ -66,6 +71,7 @@ class ApproachSpec(Strict):
     along: Direction = (0.0, 0.0, 1.0)
     speed: Length | None = None
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
+    blend: Length | None = None
     group: Name | None = None
 
     @model_validator(mode="after")
@@ -75,13 +81,14 @@ class ApproachSpec(Strict):
 
 
 class RetreatSpec(Strict):
-    """The tool straight by `distance`, m, `along` an axis of the tool or the world (`in`)."""
+    """The tool straight by `distance`, m, `along` an axis of the tool or the world (`in`); `blend` as of a line."""
 
     distance: Length
     along: Direction = (0.0, 0.0, -1.0)
     in_: Annotated[Literal["world", "tool"], Field(alias="in")] = "tool"
     frame: Name | None = None
     speed: Length | None = None
+    blend: Length | None = None
     group: Name | None = None
 
 

@@ -136,6 +136,17 @@ class _Coarse:
         return replace(items, pair=np.repeat(self.pairs[pairs], many))
 
 
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Distances (K,), m, at times (K,), s, of a query, on intervals with middles q (N, n), and poses of joints."""
+
+    distance: Array
+    times: Array
+    q: Array
+    poses: Array
+    query: DistanceQuery
+
+
 @dataclass(eq=False)
 class _Search:
     """Branch and bound over intervals: `advance` processes many open items and returns those still open, divided."""
@@ -246,8 +257,9 @@ class _Search:
         times = middles(self.trajectory, unique)[rows]
         several = items.pair >= self.bodies.tree.count
         unsure = several & (found.bound <= enough)  # hulls of clusters that are too near to tell
-        for kind in (~found.hulls, found.hulls & ~unsure):  # what hulls answered is no distance measured
-            self.see(best[kind], times[kind], b.q[rows[kind]], items.pair[kind], bool(found.hulls[kind].any()))
+        seen = _Seen(best, times, b.q, poses, query)
+        self.see(seen, np.flatnonzero(~found.hulls))
+        self.see(seen, np.flatnonzero(found.hulls & ~unsure), measure=True)  # what hulls answered is not measured
         self.count(unique, found)
         if (best[~several] <= self.policy.clearance + ROUNDING).any():
             reason = "bodies touch" if self.policy.clearance <= 0 else "bodies come too near"
@@ -336,17 +348,19 @@ class _Search:
         end = spans(self.trajectory, coarse.intervals.take(coarse.last[rows] - 1))[1]
         self.note(begin, end, coarse.pairs[pairs], coarse.margin[rows, pairs])
 
-    def see(self, distance: Array, times: Array, Q: Array, pairs: Index, measure: bool) -> None:
-        """Remember the smallest distance, with its witness; with `measure` those given are lower bounds."""
+    def see(self, seen: "_Seen", among: Index, measure: bool = False) -> None:
+        """Remember the smallest distance of these, with its witness; with `measure` those given are lower bounds."""
         known = np.inf if self.proof.nearest is None else self.proof.nearest.distance
+        distance = seen.distance[among]
         if distance.min(initial=np.inf) >= known:
             return
-        k = int(np.argmin(distance))
-        found = self.distances.witness(Q[k], int(pairs[k]))
-        least = found.distance if measure else float(distance[k])
+        k = int(among[np.argmin(distance)])
+        row = seen.query.rows[k]
+        found = self.distances.witness(seen.poses[row], int(seen.query.pairs[k]))
+        least = found.distance if measure else float(seen.distance[k])
         if least < known:
             pair = self.model.pairs[found.pair]
-            nearest = Moment(least, float(times[k]), (pair.name_a, pair.name_b), found.points, Q[k].copy())
+            nearest = Moment(least, float(seen.times[k]), (pair.name_a, pair.name_b), found.points, seen.q[row].copy())
             self.proof = replace(self.proof, nearest=nearest)
 
 

@@ -67,6 +67,8 @@ class PairDistances:
         self._convex: Flags = np.logical_and(*bodies.kind(coal.ShapeBase).T)
         self._planes: Flags = bodies.kind(coal.Halfspace)
         self._mesh: Flags = np.array([not isinstance(shape, coal.ShapeBase) for shape in self._shapes], dtype=bool)
+        self._no_hulls = bool(self._convex.all()) and not bodies.tree.hulls
+        self._any_plane = bool(self._planes.any())
 
     def query(self, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
         """Distance k of pair pairs[k] (K,) where `placed` has its bodies.
@@ -74,9 +76,9 @@ class PairDistances:
         Meshes are queried only where a plane between their hulls proves no more than `enough`, m; of pairs of hulls
         that stand for others (`PairTree`) nothing else is known.
         """
-        normals, bound = self._between_hulls(pairs, placed) if np.isfinite(enough) else (None, None)
-        if normals is None or bound is None:
+        if self._no_hulls or not np.isfinite(enough):
             return self._exact(pairs, placed)
+        normals, bound = self._between_hulls(pairs, placed)
         hulls: Flags = (bound > enough) | (pairs >= self._bodies.tree.count)
         measured, gjk_only = bound.copy(), np.zeros(len(pairs), dtype=bool)
         asked = np.flatnonzero(~hulls)
@@ -100,7 +102,7 @@ class PairDistances:
     def _exact(self, pairs: Index, placed: PlacedBody) -> Distances:
         """Query the bodies themselves."""
         measured, normals = self._measure(self._shapes, self._request, placed)
-        for side, sign in ((0, 1.0), (1, -1.0)):
+        for side, sign in ((0, 1.0), (1, -1.0)) if self._any_plane else ():
             for k in np.flatnonzero(self._planes[pairs, side]):  # the half-space itself is the plane
                 own = np.array(self._bodies.shapes[placed.bodies[k, side]].n)
                 normals[k] = sign * placed.poses[k, side, :3, :3] @ own
@@ -116,11 +118,10 @@ class PairDistances:
         gjk_only = ~self._convex[pairs] & (coal_says > plane)
         return Distances(measured, normals, np.where(gjk_only, coal_says, plane), gjk_only, np.zeros_like(gjk_only))
 
-    def witness(self, q: Array, pair: int) -> Witness:
-        """Return the nearest of the pairs that one stands for, perhaps only itself, at q (n,)."""
+    def witness(self, poses: Array, pair: int) -> Witness:
+        """Return the nearest of the pairs that one stands for, perhaps itself only, at joint poses (n + 1, 4, 4)."""
         pairs = self._bodies.tree.members(pair)
-        poses = self._bodies.kinematics.poses(q[None])
-        placed = self._bodies.place(poses, np.zeros(len(pairs), dtype=np.intp), pairs)
+        placed = self._bodies.place(poses[None], np.zeros(len(pairs), dtype=np.intp), pairs)
         bounds = self._bodies.lower_bound(placed) if len(pairs) > 1 else np.zeros(1)
         best: Witness | None = None
         for k in np.argsort(bounds, kind="stable").tolist():
@@ -159,13 +160,13 @@ def _ask(
 ) -> Iterator[coal.DistanceResult]:
     """Yield coal's result for each of K pairs; the next one overwrites it."""
     result, distance = coal.DistanceResult(), coal.distance
-    X_a, X_b = coal.Transform3s(), coal.Transform3s()  # set anew for each: making them takes as long as a query
+    X_WA, X_WB = coal.Transform3s(), coal.Transform3s()  # set anew each time, which takes a third of making others
     rotations, origins = placed.poses[..., :3, :3], placed.poses[..., :3, 3]
     for (a, b), R, p in zip(placed.bodies.tolist(), rotations, origins, strict=True):
         result.clear()
-        X_a.setTransform(R[0], p[0])
-        X_b.setTransform(R[1], p[1])
-        distance(shapes[a], X_a, shapes[b], X_b, request, result)
+        X_WA.setTransform(R[0], p[0])
+        X_WB.setTransform(R[1], p[1])
+        distance(shapes[a], X_WA, shapes[b], X_WB, request, result)
         yield result
 
 
