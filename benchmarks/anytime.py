@@ -24,7 +24,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from published import commit, import_sets, percentiles, print_json, print_table, write_markdown
+from published import commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -41,14 +41,13 @@ HEADINGS = ("budget s", "runs", "verified", "over best known: median", "90 %", "
 
 def parse() -> argparse.Namespace:
     """Read the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--planner", default="trajopt")
     parser.add_argument("--problems", type=int, default=20, help="only so many, of both sets in turn")
     parser.add_argument("--budgets", type=float, nargs="+", default=list(BUDGETS), help="the last one with all seeds")
     parser.add_argument("--seeds", type=int, default=5, help="seeds of the largest budget")
     parser.add_argument("--part", default="1/1", help="k/n: problems k, k + n, … only, for processes side by side")
     parser.add_argument("--merge", type=Path, nargs="+", help="plan nothing; read what parts have printed")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     parser.add_argument("--figures", type=Path, default=FIGURES, help="folder of the plot")
     return parser.parse_args()
 

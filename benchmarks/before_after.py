@@ -13,7 +13,6 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figures are for one core
 
-import argparse
 import json
 import subprocess
 import sys
@@ -21,7 +20,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from published import import_sets, percentiles, print_json, print_table, write_markdown
+from published import import_sets, percentiles, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -88,13 +87,12 @@ class Checkout:
 
 def main() -> None:
     """Plan in turn and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("before", type=Path)
     parser.add_argument("after", type=Path)
     parser.add_argument("--every", type=int, default=9, help="every k-th problem of each set")
     parser.add_argument("--offset", type=int, default=0, help="index of the first of them")
     parser.add_argument("--budget", type=float, default=10.0, help="s of each plan")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     options = parser.parse_args()
     rows: list[dict[str, Any]] = []
     ways = [Checkout(folder, options.budget) for folder in (options.before, options.after)]

@@ -13,11 +13,10 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figures are for one core
 
-import argparse
 import sys
 from pathlib import Path
 
-from published import print_table, write_markdown
+from published import print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -57,9 +56,8 @@ def row(name: str, budget: float) -> list[str]:
 
 def main() -> None:
     """Plan all of them and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--budget", type=float, default=6.0, help="s, of each planner on each problem")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     arguments = parser.parse_args()
     rows = [row(name, arguments.budget) for name in track(CONSTRAINTS, "constraints", console=Console(stderr=True))]
     print_table(HEADINGS, rows)

@@ -10,14 +10,12 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figures are for one core
 
-import argparse
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from published import ROOT, print_json, print_table, write_markdown
+from published import ROOT, print_json, print_table, table_parser, write_markdown
 
 import optiplan as op
 
@@ -27,11 +25,10 @@ HEADINGS = ("problem", "solved", "motion s", "planning s, processor", "twice ali
 
 def main() -> None:
     """Plan, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--problems", nargs="+", help="only these, such as 02_shelf")
     parser.add_argument("--seeds", type=int, default=3, help="0, 1, … of each")
     parser.add_argument("--budget", type=float, default=60.0, help="seconds for each run")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     options = parser.parse_args()
     names = [f.stem for f in sorted((ROOT / "problems").glob("*.yaml")) if f.stem in (options.problems or (f.stem,))]
     rows, left = [], []

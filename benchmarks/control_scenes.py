@@ -14,7 +14,6 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figures are for one core
 
-import argparse
 import gc
 import logging
 import tempfile
@@ -31,7 +30,7 @@ import numpy as np
 import pink
 import pinocchio as pin
 import trimesh
-from published import print_json, print_table, write_markdown
+from published import print_json, print_table, table_parser, write_markdown
 from qpsolvers import available_solvers
 
 import optiplan as op
@@ -428,11 +427,10 @@ def rows_of(name: str, scene: MinkScene, examples: Path, steps: int) -> Iterator
 
 def main() -> None:
     """Run, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--mink", type=Path, required=True, help="a checkout of mink")
     parser.add_argument("--scenes", nargs="+", choices=list(SCENES), default=list(SCENES))
     parser.add_argument("--steps", type=int, default=2000)
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     options = parser.parse_args()
     gc.freeze()
     gc.disable()

@@ -13,14 +13,12 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figures are for one core
 
-import argparse
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from published import print_json, print_table, write_markdown
+from published import print_json, print_table, table_parser, write_markdown
 from scipy.optimize import brentq
 
 import optiplan as op
@@ -166,9 +164,8 @@ def cell(found: Passage) -> str:
 
 def main() -> None:
     """Run and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--robots", default="srra,puma560,ur5")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     options = parser.parse_args()
     rows, told = [], {}
     for name in options.robots.split(","):

@@ -10,15 +10,13 @@ those apart; differences from the closed form, where there is one, over all pair
 object.
 """
 
-import argparse
 import time
 from itertools import combinations_with_replacement
-from pathlib import Path
 from typing import Any
 
 import coal
 import numpy as np
-from published import print_json, print_table, write_markdown
+from published import print_json, print_table, table_parser, write_markdown
 from scipy.spatial.transform import Rotation
 
 from optiplan._core import core, variant
@@ -160,9 +158,8 @@ def compare(known: dict[str, tuple[Any, Any]], a: str, b: str, count: int) -> di
 
 def main() -> None:
     """Compare every combination."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--pairs", type=int, default=1_000_000, help="random pairs, over all combinations")
-    parser.add_argument("--markdown", type=Path, help="file for the table")
     options = parser.parse_args()
     if core is None:
         parser.error("the native core is not built: make core")

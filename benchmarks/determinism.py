@@ -34,7 +34,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from published import ROOT, commit, import_sets, print_json, print_table, write_markdown
+from published import ROOT, commit, import_sets, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 
 from optiplan.bench.execution.pool import LocalPool
@@ -58,13 +58,12 @@ class Enough(Exception):
 
 def main() -> None:
     """Plan in all ways, compare, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--planner", default="trajopt")
     parser.add_argument("--problems", type=int, default=20)
     parser.add_argument("--budget", type=float, default=3600.0, help="seconds for each run")
     parser.add_argument("--options", default='{"seeds": 2}', help="of the planner, as JSON")
     parser.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS))
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     parser.add_argument("--plan", nargs="+", type=Path, help=argparse.SUPPRESS)  # what the new processes do
     options = parser.parse_args()
     if options.plan:

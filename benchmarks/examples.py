@@ -14,12 +14,11 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figures are for one core
 
-import argparse
 import sys
 from pathlib import Path
 from typing import Any
 
-from published import ROOT, commit, print_json, print_table, write_markdown
+from published import ROOT, commit, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -35,12 +34,11 @@ HEADINGS = ("problem", "trajopt s", "planning s", "shortest other", "its s", "tr
 
 def main() -> None:
     """Plan, compare, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--problems", nargs="+", help="only these, such as 02_shelf")
     parser.add_argument("--planners", nargs="+", choices=list(PLANNERS), default=list(PLANNERS))
     parser.add_argument("--budget", type=float, default=20.0, help="seconds for each run")
     parser.add_argument("--part", default="1/1", help="k/n: problems k, k + n, … only, for processes side by side")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     options = parser.parse_args()
     planners = [OURS, *(name for name in options.planners if name != OURS)]
     k, n = map(int, options.part.split("/"))

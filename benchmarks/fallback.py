@@ -8,7 +8,6 @@ never uses the core: its time is in
 both columns. The last line printed is one JSON object.
 """
 
-import argparse
 import json
 import os
 import subprocess
@@ -17,7 +16,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from published import commit, import_sets, percentiles, print_json, print_table, write_markdown
+from published import commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
 
 HEADINGS = ("core", "n", "verified", "first s 50 / 95", "plan s 50 / 95", "duration sum s", "slower: first / plan")
 WORK = """
@@ -39,11 +38,10 @@ for file, problem in zip(files, problems, strict=True):
 
 def main() -> None:
     """Run both, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--robot", choices=("panda", "ur5", "fetch"), default="panda")
     parser.add_argument("--every", type=int, default=10)
     parser.add_argument("--budget", type=float, default=10.0, help="seconds for each problem")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         sets = import_sets(arguments.robot, Path(folder), arguments.every)

@@ -14,12 +14,10 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figures are for one core
 
-import argparse
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from published import percentiles, print_json, print_table, write_markdown
+from published import percentiles, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -68,10 +66,9 @@ def least_bound(problem: op.Problem) -> float:
 
 def main() -> None:
     """Plan all of each and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--count", type=int, default=100, help="goals")
     parser.add_argument("--budget", type=float, default=3.0, help="s, of each plan")
-    parser.add_argument("--markdown", type=Path, help="file for the table")
     arguments = parser.parse_args()
     rng, found = np.random.default_rng(0), {name: [] for name in GOALS}  # type: tuple[Any, dict[str, list[Any]]]
     for _ in track(range(arguments.count), console=Console(stderr=True)):

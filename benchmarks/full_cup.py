@@ -15,7 +15,6 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figures are for one core
 
-import argparse
 import tempfile
 import time
 from dataclasses import replace
@@ -24,7 +23,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from published import import_sets, print_json, print_table, write_markdown
+from published import import_sets, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -139,10 +138,9 @@ def row(name: str, found: list[dict[str, Any]]) -> list[str]:
 
 def main() -> None:
     """Run the benchmark and print its table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--count", type=int, default=35, help="problems")
     parser.add_argument("--budget", type=float, default=10.0, help="s, of each planner on each problem")
-    parser.add_argument("--markdown", type=Path, help="file for the table")
     arguments = parser.parse_args()
     console, found = Console(stderr=True), {name: [] for name in (*OURS, "projected RRT-Connect (OMPL)")}  # type: dict[str, list[dict[str, Any]]]
     with tempfile.TemporaryDirectory() as folder:

@@ -19,7 +19,6 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figures are for one core
 
-import argparse
 import tempfile
 import time
 from dataclasses import dataclass, field
@@ -30,7 +29,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
-from published import commit, import_sets, percentiles, print_json, print_table, write_markdown
+from published import commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -429,11 +428,10 @@ def line(row: dict[str, Any]) -> list[str]:
 
 def main() -> None:
     """Compare all and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--problems", type=int, default=20)
     parser.add_argument("--every", type=int, default=14, help="every k-th problem of each set")
     parser.add_argument("--budget", type=float, default=10.0, help="s of the search for a seed")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     options = parser.parse_args()
     rows: list[dict[str, Any]] = []
     console = Console(stderr=True)

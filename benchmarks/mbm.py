@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from published import SHARED, commit, import_sets, percentiles, print_json, print_table, write_markdown
+from published import SHARED, commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -67,7 +67,7 @@ HEADINGS = (
 
 def parse() -> argparse.Namespace:
     """Read the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--robot", choices=("panda", "ur5", "fetch"), default="panda")
     parser.add_argument("--planner", default="trajopt")
     parser.add_argument("--sets", nargs="*", help="only these sets, such as box cage")
@@ -77,7 +77,6 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--budget", type=float, default=20.0, help="seconds for each problem")
     parser.add_argument("--within", type=float, default=1.0, help="s, after which answers are compared as well")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     parser.add_argument("--best-known", type=Path, help="table of best known durations (benchmarks/best_known/…)")
     parser.add_argument("--update", action="store_true", help="write durations that beat it into that table")
     return parser.parse_args()

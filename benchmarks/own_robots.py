@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from published import commit, print_json, print_table, write_markdown
+from published import commit, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 
 FINGERS = [*(f"panda_joint{k}" for k in range(1, 8)), "panda_finger_joint1"]
@@ -143,13 +143,12 @@ def _spread(values: list[float | None]) -> str:
 
 def main() -> None:
     """Measure the robots that are asked for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=list(ROBOTS))
     parser.add_argument("--count", type=int, default=5, help="problems of each robot")
     parser.add_argument("--seed", type=int, default=0, help="of the draws")
     parser.add_argument("--planner", default="trajopt")
     parser.add_argument("--budget", type=float, default=20.0)
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     options = parser.parse_args()
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:

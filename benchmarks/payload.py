@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from published import commit, import_sets, percentiles, print_json, print_table, write_markdown
+from published import commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -52,13 +52,12 @@ HEADINGS = (
 
 def parse() -> argparse.Namespace:
     """Read the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--mass", type=float, default=3.0, help="kg")
     parser.add_argument("--every", type=int, default=10, help="every k-th problem of each set")
     parser.add_argument("--offset", type=int, default=0, help="index of the first of them")
     parser.add_argument("--budget", type=float, default=10.0, help="seconds for each problem")
     parser.add_argument("--compare", action="store_true", help="plan without the load too")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     return parser.parse_args()
 
 

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 from mbm import BEST_KNOWN, SecondLook, silent
-from published import SHARED, commit, import_sets, percentiles, print_json, print_table, write_markdown
+from published import SHARED, commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -60,14 +60,13 @@ HEADINGS = (
 
 def parse() -> argparse.Namespace:
     """Read the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--peer", action="append", default=[], metavar="LABEL=PYTHON:ADAPTER[:SETTING,…]")
     parser.add_argument("--robot", choices=("panda", "ur5", "fetch"), default="panda")
     parser.add_argument("--every", type=int, default=10)
     parser.add_argument("--offset", type=int, default=0)
     parser.add_argument("--budget", type=float, default=5.0, help="seconds for each planner and problem")
     parser.add_argument("--no-jerk", action="store_true", help="lift the jerk limits, of which peers know nothing")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     parser.add_argument("--picture", type=Path, help="draw duration against time into this file")
     return parser.parse_args()
 

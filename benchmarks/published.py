@@ -1,5 +1,6 @@
 """What the benchmarks share: problems of MotionBenchMaker, and Markdown tables that name their command and commit."""
 
+import argparse
 import json
 import math
 import os
@@ -27,6 +28,13 @@ def commit() -> str:
     """Short hash of the commit of the optiplan that is measured, with `-dirty` where its files differ from it."""
     head = _git("rev-parse", "--short", "HEAD")
     return f"{head}-dirty" if _git("status", "--porcelain", "--untracked-files=no", "--", "optiplan") else head
+
+
+def table_parser(description: str | None) -> argparse.ArgumentParser:
+    """A parser of the command line of a script that makes a table, with the option `--markdown`."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--markdown", type=Path, help="write the table to this file")
+    return parser
 
 
 def command_line() -> str:

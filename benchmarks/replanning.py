@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from published import commit, import_sets, percentiles, print_json, print_table, write_markdown
+from published import commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -49,11 +49,10 @@ HEADINGS = (
 
 def parse() -> argparse.Namespace:
     """Read the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--every", type=int, default=10, help="every k-th problem of each set")
     parser.add_argument("--problems", type=int, default=1000, help="only so many")
     parser.add_argument("--budget", type=float, default=20.0, help="seconds of each plan")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     return parser.parse_args()
 
 

@@ -11,7 +11,6 @@ largest resident memory of the process. Load, plan and proof are processor time.
 object.
 """
 
-import argparse
 import json
 import os
 import subprocess
@@ -20,7 +19,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from published import ROOT, commit, print_json, print_table, write_markdown
+from published import ROOT, commit, print_json, print_table, table_parser, write_markdown
 from scale import triangles, write_chain, write_obstacles, write_triangles
 
 CURVES = {
@@ -54,10 +53,9 @@ print(json.dumps({"load": load, "first": done.improvements[0][0] if done.improve
 
 def main() -> None:
     """Measure, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--curves", nargs="*", choices=list(CURVES), default=list(CURVES))
     parser.add_argument("--budget", type=float, default=10.0, help="seconds for each problem")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     parser.add_argument("--picture", type=Path, help="draw the curves into this file")
     arguments = parser.parse_args()
     rows: list[dict[str, Any]] = []

@@ -8,7 +8,6 @@ Every run ends once: the log of ends that the database keeps (one event `end` a 
 server gives is whole: `run.json` and `trajectory.json` of each run that is done are fetched and verified offline.
 """
 
-import argparse
 import json
 import random
 import tempfile
@@ -21,7 +20,7 @@ from typing import Any
 
 import httpx
 import sqlalchemy as sa
-from published import write_markdown
+from published import table_parser, write_markdown
 from service_process import HTTP, Program, postgres
 
 from optiplan.problem.load import problem_from_dict
@@ -158,13 +157,12 @@ def _count_ends(url: str, ids: dict[str, int], found: Findings) -> None:
 
 def main() -> None:
     """Run it and tell."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--rounds", type=int, default=20)
     parser.add_argument("--jobs", type=int, default=100)
     parser.add_argument("--workers", type=int, default=0)
     parser.add_argument("--postgres", action="store_true", help="a server of Debian's package, started for this")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--markdown", type=Path, help="file for the table")
     given = parser.parse_args()
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="optiplan-faults-")))

@@ -7,7 +7,6 @@ lines cut and repeated, bytes flipped, files named that lead to a canary outside
 mesh with a name in it that nothing else has; no answer may hold it.
 """
 
-import argparse
 import random
 import tempfile
 import time
@@ -16,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import httpx
-from published import write_markdown
+from published import table_parser, write_markdown
 from service_process import serving, wait_until_ready
 
 from optiplan.resources import problems_dir
@@ -114,10 +113,9 @@ def _fault(answer: httpx.Response, seconds: float, canary: Path) -> str:
 
 def main() -> None:
     """Attack and tell."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--markdown", type=Path, help="file for the table")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name, serving(Path(name) / "data", "--log-level", "error") as server:
         wait_until_ready(server.url)

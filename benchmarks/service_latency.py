@@ -7,7 +7,6 @@ reading the problem, the way to the process and back, the motion as JSON. Each r
 from the store. Also shown: the same through `optiplan.service.cell`, which turns the answer into arrays.
 """
 
-import argparse
 import sys
 import tempfile
 import time
@@ -15,7 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from published import print_table, write_markdown
+from published import print_table, table_parser, write_markdown
 from service_process import HTTP, serving, wait_until_ready
 
 from optiplan.resources import problems_dir
@@ -66,10 +65,9 @@ def from_a_cell(url: str, file: Path, start: Sequence[float]) -> Callable[[int],
 
 def main() -> None:
     """Measure and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--requests", type=int, default=200)
     parser.add_argument("--problems", nargs="+", default=list(PROBLEMS), help="names of examples")
-    parser.add_argument("--markdown", type=Path, help="file for the table")
     given = parser.parse_args()
     rows = []
     with tempfile.TemporaryDirectory() as folder, serving(Path(folder) / "data", "--log-level", "error") as server:

@@ -6,7 +6,6 @@ All are sent at the same time by threads of this process, each of another seed; 
 for, one after the other, until all have ended.
 """
 
-import argparse
 import random
 import tempfile
 import time
@@ -17,7 +16,7 @@ from pathlib import Path
 
 import httpx
 import numpy as np
-from published import write_markdown
+from published import table_parser, write_markdown
 from service_faults import PROBLEM
 from service_process import serving, wait_until_ready
 
@@ -84,10 +83,9 @@ def load(url: str, pid: int, runs: int) -> Load:
 
 def main() -> None:
     """Run it and tell."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--solvers", type=int, default=2)
-    parser.add_argument("--markdown", type=Path, help="file for the table")
     given = parser.parse_args()
     arguments = ("--log-level", "error", "--solvers", str(given.solvers))
     with tempfile.TemporaryDirectory() as folder, serving(Path(folder) / "data", *arguments) as server:

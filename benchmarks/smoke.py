@@ -27,7 +27,7 @@ from typing import Any
 
 import coal
 import numpy as np
-from published import commit, print_json, print_table, write_markdown
+from published import commit, print_json, print_table, table_parser, write_markdown
 
 from optiplan._core import variant
 from optiplan.planners.base import Budget
@@ -45,10 +45,9 @@ HEADINGS = ("machine", "core", "commit", "yardstick ms", "load", "first", "plan"
 
 def main() -> None:
     """Measure, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__)
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--budget", type=float, default=5.0, help="seconds for each example")
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
     arguments = parser.parse_args()
     yard = yardstick(arguments.repeat)
     files = [next(PROBLEMS.glob(f"{name}*.yaml")) for name in EXAMPLES if list(PROBLEMS.glob(f"{name}*.yaml"))]

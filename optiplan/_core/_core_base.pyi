@@ -165,7 +165,7 @@ class Sqp:
         best: float,
         longest: float,
         go_on: Callable[[_Array, float], bool] | None = None,
-    ) -> tuple[_Array, float, float, float, float, int]: ...
+    ) -> tuple[_Array, float, float, float, float, int, _Array, int]: ...
 
 class StopPath:
     @staticmethod

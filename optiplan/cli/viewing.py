@@ -12,8 +12,8 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.run_folder import StoredRun, load_run
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
-from optiplan.viewer.log_curves import read_log
 from optiplan.viewer.plots.runs import PlottedRun
+from optiplan.viewer.run_data.closed_loop import read_log
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.server import serve
 

@@ -1,74 +1,95 @@
-"""Bodies that one joint carries, many of them: a hull of all answers for all where they are far from something."""
+"""Bodies that move as one, many of them: a hull around all answers for all where they are far from something."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import coal
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull, QhullError
 
-from optiplan._core import core
 from optiplan.arrays import Array
+from optiplan.geometry.convex_hulls import Hull, kept_hull
 from optiplan.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from optiplan._core._core_base import Body
-
-    Cluster = tuple[Body, list[int]]
 
 _MANY = 8
 """Bodies of a joint from which on a hull of all is worth asking first: a gripper of convex pieces has some 80."""
 
-_SLACK = 1e-9
-"""m, by which the hull's box is larger than its vertices."""
+_SEVERAL = 4
+"""Bodies of one link from which on, within such a joint, a hull of theirs is asked next."""
 
-_kept: "WeakKeyDictionary[Robot, list[Cluster]]" = WeakKeyDictionary()
+_kept: "WeakKeyDictionary[Robot, Clusters]" = WeakKeyDictionary()
 
 
-def clusters_of(robot: Robot) -> "list[Cluster]":
-    """Hulls of the polyhedra that each joint carries, where there are many, with the indices of those bodies.
+@dataclass(frozen=True, eq=False)
+class Cluster:
+    """Bodies on a joint, by index, and a hull that holds them, in the joint's frame."""
+
+    joint: int
+    bodies: tuple[int, ...]
+    hull: Hull
+
+
+@dataclass(frozen=True, eq=False)
+class Clusters:
+    """Clusters of a robot, each of its bodies in at most one of each kind.
+
+    Attributes:
+        by_joint: of all polyhedra that a joint carries.
+        by_link: of those of one link, where `by_joint` has them and they are not all that it has.
+    """
+
+    by_joint: tuple[Cluster, ...]
+    by_link: tuple[Cluster, ...]
+
+
+def clusters_of(robot: Robot) -> Clusters:
+    """Clusters of the polyhedra that each joint carries, where there are many.
 
     What no joint moves has none: its pairs are with each body that moves, not with many at once.
     """
     if robot not in _kept:
-        bodies = list(robot.geometry.geometryObjects)
-        corners = [_corners(body.geometry) for body in bodies]
-        joints = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
-        found = []
-        for joint in range(1, robot.model.njoints):
-            members = [k for k in np.flatnonzero(joints == joint).tolist() if len(corners[k])]
-            if len(members) >= _MANY:
-                placed = [_placed(corners[k], bodies[k].placement) for k in members]
-                found += [(hull, members) for hull in _hull(joint, np.vstack(placed))]
-        _kept[robot] = found
+        _kept[robot] = _found(robot)
     return _kept[robot]
 
 
-def _hull(joint: int, points: Array) -> "list[Body]":
-    """Return the hull of points (k, 3), m, in the frame of a joint, as one body; none where they lie in a plane."""
-    try:
-        outer = np.ascontiguousarray(points[ConvexHull(points).vertices])
-    except QhullError:
-        return []
-    low, high = outer.min(axis=0), outer.max(axis=0)
-    centre, half = 0.5 * (low + high), 0.5 * (high - low) + _SLACK
-    radius = float(np.linalg.norm(outer - centre, axis=1).max()) + _SLACK
-    box = np.concatenate([centre, half])
-    return [core.Body.of(joint, np.eye(4), [core.Shape.convex_hull(outer)], box, radius)]
+def _found(robot: Robot) -> Clusters:
+    bodies = list(robot.geometry.geometryObjects)
+    joints = [int(body.parentJoint) for body in bodies]
+    corners = {k: _corners(body) for k, body in enumerate(bodies) if joints[k]}
+    polyhedra = [k for k, points in corners.items() if len(points)]
+
+    def cluster(members: list[int]) -> list[Cluster]:
+        try:
+            hull = kept_hull(np.vstack([corners[k] for k in members]))
+        except ValueError:  # they lie in a plane
+            return []
+        return [Cluster(joints[members[0]], tuple(members), hull)]
+
+    whole = [members for members in _alike(polyhedra, joints.__getitem__) if len(members) >= _MANY]
+    parts = [(part, members) for members in whole for part in _alike(members, robot.link_of)]
+    return Clusters(
+        tuple(found for members in whole for found in cluster(members)),
+        tuple(found for part, all_ in parts if _SEVERAL <= len(part) < len(all_) for found in cluster(part)),
+    )
 
 
-def _placed(points: Array, X: pin.SE3) -> Array:
-    """Return points (k, 3), m, of a body in the frame in which its pose is X."""
-    return np.asarray(points @ X.rotation.T + X.translation)
+def _alike(bodies: list[int], key: Callable[[int], object]) -> list[list[int]]:
+    """Bodies of the same key, in lists."""
+    found: dict[object, list[int]] = {}
+    for body in bodies:
+        found.setdefault(key(body), []).append(body)
+    return list(found.values())
 
 
-def _corners(shape: coal.CollisionGeometry) -> Array:
-    """Return the corners (k, 3) of a polyhedron, m; none of other shapes."""
-    match shape:
+def _corners(body: pin.GeometryObject) -> Array:
+    """Return the corners (k, 3) of a polyhedron in the frame of its joint, m; none of other shapes."""
+    match body.geometry:
         case coal.Box():
             signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-            return np.asarray(signs * np.array(shape.halfSide))
+            points = signs * np.array(body.geometry.halfSide)
         case coal.ConvexBase():
-            return np.array(shape.points())
-    return np.empty((0, 3))
+            points = np.array(body.geometry.points())
+        case _:
+            return np.empty((0, 3))
+    return np.asarray(points @ body.placement.rotation.T + body.placement.translation)

@@ -11,6 +11,7 @@ from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry.convex import triangles_of, vertices_of
 from optiplan.geometry.enclosure import Enclosure, connected_parts
 
+_KINDS = (coal.BVHModelBase, coal.Halfspace)
 _FEW = 16  # points of a part of a mesh that are tried
 
 
@@ -37,11 +38,12 @@ class Containment:
 
     def __init__(self, shapes: Sequence[coal.CollisionGeometry], pairs: Sequence[tuple[int, int]]) -> None:
         self.shapes = shapes
+        meshes, planes = ({k for k, shape in enumerate(shapes) if isinstance(shape, kind)} for kind in _KINDS)
         self._sides = [
             (index, mesh, other)
-            for index, pair in enumerate(pairs)
+            for index, pair in enumerate(pairs if meshes else ())
             for mesh, other in (pair, pair[::-1])
-            if isinstance(shapes[mesh], coal.BVHModelBase) and not isinstance(shapes[other], coal.Halfspace)
+            if mesh in meshes and other not in planes
         ]
         self._corners: dict[int, tuple[Array, Array]] = {}
         self._enclosures: dict[int, Enclosure] = {}
@@ -83,10 +85,19 @@ class Containment:
         """Of each side: mesh, other body, box of the mesh, a point of the other body, whether that has more parts."""
         meshes, others = (np.array([side[k] for side in self._sides], dtype=np.intp) for k in (1, 2))
         boxes = np.array([self._box(mesh) for mesh in meshes.tolist()])
-        parts = [self._parts_of(other) for other in others.tolist()]
-        several = np.array([len(part) != 1 for part in parts])
-        points = np.array([part[0][0] if part else np.zeros(3) for part in parts])
+        bodies, which = np.unique(others, return_inverse=True)
+        found = [self._first_part(body) for body in bodies.tolist()]
+        several = np.array([not whole for _, whole in found])[which]
+        points = np.array([point for point, _ in found])[which]
         return meshes, others, boxes[:, 0], boxes[:, 1], points, several
+
+    def _first_part(self, body: int) -> tuple[Array, bool]:
+        """A point (3,) of a body's first part, m, in its own frame, and whether that is all of it."""
+        shape = self.shapes[body]
+        if isinstance(shape, coal.ConvexBase):
+            return np.array(shape.point(0)), True
+        parts = self._parts_of(body)
+        return (parts[0][0], len(parts) == 1) if parts else (np.zeros(3), False)
 
     def _box(self, mesh: int) -> tuple[Array, Array]:
         if mesh not in self._corners:

@@ -8,7 +8,7 @@ import numpy as np
 
 from optiplan._core import core
 from optiplan.arrays import Array
-from optiplan.collision.clusters import clusters_of
+from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.model import CollisionModel, Contact, Contacts
 from optiplan.collision.native_shapes import native_shape
 from optiplan.geometry.scene import Scene
@@ -16,9 +16,13 @@ from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot
 
 if TYPE_CHECKING:
-    from optiplan._core._core_base import Shape, World
+    from optiplan._core._core_base import Body, Shape, World
 
 _links: "WeakKeyDictionary[Robot, dict[int, list[Shape] | None]]" = WeakKeyDictionary()
+_hulls: "WeakKeyDictionary[Robot, list[tuple[Body, list[int]]]]" = WeakKeyDictionary()
+
+_SLACK = 1e-9
+"""m, by which the box and the ball around a hull are larger than its vertices."""
 
 
 def planning_model(robot: Robot, scene: Scene, known: CollisionModel | None = None) -> CollisionModel:
@@ -137,4 +141,20 @@ def _world(model: CollisionModel, shapes: "list[list[Shape]]") -> "World":
             core.Body.of(int(body.parentJoint), body.placement.homogeneous, shapes[k], box, float(bounds.radius[k]))
         )
     pairs = np.array([(pair.a, pair.b) for pair in model.pairs], dtype=np.int64).reshape(-1, 2)
-    return core.World.of(native_tree(model.model), bodies, pairs, clusters_of(model.robot))
+    return core.World.of(native_tree(model.model), bodies, pairs, _clusters(model.robot))
+
+
+def _clusters(robot: Robot) -> "list[tuple[Body, list[int]]]":
+    """Hulls of many bodies of the robot as bodies of the core, made once for each robot, with the bodies they hold."""
+    if robot not in _hulls:
+        _hulls[robot] = [(_hull(cluster), list(cluster.bodies)) for cluster in clusters_of(robot).by_joint]
+    return _hulls[robot]
+
+
+def _hull(cluster: Cluster) -> "Body":
+    corners = cluster.hull.vertices
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    centre, half = 0.5 * (low + high), 0.5 * (high - low) + _SLACK
+    radius = float(np.linalg.norm(corners - centre, axis=1).max()) + _SLACK
+    shape = core.Shape.convex_hull(np.ascontiguousarray(corners))
+    return core.Body.of(cluster.joint, np.eye(4), [shape], np.concatenate([centre, half]), radius)

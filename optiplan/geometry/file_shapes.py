@@ -157,6 +157,11 @@ class FileShape(Shape):
         """The file, what it has to hold, and what it is read as."""
         return BodyFile(self.file, self.key, self.kind)
 
+    @property
+    def wanted(self) -> str:
+        """What a message says was expected: the kind of file, and its formats."""
+        return f"{'an' if self.kind[0] in 'aeiou' else 'a'} {self.kind} file ({self.formats})"
+
 
 class MeshSpec(Strict):
     """`file` (STL, OBJ, DAE, PLY or GLB) beside this file, times `scale` (a number or [x, y, z]); `convex`: hull."""

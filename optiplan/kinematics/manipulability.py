@@ -30,6 +30,7 @@ class ToolKinematics:
         self.kinematics = robot.kinematics
         self._joint, self._X_JT = int(placed.parentJoint), np.array(placed.placement.homogeneous)
         self._moves: Array = self.kinematics.carries[self._joint].astype(np.float64)
+        self._slides = self.kinematics.revolute < 0.5
 
     def evaluate(self, Q: Array) -> tuple[Array, Array]:
         """X_WT (N, 4, 4), m, and J (N, 6, n) at Q (N, n).
@@ -46,12 +47,14 @@ class ToolKinematics:
         poses = self.kinematics.poses(Q)
         X_WT = poses[:, self._joint] @ self._X_JT
         axis, point = self.kinematics.axes(poses)
-        revolute = self.kinematics.revolute[None, :, None]
-        J = np.zeros((len(Q), 6, axis.shape[1]))
-        linear = np.where(revolute > 0.5, np.cross(axis, X_WT[:, None, :3, 3] - point), axis)
-        J[:, :3] = (self._moves[None, :, None] * linear).transpose(0, 2, 1)
-        J[:, 3:] = (self._moves[None, :, None] * revolute * axis).transpose(0, 2, 1)
-        return X_WT, J
+        J = np.empty((len(Q), 6, axis.shape[1]))
+        J[:, 3:] = z = axis.transpose(0, 2, 1)
+        arm = (X_WT[:, None, :3, 3] - point).transpose(0, 2, 1)
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            J[:, i] = z[:, j] * arm[:, k] - z[:, k] * arm[:, j]
+        if self._slides.any():
+            J[:, :3, self._slides], J[:, 3:, self._slides] = z[:, :, self._slides], 0.0
+        return X_WT, J if self._moves.all() else J * self._moves
 
     def hessians(self, Q: Array) -> Array:
         """H (N, 6, n, n) at Q (N, n): H[:, :, i, j] = dJ_i / dq_j, the kinematic Hessian.

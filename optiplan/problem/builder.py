@@ -16,24 +16,18 @@ from optiplan.files import is_file
 from optiplan.geometry.file_shapes import FileShape
 from optiplan.geometry.meshes.reading import open_mesh
 from optiplan.geometry.obstacle_motion import ObstacleMotion
+from optiplan.geometry.pose_schema import PoseSpec, ToleranceSpec
 from optiplan.geometry.poses import pose_from_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import ShapeSpec, build_geometry, shape_from_spec
+from optiplan.problem.constraints.schema import PathConstraintSpec
 from optiplan.problem.constraints.statements import PathConstraint, constraint_of
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.schema import (
-    AlternativeSpec,
-    PathConstraintSpec,
-    PoseGoalSpec,
-    PoseSpec,
-    RegionSpec,
-    StartSpec,
-    ToleranceSpec,
-    ViaSpec,
-)
+from optiplan.problem.regions.schema import RegionSpec
+from optiplan.problem.schema.ends import AlternativeSpec, PoseGoalSpec, StartSpec, ViaSpec
 from optiplan.robot.mounting import GRAVITY, Mounting
 from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file
 
@@ -295,7 +289,7 @@ class Compiler:
         return self._from_file((*place, spec.kind, "file"), shape) if isinstance(shape, FileShape) else shape
 
     def _from_file(self, place: Place, stated: FileShape) -> FileShape | None:
-        valid = f"a {stated.kind} file ({stated.formats})"
+        valid = stated.wanted
         try:
             file = (self.base / stated.file).resolve()
         except (OSError, ValueError) as error:  # a name that no file can have

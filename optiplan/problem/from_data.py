@@ -8,27 +8,23 @@ from typing import Any
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel, Contact
-from optiplan.collision.named_pairs import NamedPairs
 from optiplan.config.document import Document, Place, validate
 from optiplan.config.messages import field_name
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
-from optiplan.problem.constraints.measures import broken
-from optiplan.problem.constraints.statements import PairClearance, PathConstraint
+from optiplan.problem.constraints.statements import PathConstraint
+from optiplan.problem.constraints.states import TOUCHING, BrokenConstraint
 from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, Via
 from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.moving_states import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import Draft, LocatedValue
-from optiplan.problem.schema import ProblemSpec
+from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
-
-TOUCHING = 1e-12
-"""Bodies nearer than this, m, are in collision: contact itself is refused, rounding of a zero apart."""
 
 DECIDES_COLLISIONS = (("robot",), ("group",), ("locked",), ("scene", "allowed_collisions"), ("scene", "attached"))
 """Where an issue stands in these fields, collisions found would be no news about the file."""
@@ -115,7 +111,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
     ):
         model = collision_model(robot, scene)
-        later = CollisionModel(robot, scene.standing) if scene.moving else model  # what moves may be elsewhere by then
+        later = collision_model(robot, scene.standing) if scene.moving else model  # what moves may be elsewhere by then
         issues += _collisions(document, (model, later), compiler.draft, places)
     if issues or spec is None or robot is None or limits is None or places.start is None:
         return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
@@ -221,34 +217,21 @@ def _states(draft: Draft, places: _Places) -> list[StatedState]:
 
 
 def _constraints(document: Document, robot: Robot, scene: Scene, draft: Draft, places: _Places) -> list[Issue]:
-    """Report constraints that the start, or every goal of joint values, violates."""
+    """Report constraints that the start, or every goal of joint values, violates, and pairs that none can hold."""
     issues = []
     for part in places.constraints:
         low, high = part.value.during
+        kept, expected = BrokenConstraint(part.value, robot, scene), f"one that holds {_name(part)}"
+        for k, why in kept.unchecked():
+            issues.append(document.issue((*part.place, "pairs", k), why, "two bodies that are checked for collision"))
         if low == 0.0 and places.start is not None and draft.start is not None:
-            issues += [
-                document.issue(draft.start.place, f"a start that is {words}", f"one that holds {_name(part)}")
-                for words in _broken(part.value, robot, scene, places.start.q)
-            ]
-        ends = [(end.place, end.value.q) for end in places.goal if isinstance(end.value, JointGoal)]
-        found = [(place, words) for place, q in ends for words in _broken(part.value, robot, scene, q)[:1]]
+            broken = kept.words(places.start.state)
+            issues += [document.issue(draft.start.place, f"a start that is {words}", expected) for words in broken]
+        ends = [(end.place, end.value.state) for end in places.goal if isinstance(end.value, JointGoal)]
+        found = [(place, words) for place, state in ends for words in kept.words(state)[:1]]
         if high == 1.0 and found and len(found) == len(draft.goal):
-            expected = f"one that holds {_name(part)}"
             issues += [document.issue(place, f"a goal that is {words}", expected) for place, words in found]
     return issues
-
-
-def _broken(one: PathConstraint, robot: Robot, scene: Scene, q: Array) -> list[str]:
-    """Return in words what a configuration q (n,) violates, with both values."""
-    if not isinstance(one, PairClearance):
-        return broken(one, robot, q)
-    near = NamedPairs(robot, scene, one.pairs).contacts(q, one.at_least)
-    return [
-        f"near by {contact.distance:.4g} m of {one.at_least:.4g} m asked for ('{contact.pair.name_a}' and "
-        f"'{contact.pair.name_b}')"
-        for contact in near
-        if contact.distance < one.at_least - TOUCHING
-    ]
 
 
 def _name(part: LocatedValue[PathConstraint]) -> str:

@@ -9,7 +9,7 @@ from optiplan.geometry.meshes.reading import FORMATS, OCTREE_FORMATS, POINT_FORM
 from optiplan.geometry.scene import Obstacle
 from optiplan.geometry.shapes import build_geometry, shape_from_spec
 from optiplan.problem.builder import stated_pose
-from optiplan.problem.schema import ObstacleSpec
+from optiplan.problem.schema.scene import ObstacleSpec
 from optiplan.problem.statement import Values, checked
 
 
@@ -200,5 +200,5 @@ def _obstacle(
         except ValueError as error:
             missing = isinstance(error.__cause__, FileNotFoundError)
             found = f"{str(solid.file)!r}, which is not there" if missing else str(error)
-            raise wrong_argument(function, "file", found, f"a {solid.kind} file ({solid.formats})") from None
+            raise wrong_argument(function, "file", found, solid.wanted) from None
     return Obstacle(spec.name, solid, X_WO, words)

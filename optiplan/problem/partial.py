@@ -8,18 +8,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from optiplan.config.document import Number, Place
 from optiplan.config.values import Name, NamePair, Vector
-from optiplan.problem.schema import (
-    AlternativeSpec,
-    AttachedSpec,
-    GoalSpec,
-    ObstacleSpec,
-    PathConstraintSpec,
-    PoseSpec,
-    ProblemSpec,
-    StartSpec,
-    TaskStepSpec,
-    ViaSpec,
-)
+from optiplan.geometry.pose_schema import PoseSpec
+from optiplan.problem.constraints.schema import PathConstraintSpec
+from optiplan.problem.schema.ends import AlternativeSpec, GoalSpec, StartSpec, ViaSpec
+from optiplan.problem.schema.problem import ProblemSpec
+from optiplan.problem.schema.scene import AttachedSpec, ObstacleSpec
+from optiplan.problem.schema.task import TaskStepSpec
 
 T = TypeVar("T")
 

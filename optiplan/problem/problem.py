@@ -1,7 +1,6 @@
 """`Problem`: a planning problem as planners and the verifier read it, complete and frozen."""
 
 import hashlib
-import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.objectives.parts import ObjectiveParts
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.statement import End, Pose, Values, ViaPoint
+from optiplan.problem.summary import as_table, in_one_line
 from optiplan.problem.task.builder import Task
 from optiplan.problem.task.steps import TaskStep
 from optiplan.problem.write import problem_text
@@ -376,38 +376,17 @@ class Problem:
         """Return the problem with users' constraints, which no file holds and `source` does not show."""
         if not own:
             return self
-        digests = "".join(one.checked(self.robot, self.start) for one in own)
+        goals = [goal.state for goal in self.goal if isinstance(goal, JointGoal)]
+        ends = goals if len(goals) == len(self.goal) else []
+        digests = "".join(one.checked(self.robot, self.start_state, ends) for one in own)
         other = replace(self, path_constraints=(*self.path_constraints, *own))
         other._set({"source": self.source, "hash": hashlib.sha256((self.hash + digests).encode()).hexdigest()})
         return other
 
     def __repr__(self) -> str:
         """Name, robot, goal and scene in one line."""
-        around = str(self.scene).removeprefix("Scene: ")
-        past = f" past {len(self.vias)} points" if self.vias else ""
-        to = f"to {self._end()}"
-        return f"Problem: {self.name}, {self.robot.name}, {to}{past}; {around}"
-
-    def _end(self) -> str:
-        """The goal in words."""
-        if self.task:
-            return f"do {self.task[-1].number} steps"
-        if len(self.goal) != 1:
-            return f"any of {len(self.goal)} ends"
-        goal = self.goal[0]
-        if isinstance(goal, JointGoal):
-            return "a configuration"
-        return f"a {'pose' if isinstance(goal, PoseGoal) else 'region'} of {goal.frame}"
+        return in_one_line(self)
 
     def _repr_html_(self) -> str:
         """A small table for notebooks."""
-        rows = {
-            "robot": f"{self.robot.name}, {self.robot.n} joints",
-            "start": ", ".join(f"{q:.4g}" for q in self.start),
-            "goal": self._end(),
-            "via points": len(self.vias) or "",
-            "scene": str(self.scene).removeprefix("Scene: "),
-            "hash": f"{self.hash:.12}",
-        }
-        cells = "".join(f"<tr><th>{key}</th><td>{html.escape(str(v))}</td></tr>" for key, v in rows.items() if v)
-        return f"<table><caption>Problem: {html.escape(self.name)}</caption>{cells}</table>"
+        return as_table(self)

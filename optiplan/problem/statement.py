@@ -16,7 +16,7 @@ from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec, axes_data
-from optiplan.problem.schema import PoseGoalSpec, ViaSpec
+from optiplan.problem.schema.ends import PoseGoalSpec, ViaSpec
 from optiplan.trajectory.state import State
 
 Values = Sequence[float] | Array

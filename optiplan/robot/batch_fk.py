@@ -17,6 +17,7 @@ class BatchKinematics:
 
     Attributes:
         coupling: A (J, n); `offset`: b (J,), rad or m.
+        follows: whether there are followers.
         revolute: (J,), 1 for a joint that turns, 0 for one that slides.
         carries: (J + 1, J) which joints carry what is fixed to each joint, and to the world, which is 0.
     """
@@ -28,32 +29,32 @@ class BatchKinematics:
         self.carries = carrying_joints(model)
         self._terms = _motion_terms(self._placements[1:], self._screws)
         self.coupling, self.offset = coupling(model)
-        self._follows = model.njoints - 1 > model.nv
+        self.follows = model.njoints - 1 > model.nv
         self.revolute: Array = (np.linalg.norm(self._screws[:, 3:], axis=1) > 0.5).astype(np.float64)
 
     def joint_rates(self, V: Array) -> Array:
         """Rates (..., J) of all joints, of those of the planned ones V (..., n): A V."""
-        return V @ self.coupling.T if self._follows else V
+        return V @ self.coupling.T if self.follows else V
 
     def joint_reach(self, D: Array) -> Array:
         """Bounds (..., J) of all joints, from bounds D (..., n) >= 0 on what the planned ones do: |A| D."""
-        return D @ np.abs(self.coupling.T) if self._follows else D
+        return D @ np.abs(self.coupling.T) if self.follows else D
 
     def joint_dependence(self, moved: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Which planned joints (..., n) take part where the joints `moved` (..., J) do."""
-        return np.asarray((moved @ np.abs(self.coupling)) > 0.0) if self._follows else moved
+        return np.asarray((moved @ np.abs(self.coupling)) > 0.0) if self.follows else moved
 
     def planned_bound(self, moment_arms: Array) -> Array:
         """Bounds (..., n) for each rad or m of a planned joint, from those for each of any joint (..., J): |A|^T l."""
-        return moment_arms @ np.abs(self.coupling) if self._follows else moment_arms
+        return moment_arms @ np.abs(self.coupling) if self.follows else moment_arms
 
     def of_planned(self, gradient: Array) -> Array:
         """Gradients (..., n) in the planned joints, from those in all joints (..., J): A^T g."""
-        return gradient @ self.coupling if self._follows else gradient
+        return gradient @ self.coupling if self.follows else gradient
 
     def poses(self, Q: Array) -> Array:
         """X_WJ of every joint (0 is the world) at configurations Q (N, n): array (N, J + 1, 4, 4)."""
-        positions = self.joint_rates(Q) + self.offset if self._follows else Q
+        positions = self.joint_rates(Q) + self.offset if self.follows else Q
         q = positions.T  # (J, N)
         local = np.stack([np.ones_like(q), np.sin(q), 1.0 - np.cos(q), q], axis=2) @ self._terms
         local = local.reshape(*q.shape, 4, 4)

@@ -187,7 +187,7 @@ class Robot:
             return self.bare.survey
         return survey_pairs(self.model, self.geometry, (self.limits.lower, self.limits.upper))
 
-    @property
+    @cached_property
     def bare_links(self) -> tuple[str, ...]:
         """Links without collision geometry, which nothing is checked for."""
         links = [str(frame.name) for frame in self.model.frames if frame.type == pin.FrameType.BODY]

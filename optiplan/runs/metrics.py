@@ -134,21 +134,25 @@ class _Instant:
     """
 
     def __init__(self, robot: Robot, trajectory: Trajectory) -> None:
-        self._model, self._data = robot.model, robot.model.createData()
+        self._pool = pin.ModelPool(robot.model, 1)  # many torques in one call, on this thread alone
         self._tool, self._trajectory = ToolKinematics(robot), trajectory
         self._rows: JacobianRows = "full" if robot.n >= 6 else "translation"
         self._seen: list[tuple[Array, Array]] = []
 
     def __call__(self, t: Array) -> Array:
         Q, V, A = (self._trajectory(t, order) for order in range(3))
-        J = self._tool.evaluate(Q)[1]
-        self._seen.append((t, yoshikawa(scaled(J, self._rows))))
+        J = self._see(t, Q)
         twist = np.einsum("kij,kj->ki", J, V)
         tau = np.empty_like(Q)
-        for row, q, v, a in zip(tau, Q, V, A, strict=True):
-            row[:] = pin.rnea(self._model, self._data, q, v, a)
+        pin.rneaInParallel(1, self._pool, Q.T, V.T, A.T, tau.T)
         speeds = [np.sqrt(np.einsum("ki,ki->k", part, part)) for part in (twist[:, :3], twist[:, 3:], V)]
         return np.column_stack([*speeds, tau**2])
+
+    def _see(self, t: Array, Q: Array) -> Array:
+        """Return the Jacobians (N, 6, n) at times t and configurations Q (N, n), and keep their manipulability."""
+        J = self._tool.evaluate(Q)[1]
+        self._seen.append((t, yoshikawa(scaled(J, self._rows))))
+        return J
 
     def least_manipulability(self) -> float:
         """Return the smallest Yoshikawa measure along the motion.
@@ -156,7 +160,7 @@ class _Instant:
         Holds at: both ends and the instants kept, then up to 9 times 17 between the neighbours of the smallest.
         """
         ends = np.array([0.0, self._trajectory.duration])
-        self(ends)
+        self._see(ends, self._trajectory(ends))
         times, values = (np.concatenate(column) for column in zip(*self._seen, strict=True))
         t, first = np.unique(times, return_index=True)
         value = values[first]

@@ -17,11 +17,15 @@ _ROUNDING = 2.0**-51
 
 def evaluate(coefficients: Array, x: Array) -> Array:
     """p(x) by Horner's rule; `coefficients` (..., d + 1) and x (...) broadcast against each other."""
-    value = np.broadcast_to(coefficients[..., -1], np.broadcast_shapes(coefficients.shape[:-1], x.shape)).copy()
-    for k in range(coefficients.shape[-1] - 2, -1, -1):
+    degree = coefficients.shape[-1] - 1
+    if degree == 0:
+        return np.broadcast_to(coefficients[..., 0], np.broadcast_shapes(coefficients.shape[:-1], x.shape)).copy()
+    value = coefficients[..., degree] * x
+    value += coefficients[..., degree - 1]
+    for k in range(degree - 2, -1, -1):
         value *= x
         value += coefficients[..., k]
-    return value
+    return np.asarray(value)
 
 
 def derivative(coefficients: Array) -> Array:
@@ -106,7 +110,8 @@ def rising_root(coefficients: Array) -> Array:
 
 def _clip(x: Array) -> Array:
     """Into [0, 1]; what is not finite (no root at all) goes to an end."""
-    return np.clip(np.nan_to_num(x), 0.0, 1.0)
+    found = x if np.isfinite(x).all() else np.nan_to_num(x)
+    return np.minimum(np.maximum(found, 0.0), 1.0)
 
 
 def _divide(numerator: Array, denominator: Array) -> Array:

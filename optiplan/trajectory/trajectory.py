@@ -137,8 +137,10 @@ class Trajectory:
         """
         if order < 0:
             raise ValueError(f"order: found {order}; expected 0 or more")
-        c = np.swapaxes(self.coefficients, 1, 2)
-        for _ in range(min(order, c.shape[-1])):
+        if order < len(self._derivatives):
+            return self._derivatives[order]
+        c = np.swapaxes(self._derivatives[-1], 1, 2)
+        for _ in range(min(order - len(self._derivatives) + 1, c.shape[-1])):
             c = polynomial.derivative(c)
         return np.swapaxes(c, 1, 2)
 
@@ -166,15 +168,17 @@ class Trajectory:
             return np.asarray(self(times[None], order, clamp=clamp)[0])
         t = times
         inside = (t >= -_OUTSIDE) & (t <= self.duration + _OUTSIDE)
-        if not (inside.all() or (clamp and not np.isnan(t).any())):
+        everywhere = bool(inside.all())
+        if not (everywhere or (clamp and not np.isnan(t).any())):
             raise _Refused.of("t", f"[{t.min()}, {t.max()}]", f"times in [0, {self.duration}], or clamp=True")
         piece = np.searchsorted(self.breakpoints[1:-1], t, side="right")
-        c = self._derivatives[order] if 0 <= order < 4 else self.derivatives(order)
-        local = (np.clip(t, 0.0, self.duration) - self.breakpoints[piece])[:, None]
+        c = self.derivatives(int(order))
+        local = (np.minimum(np.maximum(t, 0.0), self.duration) - self.breakpoints[piece])[:, None]
         value = c[piece, -1]
         for k in range(c.shape[1] - 2, -1, -1):
-            value = value * local + c[piece, k]
-        return np.asarray(value) if order == 0 else np.where(inside[:, None], value, 0.0)
+            value *= local
+            value += c[piece, k]
+        return value if order == 0 or everywhere else np.where(inside[:, None], value, 0.0)
 
     def state(self, t: float) -> State:
         """Position, velocity and acceleration at a time t, s: where a new motion may begin.
@@ -293,7 +297,11 @@ class Trajectory:
 
     @cached_property
     def _derivatives(self) -> tuple[Array, ...]:
-        return tuple(self.derivatives(order) for order in range(4))
+        c = [np.swapaxes(self.coefficients, 1, 2)]
+        for _ in range(3):
+            c.append(polynomial.derivative(c[-1]))
+            c[-1].flags.writeable = False
+        return tuple(np.swapaxes(one, 1, 2) for one in c)
 
 
 def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array) -> tuple[str, str, str] | None:

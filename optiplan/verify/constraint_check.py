@@ -43,8 +43,8 @@ from optiplan.verify.report import Check, VerifyPolicy
 SPEED_SHARE = 1e-3
 """Share of a tool speed limit within which it is proved: a motion at its limit has no margin to prove it by."""
 
-_FIRST = 0.02
-"""s; intervals to begin with."""
+_FIRST, _MOST_FIRST = 0.02, 20_000
+"""s; intervals to begin with, and about how many at most: a motion of hours is slow, so longer ones do."""
 
 _CHUNK = 20_000
 """Intervals bounded at once, to limit memory."""
@@ -60,13 +60,14 @@ class _TimeParts:
 
     @classmethod
     def of(cls, trajectory: Trajectory, during: tuple[float, float]) -> "_TimeParts":
-        """Return what lies in a part of the motion, in steps of `_FIRST`."""
+        """Return what lies in a part of the motion, in steps of `_FIRST`, or longer ones."""
+        first = max(_FIRST, trajectory.duration / _MOST_FIRST)
         low, high = (share * trajectory.duration for share in during)
         starts, h = trajectory.breakpoints[:-1], np.diff(trajectory.breakpoints)
         begin, end = np.clip(low - starts, 0.0, h), np.clip(high - starts, 0.0, h)
         inside = (end > begin) | ((low >= starts) & (high <= starts + h))
         piece, begin, length = np.flatnonzero(inside), begin[inside], (end - begin)[inside]
-        parts = np.maximum(1, np.ceil(length / _FIRST)).astype(np.intp)
+        parts = np.maximum(1, np.ceil(length / first)).astype(np.intp)
         which = np.repeat(np.arange(len(piece)), parts)
         within = np.arange(len(which)) - np.repeat(np.cumsum(parts) - parts, parts)
         width = (length / parts)[which]

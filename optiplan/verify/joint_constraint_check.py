@@ -23,8 +23,8 @@ from optiplan.verify.report import Check
 RATE = 1000.0
 """Hz, at which sampled quantities are looked at …"""
 
-LEAST = 200
-"""… and at so many instants at least."""
+LEAST, MOST = 200, 200_000
+"""… and at so many instants at least, and about so many at most: a motion of minutes is slow."""
 
 RATE_SHARE = 1e-3
 """Share of a limit of speed or acceleration by which it may be passed, as of `constraint_check.SPEED_SHARE`."""
@@ -110,7 +110,7 @@ def expression(problem: Problem, trajectory: Trajectory, one: Expression) -> Che
 
 def _times(trajectory: Trajectory, one: PathConstraint) -> Array:
     low, high = (share * trajectory.duration for share in one.during)
-    even = np.linspace(low, high, max(LEAST, int(np.ceil((high - low) * RATE))))
+    even = np.linspace(low, high, max(LEAST, int(np.ceil(min((high - low) * RATE, MOST)))))
     knots = trajectory.breakpoints
     return np.unique(np.concatenate([even, knots[(knots > low) & (knots < high)]]))
 

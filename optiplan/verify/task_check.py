@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import Any, TypeVar
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.scene import Scene
-from optiplan.problem.constraints.statements import OnLine, OrientationCone, PairClearance, PathConstraint
+from optiplan.problem.constraints.statements import PairClearance
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, Via
 from optiplan.problem.task.scene_change import columns, scene_during
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
@@ -20,27 +20,23 @@ from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import collision
 from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.continuous.torque import torque
+from optiplan.verify.line_ways import LineWay, frame_at, line_constraints, line_way
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.via_check import vias
 
 End = TypeVar("End", bound=GoalEnd)
 
-STRAIGHT = 1e-4
-"""m: how far a frame may be off its line."""
-
-EVENLY = 1e-3
-"""rad: how far a frame on a line may be from turning about one axis, or not at all."""
-
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A step in time: its own problem, the motion while it is done, and when it begins, s."""
+    """A step in time: its own problem, the motion while it is done, when it begins, s, and of a line its way."""
 
     step: TaskStep
     problem: Problem
     motion: Trajectory | None
     begin: float
     q: Array
+    way: LineWay | None = None
 
 
 def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
@@ -109,10 +105,14 @@ def _segments(problem: Problem, trajectory: Trajectory) -> Check:
 
 def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
     """Return each step with its own part of the motion, None for an event or an empty part."""
-    for step, scene, begin, end in steps_in_time(problem, trajectory):
+    steps = list(steps_in_time(problem, trajectory))
+    way: LineWay | None = None
+    for (step, scene, begin, end), after in zip_longest(steps, steps[1:]):
         own = _scene_problem(problem, scene, step)
         motion = cut(trajectory, begin, end) if end > begin + 1e-9 * trajectory.duration else None
-        yield _Part(step, own, motion, begin, trajectory(end))
+        following = None if after is None else after[0].action
+        way = line_way(step.action, following, frame_at(own.robot, step.action, trajectory(begin)), way)
+        yield _Part(step, own, motion, begin, trajectory(end), way)
 
 
 def _scene_problem(problem: Problem, scene: Scene, step: TaskStep) -> Problem:
@@ -125,24 +125,14 @@ def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
         action = part.step.action
         if isinstance(action, Move):
             ends = [_of_all(part.problem, action.joints, end, part.q) for end in action.goal]
-        elif isinstance(action, StraightLine) and action.ends:
-            ends = list(action.ends)
-        elif isinstance(action, StraightLine) and part.motion is not None:
-            ends = [_moved_by(part, action)]
+        elif isinstance(action, StraightLine) and part.way is not None and part.way.leaves is None:
+            ends = list(action.ends) or [PoseGoal(action.frame, part.way.end)]
         else:
             continue
         still = Trajectory(part.problem.robot.joint_names, np.array([0.0, 1.0]), part.q[None, None])
         check = limit_checks.goal(replace(part.problem, goal=tuple(ends)), still)
         length = 0.0 if part.motion is None else part.motion.duration
         yield replace(_named(check, part), time=part.begin + length)
-
-
-def _moved_by(part: _Part, action: StraightLine) -> PoseGoal:
-    assert part.motion is not None
-    assert action.by is not None
-    X = _pose(part.problem, action.frame, part.motion.start)
-    by = X.rotation @ action.by if action.in_tool else action.by
-    return PoseGoal(action.frame, pin.SE3(X.rotation, X.translation + by))
 
 
 def _of_all(problem: Problem, joints: Iterable[str], end: End, q: Array) -> End | JointGoal:
@@ -170,31 +160,13 @@ def _passed(parts: Sequence[_Part]) -> Iterator[Check]:
 
 
 def _lines(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
-    """Check that the frames of lines move straight and turn about one axis, or not at all."""
+    """Check that the frames of lines move straight and turn about one axis, or not at all, but for rounded corners."""
     for part in parts:
-        action = part.step.action
-        if not isinstance(action, StraightLine) or part.motion is None:
+        if part.way is None or part.motion is None:
             continue
-        own = replace(part.problem, path_constraints=tuple(_straight(part, action, part.motion)))
+        own = replace(part.problem, path_constraints=tuple(line_constraints(part.way, part.problem.robot, part.motion)))
         for check in path_constraints(own, part.motion, policy):
             yield replace(_later(_named(check, part), part.begin), name="line")
-
-
-def _straight(part: _Part, action: StraightLine, motion: Trajectory) -> Iterator[PathConstraint]:
-    """Return what a line means: the origin on the segment; two axes fixed, or the one that it turns about."""
-    X, Y = (_pose(part.problem, action.frame, q) for q in (motion.start, motion.end))
-    yield OnLine(action.frame, X.translation, Y.translation, STRAIGHT)
-    turn = pin.log3(X.rotation.T @ Y.rotation)
-    angle = float(np.linalg.norm(turn))
-    axes = np.eye(3)[:2] if angle <= EVENLY else (turn / angle)[None]
-    for axis in axes:
-        yield OrientationCone(action.frame, axis, X.rotation @ axis, EVENLY)
-
-
-def _pose(problem: Problem, frame: str, q: Array) -> pin.SE3:
-    data = problem.robot.model.createData()
-    pin.framesForwardKinematics(problem.robot.model, data, q)
-    return data.oMf[problem.robot.frame_id(frame)].copy()
 
 
 def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], policy: VerifyPolicy) -> Check:

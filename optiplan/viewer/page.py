@@ -33,7 +33,8 @@ SCENE_SCRIPTS = tuple(
     )
 )
 PANEL_SCRIPTS = tuple(
-    f"panels/{name}.js" for name in ("verdict", "comparison", "dock", "timeline", "steps", "layers", "pictures")
+    f"panels/{name}.js"
+    for name in ("attempts", "verdict", "comparison", "dock", "timeline", "steps", "layers", "pictures")
 )
 SCRIPTS = ("packed.js", "panels/facts.js", *CURVES_SCRIPTS, *SCENE_SCRIPTS, *PANEL_SCRIPTS, "address.js", "player.js")
 

@@ -14,10 +14,11 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.common_bound import bound_of
 from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.viewer.log_curves import Arrays, log_quantities
-from optiplan.viewer.run_checks import about, checks_of
-from optiplan.viewer.run_clearance import clearance_of
-from optiplan.viewer.run_curves import curves_of, tool_frames, tool_points
+from optiplan.viewer.run_data.attempts import found_by
+from optiplan.viewer.run_data.checks import about, checks_of
+from optiplan.viewer.run_data.clearance import clearance_of
+from optiplan.viewer.run_data.closed_loop import Arrays, log_quantities
+from optiplan.viewer.run_data.curves import curves_of, tool_frames, tool_points
 from optiplan.viewer.surfaces import packed
 
 RATE = 100.0  # samples of the motion a second
@@ -33,7 +34,7 @@ class ViewedRun(NamedTuple):
         report: `Report.to_dict()`, or None when nothing was verified.
         failure: `kind`, `detail` and `witness` of a `Failure`, or None.
         record: `Run.to_dict()`, of which `metrics` and `timings` are shown; None when there is none.
-        log: arrays of a closed loop (`log_curves.read_log`); None for a motion that was planned.
+        log: arrays of a closed loop (`closed_loop.read_log`); None for a motion that was planned.
         problem: its own, of the same robot; None: that of the page.
     """
 
@@ -124,6 +125,7 @@ def show_run(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail = _W
     if run.trajectory is not None:
         shown["facts"] = _facts(problem, run.trajectory, run.report)
     shown["checks"], shown["about"] = checks_of(problem, report), about(problem, report) if report else None
+    shown["found"] = found_by(run.record)
     if failure:
         shown["problems"].append(f"{failure.get('kind', 'failed')}: {failure.get('detail', '')}")
     refused = [check for check in report.get("checks", ()) if not check.get("passed")]

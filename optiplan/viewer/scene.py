@@ -19,7 +19,7 @@ from optiplan.runs.common_bound import common_bound
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.goal_marks import regions, targets
 from optiplan.viewer.moving_objects import moved_by, object_stays
-from optiplan.viewer.run_curves import short_names
+from optiplan.viewer.run_data.curves import short_names
 from optiplan.viewer.runs import Detail, Poses, RunLike, ViewedRun, motion_of, show_run
 from optiplan.viewer.stick_figure import skeleton
 from optiplan.viewer.surfaces import Colour, encode, packed, visual_surfaces

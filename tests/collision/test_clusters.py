@@ -6,7 +6,7 @@ import pytest
 
 from optiplan._core import variants
 from optiplan.collision import native_model
-from optiplan.collision.clusters import clusters_of
+from optiplan.collision.clusters import Clusters, clusters_of
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.geometry.scene import Box, Obstacle, Scene, Sphere
 from optiplan.planners.common.continuous_collision import contacts_along
@@ -52,7 +52,8 @@ def models(robot) -> tuple[NativeCollisionModel, NativeCollisionModel]:
     shapes = [Box((0.1, 0.2, 0.1)), Sphere(0.08)] * 3
     scene = Scene(tuple(Obstacle(f"o{k}", s, X) for k, (s, X) in enumerate(zip(shapes, places, strict=True))))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(native_model, "clusters_of", lambda robot: [])
+        patch.setattr(native_model, "clusters_of", lambda robot: Clusters((), ()))
+        patch.setattr(native_model, "_hulls", {})
         plain = NativeCollisionModel(robot, scene)
     return NativeCollisionModel(robot, scene), plain
 
@@ -62,8 +63,10 @@ def configurations(count: int) -> np.ndarray:
 
 
 def test_the_fingers_are_one_cluster(robot) -> None:
-    ((_, members),) = clusters_of(robot)
-    assert [robot.link_of(k) for k in members] == ["hand"] * FINGERS
+    found = clusters_of(robot)
+    (hand,) = found.by_joint
+    assert [robot.link_of(k) for k in hand.bodies] == ["hand"] * FINGERS
+    assert found.by_link == ()
 
 
 def test_contacts_and_collisions_are_the_same(models) -> None:

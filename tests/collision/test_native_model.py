@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 import coal
@@ -155,14 +156,30 @@ def test_a_segment_that_is_proved_free_touches_nothing(models) -> None:
     assert 0 < free
 
 
+def test_configurations_asked_in_turn_get_the_answers_of_each_alone(models) -> None:
+    _, native = models
+    corners = configurations(native, 12, seed=11)
+    Q = np.concatenate([a + np.linspace(0, 1, 40)[:, None] * (b - a) for a, b in pairwise(corners)])
+    found, alone = native.near(Q, CUTOFF), [native.near(q[None], CUTOFF) for q in Q]
+    assert found.pairs.tolist() == [pair for one in alone for pair in one.pairs.tolist()]
+    distance = np.concatenate([one.distance for one in alone])
+    assert (distance < 0).sum() > 10
+    np.testing.assert_allclose(found.distance, distance, rtol=0, atol=1e-8)
+    # Where it is farther apart than rounding tells, the normal is the direction between the nearest points of both.
+    apart = distance > 1e-3
+    normals = np.concatenate([one.normals for one in alone])[apart]
+    along = np.einsum("ki,ki->k", found.normals[apart], normals)
+    assert (along > 1.0 - 1e-6).mean() > 0.999
+
+
 def test_all_builds_give_the_same_bits(models, monkeypatch) -> None:
     _, native = models
     Q, answers = configurations(native, 30, seed=7), []
     for name in variants()[:-1]:
         built = import_module(f"optiplan._core._core_{name}")
-        for module in ("collision.native_model", "collision.clusters", "collision.native_shapes", "robot.native_tree"):
+        for module in ("collision.native_model", "collision.native_shapes", "robot.native_tree"):
             monkeypatch.setattr(import_module(f"optiplan.{module}"), "core", built)
-        for module, kept in (("native_shapes", "_made"), ("native_model", "_links"), ("clusters", "_kept")):
+        for module, kept in (("native_shapes", "_made"), ("native_model", "_links"), ("native_model", "_hulls")):
             monkeypatch.setattr(import_module(f"optiplan.collision.{module}"), kept, {})
         world = planning_model(native.robot, native.scene)
         assert isinstance(world, NativeCollisionModel)

@@ -117,6 +117,15 @@ def test_manipulability_of_two_links_by_rows():
     assert np.abs(np.array(at_right_angle)).max() < 1e-12  # the optimum of a two-link arm
 
 
+def test_manipulability_has_a_slope_where_it_is_zero():
+    """An elbow stretched to the last bit: no root of zero in the derivative, which would be no number."""
+    robot = load_robot("ur3")
+    slope = SymbolicRobot(robot.model, machine_code=False).manipulability("tool0").jacobian()
+    for elbow in (0.0, -np.pi, np.pi):
+        q = np.array([0.3, -1.0, elbow, 0.2, 0.0, 0.5])
+        assert np.isfinite(np.array(slope(q, 0))).all()
+
+
 @pytest.mark.parametrize("name", ["panda", "ur5", "every joint"])
 def test_derivatives_of_the_dynamics_are_those_of_pinocchio(name):
     model, _ = subject(name)

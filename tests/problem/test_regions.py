@@ -14,7 +14,7 @@ from optiplan.kinematics.jacobians import frame_pose
 from optiplan.kinematics.symbolic.state import BatchedExpression
 from optiplan.planners.base import Budget
 from optiplan.planners.common.goal_ranking import goal_sampler
-from optiplan.planners.trajopt.terms.rooms import end_rooms
+from optiplan.planners.path_constraints.goals import goal_inequalities
 from optiplan.problem.goals import goal_residual
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
@@ -71,8 +71,8 @@ def test_terms_of_the_free_end_are_its_coordinates(free):
         q = q + 0.1 * np.sin(np.arange(robot.n))
         c, inner = goal.coordinates(frame_pose(robot, q, goal.frame)), goal.inner(0.9)
         found = []
-        for room in end_rooms(goal):
-            rows = BatchedExpression(robot, "room", room.build)
+        for one in goal_inequalities(goal):
+            rows = BatchedExpression(robot, "inequality", one.build)
             still, h = np.zeros((1, robot.n)), 1e-6
             value, slopes = rows([q[None], still, still])
             for j, step in enumerate(h * np.eye(robot.n)):

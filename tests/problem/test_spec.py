@@ -4,7 +4,7 @@ import pytest
 
 from optiplan.errors import InputError
 from optiplan.problem.load import check_file, load_problem
-from optiplan.problem.schema import ProblemSpec, problem_schema
+from optiplan.problem.schema.problem import ProblemSpec, problem_schema
 
 SHAPE = "{sphere: 0.1}"
 POSE = "{position: [0, 2, 0]}"

@@ -209,7 +209,7 @@ def test_batch_kinematics_places_bodies_where_pinocchio_does(model, panda):
         q = random_q(rng, panda)
         pin.updateGeometryPlacements(panda.model, data, model.geometry, placed_by_pin, q)
         placed = bodies.place(bodies.kinematics.poses(q[None]), np.zeros_like(pairs), pairs)
-        for k, (a, b) in enumerate(bodies.pairs):
+        for k, (a, b) in enumerate(bodies.pairs[: len(pairs)]):
             expected = [placed_by_pin.oMg[int(i)].homogeneous for i in (a, b)]
             np.testing.assert_allclose(placed.poses[k], expected, atol=1e-12)
 

@@ -12,9 +12,10 @@ from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.report import VerifyPolicy
 from optiplan.viewer.page import render_page
 from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema
-from optiplan.viewer.run_checks import checks_of
-from optiplan.viewer.run_clearance import clearance_of
-from optiplan.viewer.run_curves import curves_of, short_names, tool_frames
+from optiplan.viewer.run_data.attempts import found_by
+from optiplan.viewer.run_data.checks import checks_of
+from optiplan.viewer.run_data.clearance import clearance_of
+from optiplan.viewer.run_data.curves import curves_of, short_names, tool_frames
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
 
@@ -170,3 +171,41 @@ def test_pages_stay_small(proof):
 )
 def test_short_names_leave_out_what_is_common(names, short):
     assert short_names(names) == short
+
+
+def test_how_a_run_was_found(proof):
+    """Attempts in words with the columns of their iterations; what a damaged record says of them is left out."""
+    columns = {"duration": [1.0, 0.8], "merit": [2, 1], "violation": [0.1, 0], "radius": [0.1, 0.2], "accepted": [1, 0]}
+    straight = {
+        "seed": "straight",
+        "free": True,
+        "iterations": 3,
+        "duration": 0.8,
+        "ended": "converged",
+        "log": columns,
+    }
+    refused = {
+        "seed": "bump",
+        "free": False,
+        "iterations": 2,
+        "touches": ["link5", "board"],
+        "log": {"duration": [1.0]},
+    }
+    torn = {**straight, "log": {**columns, "radius": [0.1]}}
+    record = {"improvements": [[0.03, 0.8]], "info": {"attempts": [straight, refused, torn, 3]}}
+    found = found_by(record)
+    assert found["improvements"] == [[0.03, 0.8]]
+    first, second, third = found["attempts"]
+    assert (first["begun_at"], first["ended"], first["log"]["violation"]) == ("straight line", "converged", [0.1, 0.0])
+    assert (second["begun_at"], second["hindered"]) == ("best curve with a bump", "link5 – board")
+    assert (second["duration"], second["log"], third["log"]) == (None, None, None)
+    assert found_by({"info": {"attempts": 3}}) is None
+    assert found_by(None) is None
+
+
+def test_a_planners_run_tells_the_page_how_it_was_found():
+    run = op.plan(op.load_problem("01_reach"), "trajopt", budget=2.0)
+    shown = build_scene(run.problem, [ViewedRun("a", run.trajectory, run.report.to_dict(), None, run.to_dict())])
+    first, *_ = shown.to_dict()["runs"][0]["found"]["attempts"]
+    assert first["begun_at"] == "straight line"
+    assert len(first["log"]["duration"]) == len(first["log"]["radius"]) > 0

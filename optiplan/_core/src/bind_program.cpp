@@ -161,8 +161,9 @@ std::unique_ptr<Sqp> among_others(std::shared_ptr<const Spline> spline, const Tr
     return std::make_unique<Sqp>(spline, std::move(ask), TorqueRows(tree, to_vector(torque)), make_settings(settings));
 }
 
-// Control points, duration, merit, violation of clearance (m), least value of a contact row (m), steps.
-using Descended = std::tuple<nb::ndarray<nb::numpy, double>, double, double, double, double, int>;
+// Control points, duration, merit, violation of clearance (m), least value of a contact row (m), steps, log (m, 5), ending.
+using Descended = std::tuple<nb::ndarray<nb::numpy, double>, double, double, double, double, int,
+                             nb::ndarray<nb::numpy, double>, int>;
 
 using AskCurve = std::function<bool(nb::ndarray<nb::numpy, double>, double)>;
 
@@ -189,8 +190,12 @@ Descended optimise(Sqp &sqp, Matrix control, int iterations, const std::function
     double nearest = std::numeric_limits<double>::infinity();
     for (double value : found.point.contacts.value) nearest = std::min(nearest, value);
     const double violation = found.point.contacts.violation();
+    Vec log;
+    for (const Iteration &one : found.log)
+        log.insert(log.end(), {one.duration, one.merit, one.violation, one.radius, one.accepted});
     return {to_numpy(std::move(found.point.control), {spline.points, spline.joints}), found.point.duration,
-            found.point.merit, violation, nearest, found.steps};
+            found.point.merit, violation, nearest, found.steps, to_numpy(std::move(log), {found.log.size(), 5}),
+            static_cast<int>(found.ended)};
 }
 
 // Rows of a curve, for tests: contacts, then torques: sample, value, by_control (K, M n), by_duration.

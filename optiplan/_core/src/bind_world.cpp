@@ -122,10 +122,11 @@ static nb::tuple near(const World &world, const Matrix &Q, double cutoff) {
     {
         nb::gil_scoped_release release;
         Placement at = world.placement();
+        Trail trail;
         for (std::size_t row = 0; row < Q.shape(0); ++row) {
             world.place(Q.data() + row * n, at);
             const std::size_t before = found.size();
-            world.near(at, static_cast<int>(row), cutoff, found);
+            world.near(at, static_cast<int>(row), cutoff, found, trail);
             slopes.resize(found.size() * n);
             for (std::size_t k = before; k < found.size(); ++k) world.gradient(at, found[k], slopes.data() + k * n);
         }

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 
 from optiplan.config.document import Document, Number, Strict, Whole, read_yaml, validate
 from optiplan.config.values import Name
-from optiplan.problem.schema import LimitScalesSpec, ObjectiveSpec
+from optiplan.problem.schema.problem import LimitScalesSpec, ObjectiveSpec
 
 COMMON = frozenset({"set", "difficulty", "limits", "objective"})
 KINDS = {

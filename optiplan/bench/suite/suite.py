@@ -24,7 +24,7 @@ from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.planners.base import Progress
 from optiplan.planners.registry import make_planner
 from optiplan.problem.from_data import goal_or_task, source_of
-from optiplan.problem.schema import ProblemSpec
+from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.runs.metrics import Metrics
 
 METRICS = (*(item.name for item in fields(Metrics)), *EXECUTION_METRICS)

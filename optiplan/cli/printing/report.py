@@ -1,5 +1,6 @@
 """Print runs and reports."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -28,6 +29,8 @@ def show_run(console: Console, run: Run, full: bool = False) -> None:
         console.print(cost, markup=False)
     if run.failure is not None:
         _show_failure(console, run.failure, title)
+    for line in _stops(run.info.get("stops", ()), full):
+        console.print(line, markup=False, style="dim")
     console.print(_times(run), markup=False, style="dim")
     for note in run.problem.robot.notes if run.report is None else ():  # the report holds them as well
         console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
@@ -106,6 +109,15 @@ def _cost(run: Run) -> str:
         return ""
     words = [f"{name} {part['cost']:.4g} ({part['value']:.4g} {part['unit']})" for name, part in parts.items()]
     return f"cost {sum(part['cost'] for part in parts.values()):.4g} s = {' + '.join(words)}"
+
+
+def _stops(stops: Sequence[Mapping[str, Any]], full: bool) -> list[str]:
+    """Say where a task stops and why: how often for each reason, or each stop."""
+    if full:
+        return [f"stops at {stop['t']:.3f} s, after step {stop['after']}: {stop['why']}" for stop in stops]
+    counts = Counter(stop["why"] for stop in stops)
+    words = [why if count == 1 else f"{why} ({count} times)" for why, count in counts.items()]
+    return [f"stops {len(stops)} times on the way: {'; '.join(words)}"] if stops else []
 
 
 def _times(run: Run) -> str:

@@ -17,6 +17,9 @@ from optiplan.robot.mimic_joints import Unfolded, unfold
 REFERENCES = ("local_world_aligned", "local")
 ALL_ROWS = (0, 1, 2, 3, 4, 5)
 
+SINGULAR = 1e-30
+"""Of det(J J^T), below which it counts as this much."""
+
 
 @dataclass(frozen=True, eq=False)
 class SymbolicRobot:
@@ -107,8 +110,8 @@ class SymbolicRobot:
         """Return Yoshikawa's measure at a symbolic configuration."""
         J = self.jacobian_expression(q, frame)[list(rows), :]
         gram = J @ J.T if J.shape[0] <= J.shape[1] else J.T @ J
-        # Rounding may leave a singular determinant below zero, where the root would not be a number.
-        return _casadi().sqrt(_casadi().fmax(expressions.determinant(gram), 0.0))
+        # Rounding may leave a singular determinant below zero, where the root is no number; at zero its slope is none.
+        return _casadi().sqrt(_casadi().fmax(expressions.determinant(gram), SINGULAR))
 
     def tangent(self) -> Any:
         """Rate of the configuration: q -> G (nq, nv) with dq/dt = G(q) v (angles may be kept as cos, sin)."""

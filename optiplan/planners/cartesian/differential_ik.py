@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.planners.cartesian.tool_path import ToolPath
+from optiplan.planners.cartesian.tool_path import FollowedPath
 from optiplan.problem.constraints.statements import RelativePose
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
@@ -54,7 +54,7 @@ class Together:
 class Tracker:
     """A robot's frame and the tool path that it shall follow; one object a thread."""
 
-    def __init__(self, robot: Robot, frame: str, path: ToolPath, aim: Aim) -> None:
+    def __init__(self, robot: Robot, frame: str, path: FollowedPath, aim: Aim) -> None:
         self.robot, self.frame, self.path, self.aim = robot, frame, path, aim
         self.scale = robot.limits.velocity
         own = np.arange(6 if aim.orientation else 3)

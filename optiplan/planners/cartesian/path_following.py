@@ -15,7 +15,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.diagnosis import first_ending, stuck
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
-from optiplan.planners.cartesian.tool_path import ToolPath
+from optiplan.planners.cartesian.tool_path import FollowedPath
 from optiplan.planners.common.failures import out_of_time
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.trajectory import Trajectory
@@ -44,7 +44,7 @@ class _Knots:
 
 
 def follow(
-    model: CollisionModel, path: ToolPath, start: tuple[str, Array], budget: Budget, aim: Aim | None = None
+    model: CollisionModel, path: FollowedPath, start: tuple[str, Array], budget: Budget, aim: Aim | None = None
 ) -> Trajectory | Failure:
     """Joint path q(s), s from 0 to 1, with the frame within 1e-6 m and 1e-6 rad of path(s) for all s.
 

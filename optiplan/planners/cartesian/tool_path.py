@@ -11,6 +11,7 @@ little rotation need no case of their own.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +20,19 @@ from optiplan.arrays import Array
 
 _STRAIGHT = 1e-9  # rad: smaller rotations have no axis
 _IN_LINE = 1e-5  # as a sine: rounding of three points in line, an arc with a radius of kilometres
+
+
+class FollowedPath(Protocol):
+    """Poses of a frame F in the world W over s from 0 to 1, twice continuously differentiable."""
+
+    def pose(self, s: float) -> pin.SE3:
+        """X_WF(s)."""
+
+    def twist(self, s: float) -> Array:
+        """dX/ds (6,): p'(s), m, and the angular velocity, rad, in world axes."""
+
+    def twist_rate(self, s: float) -> Array:
+        """d/ds of `twist`, (6,)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.problem.problem import Problem
@@ -21,4 +21,4 @@ class Work:
     @classmethod
     def on(cls, problem: Problem, budget: Budget) -> "Work":
         """Return the context of a call that begins."""
-        return cls(problem, planning_model(problem.robot, problem.scene), budget)
+        return cls(problem, kept_planning_model(problem.robot, problem.scene), budget)

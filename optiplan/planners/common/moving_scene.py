@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.path_timing import within_torque
@@ -43,7 +43,7 @@ def among_moving(planner: Planner[Any], problem: Problem, budget: Budget, progre
     if found.trajectory is None:
         return found
     motions = [*(one.trajectory for one in reversed(found.earlier)), found.trajectory][::-1]
-    with_time = delayed(problem, motions, planning_model(problem.robot, problem.scene), budget)
+    with_time = delayed(problem, motions, kept_planning_model(problem.robot, problem.scene), budget)
     if isinstance(with_time, Failure):
         return PlanResult(None, with_time, found.timings, found.info)
     info = {**found.info, "waited": with_time.wait, "slower": with_time.slower}

@@ -7,8 +7,8 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.native_model import planning_model
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.context import Work
@@ -96,7 +96,7 @@ class PointToPoint(Planner[Options]):
         """
         if problem.vias and not self.passes_vias:
             return
-        goals = self.targets(problem, planning_model(problem.robot, problem.scene), budget)
+        goals = self.targets(problem, kept_planning_model(problem.robot, problem.scene), budget)
         refused: list[InputError] = []
         for goal in [] if isinstance(goals, Failure) else goals:
             try:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget, Failure, PlanResult, Progress
 from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.goal_ranking import goal_sampler
@@ -59,7 +59,7 @@ def plan_sampled(task: PlanTask, options: SampledOptions, how: How) -> PlanResul
     """Search between the start and all goal configurations; shorten, smooth and time the path."""
     problem, budget, watch = task.problem, task.budget, Stopwatch()
     with watch.stage("set-up"):
-        model = planning_model(problem.robot, problem.scene)
+        model = kept_planning_model(problem.robot, problem.scene)
     task.progress("goals", 0.0)
     with watch.stage("goals"):
         sampler = goal_sampler(problem, model, budget, options.goals)

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.collision.native_model import planning_model
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
@@ -33,7 +33,7 @@ class Sclerp(Planner[SclerpOptions]):
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         problem = with_poses(problem)
-        watch, model = Stopwatch(), planning_model(problem.robot, problem.scene)
+        watch, model = Stopwatch(), kept_planning_model(problem.robot, problem.scene)
         with watch.stage("goals"):
             goals = ranked_goals(problem, model, budget, self.options.goals, nearer=False)
         if isinstance(goals, Failure) and goals.kind != "goal-unreachable":

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -13,17 +14,21 @@ from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.differential_ik import Aim, gone_together
 from optiplan.planners.cartesian.path_following import follow
-from optiplan.planners.cartesian.tool_path import line
+from optiplan.planners.cartesian.tool_path import FollowedPath, ToolPath, line
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import end_collides
+from optiplan.planners.task.blends import BlendedLine, Corner, StraightWay
 from optiplan.planners.task.stages import Situation, Stage, Stages
 from optiplan.problem.problem import JointGoal
 from optiplan.problem.task.scene_change import scene_after
-from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
+from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
 _AVOIDANCES = (4.0, 20.0)  # of limits, by arms with more joints than they need; tried in this order
+
+_ROUNDED = (1.0, 0.4, 0.0)
+"""Shares of the blends of lines that are tried, in this order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +41,7 @@ class Done:
         after: state in which it ends.
         stage: of the joints that move; None where none does.
         curve: their motion: timed, or of a line its path over s from 0 to 1; None where none moves.
+        corner: at the end of a line, rounded off: it ends, and the next one begins, in its middle.
     """
 
     step: TaskStep
@@ -43,6 +49,7 @@ class Done:
     after: Situation
     stage: Stage | None = None
     curve: Trajectory | None = None
+    corner: Corner | None = None
 
     @property
     def is_line(self) -> bool:
@@ -69,15 +76,50 @@ def is_chained(step: TaskStep) -> bool:
 
 
 def do_chain(stages: Stages, state: Situation, steps: Sequence[TaskStep], budget: Budget) -> Chain:
-    """Do steps without choice from a state, as far as they can be done."""
+    """Do steps without choice from a state, as far as they can be done.
+
+    Corners are rounded off as far as the steps say, less where that cannot be done, or not at all.
+    """
+    blends = any(isinstance(step.action, StraightLine) and step.action.blend for step in steps)
+    for share in _ROUNDED if blends else (0.0,):
+        chain = _do_all(stages, state, steps, budget, share)
+        if chain.failure is None or budget.over:
+            break
+    return chain
+
+
+def _do_all(stages: Stages, state: Situation, steps: Sequence[TaskStep], budget: Budget, rounded: float) -> Chain:
+    """Do them with corners rounded off by a share of what steps allow."""
     done: list[Done] = []
-    for step in steps:
-        found = _do(stages, state, step, budget)
+    corner: Corner | None = None
+    for step, after in zip_longest(steps, steps[1:]):
+        found = _do(stages, state, step, budget, _LineEnds(corner, None if after is None else after.action, rounded))
         if isinstance(found, Failure):
             return Chain(tuple(done), of_step(found, step, state))
         done.append(found)
-        state = found.after
+        state, corner = found.after, found.corner
     return Chain(tuple(done))
+
+
+@dataclass(frozen=True, eq=False)
+class _LineEnds:
+    """The corner in which a line begins, what follows it, and the share of its blend that is used."""
+
+    begins: Corner | None
+    after: Action | None
+    rounded: float
+
+    def of(self, action: StraightLine, X: pin.SE3) -> tuple[ToolPath | BlendedLine, Corner | None]:
+        """Return the path of a line of which the frame is at X, and the corner in which it ends."""
+        start = X if self.begins is None else self.begins.X_WC
+        end = line_end(action, start)
+        if not action.blend * self.rounded or not isinstance(self.after, StraightLine):
+            corner = None
+        else:
+            ways = StraightWay.between(start, end), StraightWay.between(end, line_end(self.after, end))
+            corner = Corner.of(*ways, action.blend * self.rounded)
+        way = self.begins.after if self.begins is not None else None if corner is None else corner.before
+        return (line(start, end) if way is None else BlendedLine(way, self.begins, corner)), corner
 
 
 def of_step(failure: Failure, step: TaskStep, state: Situation, stage: Stage | None = None) -> Failure:
@@ -91,21 +133,26 @@ def of_step(failure: Failure, step: TaskStep, state: Situation, stage: Stage | N
     return replace(failure, detail=f"{step.words}: {failure.detail}", witness=witness)
 
 
-def _do(stages: Stages, state: Situation, step: TaskStep, budget: Budget) -> Done | Failure:
+def _do(stages: Stages, state: Situation, step: TaskStep, budget: Budget, ends: _LineEnds) -> Done | Failure:
     action = step.action
     if isinstance(action, Attach | Detach):
         return _event(stages, state, step, action)
     if isinstance(action, Dwell):
         return Done(step, state, state)
     stage = stages.at(state, step, action.joints)
-    curve = _straight(stage, action) if isinstance(action, Move) else _line(stage, action, state, budget)
+    corner: Corner | None = None
+    if isinstance(action, Move):
+        curve = _straight(stage, action)
+    else:
+        path, corner = ends.of(action, frame_pose(stage.problem.robot, stage.problem.start, action.frame))
+        curve = _line(stage, action.frame, path, budget)
     if isinstance(curve, Failure):
         q = curve.witness.get("q")
         if q is not None and len(q) == len(stage.columns):
             whole = stage.whole(np.asarray(q, float), state).tolist()
             return replace(curve, witness={**curve.witness, "q": whole})
         return curve
-    return Done(step, state, Situation(stage.whole(curve.end, state), state.scene), stage, curve)
+    return Done(step, state, Situation(stage.whole(curve.end, state), state.scene), stage, curve, corner)
 
 
 def _event(stages: Stages, state: Situation, step: TaskStep, action: Attach | Detach) -> Done | Failure:
@@ -135,15 +182,13 @@ def _straight(stage: Stage, action: Move) -> Trajectory | Failure:
     return Failure("collision", f"'{pair.name_a}' meets '{pair.name_b}'", touch.witness())
 
 
-def _line(stage: Stage, action: StraightLine, state: Situation, budget: Budget) -> Trajectory | Failure:
+def _line(stage: Stage, frame: str, path: FollowedPath, budget: Budget) -> Trajectory | Failure:
     """Follow the line; a redundant arm tries several ways to use its freedom."""
     problem = stage.problem
-    start = frame_pose(problem.robot, problem.start, action.frame)
-    path = line(start, line_end(action, start))
     first: Failure | None = None
     for avoidance in _AVOIDANCES[: 2 if problem.robot.n > 6 else 1]:
-        aim = Aim(None, avoidance, together=gone_together(problem, action.frame))
-        found = follow(stage.model, path, (action.frame, problem.start), budget, aim)
+        aim = Aim(None, avoidance, together=gone_together(problem, frame))
+        found = follow(stage.model, path, (frame, problem.start), budget, aim)
         if isinstance(found, Trajectory):
             return found
         first = first or found

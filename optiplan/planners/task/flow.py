@@ -10,20 +10,19 @@ position and two derivatives at both of its ends; between two moves both parts a
 move ends.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.task.chains import Done
-from optiplan.planners.task.line_timing import line_limits
+from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
+from optiplan.planners.task.stops import why_stop
 from optiplan.planners.task.stretches import Stretch
-from optiplan.problem.task.steps import Move
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path_by_law
@@ -53,45 +52,46 @@ _SLACK = 1e-9
 _BISECTIONS = 60
 
 
-def flowing(stretches: Sequence[Stretch], budget: Budget, progress: Progress) -> list[Stretch]:
-    """Return the stretches, those joined that are quicker so."""
-    groups = _groups(stretches)
-    found: list[Stretch] = []
+def flowing(
+    stretches: Sequence[Stretch], budget: Budget, progress: Progress, thorough: bool = True
+) -> list[list[Stretch]]:
+    """Return the stretches, those joined that are quicker so, in groups between which the arm must stop.
+
+    Args:
+        stretches: steps, each from rest to rest.
+        budget: what is not joined when it is over stops.
+        progress: called with the share of groups.
+        thorough: whether junctions of other sizes are tried where the first free ones gain little.
+    """
+    groups = _groups(stretches, _goes_on)
+    found: list[list[Stretch]] = []
     for k, group in enumerate(groups):
         progress("joining steps", k / len(groups))
-        found += _joined(group, budget)
+        found.append([one for part in _groups(group, _can_be_joined) for one in _joined(part, budget, thorough)])
     return found
 
 
-def _groups(stretches: Sequence[Stretch]) -> list[list[Stretch]]:
-    """Cut stretches where the arm must stop: at events, other joints, and between two lines."""
+def _groups(stretches: Sequence[Stretch], go_on: Callable[[Done, Done], bool]) -> list[list[Stretch]]:
+    """Cut stretches where one does not go on in the next."""
     groups: list[list[Stretch]] = []
     for stretch in stretches:
-        if groups and _goes_on(groups[-1][-1], stretch):
+        if groups and go_on(groups[-1][-1].done[-1], stretch.done[0]):
             groups[-1].append(stretch)
         else:
             groups.append([stretch])
     return groups
 
 
-def _goes_on(before: Stretch, after: Stretch) -> bool:
-    a, b = before.done[-1], after.done[0]
-    if not (_can_flow(a) and _can_flow(b)) or (a.is_line and b.is_line):
-        return False
-    assert a.stage is not None
-    assert b.stage is not None
-    return a.stage.columns == b.stage.columns and a.after.scene is b.before.scene
+def _goes_on(before: Done, after: Done) -> bool:
+    return why_stop(before, after) is None
 
 
-def _can_flow(done: Done) -> bool:
-    """Whether a step may be part of a longer motion: moves from rest whose curve may change, and lines."""
-    if done.stage is None or done.curve is None or done.step.kind == "gripper" or done.stage.problem.moving_start:
-        return False
-    action = done.step.action
-    return done.is_line or (isinstance(action, Move) and not action.vias and not done.stage.problem.path_constraints)
+def _can_be_joined(before: Done, after: Done) -> bool:
+    """Whether the curves of both may change without regard to constraints: those of lines do not."""
+    return all(one.is_line or (one.stage and not one.stage.problem.path_constraints) for one in (before, after))
 
 
-def _joined(group: list[Stretch], budget: Budget) -> list[Stretch]:
+def _joined(group: list[Stretch], budget: Budget, thorough: bool) -> list[Stretch]:
     """Return a group as one stretch, or as several where some junction is not free, or not quicker."""
     if len(group) == 1 or budget.over:
         return group
@@ -102,20 +102,24 @@ def _joined(group: list[Stretch], budget: Budget) -> list[Stretch]:
         if found is not None and found.ends[-1] < (stopping if best is None else best.ends[-1]):
             best = found
         slow = found is not None and found.ends[-1] > (1.0 + _HOPELESS) * stopping
-        if budget.over or slow or (best is not None and best.ends[-1] < (1.0 - _ENOUGH) * stopping):
+        gained = best is not None and best.ends[-1] < (1.0 - _ENOUGH) * stopping
+        if budget.over or slow or gained or (found is not None and not thorough):
             break
     if best is not None:
         return [best]
-    if len(group) == 2:
+    counts = np.cumsum([0, *(len(run.done) for run in smooth_runs([stretch.done[0] for stretch in group]))]).tolist()
+    if len(counts) == 2:
         return group
-    return [*_joined(group[:2], budget), *_joined(group[2:], budget)]
+    middle = counts[1] if len(counts) == 3 else counts[2]
+    return [*_joined(group[:middle], budget, thorough), *_joined(group[middle:], budget, thorough)]
 
 
 def _in_one_go(group: list[Stretch], first: int, budget: Budget) -> Stretch | None:
     """Return a group as one motion, with junctions of the first free size from `first` on; None where one is not."""
-    sizes = [first] * (len(group) - 1)
-    while not budget.over and max(sizes) < len(_SHARES):
-        path = _Path.of(group, sizes)
+    runs = smooth_runs([stretch.done[0] for stretch in group])
+    sizes = [first] * (len(runs) - 1)
+    while not budget.over and max(sizes, default=0) < len(_SHARES):
+        path = _Path.of(runs, sizes)
         if path is None:
             return None
         touched = path.junction_that_touches(budget)
@@ -127,10 +131,15 @@ def _in_one_go(group: list[Stretch], first: int, budget: Budget) -> Stretch | No
 
 @dataclass(frozen=True, eq=False)
 class _PathElement:
-    """A move or a line in the path: its curve over a parameter, and how long it stops for, s."""
+    """A move or a line in the path, and its curve over the path's parameter."""
 
-    done: Done
+    run: SmoothRun
     curve: Trajectory
+
+    @property
+    def done(self) -> Done:
+        """Its first step."""
+        return self.run.done[0]
 
     def state(self, p: float) -> Array:
         """Return q, dq/dp, d²q/dp² (3, n)."""
@@ -154,9 +163,9 @@ class _Path:
     parts: list[Trajectory]
 
     @classmethod
-    def of(cls, group: Sequence[Stretch], sizes: Sequence[int]) -> "_Path | None":
+    def of(cls, runs: Sequence[SmoothRun], sizes: Sequence[int]) -> "_Path | None":
         """Return the path with junctions of these sizes (indices of `_SHARES`); None where one turns back."""
-        elements = [_element(stretch.done[0]) for stretch in group]
+        elements = [_element(run) for run in runs]
         parts = []
         for k, element in enumerate(elements):
             if element.done.is_line:
@@ -209,41 +218,46 @@ class _Path:
         assert first.stage is not None
         path = _one_after_another(self.parts, edges)
         shares = edges / edges[-1]
+        places = list(zip(self.elements, pairwise(shares.tolist()), strict=True))
         slow = [
-            (float(shares[k]), float(shares[k + 1]), tool)
-            for k, element in enumerate(self.elements)
-            if element.done.is_line and (tool := line_limits(element.done)) is not None
+            (low + begin * (high - low), low + end * (high - low), tool)
+            for element, (low, high) in places
+            for begin, end, tool in element.run.slow_parts()
         ]
         options = TimingOptions(tool_parts=tuple(slow), stop=lambda: budget.over)
         found = time_path_by_law(path, first.stage.problem.robot, first.stage.problem.limits, options)
         if found is None:
             return None
         motion, law = found
-        ends = [_time_of(law, float(share)) for share in shares[1:-1]]
-        return Stretch(tuple(element.done for element in self.elements), motion, (*ends, motion.duration))
+        ends = [low + edge * (high - low) for element, (low, high) in places for edge in element.run.edges[1:]]
+        times = [time_of(law, share) for share in ends[:-1]]
+        done = tuple(one for element in self.elements for one in element.run.done)
+        return Stretch(done, motion, (*times, motion.duration))
 
 
-def _element(done: Done) -> _PathElement:
-    """Return a step's curve over a parameter in which the fastest joint runs about at its speed limit."""
-    assert done.curve is not None
-    assert done.stage is not None
-    speed = done.stage.problem.limits.velocity
-    t = np.linspace(0.0, done.curve.duration, _SAMPLES + 1)
-    Q = done.curve(t)
+def _element(run: SmoothRun) -> _PathElement:
+    """Return a run's curve over a parameter in which the fastest joint runs about at its speed limit."""
+    stage, curve = run.done[0].stage, run.curve
+    assert stage is not None
+    speed = stage.problem.limits.velocity
+    t = np.linspace(0.0, curve.duration, _SAMPLES + 1)
+    Q = curve(t)
     steps = np.linalg.norm(np.diff(Q, axis=0) / speed, axis=1)
     length = float(steps.sum())
-    if done.is_line:
-        return _PathElement(done, done.curve.scaled(max(length, 1e-6)))
+    if run.is_line:
+        return _PathElement(run, curve.scaled(max(length, 1e-6)))
     way = np.concatenate([[0.0], np.cumsum(steps)])
     kept = np.concatenate([[True], np.diff(way) > 1e-9 * max(length, 1e-9)])
     times = np.interp(np.linspace(0.0, length, _POINTS), way[kept], t[kept])
-    points = done.curve(times)
+    points = curve(times)
     points[0], points[-1] = Q[0], Q[-1]
-    spline = CubicSpline(np.linspace(0.0, length, _POINTS), points)
-    return _PathElement(done, _of_spline(done.curve.joint_names, spline))
+    return _PathElement(run, _cubic_spline(curve.joint_names, length, points))
 
 
-def _of_spline(names: tuple[str, ...], spline: CubicSpline) -> Trajectory:
+def _cubic_spline(names: tuple[str, ...], length: float, points: Array) -> Trajectory:
+    from scipy.interpolate import CubicSpline  # takes 0.2 s, which every `optiplan plan` would pay
+
+    spline = CubicSpline(np.linspace(0.0, length, len(points)), points)
     return Trajectory(names, spline.x, np.swapaxes(spline.c[::-1], 0, 1))
 
 
@@ -321,7 +335,7 @@ def _one_after_another(parts: Sequence[Trajectory], edges: Array) -> Trajectory:
     return Trajectory(parts[0].joint_names, np.concatenate([[0.0], *breakpoints]), np.concatenate(padded))
 
 
-def _time_of(law: Trajectory, share: float) -> float:
+def time_of(law: Trajectory, share: float) -> float:
     """Return when a law passes a share of the path, s; it never decreases."""
     low, high = 0.0, law.duration
     for _ in range(_BISECTIONS):

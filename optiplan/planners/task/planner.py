@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,12 @@ from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.task.chains import Done, of_step
 from optiplan.planners.task.flow import flowing
 from optiplan.planners.task.line_timing import line_limits, timed_line
+from optiplan.planners.task.optimisation.stretch_optimiser import optimised
 from optiplan.planners.task.search import TaskSearch
+from optiplan.planners.task.stops import stops_of
 from optiplan.planners.task.stretches import Stretch
 from optiplan.planners.task.waiting import standstill, waiting
+from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import Dwell
 from optiplan.robot.robot import Robot
@@ -50,30 +54,56 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     stretches = [Stretch.of(a, b) for a, b in zip(done, timed, strict=True) if not isinstance(b, Failure)]
     if problem.scene.moving:
         with watch.stage("waiting"):
-            return _among_moving(problem, stretches, budget, progress, {"moves": search.infos})
+            result = _among_moving(problem, planner, stretches, budget, progress)
+        return replace(result, info={"moves": search.infos, **result.info})
     first = Candidate(joined(problem, stretches), time.perf_counter() - began)
     info: dict[str, Any] = {"moves": search.infos, "attempts": search.attempts}
     with watch.stage("flow"):
-        flow = flowing(stretches, budget, progress)
-    info["cut_short"] = budget.over
-    if len(flow) == len(stretches):
-        return PlanResult(first.trajectory, None, watch.seconds, info, (), first.seconds)
-    info |= {"duration_with_stops": first.trajectory.duration, "stops_left_out": len(stretches) - len(flow)}
-    return PlanResult(joined(problem, flow), None, watch.seconds, info, (first,), time.perf_counter() - began)
+        groups = flowing(stretches, budget, progress, thorough=not _timed_only(problem))
+    flow = [one for group in groups for one in group]
+    joint = Candidate(joined(problem, flow), time.perf_counter() - began)
+    with watch.stage("optimisation"):
+        whole = _optimised(problem, planner, groups, budget, progress)
+    info |= {"cut_short": budget.over, "stops": stops_of(whole), "duration_with_stops": first.trajectory.duration}
+    info |= {"duration_joined": joint.trajectory.duration, "stops_left_out": len(stretches) - len(whole)}
+    found = [first, joint, Candidate(joined(problem, whole), time.perf_counter() - began)]
+    shorter = [len(flow) < len(stretches), whole != flow]
+    *earlier, last = [first, *(one for one, good in zip(found[1:], shorter, strict=True) if good)]
+    return PlanResult(last.trajectory, None, watch.seconds, info, tuple(earlier), last.seconds)
+
+
+def _optimised(
+    problem: Problem, planner: Planner[Any], groups: Sequence[list[Stretch]], budget: Budget, progress: Progress
+) -> list[Stretch]:
+    """Optimise what lies between two stops as one, where it is more than a line and time is all that counts."""
+    options = planner.options if isinstance(planner.options, TrajOptOptions) else TrajOptOptions()
+    found: list[Stretch] = []
+    for k, group in enumerate(groups):
+        progress("optimising steps together", k / len(groups))
+        several = sum(len(stretch.done) for stretch in group) > 1
+        worth = several and _timed_only(problem) and not budget.over
+        found += optimised(group, options, budget) if worth else group
+    return found
+
+
+def _timed_only(problem: Problem) -> bool:
+    """Whether only time counts, so that steps are optimised together."""
+    return problem.objective.weights.keys() == {"time"}
 
 
 def _among_moving(
-    problem: Problem, stretches: list[Stretch], budget: Budget, progress: Progress, info: dict[str, Any]
+    problem: Problem, planner: Planner[Any], stretches: list[Stretch], budget: Budget, progress: Progress
 ) -> PlanResult:
-    """Let what moves pass: of the steps joined where that is quicker, or else of them one by one."""
+    """Let what moves pass: of the steps as one where that is quicker, or else of them one by one."""
+    groups = flowing(stretches, budget, progress, thorough=not _timed_only(problem))
     failure: Failure | None = None
-    for way in (flowing(stretches, budget, progress), stretches):
+    for way in (_optimised(problem, planner, groups, budget, progress), stretches):
         passed = waiting(problem, way, budget)
         if not isinstance(passed, Failure):
-            info["waited"] = sum(b.ends[-1] - a.ends[-1] for a, b in zip(way, passed, strict=True))
-            return PlanResult(joined(problem, passed), None, {}, info)
+            waited = sum(b.ends[-1] - a.ends[-1] for a, b in zip(way, passed, strict=True))
+            return PlanResult(joined(problem, passed), None, {}, {"waited": waited, "stops": stops_of(passed)})
         failure = passed
-    return PlanResult(None, failure, {}, info)
+    return PlanResult(None, failure, {}, {})
 
 
 def _timed(done: Done) -> "Trajectory | float | Failure":

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.collision.native_model import planning_model
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
 from optiplan.planners.common.moving_scene import delayed, without_moving
 from optiplan.planners.trajopt.bspline_basis import DEGREE
@@ -19,7 +19,7 @@ from optiplan.planners.trajopt.moving_ends import (
     torque_ratio,
     with_reserve,
 )
-from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import speed_ratio
@@ -64,7 +64,7 @@ def plan_among_moving(
     static = planner.plan(without_moving(problem), budget.share(_STATIC), progress)
     if static.trajectory is None:
         return static
-    model = planning_model(problem.robot, problem.scene)
+    model = kept_planning_model(problem.robot, problem.scene)
     waiting = delayed(problem, [static.trajectory], model, budget.share(_DELAYS))
     info: dict[str, Any] = {"attempts": [*static.info.get("attempts", ())], "cut_short": False}
     found: list[Candidate] = []
@@ -115,10 +115,8 @@ def _curves(
             guesses.append((with_bump(optimiser.basis, base, T, problem.limits, rng), T))
         before = optimiser.steps
         attempt = curves.run(*guesses[k], budget)
-        free = attempt is not None and attempt.free
-        entry = {"seed": "in time", "free": free, "iterations": optimiser.steps - before}
-        info["attempts"].append(entry | ({} if attempt is None else {"duration": attempt.trajectory.duration}))
-        if attempt is not None and free:
+        info["attempts"].append(attempt_record("in time", attempt, optimiser.steps - before, optimiser.log))
+        if attempt is not None and attempt.free:
             offer(attempt.trajectory)
             if best is None or attempt.trajectory.duration < best.trajectory.duration:
                 best = attempt

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -10,12 +10,13 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.continuous_collision import Touch
 from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.path_constraints.held import Broken, broken_constraint
 from optiplan.planners.trajopt.incumbent import Incumbent
-from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
+from optiplan.planners.trajopt.program.iteration_log import IterationLog
 from optiplan.planners.trajopt.speculative_attempts import AttemptOutcome, SpeculativeAttempts
 from optiplan.planners.trajopt.stopping_rule import Patience
 from optiplan.planners.trajopt.terms.free_end import FreeEnd
-from optiplan.planners.trajopt.terms.path_constraints import Broken, broken_constraint
 from optiplan.problem.problem import JointGoal
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -132,34 +133,30 @@ class Attempts:
             if kind in ("straight", "line", "bump"):
                 known = self.ahead.take(control, budget, incumbent.cost, self.patient)
             if known is not None:
-                attempt, steps = self._made(known, late)
+                attempt, steps, log = self._made(known, late)
             else:
                 first, before = incumbent.offer_first, optimiser.steps
                 attempt = optimiser.run(
                     control, budget, margin, incumbent.cost, patient=self.patient, first=first, late=late
                 )
-                steps = optimiser.steps - before
+                steps, log = optimiser.steps - before, optimiser.log
         self.patience.work(steps=steps)
-        self._record(kind, attempt, steps)
+        incumbent.info["attempts"].append(attempt_record(kind, attempt, steps, log))
+        if attempt is not None and attempt.touches:
+            self._touching = attempt.touches[0], attempt.trajectory
+        if attempt is not None and attempt.broken:
+            self._breaking = attempt.broken[0], attempt.trajectory
         return attempt if attempt is not None and attempt.free else None
 
-    def _made(self, outcome: AttemptOutcome, late: Callable[[], None] | None) -> tuple[Attempt | None, int]:
-        """Return an attempt that another thread has made, and its steps."""
+    def _made(
+        self, outcome: AttemptOutcome, late: Callable[[], None] | None
+    ) -> tuple[Attempt | None, int, IterationLog]:
+        """Return an attempt that another thread has made, its steps and their log."""
         if outcome.late and late is not None:
             late()
         if outcome.first is not None:
             self.incumbent.offer_first(outcome.first)
-        return outcome.attempt, outcome.steps
-
-    def _record(self, kind: Kind, attempt: Attempt | None, steps: int) -> None:
-        entry: dict[str, Any] = {"seed": kind, "free": attempt is not None and attempt.free, "iterations": steps}
-        if attempt is not None:
-            entry["duration"] = attempt.trajectory.duration
-            if attempt.touches:
-                self._touching = attempt.touches[0], attempt.trajectory
-            if attempt.broken:
-                self._breaking = attempt.broken[0], attempt.trajectory
-        self.incumbent.info["attempts"].append(entry)
+        return outcome.attempt, outcome.steps, outcome.log
 
     def why_not(self) -> Failure:
         """Return why no attempt has led to a free motion."""

@@ -1,7 +1,7 @@
 """The curve that is optimised: a clamped B-spline q(u), u in [0, 1], run through in T seconds (t = u T)."""
 
 import math
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -28,6 +28,22 @@ def bunched_breakpoints(spans: int, bunching: float) -> Array:
     x = np.linspace(0.0, 1.0, spans - 1)
     u = x - bunching * np.sin(2.0 * np.pi * x) / (2.0 * np.pi)
     return np.concatenate([[0.0, 0.3 * u[1]], u[1:-1], [1.0 - 0.3 * u[1], 1.0]])
+
+
+def moving_breakpoints(spans: int, bunching: float, rests: tuple[bool, bool]) -> Array:
+    """Breakpoints likewise of a curve that need not begin, or end, at rest: closer together at its rests only."""
+    if all(rests):
+        return bunched_breakpoints(spans, bunching)
+    if not any(rests):
+        return np.linspace(0.0, 1.0, spans + 1)
+    from_rest = 2.0 * bunched_breakpoints(2 * spans, bunching)[: spans + 1]
+    return from_rest if rests[0] else 1.0 - from_rest[::-1]
+
+
+@lru_cache(maxsize=8)
+def bunched_basis(spans: int, bunching: float, open_end: bool) -> "SplineBasis":
+    """Return the basis with these spans, made once: every attempt of every plan asks for one of a few."""
+    return SplineBasis(bunched_breakpoints(spans, bunching), open_end)
 
 
 class SplineBasis:
@@ -105,7 +121,7 @@ class SplineBasis:
         return np.vstack([np.linalg.solve(first, start), np.linalg.solve(last, end)])
 
     @cached_property
-    def _end_shapes(self) -> Array:
+    def end_shapes(self) -> Array:
         """Control points (K, 6) of curves near the quintic polynomials of which one of the six values at the ends is 1.
 
         These are q, dq/du and d²q/du² at u = 0, then at u = 1.
@@ -120,7 +136,7 @@ class SplineBasis:
     def moved_ends(self, control: Array, start: Array, end: Array) -> Array:
         """The control points (K, n) of the curve that is bent smoothly to new ends, (3, n) each; see `ends`."""
         rows = [self.derivative[order][at] for at in (0, -1) for order in range(FIXED)]
-        moved = control + self._end_shapes @ (np.vstack([start, end]) - np.array(rows) @ control)
+        moved = control + self.end_shapes @ (np.vstack([start, end]) - np.array(rows) @ control)
         ends = self.ends(start, end)
         moved[:FIXED], moved[-FIXED:] = ends[:FIXED], ends[FIXED:]
         return np.asarray(moved)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from optiplan.planners.base import Candidate, Progress, announce
+from optiplan.planners.path_constraints.held import PathConstraints
 from optiplan.planners.trajopt.optimizer import Attempt
-from optiplan.planners.trajopt.terms.path_constraints import PathConstraints
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 

@@ -17,7 +17,7 @@ from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.common.via_legs import joined
 from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, torque_ratio, with_reserve
-from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem
@@ -173,11 +173,9 @@ class _MovingRun:
             attempt = optimiser.run(control, duration, budget)
         steps = self.optimiser.steps - before
         self.patience.work(steps=steps)
+        self.info["attempts"].append(attempt_record(kind, attempt, steps, self.optimiser.log))
         free = attempt is not None and attempt.free
-        entry: dict[str, Any] = {"seed": kind, "free": free, "iterations": steps}
-        self.info["attempts"].append(entry)
         if attempt is not None:
-            entry["duration"] = attempt.trajectory.duration
             if attempt.touches:
                 self.touching = attempt.touches[0], attempt.trajectory
             elif not attempt.broken and self._offer(attempt.trajectory):

@@ -10,6 +10,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis
 from optiplan.planners.trajopt.optimizer import ACTIVE, Attempt, Optimiser, around
+from optiplan.planners.trajopt.program.iteration_log import NOTHING
 from optiplan.planners.trajopt.program.sqp import MAX_VIOLATION, STUCK, Descended, Descender
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.state import State
@@ -82,8 +83,8 @@ class MovingOptimiser:
         """
         own, options = self.optimiser, self.optimiser.options
         control = self.ends.held(self.basis, control, duration)
-        descender, u = own.descender(control, margin, own.constraints.begin()), own.instants(control)
-        attempt, before = None, own.steps
+        descender, u = own.descender(control, margin, own.constraint_terms.begin()), own.instants(control)
+        attempt, before, own.log = None, own.steps, NOTHING
         for _ in range(options.refinements + 1):
             descender.set_samples(u)
             found = self._fixed_point(descender, control, duration, options.iterations + before, lambda: budget.over)
@@ -101,7 +102,7 @@ class MovingOptimiser:
                 return None
             if not (touches or broken) or steps >= options.iterations or budget.over or found.missing > STUCK:
                 break
-            own.constraints.raise_prices(broken)
+            own.constraint_terms.raise_prices(broken)
             times = [touch.t / trajectory.duration for touch in touches] + [one.share for one in broken]
             u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
         return attempt
@@ -114,7 +115,7 @@ class MovingOptimiser:
         for k in range(ROUNDS):
             control = self.ends.held(self.basis, control, times[-1])
             found = descender.optimise(control, max(1, most - own.steps), stop)
-            own.steps += found.steps
+            own.count(found)
             control = found.control
             settled = abs(found.duration - times[-1]) <= SETTLED * found.duration
             times.append(found.duration)

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from optiplan._core import core
 from optiplan.arrays import Array
@@ -12,16 +12,18 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
-from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
+from optiplan.planners.path_constraints.held import Broken, PathConstraints
+from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_basis
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
+from optiplan.planners.trajopt.program.iteration_log import NOTHING, IterationLog
 from optiplan.planners.trajopt.program.native_sqp import NativeSqp
 from optiplan.planners.trajopt.program.native_step import step_solver
-from optiplan.planners.trajopt.program.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descender, Sqp
+from optiplan.planners.trajopt.program.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descended, Descender, Sqp
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.free_end import FreeEnd
 from optiplan.planners.trajopt.terms.integrals import integral_costs
-from optiplan.planners.trajopt.terms.path_constraints import Broken, PathConstraints
+from optiplan.planners.trajopt.terms.path_constraints import ConstraintTerms
 from optiplan.planners.trajopt.terms.term import Term
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -72,19 +74,28 @@ class Optimiser:
     Attributes:
         end: the set in which motions end; None: where they begin to.
         constraints: on the path.
+        constraint_terms: the same as terms.
         objective: what motions cost.
         steps: taken so far, in all attempts.
+        log: of the latest attempt.
     """
 
     def __init__(
-        self, problem: Problem, model: CollisionModel, options: TrajOptOptions, end: FreeEnd | None = None
+        self,
+        problem: Problem,
+        model: CollisionModel,
+        options: TrajOptOptions,
+        end: FreeEnd | None = None,
+        basis: SplineBasis | None = None,
     ) -> None:
         self.problem, self.model, self.options, self.end = problem, model, options, end
-        self.basis = SplineBasis(bunched_breakpoints(options.spans, options.bunching), open_end=end is not None)
+        self.basis = bunched_basis(options.spans, options.bunching, end is not None) if basis is None else basis
         self.constraints = PathConstraints(problem)
+        self.constraint_terms = ConstraintTerms(self.constraints)
         self.objective = problem.objective_parts()
         self._costs = integral_costs(problem, model)
         self.steps = 0
+        self.log: IterationLog = NOTHING
 
     def run(  # noqa: PLR0913
         self,
@@ -115,9 +126,9 @@ class Optimiser:
             late: called once, between two steps, where no curve is free after the first few of them.
         """
         control = self._within_limits(control)
-        terms = self.constraints.begin() + (() if self.end is None else self.end.terms)
+        terms = self.constraint_terms.begin() + (() if self.end is None else self.end.terms)
         descender, u = self.descender(control, margin, terms), self.instants(control)
-        iterations, attempt = 0, None
+        iterations, attempt, self.log = 0, None, NOTHING
         least = self.basis.shortest_duration(control, self.problem.limits.rates)
         longest = np.inf if patient or terms or self._costs else GROWN * least
         looked: Attempt | None = None
@@ -143,7 +154,7 @@ class Optimiser:
             left = self.options.iterations - iterations
             found = descender.optimise(control, left, over, best, longest, None if terms else go_on)
             iterations += found.steps
-            self.steps += found.steps
+            self.count(found)
             control = found.control if self.end is None else self.end.landed(found.control)
             too_late = budget.over and self.problem.objective.time * found.duration >= best
             if too_late or budget.cancelled or found.missing > MAX_VIOLATION:
@@ -156,7 +167,7 @@ class Optimiser:
             enough = iterations >= self.options.iterations or (iterations >= SLOW and found.duration > longest)
             if attempt.free or enough or budget.over or found.missing > STUCK:
                 break
-            self.constraints.raise_prices(attempt.broken)
+            self.constraint_terms.raise_prices(attempt.broken)
             times = [touch.t / attempt.trajectory.duration for touch in attempt.touches]
             times += [one.share for one in attempt.broken]
             u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
@@ -167,6 +178,11 @@ class Optimiser:
         held, free = control.copy(), self.basis.free
         held[free] = np.clip(control[free], self.problem.limits.lower, self.problem.limits.upper)
         return held
+
+    def count(self, found: Descended) -> None:
+        """Count a descent as part of the latest attempt."""
+        self.steps += found.steps
+        self.log = self.log.then(found.log)
 
     def _checked(self, control: Array, duration: float, budget: Budget) -> Attempt | None:
         """Return a curve timed and checked between the samples; None if gravity is too much."""
@@ -213,6 +229,8 @@ class Optimiser:
         """Return the motion at its cheapest duration, which is at most half longer than that of the descent."""
         if self.problem.objective.plain:
             return fastest
+        from scipy.optimize import minimize_scalar  # takes 0.1 s, which every `optiplan plan` would pay
+
         most = max(1.0, _LONGER * duration / fastest.duration)
         found = minimize_scalar(
             lambda factor: self.objective.cost(fastest.scaled(fastest.duration * factor)),
@@ -222,6 +240,26 @@ class Optimiser:
         )
         slower = fastest.scaled(fastest.duration * float(found.x))
         return slower if self.objective.cost(slower) < self.objective.cost(fastest) else fastest
+
+
+def attempt_record(seed: str, attempt: Attempt | None, steps: int, log: IterationLog) -> dict[str, Any]:
+    """Return what a planner's `info["attempts"]` says of an attempt, JSON-ready.
+
+    Args:
+        seed: what it began at.
+        attempt: what it led to; None as of `Optimiser.run`.
+        steps: taken.
+        log: of its iterations.
+    """
+    told: dict[str, Any] = {"seed": seed, "free": attempt is not None and attempt.free, "iterations": steps}
+    if attempt is not None:
+        told["duration"] = attempt.trajectory.duration
+        if attempt.touches:
+            pair = attempt.touches[0].contact.pair
+            told["touches"] = [pair.name_a, pair.name_b]
+        if attempt.broken:
+            told["breaks"] = attempt.broken[0].kept.name
+    return told | log.to_dict()
 
 
 def _instants(basis: SplineBasis, count: int) -> Array:

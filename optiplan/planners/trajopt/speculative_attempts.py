@@ -13,6 +13,7 @@ from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.program.iteration_log import IterationLog
 from optiplan.planners.trajopt.program.sqp import SLOW
 from optiplan.problem.problem import Problem
 
@@ -28,12 +29,14 @@ class AttemptOutcome(NamedTuple):
         steps: taken.
         first: its first curve that was free; None without one.
         late: whether it was late, see `Optimiser.run`.
+        log: of its iterations.
     """
 
     attempt: Attempt | None
     steps: int
     first: Attempt | None
     late: bool
+    log: IterationLog
 
 
 @dataclass(eq=False)
@@ -126,4 +129,5 @@ class SpeculativeAttempts:
         attempt = optimiser.run(
             control, budget, None, best, patient=patient, first=free.append, late=lambda: late.append(True)
         )
-        return AttemptOutcome(attempt, optimiser.steps - before, free[0] if free else None, bool(late))
+        first = free[0] if free else None
+        return AttemptOutcome(attempt, optimiser.steps - before, first, bool(late), optimiser.log)

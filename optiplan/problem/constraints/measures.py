@@ -11,7 +11,6 @@ from optiplan.arrays import Array
 from optiplan.problem.constraints.base import circle_of
 from optiplan.problem.constraints.statements import (
     FixedOrientation,
-    JointCoupling,
     LookAt,
     OnArc,
     OnCircle,
@@ -68,28 +67,6 @@ def measures(one: PathConstraint) -> list[Measure]:
     """
     make = _KINDS.get(type(one))
     return [] if make is None else make(one)
-
-
-def broken(one: PathConstraint, robot: Robot, q: Array) -> list[str]:
-    """Return in words what a configuration q (n,) violates, with both values."""
-    if isinstance(one, JointCoupling):
-        return _uncoupled(one, robot, q)
-    own = measures(one)
-    if not own:
-        return []
-    X = FramePoses.of(robot, one)(q[None])
-    values = [(each, float(each.value(X)[0])) for each in own]
-    return [
-        f"{each.quantity} by {each.told(value):.4g} {each.unit} of {each.told(each.limit):.4g} {each.unit} allowed"
-        for each, value in values
-        if value > each.limit + ROUNDING
-    ]
-
-
-def _uncoupled(one: JointCoupling, robot: Robot, q: Array) -> list[str]:
-    names = list(robot.joint_names)
-    off = abs(sum(weight * float(q[names.index(name)]) for name, weight in one.joints.items()) - one.equals)
-    return [] if off <= one.within + ROUNDING else [f"uncoupled by {off:.4g} of {one.within:.4g} allowed"]
 
 
 class FramePoses:

@@ -12,7 +12,8 @@ from optiplan.geometry.pose_schema import PoseSpec, ToleranceSpec
 
 def _ordered(values: tuple[float, ...]) -> tuple[float, ...]:
     if len(values) != 2 or not 0.0 <= values[0] < values[1] <= 1.0:
-        raise ValueError("two fractions of the duration, [from, to] with 0 <= from < to <= 1")
+        expected = "two fractions of the duration, [from, to] with 0 <= from < to <= 1"
+        raise ValueError(f"found {list(values)}; expected {expected}")
     return values
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.problem.constraints.statements import constraint_data
-from optiplan.problem.schema import TaskStepSpec
+from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.statement import End, Pose, Values, ViaPoint, checked, end_data, is_configuration, via_point_data
 
 
@@ -56,12 +56,16 @@ class Task:
         within: str | None = None,
         speed: float | None = None,
         frame: str | None = None,
+        blend: float | None = None,
         group: str | None = None,
         **step: Any,
     ) -> "Task":
-        """Move the tool straight to a pose, or by a vector (3,), m, seen from the `world` or the `tool` (`within`)."""
+        """Move the tool straight to a pose, or by a vector (3,), m, seen from the `world` or the `tool` (`within`).
+
+        Where a line follows, the corner may be rounded off within `blend`, m; without it the arm stops there.
+        """
         said = {} if to is None else end_data(to, "Task.line", "to")
-        more = {"by": by, "in": within, "speed": speed, "frame": frame, "group": group}
+        more = {"by": by, "in": within, "speed": speed, "frame": frame, "blend": blend, "group": group}
         return self._with("line", said | _given(**more), step)
 
     def approach(
@@ -72,16 +76,20 @@ class Task:
         along: Values = (0.0, 0.0, 1.0),
         speed: float | None = None,
         vias: Sequence[ViaPoint | End] = (),
+        blend: float | None = None,
         group: str | None = None,
         **step: Any,
     ) -> "Task":
-        """Go to `distance`, m, before a pose, or any of several, then straight `along` an axis of its frame."""
+        """Go to `distance`, m, before a pose, or any of several, then straight `along` an axis of its frame.
+
+        `blend` is as of `line`.
+        """
         said = _ends(to, "Task.approach", "to")
         if "any_of" in said:
             said["any_of"] = [one["pose"] if "pose" in one else one for one in said["any_of"]]
         if vias:
             said["via"] = [via_point_data(via, f"vias[{k}]") for k, via in enumerate(vias)]
-        more = {"distance": distance, "along": along, "speed": speed, "group": group}
+        more = {"distance": distance, "along": along, "speed": speed, "blend": blend, "group": group}
         return self._with("approach", said | _given(**more), step)
 
     def retreat(
@@ -92,12 +100,16 @@ class Task:
         within: str = "tool",
         speed: float | None = None,
         frame: str | None = None,
+        blend: float | None = None,
         group: str | None = None,
         **step: Any,
     ) -> "Task":
-        """Move the tool straight by `distance`, m, `along` an axis of the `tool` or the `world` (`within`)."""
-        said = {"distance": distance, "along": along, "in": within, "speed": speed, "frame": frame, "group": group}
-        return self._with("retreat", _given(**said), step)
+        """Move the tool straight by `distance`, m, `along` an axis of the `tool` or the `world` (`within`).
+
+        `blend` is as of `line`.
+        """
+        said = {"distance": distance, "along": along, "in": within, "speed": speed, "frame": frame}
+        return self._with("retreat", _given(**said, blend=blend, group=group), step)
 
     def attach(
         self,

@@ -1,6 +1,7 @@
 """Read the steps of a task, checked against the robot, the scene and each other."""
 
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 
 import numpy as np
 import pinocchio as pin
@@ -12,20 +13,16 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, frame_names, link_names
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import LocatedValue
-from optiplan.problem.schema import (
-    ENDS,
-    AlternativeSpec,
+from optiplan.problem.schema.ends import ENDS, AlternativeSpec, PoseGoalSpec, StartSpec, ViaSpec
+from optiplan.problem.schema.task import (
     ApproachSpec,
     AttachSpec,
     DetachSpec,
     GripperSpec,
     MoveSpec,
-    PoseGoalSpec,
     RetreatSpec,
-    StartSpec,
     StraightLineSpec,
     TaskStepSpec,
-    ViaSpec,
 )
 from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.robot.robot import Robot
@@ -57,7 +54,21 @@ class TaskReader:
                 touch = frozenset[frozenset[str]]() if freely else allowed
                 step = TaskStep(number, spec.kind, name, action, touch, constraints)
                 found.append(LocatedValue(part.place, step))
+        for one, after in zip_longest(found, found[1:]):
+            self._corner(one, None if after is None else after.value.action)
         return found
+
+    def _corner(self, part: LocatedValue[TaskStep], after: Action | None) -> None:
+        """Report a blend without a line of the same frame and joints after it."""
+        action = part.value.action
+        if not isinstance(action, StraightLine) or not action.blend:
+            return
+        if isinstance(after, StraightLine) and (after.frame, after.joints) == (action.frame, action.joints):
+            return
+        other = "a line of other joints or another frame" if isinstance(after, StraightLine) else "no line"
+        found = f"a blend, and {other} after it"
+        expected = f"a line or retreat of '{action.frame}', with the same joints, right after it"
+        self.compiler.report((*part.place, part.value.kind, "blend"), found, expected)
 
     def _allowed(self, part: Located) -> frozenset[frozenset[str]]:
         bodies = {*link_names(self.robot), *self.scene.names}
@@ -136,18 +147,18 @@ class TaskReader:
 
     def _line(self, place: Place, spec: StraightLineSpec) -> Iterator[StraightLine]:
         joints = self._joints(place, spec.group)
-        speed = np.inf if spec.speed is None else spec.speed
+        speed, blend = _speed(spec), spec.blend or 0.0
         if spec.pose is not None:
             end = self._pose((*place, "pose"), spec.pose)
             if end is not None and joints is not None:
-                yield StraightLine(joints, end.frame, (end,), speed=speed)
+                yield StraightLine(joints, end.frame, (end,), speed=speed, blend=blend)
             return
         frame = self._frame(place, spec.frame)
         by = np.array(spec.by, float)
         if not np.linalg.norm(by) > 0.0:
             self.compiler.report((*place, "by"), "no distance at all", "a vector of some length, m")
         elif frame is not None and joints is not None:
-            yield StraightLine(joints, frame, by=by, in_tool=spec.in_ == "tool", speed=speed)
+            yield StraightLine(joints, frame, (), by, spec.in_ == "tool", speed, blend)
 
     def _approach(self, place: Place, spec: ApproachSpec) -> Iterator[Move | StraightLine]:
         joints = self._joints(place, spec.group)
@@ -163,13 +174,13 @@ class TaskReader:
         back = pin.SE3(np.eye(3), -spec.distance * _unit(spec.along))
         before = tuple(PoseGoal(end.frame, end.X_WG * back, end.position, end.orientation) for end in ends)
         yield Move(joints, before, vias)
-        yield StraightLine(joints, ends[0].frame, ends, speed=np.inf if spec.speed is None else spec.speed)
+        yield StraightLine(joints, ends[0].frame, ends, speed=_speed(spec), blend=spec.blend or 0.0)
 
     def _retreat(self, place: Place, spec: RetreatSpec) -> Iterator[StraightLine]:
         joints, frame = self._joints(place, spec.group), self._frame(place, spec.frame)
         if joints is not None and frame is not None:
-            by, speed = spec.distance * _unit(spec.along), np.inf if spec.speed is None else spec.speed
-            yield StraightLine(joints, frame, by=by, in_tool=spec.in_ == "tool", speed=speed)
+            by = spec.distance * _unit(spec.along)
+            yield StraightLine(joints, frame, (), by, spec.in_ == "tool", _speed(spec), spec.blend or 0.0)
 
     def _frame(self, place: Place, name: str | None) -> str | None:
         if name is None or name in frame_names(self.robot):
@@ -221,6 +232,10 @@ class TaskReader:
             found = f"'{name}', which is {'held already' if done == 'attached' else 'not held here'}"
         self.compiler.report(place, found, choices(name, sorted(needed)))
         return False
+
+
+def _speed(spec: StraightLineSpec | ApproachSpec | RetreatSpec) -> float:
+    return np.inf if spec.speed is None else spec.speed
 
 
 def _name(spec: TaskStepSpec) -> str:

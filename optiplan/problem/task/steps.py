@@ -36,6 +36,8 @@ class StraightLine:
         by: (3,) m, in the axes of the world, or of the frame where `in_tool`; None where there are `ends`.
         in_tool: see `by`.
         speed: of the frame's origin at most, m/s; infinite: any.
+        blend: m; within this distance of its end the line may be left for the next one, so that the arm need not stop
+            in the corner; 0: it is exact.
     """
 
     joints: tuple[str, ...]
@@ -44,6 +46,7 @@ class StraightLine:
     by: Array | None = None
     in_tool: bool = False
     speed: float = np.inf
+    blend: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.viewer.run_curves import tool_points
+from optiplan.viewer.run_data.curves import tool_points
 from optiplan.viewer.thumbnail import thumbnail
 
 SIZE = (288, 180)

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.collision.model import CollisionModel
+from optiplan.collision.kept_models import collision_model
 from optiplan.errors import InputError, Issue
 from optiplan.kinematics.ik.solve import answer
 from optiplan.problem.problem import Problem
@@ -47,7 +47,7 @@ def posed(problem: Problem, q: Array) -> dict[str, Any]:
         InputError: q has another number of values than the robot joints, or one that is not finite.
     """
     _check(problem, q)
-    model = CollisionModel(problem.robot, problem.scene)
+    model = collision_model(problem.robot, problem.scene)
     touching = [[contact.pair.name_a, contact.pair.name_b] for contact in model.contacts(q, 0.0)]
     return {"poses": _flat(problem, q), "tool": _tool(problem, q), "touching": touching}
 
@@ -68,7 +68,7 @@ def branches(problem: Problem, pose: Sequence[float], near: Sequence[float] | No
     q = problem.start if near is None else np.asarray(near, float)
     _check(problem, q)
     found = answer(problem.robot, problem.robot.tool_frame, pin.XYZQUATToSE3(given), q)
-    model = CollisionModel(problem.robot, problem.scene)
+    model = collision_model(problem.robot, problem.scene)
     shown = [
         {
             "q": solution.q.tolist(),

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Body, Path, Query
 from fastapi.responses import Response
 
 from optiplan.files import write_bytes
-from optiplan.problem.schema import problem_schema
+from optiplan.problem.schema.problem import problem_schema
 from optiplan.service.models import CheckAnswer, ProblemAnswer, ProblemInput
 from optiplan.service.refusals import Refusal, not_found
 from optiplan.service.routes.answers import HashPath, Json, Service, errors

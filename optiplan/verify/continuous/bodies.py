@@ -12,6 +12,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
 from optiplan.robot.robot import Robot
+from optiplan.verify.continuous.pair_tree import ClusterHull, PairTree
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,16 @@ def _shapes_of(model: CollisionModel) -> list[BodyShape]:
     return [*_links[robot], *(BodyShape.of(body.geometry) for body in others)]
 
 
+_of_hulls: WeakKeyDictionary[ClusterHull, BodyShape] = WeakKeyDictionary()
+
+
+def _shape_of_hull(hull: ClusterHull) -> BodyShape:
+    """The hull of a cluster, looked at once."""
+    if hull not in _of_hulls:
+        _of_hulls[hull] = BodyShape.of(hull.shape)
+    return _of_hulls[hull]
+
+
 _MANY = 200
 """Vertices of a mesh above which it is worth finding those of its hull."""
 
@@ -77,25 +88,29 @@ class PlacedBody:
 
 
 class Bodies:
-    """The bodies of a collision model.
+    """The bodies of a collision model, then the hulls of clusters of them.
 
     Attributes:
+        tree: the pairs, and pairs of hulls that stand for several; P counts all of them.
         shapes: coal geometry of each body.
         pairs: (P, 2) bodies a and b of each pair.
         moves: (P, 2, J) whether joint j moves that side of the pair against the other; a joint that carries both does
             not change their distance. Joints that follow others are joints of their own here.
         centre: (G, 3) in the body's frame, m; `radius` (G,): a ball about it holds the body.
+        half: (G, 3) half edges of a box about that centre, along the body's own axes, that holds it, m.
         extent: (G,) bound on the coordinates in which a body is given, in the frame of its joint, m.
     """
 
     def __init__(self, model: CollisionModel) -> None:
-        bodies = list(model.geometry.geometryObjects)
+        bounds, self.tree = model.bounds, PairTree(model)
+        hulls = self.tree.hulls
         self.kinematics = model.kinematics
-        self._known = _shapes_of(model)
+        self._known = [*_shapes_of(model), *map(_shape_of_hull, hulls)]
         self.shapes = [known.shape for known in self._known]
-        self.joints = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
-        self.placements = np.array([body.placement.homogeneous for body in bodies]).reshape(-1, 4, 4)
-        self.pairs: Index = np.array([(p.a, p.b) for p in model.pairs], dtype=np.intp).reshape(-1, 2)
+        self.joints = np.append(bounds.joint, np.array([hull.cluster.joint for hull in hulls], dtype=np.intp))
+        self.placements = np.vstack([bounds.placement, np.tile(np.eye(4), (len(hulls), 1, 1))])
+        self.half = np.vstack([bounds.half, *(hull.box[1] for hull in hulls)])
+        self.pairs = self.tree.pairs
         self.centre = np.array([known.centre for known in self._known]).reshape(-1, 3)
         self.radius = np.array([known.radius for known in self._known])
         self._round = np.array([_round(known.solid) for known in self._known]).reshape(-1, 5)
@@ -124,6 +139,18 @@ class Bodies:
         """Poses of both bodies of pair pairs[k] where the joints are at joint_poses[rows[k]], (N, n + 1, 4, 4)."""
         bodies = self.pairs[pairs]
         return PlacedBody(bodies, joint_poses[rows[:, None], self.joints[bodies]] @ self.placements[bodies])
+
+    def lower_bound(self, placed: PlacedBody) -> Array:
+        """Lower bounds (K,), m, of the distance of K pairs without half-spaces, from boxes and the balls about them."""
+        rotation, bodies = placed.poses[..., :3, :3], placed.bodies
+        centre = (rotation @ self.centre[bodies][..., None])[..., 0] + placed.poses[..., :3, 3]
+        apart, result = centre[:, 1] - centre[:, 0], np.full(len(bodies), -np.inf)
+        for box, ball in ((0, 1), (1, 0)):
+            local = (apart[:, None] @ rotation[:, box])[:, 0]
+            outside = np.maximum(np.abs(local) - self.half[bodies[:, box]], 0.0)
+            far = np.sqrt(np.einsum("ki,ki->k", outside, outside)) - self.radius[bodies[:, ball]]
+            result = np.maximum(result, far)
+        return np.asarray(result)
 
     def support(self, placed: PlacedBody, directions: Array) -> Array:
         """h(n) = max of n . x over both bodies of K pairs, in the world, m.

@@ -22,6 +22,7 @@ _TOLD = 0.8  # share of the smallest distance measured that is proved as clearan
 _FAR = 0.1  # m: a larger clearance is not refined
 _HULLS = 5e-3  # m: where hulls are proved farther apart, meshes are not queried
 _ROOM = 1.25  # factor on the clearance to prove, below which meshes are queried instead of hulls
+_MOST_OF_HULLS = 2  # halvings of an interval for hulls of clusters; else the bodies in them are asked
 _MOST_AGAIN = 4_000  # items examined to refine the clearance after the proof
 _FIRST_TRAVEL = 0.2  # rad or m, summed over joints: travel within the first intervals
 _LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up ROUNDING
@@ -106,13 +107,15 @@ def certify(
 
 @dataclass(frozen=True, eq=False)
 class _Coarse:
-    """B blocks of neighbouring intervals, first[b] to last[b] - 1, and what bounding volumes prove of P pairs there.
+    """B blocks of neighbouring intervals, first[b] to last[b] - 1, and what bounding volumes prove of T pairs there.
 
     Attributes:
-        near: (B, P) proved clear, but by less than is worth telling.
-        margin: (B, P) the clearance proved, m.
+        pairs: (T,) indices of the pairs.
+        near: (B, T) proved clear, but by less than is worth telling.
+        margin: (B, T) the clearance proved, m.
     """
 
+    pairs: Index
     intervals: Intervals
     first: Index
     last: Index
@@ -125,12 +128,23 @@ class _Coarse:
         return float(self.margin[self.near].min(initial=np.inf))
 
     def members(self, chosen: Flags) -> Intervals:
-        """All intervals of the blocks chosen (B, P), with their pairs."""
+        """All intervals of the blocks chosen (B, T), with their pairs."""
         rows, pairs = np.nonzero(chosen)
         many = (self.last - self.first)[rows]
         within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
         items = self.intervals.take(np.repeat(self.first[rows], many) + within)
-        return replace(items, pair=np.repeat(pairs, many))
+        return replace(items, pair=np.repeat(self.pairs[pairs], many))
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Distances (K,), m, at times (K,), s, of a query, on intervals with middles q (N, n), and poses of joints."""
+
+    distance: Array
+    times: Array
+    q: Array
+    poses: Array
+    query: DistanceQuery
 
 
 @dataclass(eq=False)
@@ -200,14 +214,14 @@ class _Search:
         self.proof = replace(self.proof, intervals=len(intervals.piece))
         first, last = blocks(b.reach.sum(axis=1), _FIRST_TRAVEL)
         low, high = np.minimum.reduceat(b.q - b.reach, first), np.maximum.reduceat(b.q + b.reach, first)
-        margins = []
+        tree, margins = self.bodies.tree, []
         for k in range(0, len(first), _CHUNK):
             Q, D = 0.5 * (low + high)[k : k + _CHUNK], 0.5 * (high - low)[k : k + _CHUNK] + 1e-15
-            margins.append(self.model.bounds.apart(Q, D, self.policy.clearance + _FAR + ROUNDING) - ROUNDING)
+            margins.append(tree.bounds.apart(Q, D, self.policy.clearance + _FAR + ROUNDING) - ROUNDING)
         margin = np.concatenate(margins)
         clear, far = margin > self.policy.clearance + _EASY, margin > self.policy.clearance + _FAR
         self.keep(margin[far])
-        self.coarse = _Coarse(intervals, first, last, clear & ~far, margin)
+        self.coarse = _Coarse(tree.tops, intervals, first, last, clear & ~far, margin)
         self.tell(far)
         return self.coarse.members(~clear)
 
@@ -234,25 +248,61 @@ class _Search:
         b = self.boxes(unique)
         poses = self.bodies.kinematics.poses(b.q)
         placed = self.bodies.place(poses, rows, items.pair)
-        found = self.distances.query(items.pair, placed, max(_HULLS, _ROOM * self.target()))
+        enough = max(_HULLS, _ROOM * self.target())
+        found = self.distances.query(items.pair, placed, enough)
         query = DistanceQuery(rows, items.pair, placed, *self.bodies.kinematics.axes(poses))
         near = self.motion.separation_rate(b, query, found.normals)
         margin = np.maximum(found.bound - near.travel, near.linear - near.curvature_loss) - ROUNDING
         best = np.maximum(found.bound, found.measured)
         times = middles(self.trajectory, unique)[rows]
-        for kind in (~found.hulls, found.hulls):  # what hulls answered is no distance measured
-            self.see(best[kind], times[kind], b.q[rows[kind]], items.pair[kind], bool(found.hulls[kind].any()))
+        several = items.pair >= self.bodies.tree.count
+        unsure = several & (found.bound <= enough)  # hulls of clusters that are too near to tell
+        seen = _Seen(best, times, b.q, poses, query)
+        self.see(seen, np.flatnonzero(~found.hulls))
+        self.see(seen, np.flatnonzero(found.hulls & ~unsure), measure=True)  # what hulls answered is not measured
         self.count(unique, found)
-        if (best <= self.policy.clearance + ROUNDING).any():
+        if (best[~several] <= self.policy.clearance + ROUNDING).any():
             reason = "bodies touch" if self.policy.clearance <= 0 else "bodies come too near"
             return self.stop(items, reason, contact=True)
-        clear = margin > self.target()
-        self.keep(margin[clear])
-        if self.record is not None:
-            proved = items.take(np.flatnonzero(clear))
-            self.record.add(*spans(self.trajectory, proved), proved.pair, margin[clear])
+        clear = (margin > self.target()) & ~unsure
+        self.prove(items.take(np.flatnonzero(clear)), margin[clear])
         still = np.flatnonzero(~clear)
-        return self.limit(items.take(still).split(_halvings(found, near, still, self.target())))
+        halvings = _halvings(found, near, still, self.target())
+        opened = unsure[still] | (several[still] & (halvings > _MOST_OF_HULLS))
+        divided = items.take(still[~opened]).split(halvings[~opened])
+        parts = self.open(items.take(still[opened]), poses[rows[still[opened]]], near.travel[still[opened]])
+        return self.limit(Intervals.join([divided, parts]))
+
+    def open(self, items: Intervals, poses: Array, travel: Array) -> Intervals:
+        """The pairs that pairs of hulls stand for, but those that bounding volumes prove clear.
+
+        Args:
+            items: (K,).
+            poses: of the joints in the middle of each, (K, n + 1, 4, 4).
+            travel: bounds on how far any points of the two hulls can approach each other there, (K,), m.
+        """
+        parts = [self.bodies.tree.parts[pair] for pair in items.pair.tolist()]
+        parent = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        inner = replace(items.take(parent), pair=np.concatenate([*parts, np.zeros(0, dtype=np.intp)]))
+        margin = self.bodies.lower_bound(self.bodies.place(poses, parent, inner.pair)) - travel[parent] - ROUNDING
+        clear = margin > max(self.target(), self.policy.clearance + _EASY)
+        self.prove(inner.take(np.flatnonzero(clear)), margin[clear])
+        return inner.take(np.flatnonzero(~clear))
+
+    def prove(self, items: Intervals, margin: Array) -> None:
+        """Remember the clearance proved of items, m."""
+        self.keep(margin)
+        if self.record is not None:
+            begin, end = spans(self.trajectory, items)
+            self.note(begin, end, items.pair, margin)
+
+    def note(self, begin: Array, end: Array, pairs: Index, clearance: Array) -> None:
+        """Record what was proved from `begin` to `end` (K,), s, of the pairs that these (K,) stand for."""
+        if self.record is None or not len(pairs):
+            return
+        members = [self.bodies.tree.members(pair) for pair in pairs.tolist()]
+        each = np.repeat(np.arange(len(pairs)), [len(found) for found in members])
+        self.record.add(begin[each], end[each], np.concatenate(members), clearance[each])
 
     def target(self) -> float:
         """Return the clearance to prove, m: that asked for, and most of the smallest distance, which is reported."""
@@ -289,26 +339,28 @@ class _Search:
             self.proof = replace(self.proof, clearance=min(self.proof.clearance, float(margins.min())))
 
     def tell(self, chosen: Flags) -> None:
-        """Record what bounding volumes proved of these pairs of the blocks, (B, P)."""
+        """Record what bounding volumes proved of these pairs of the blocks, (B, T)."""
         if self.record is None:
             return
         coarse = self.coarse
         rows, pairs = np.nonzero(chosen)
         begin = spans(self.trajectory, coarse.intervals.take(coarse.first[rows]))[0]
         end = spans(self.trajectory, coarse.intervals.take(coarse.last[rows] - 1))[1]
-        self.record.add(begin, end, pairs, coarse.margin[rows, pairs])
+        self.note(begin, end, coarse.pairs[pairs], coarse.margin[rows, pairs])
 
-    def see(self, distance: Array, times: Array, Q: Array, pairs: Index, measure: bool) -> None:
-        """Remember the smallest distance, with its witness; with `measure` those given are lower bounds."""
+    def see(self, seen: "_Seen", among: Index, measure: bool = False) -> None:
+        """Remember the smallest distance of these, with its witness; with `measure` those given are lower bounds."""
         known = np.inf if self.proof.nearest is None else self.proof.nearest.distance
+        distance = seen.distance[among]
         if distance.min(initial=np.inf) >= known:
             return
-        k = int(np.argmin(distance))
-        measured, points = self.distances.witness(Q[k], int(pairs[k]))
-        least = measured if measure else float(distance[k])
+        k = int(among[np.argmin(distance)])
+        row = seen.query.rows[k]
+        found = self.distances.witness(seen.poses[row], int(seen.query.pairs[k]))
+        least = found.distance if measure else float(seen.distance[k])
         if least < known:
-            pair = self.model.pairs[int(pairs[k])]
-            nearest = Moment(least, float(times[k]), (pair.name_a, pair.name_b), points, Q[k].copy())
+            pair = self.model.pairs[found.pair]
+            nearest = Moment(least, float(seen.times[k]), (pair.name_a, pair.name_b), found.points, seen.q[row].copy())
             self.proof = replace(self.proof, nearest=nearest)
 
 

@@ -1,8 +1,8 @@
 """Intervals of time with their open pairs, and bounds on the joint motion there."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import comb, perm
+from math import perm
 
 import numpy as np
 
@@ -92,36 +92,33 @@ def boxes(trajectory: Trajectory, items: Intervals, jump: Array) -> Boxes:
     With b_k = q^(k)(middle) / k! and half width h:  |q(t) - q(middle)| <= sum_k>=1 |b_k| h^k,
     |q'(t)| <= sum_k>=1 k |b_k| h^(k-1),  |q''(t)| <= sum_k>=2 k (k-1) |b_k| h^(k-2).
     """
-    c = trajectory.coefficients[items.piece]  # (K, degree + 1, n)
     width = items.widths(trajectory)[:, None]
     middle, half = (items.index + 0.5)[:, None] * width, 0.5 * width
-    reach = jump[items.piece] + 1e-15
-    speed, acceleration, v = np.zeros_like(reach), np.zeros_like(reach), np.zeros_like(reach)
-    for k, b in taylor(c, middle):
-        size = np.abs(b)
-        if k > 0:
-            reach += size * half**k
-            speed += k * size * half ** (k - 1)
-        if k > 1:
-            acceleration += k * (k - 1) * size * half ** (k - 2)
-        if k == 1:
-            v = b
-    return Boxes(half[:, 0], b, v, reach, speed, acceleration, jump[items.piece])
+    b = taylor(trajectory.coefficients[items.piece], middle)
+    size = np.abs(b)
+    size[0] = 0.0
+    reach, speed, acceleration = _sums(size, half, 3)
+    jump = jump[items.piece]
+    reach += jump + 1e-15
+    return Boxes(half[:, 0], b[0], b[1] if len(b) > 1 else np.zeros_like(b[0]), reach, speed, acceleration, jump)
 
 
-def taylor(c: Array, x: Array) -> Iterator[tuple[int, Array]]:
-    """Powers k and Taylor coefficients p^(k)(x) / k!, (K, n), of polynomials c (K, degree + 1, n), highest k first.
+def taylor(c: Array, x: Array) -> Array:
+    """Taylor coefficients p^(k)(x) / k!, (degree + 1, K, n), of polynomials c (K, degree + 1, n).
+
+    By Horner's rule, again and again (synthetic division).
 
     Args:
         c: ascending powers.
         x: (K, 1) where.
     """
-    degree = c.shape[1] - 1
-    for k in range(degree, -1, -1):
-        b = comb(degree, k) * c[:, degree]
-        for i in range(degree - 1, k - 1, -1):  # Horner's rule
-            b = b * x + comb(i, k) * c[:, i]
-        yield k, b
+    b = np.array(c.swapaxes(0, 1), order="C")
+    degree = len(b) - 1
+    term = np.empty_like(b[0])
+    for k in range(degree):
+        for i in range(degree - 1, k - 1, -1):
+            b[i] += np.multiply(b[i + 1], x, out=term)
+    return b
 
 
 def derivative_bounds(c: Array, middle: Array, half: Array, orders: int) -> Array:
@@ -136,9 +133,14 @@ def derivative_bounds(c: Array, middle: Array, half: Array, orders: int) -> Arra
     Returns:
         (orders, K, n).
     """
-    bounds = np.zeros((orders, len(c), c.shape[2]))
-    for k, b in taylor(c, middle):
-        size = np.abs(b)
-        for r in range(min(k + 1, orders)):
-            bounds[r] += perm(k, r) * size * half ** (k - r)
-    return bounds
+    return _sums(np.abs(taylor(c, middle)), half, orders)
+
+
+def _sums(size: Array, half: Array, orders: int) -> Array:
+    """sum_k>=r k! / (k - r)! size_k half^(k - r), (orders, K, n), by Horner's rule; size (degree + 1, K, n)."""
+    sums = np.zeros((orders, *size.shape[1:]))
+    for k in range(len(size) - 1, -1, -1):
+        few = sums[: k + 1]
+        few *= half
+        few += np.array([float(perm(k, r)) for r in range(len(few))])[:, None, None] * size[k]
+    return sums

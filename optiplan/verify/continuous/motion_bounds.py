@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optiplan.arrays import Array, Flags, Index
+from optiplan.arrays import Array, Index
 from optiplan.verify.continuous.bodies import Bodies, PlacedBody
 
 
@@ -62,6 +62,11 @@ class Motion:
     def __init__(self, bodies: Bodies) -> None:
         self._bodies = bodies
         self._revolute = bodies.kinematics.revolute > 0.5
+        self._turns, self._slides = bodies.kinematics.revolute, 1.0 - bodies.kinematics.revolute
+        self._moves = np.ascontiguousarray(bodies.moves.swapaxes(0, 1), float)  # (2, P, J), 1 or 0
+        self._centre = bodies.centre[bodies.pairs.T]  # (2, P, 3)
+        # A half-space has no farthest point, and must not move: then its levers are multiplied by zero.
+        self._radius = np.where(self._moves.any(axis=2), bodies.radius[bodies.pairs.T], 0.0)  # (2, P)
 
     def separation_rate(self, boxes: Boxes, query: DistanceQuery, normals: Array) -> SeparationRate:
         """Bounds for K pairs on their intervals, with unit normals w (K, 3) from a to b at the middle.
@@ -75,44 +80,52 @@ class Motion:
         """
         boxes = self._of_all_joints(boxes)
         rows, half = query.rows, boxes.half[query.rows]
-        moves = self._bodies.moves[query.pairs].swapaxes(0, 1)  # (2, K, J), as all that follows
-        lever, travel = self._moment_arms(boxes, query, moves)
+        moves = self._moves[:, query.pairs]  # (2, K, J), as all that follows
+        axes = query.direction[rows], query.point[rows]
+        lever, travel = self._moment_arms(boxes.reach[rows] * moves, query, axes)
         speed, acceleration = boxes.speed[rows] * moves, boxes.acceleration[rows] * moves
         before = np.cumsum(speed, axis=2) - speed
-        curve = (lever * (acceleration + speed * (speed + 2.0 * before))).sum(axis=2)
-        jump = (boxes.jump[rows] * moves * lever).sum(axis=2)
-        omega, u = self._twist(boxes.v[rows] * moves, query.direction[rows], query.point[rows])
+        curve = np.einsum("skj,skj->sk", lever, acceleration + speed * (speed + 2.0 * before))
+        jump = np.einsum("skj,skj->sk", boxes.jump[rows] * moves, lever)
+        omega, u = self._twist(boxes.v[rows] * moves, *axes)
         sign = np.array([1.0, -1.0])[:, None, None]  # of side a and b
         turn, shift = _cross(normals, omega), np.einsum("ski,ki->sk", u, normals)
         s = np.array([1.0, -1.0])[:, None, None] * half  # at both ends
         direction = sign * (normals + s[..., None] * turn)  # (2 ends, 2 sides, K, 3)
-        gap = -(self._bodies.support(query.placed, direction) + sign[..., 0] * s * shift).sum(axis=1)
-        linear = np.nan_to_num(gap.min(axis=0), nan=-np.inf)
-        return SeparationRate(travel.sum(axis=0), linear, (0.5 * half**2 * curve + jump).sum(axis=0))
+        height = self._bodies.support(query.placed, direction) + sign[..., 0] * s * shift
+        linear = np.minimum(*-(height[:, 0] + height[:, 1]))
+        linear[np.isnan(linear)] = -np.inf
+        loss = 0.5 * half**2 * curve + jump
+        return SeparationRate(travel[0] + travel[1], linear, loss[0] + loss[1])
 
     def _of_all_joints(self, boxes: Boxes) -> Boxes:
         """Return the bounds of all J joints: a follower moves by its multiplier times what its leader does."""
         kinematics = self._bodies.kinematics
+        if not kinematics.follows:
+            return boxes
         bounds = (boxes.reach, boxes.speed, boxes.acceleration, boxes.jump)
         reach, speed, acceleration, jump = map(kinematics.joint_reach, bounds)
         q, v = kinematics.joint_rates(boxes.q) + kinematics.offset, kinematics.joint_rates(boxes.v)
         return Boxes(boxes.half, q, v, reach, speed, acceleration, jump)
 
-    def _moment_arms(self, boxes: Boxes, query: DistanceQuery, moves: Flags) -> tuple[Array, Array]:
+    def _moment_arms(self, step: Array, query: DistanceQuery, axes: tuple[Array, Array]) -> tuple[Array, Array]:
         """L (2, K, J), the farthest any point of the body gets from each axis on the interval, and its travel (2, K).
 
         Both in m, of sides a and b. Joints are moved one after another, from the tip to the base. When joint j turns,
         about its axis at the middle, the body has travelled t already: its points are within R_j + t of the axis and
         move by at most D_j (R_j + t).
+
+        Args:
+            step: (2, K, J) D, the bounds on how far each joint that moves the side goes, rad or m.
+            query: the pairs, and where they are.
+            axes: direction and a point of all joints' axes, (K, J, 3) each.
         """
-        bodies, poses, rows = query.placed.bodies.T, query.placed.poses.swapaxes(0, 1), query.rows
-        centre = (poses[..., :3, :3] @ self._bodies.centre[bodies][..., None])[..., 0] + poses[..., :3, 3]
-        arm = _cross(query.direction[rows], centre[:, :, None] - query.point[rows])
-        # A half-space has no farthest point, and must not move: then its levers are multiplied by zero.
-        radius = np.where(moves.any(axis=2), self._bodies.radius[bodies], 0.0)
-        lever = np.sqrt(np.einsum("skji,skji->skj", arm, arm)) + radius[..., None]
+        direction, point = axes
+        poses, pairs = query.placed.poses.swapaxes(0, 1), query.pairs
+        centre = (poses[..., :3, :3] @ self._centre[:, pairs, :, None])[..., 0] + poses[..., :3, 3]
+        arm = _cross(direction, centre[:, :, None] - point)
+        lever = np.sqrt(np.einsum("skji,skji->skj", arm, arm)) + self._radius[:, pairs, None]
         lever[..., ~self._revolute] = 1.0
-        step = boxes.reach[rows] * moves
         travelled = np.zeros(step.shape[:2])
         for j in reversed(range(lever.shape[2])):
             if self._revolute[j]:
@@ -122,8 +135,8 @@ class Motion:
 
     def _twist(self, v: Array, direction: Array, point: Array) -> tuple[Array, Array]:
         """Angular velocity (2, K, 3), rad/s, and velocity (2, K, 3), m/s, of the body's point at the world's origin."""
-        turning = (v * self._revolute)[..., None, :]
-        slide = (v * ~self._revolute)[..., None, :] @ direction
+        turning = (v * self._turns)[..., None, :]
+        slide = (v * self._slides)[..., None, :] @ direction
         return (turning @ direction)[..., 0, :], (turning @ _cross(point, direction) + slide)[..., 0, :]
 
 

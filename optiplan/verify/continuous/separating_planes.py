@@ -34,6 +34,15 @@ class Distances:
     hulls: Flags
 
 
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """Distance, m, of a pair of the model and its nearest points (2, 3) on a and b, m, world."""
+
+    distance: float
+    points: Array
+    pair: int
+
+
 class PairDistances:
     """Distance queries on the verifier's own copy of the work space; one object a thread.
 
@@ -49,7 +58,8 @@ class PairDistances:
     def __init__(self, model: CollisionModel, bodies: Bodies) -> None:
         self._bodies = bodies
         self._shapes = bodies.shapes
-        self._hulls = [body.geometry for body in model.outline.geometry.geometryObjects]
+        outline = [body.geometry for body in model.outline.geometry.geometryObjects]
+        self._hulls = [*outline, *(hull.shape for hull in bodies.tree.hulls)]
         # At coal's own 1e-6 the normal of a cylinder can cost the plane 0.2 mm; polyhedra end exactly anyway.
         self._request = _request(coal.GJKConvergenceCriterion.Default, 1e-10)
         self._again = _request(coal.GJKConvergenceCriterion.DualityGap, 1e-6)
@@ -57,16 +67,19 @@ class PairDistances:
         self._convex: Flags = np.logical_and(*bodies.kind(coal.ShapeBase).T)
         self._planes: Flags = bodies.kind(coal.Halfspace)
         self._mesh: Flags = np.array([not isinstance(shape, coal.ShapeBase) for shape in self._shapes], dtype=bool)
+        self._no_hulls = bool(self._convex.all()) and not bodies.tree.hulls
+        self._any_plane = bool(self._planes.any())
 
     def query(self, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
         """Distance k of pair pairs[k] (K,) where `placed` has its bodies.
 
-        Meshes are queried only where a plane between their hulls proves no more than `enough`, m.
+        Meshes are queried only where a plane between their hulls proves no more than `enough`, m; of pairs of hulls
+        that stand for others (`PairTree`) nothing else is known.
         """
-        normals, bound = self._between_hulls(pairs, placed) if np.isfinite(enough) else (None, None)
-        if normals is None or bound is None:
+        if self._no_hulls or not np.isfinite(enough):
             return self._exact(pairs, placed)
-        hulls: Flags = bound > enough
+        normals, bound = self._between_hulls(pairs, placed)
+        hulls: Flags = (bound > enough) | (pairs >= self._bodies.tree.count)
         measured, gjk_only = bound.copy(), np.zeros(len(pairs), dtype=bool)
         asked = np.flatnonzero(~hulls)
         if len(asked):
@@ -76,9 +89,10 @@ class PairDistances:
         return Distances(measured, normals, bound, gjk_only, hulls)
 
     def _between_hulls(self, pairs: Index, placed: PlacedBody) -> tuple[Array, Array]:
-        """Normals (K, 3) of planes between the hulls of pairs with a mesh, and gaps (K,), m; -inf for other pairs."""
+        """Normals (K, 3) of planes between hulls, and gaps (K,), m; -inf for pairs without a mesh or a cluster."""
         normals, gap = np.full((len(pairs), 3), np.nan), np.full(len(pairs), -np.inf)
-        asked = np.flatnonzero(~self._convex[pairs] & ~self._planes[pairs].any(axis=1))
+        outer = ~self._convex[pairs] | (pairs >= self._bodies.tree.count)
+        asked = np.flatnonzero(outer & ~self._planes[pairs].any(axis=1))
         if len(asked):
             hulls = placed.take(asked)
             normals[asked] = self._measure(self._hulls, self._outline, hulls)[1]
@@ -88,7 +102,7 @@ class PairDistances:
     def _exact(self, pairs: Index, placed: PlacedBody) -> Distances:
         """Query the bodies themselves."""
         measured, normals = self._measure(self._shapes, self._request, placed)
-        for side, sign in ((0, 1.0), (1, -1.0)):
+        for side, sign in ((0, 1.0), (1, -1.0)) if self._any_plane else ():
             for k in np.flatnonzero(self._planes[pairs, side]):  # the half-space itself is the plane
                 own = np.array(self._bodies.shapes[placed.bodies[k, side]].n)
                 normals[k] = sign * placed.poses[k, side, :3, :3] @ own
@@ -104,12 +118,21 @@ class PairDistances:
         gjk_only = ~self._convex[pairs] & (coal_says > plane)
         return Distances(measured, normals, np.where(gjk_only, coal_says, plane), gjk_only, np.zeros_like(gjk_only))
 
-    def witness(self, q: Array, pair: int) -> tuple[float, Array]:
-        """Distance, m, and nearest points (2, 3) on a and b of a pair, in the world, m, at q (n,)."""
-        one = np.zeros(1, dtype=np.intp)
-        placed = self._bodies.place(self._bodies.kinematics.poses(q[None]), one, one + pair)
-        result = next(_ask(self._shapes, self._request, placed))
-        return float(result.min_distance), np.array([result.getNearestPoint1(), result.getNearestPoint2()])
+    def witness(self, poses: Array, pair: int) -> Witness:
+        """Return the nearest of the pairs that one stands for, perhaps itself only, at joint poses (n + 1, 4, 4)."""
+        pairs = self._bodies.tree.members(pair)
+        placed = self._bodies.place(poses[None], np.zeros(len(pairs), dtype=np.intp), pairs)
+        bounds = self._bodies.lower_bound(placed) if len(pairs) > 1 else np.zeros(1)
+        best: Witness | None = None
+        for k in np.argsort(bounds, kind="stable").tolist():
+            if best is not None and bounds[k] >= best.distance:
+                break
+            result = next(_ask(self._shapes, self._request, placed.take(np.array([k]))))
+            if best is None or result.min_distance < best.distance:
+                points = np.array([result.getNearestPoint1(), result.getNearestPoint2()])
+                best = Witness(float(result.min_distance), points, int(pairs[k]))
+        assert best is not None
+        return best
 
     def _gap(self, placed: PlacedBody, normals: Array) -> Array:
         """-h_b(-n) - h_a(n), m: a lower bound of the distance for each unit normal (K, 3); -inf where it is NaN."""
@@ -136,11 +159,14 @@ def _ask(
     shapes: list[coal.CollisionGeometry], request: coal.DistanceRequest, placed: PlacedBody
 ) -> Iterator[coal.DistanceResult]:
     """Yield coal's result for each of K pairs; the next one overwrites it."""
-    result, place, distance = coal.DistanceResult(), coal.Transform3s, coal.distance
+    result, distance = coal.DistanceResult(), coal.distance
+    X_WA, X_WB = coal.Transform3s(), coal.Transform3s()  # set anew each time, which takes a third of making others
     rotations, origins = placed.poses[..., :3, :3], placed.poses[..., :3, 3]
     for (a, b), R, p in zip(placed.bodies.tolist(), rotations, origins, strict=True):
         result.clear()
-        distance(shapes[a], place(R[0], p[0]), shapes[b], place(R[1], p[1]), request, result)
+        X_WA.setTransform(R[0], p[0])
+        X_WB.setTransform(R[1], p[1])
+        distance(shapes[a], X_WA, shapes[b], X_WB, request, result)
         yield result
 
 

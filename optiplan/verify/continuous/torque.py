@@ -67,8 +67,8 @@ class _Proof:
     """Torques of a trajectory, at times and over intervals."""
 
     def __init__(self, problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> None:
-        self._model, self._policy = problem.robot.model, policy
-        self._data, self._bounds = self._model.createData(), _bounds_of(problem.robot)
+        self._policy, self._bounds = policy, _bounds_of(problem.robot)
+        self._pool = pin.ModelPool(problem.robot.model, 1)  # many torques in one call, on this thread alone
         self._trajectory, self._pieces = trajectory, [trajectory.derivatives(order) for order in range(3)]
         self.evaluated = 0
         self.peak, self.time = np.zeros(trajectory.n), np.zeros(trajectory.n)
@@ -122,10 +122,9 @@ class _Proof:
                 value = value * local[:, None] + c[piece, k]
             state.append(value)
         tau = np.empty((len(piece), self._trajectory.n))
-        for k, (q, v, a) in enumerate(zip(*state, strict=True)):
-            tau[k] = pin.rnea(self._model, self._data, q, v, a)
         if not len(tau):
             return tau
+        pin.rneaInParallel(1, self._pool, *(np.ascontiguousarray(value).T for value in state), tau.T)
         self.evaluated += len(tau)
         size, columns = np.abs(tau), np.arange(tau.shape[1])
         at = size.argmax(axis=0)

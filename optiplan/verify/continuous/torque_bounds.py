@@ -5,7 +5,7 @@ from math import factorial
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags, Index
 
 _ORDERS = 5  # derivatives 0 to 4 of the motion decide the second derivative of a torque
 _FACTORIALS = np.array([float(factorial(k)) for k in range(_ORDERS)])
@@ -32,7 +32,7 @@ def rotated(turn: Array, rate: float, orders: int) -> Array:
     """
     found = np.ones((orders, *turn.shape[1:]))
     for k in range(orders - 1):
-        found[k + 1] = (turn[: k + 1] * found[k::-1]).sum(axis=0)
+        np.einsum("k...,k...->...", turn[: k + 1], found[k::-1], out=found[k + 1])
         found[k + 1] *= rate / (k + 1)
     return found
 
@@ -54,13 +54,15 @@ class TorqueBounds:
         self._A = np.eye(model.nv) if A is None else np.abs(A)
         self._b = np.zeros(model.nv) if b is None else np.abs(b)
         self._parents = [int(parent) for parent in model.parents]
-        self._columns = [joint.idx_v for joint in model.joints]
-        self._slides = [joint.shortname().startswith("JointModelP") for joint in model.joints]
-        self._offset = [float(np.linalg.norm(M.translation)) for M in model.jointPlacements]
+        # Of all joints, the world's included, in whose place stands any other: it transmits nothing.
+        self._columns: Index = np.array([max(joint.idx_v, 0) for joint in model.joints], dtype=np.intp)
+        self._slides: Flags = np.array([joint.shortname().startswith("JointModelP") for joint in model.joints])
+        self._offset = np.array([float(np.linalg.norm(M.translation)) for M in model.jointPlacements])[:, None]
         self._mass = np.array([float(body.mass) for body in model.inertias])[:, None]
         self._lever = np.array([float(np.linalg.norm(body.lever)) for body in model.inertias])[:, None]
         self._inertia = np.array([float(np.linalg.norm(body.inertia, 2)) for body in model.inertias])[:, None]
-        self._armature, self._gravity = np.array(model.armature), float(np.linalg.norm(model.gravity.linear))
+        self._armature = np.array(model.armature)[self._columns, None]
+        self._gravity = float(np.linalg.norm(model.gravity.linear))
 
     def over(self, motion: Array) -> tuple[Array, Array]:
         """Bounds over K intervals on the sum of all that adds up to tau_j, N·m (N), and on |tau_j''|: (K, n) each.
@@ -71,45 +73,51 @@ class TorqueBounds:
         # From here on bounds are |x^(k)| / k!, so that Leibniz' rule has no factors.
         q = (motion @ self._A.T) / _FACTORIALS[:, None, None]
         q[0] += self._b
+        q = q[:, :, self._columns].transpose(0, 2, 1)  # (5, B, K), of the joint before each body, but for the world's
         turn, fixed, origin = self._bodies(q)
         force, moment = self._own(turn, fixed, origin)
-        size, curvature = np.empty((2, *motion.shape[1:2], self._A.shape[0]))
-        for j in reversed(range(1, len(self._parents))):
-            column, parent = self._columns[j], self._parents[j]
-            z, carried = fixed[:, parent], force[:, j] if self._slides[j] else moment[:, j]
-            size[:, column] = carried[0] + 2.0 * self._armature[column] * q[2, :, column]
-            second = z[0] * carried[2] + z[1] * carried[1] + z[2] * carried[0]
-            curvature[:, column] = 2.0 * second + 24.0 * self._armature[column] * q[4, :, column]
-            # What the joint transmits to the body before it: f, and n + (o_j - o_before) x f.
-            arm = self._offset[j] * z[:3]
-            if self._slides[j]:
-                arm += product(z, q[:, :, column], 3)
-            force[:, parent] += force[:, j]
-            moment[:, parent] += moment[:, j] + product(arm, force[:, j], 3)
-        return size @ self._A, curvature @ self._A
+        axis = fixed[:3, self._parents]
+        # What a joint transmits to the body before it: f, and n + (o_j - o_before) x f.
+        arm = self._offset * axis
+        arm[:, self._slides] += product(axis[:, self._slides], q[:, self._slides], 3)
+        last_to_first = range(len(self._parents) - 1, 0, -1)
+        for j in last_to_first:
+            force[:, self._parents[j]] += force[:, j]
+        moved = product(arm, force, 3)
+        for j in last_to_first:
+            moment[:, self._parents[j]] += moment[:, j] + moved[:, j]
+        carried = moment
+        carried[:, self._slides] = force[:, self._slides]
+        size = carried[0] + 2.0 * self._armature * q[2]
+        second = axis[0] * carried[2] + axis[1] * carried[1] + axis[2] * carried[0]
+        curvature = 2.0 * second + 24.0 * self._armature * q[4]
+        A = self._A[self._columns[1:]]
+        return size[1:].T @ A, curvature[1:].T @ A
 
     def _bodies(self, q: Array) -> tuple[Array, Array, Array]:
-        """Bounds of all B bodies in world axes, from those of the joints q (5, K, J).
+        """Bounds of all B bodies in world axes, from those of the joints before them, q (5, B, K).
 
         Returns:
             Angular velocity (4, B, K), rad/s; a unit vector that the body carries (5, B, K); position of its joint, of
             which derivatives 2 to 4 count (5, B, K), m.
         """
-        count, samples = len(self._parents), q.shape[1]
-        turn, origin = np.zeros((_ORDERS - 1, count, samples)), np.zeros((_ORDERS, count, samples))
-        fixed = np.zeros((_ORDERS, count, samples))
+        turn, fixed = np.zeros((_ORDERS - 1, *q.shape[1:])), np.zeros_like(q)
         fixed[0, 0] = 1.0
         rates = q[1:] * np.arange(1.0, _ORDERS)[:, None, None]  # of joint velocities
-        for j in range(1, count):
-            parent, column = self._parents[j], self._columns[j]
-            z = fixed[:, parent]
-            origin[:, j] = origin[:, parent] + self._offset[j] * z
+        for j in range(1, len(self._parents)):
+            parent = self._parents[j]
             turn[:, j] = turn[:, parent]
             if self._slides[j]:
-                origin[:, j] += product(z, q[:, :, column], _ORDERS)
-            else:
-                turn[:, j] += product(z, rates[:, :, column], _ORDERS - 1)
+                fixed[:, j] = fixed[:, parent]
+                continue
+            turn[:, j] += product(fixed[:, parent], rates[:, j], _ORDERS - 1)
             fixed[:, j] = rotated(turn[:, j], 1.0, _ORDERS)
+        axis = fixed[:, self._parents]
+        origin = self._offset * axis
+        origin[:, 0] = 0.0
+        origin[:, self._slides] += product(axis[:, self._slides], q[:, self._slides], _ORDERS)
+        for j in range(1, len(self._parents)):
+            origin[:, j] += origin[:, self._parents[j]]
         return turn, fixed, origin
 
     def _own(self, turn: Array, fixed: Array, origin: Array) -> tuple[Array, Array]:

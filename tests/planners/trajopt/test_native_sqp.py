@@ -122,6 +122,29 @@ def test_a_descent_asks_whether_to_stop() -> None:
 
 
 @pytest.mark.parametrize("native", [True, False])
+def test_a_descent_keeps_a_log_and_says_why_it_ended(native: bool) -> None:
+    problem, way = walled()
+    made, control = transcription(problem, NativeCollisionModel(problem.robot, problem.scene), way)
+    descender = NativeSqp(made) if native else sqp.Sqp(Subproblem(made, "piqp"))
+    descender.set_samples(SAMPLES)
+    found, first = descender.optimise(control, 60, lambda: False), sqp.evaluate(made, control, 0.0)
+    duration, merit, violation, radius, accepted = found.log.rows.T
+    assert (duration[0], merit[0], violation[0], radius[0]) == pytest.approx(
+        (first.duration, first.merit, first.missing, sqp.FIRST_RADIUS)
+    )
+    assert len(accepted) <= found.steps <= 2 * len(accepted) + 1
+    assert (np.diff(merit)[accepted[:-1] > 0] < 0).all()
+    undone = np.flatnonzero(accepted[:-1] == sqp.REFUSED)
+    np.testing.assert_allclose(radius[undone + 1], sqp.SHRINK * radius[undone])
+    assert duration[-1] >= found.duration
+    assert found.log.ended == "converged"
+    assert descender.optimise(control, 2, lambda: False).log.ended == "step limit"
+    told = found.log.then(descender.optimise(control, 60, lambda: True).log).to_dict()
+    assert told["ended"] == "stopped"
+    assert len(told["log"]["duration"]) == len(duration)
+
+
+@pytest.mark.parametrize("native", [True, False])
 def test_a_descent_asks_once_whether_to_go_on_from_the_first_curve_that_keeps_clear(native: bool) -> None:
     problem, way = walled()
     made, control = transcription(problem, NativeCollisionModel(problem.robot, problem.scene), way)
@@ -135,10 +158,12 @@ def test_a_descent_asks_once_whether_to_go_on_from_the_first_curve_that_keeps_cl
 
     assert not sqp.evaluate(made, control, 0.0).feasible
     ended = descender.optimise(control, 60, lambda: False, go_on=ask)
+    assert ended.log.ended == "contact between samples"
     assert len(asked) == 1
     assert np.array_equal(ended.control, asked[0][0])
     assert sqp.evaluate(made, *asked[0]).feasible
     further = descender.optimise(control, 60, lambda: False, go_on=ask)
+    assert further.log.ended == "converged"
     assert len(asked) == 2
     assert further.steps > ended.steps
     assert further.duration <= ended.duration

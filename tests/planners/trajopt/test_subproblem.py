@@ -123,8 +123,9 @@ def test_hopeless_curves_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     made = Transcription(problem, model, basis, Margins.between(model, line[[0, -1]], 0.005))
     made.set_samples(np.linspace(0.0, 1.0, 66)[1:-1])
     monkeypatch.setattr(sqp, "STALLED", 3)
-    point, few = optimise(Subproblem(made, "piqp"), line, 120, lambda: False)
+    point, few, log = optimise(Subproblem(made, "piqp"), line, 120, lambda: False)
     assert point.missing > sqp.MAX_VIOLATION
+    assert log.ended == "penetration"
     monkeypatch.setattr(sqp, "_stalled", lambda missing: False)
     assert few < optimise(Subproblem(made, "piqp"), line, 120, lambda: False)[1]
 
@@ -138,7 +139,9 @@ def test_curves_that_wind_themselves_around_things_are_given_up(monkeypatch: pyt
     made = Transcription(problem, model, basis, Margins.between(model, line[[0, -1]], 0.005))
     made.set_samples(np.linspace(0.0, 1.0, 66)[1:-1])
     monkeypatch.setattr(sqp, "SLOW", 2)
-    assert optimise(Subproblem(made, "piqp"), line, 8, lambda: False, longest=0.1)[1] in (2, 3)
+    _, steps, log = optimise(Subproblem(made, "piqp"), line, 8, lambda: False, longest=0.1)
+    assert steps in (2, 3)
+    assert log.ended == "too slow"
     assert optimise(Subproblem(made, "piqp"), line, 8, lambda: False, longest=100.0)[1] > 3
 
 
@@ -153,18 +156,18 @@ def test_rows_out_of_reach_change_nothing(monkeypatch: pytest.MonkeyPatch, radiu
     made.set_samples(np.linspace(0.0, 1.0, 66)[1:-1])
     point = sqp.evaluate(made, line, 0.0)
     counts = []
-    within = qp._within_reach
+    within = qp.within_reach
 
     def counting(*arguments):  # type: ignore[no-untyped-def]
         rows = within(*arguments)
         counts.append((len(arguments[0].value), len(rows.value)))
         return rows
 
-    monkeypatch.setattr(qp, "_within_reach", counting)
+    monkeypatch.setattr(qp, "within_reach", counting)
     tight = {**qp.TOLERANCES, "piqp": dict.fromkeys(qp.TOLERANCES["piqp"], 1e-9)}
     monkeypatch.setattr(qp, "TOLERANCES", tight)
     culled = Subproblem(made, "piqp").solve(point.control, point.duration, point.soft, radius, point.span)
-    monkeypatch.setattr(qp, "_within_reach", lambda rows, *arguments: rows)
+    monkeypatch.setattr(qp, "within_reach", lambda rows, *arguments: rows)
     whole = Subproblem(made, "piqp").solve(point.control, point.duration, point.soft, radius, point.span)
     assert culled is not None
     assert whole is not None

@@ -163,8 +163,9 @@ def test_a_small_step_keeps_its_promise(transcription: Transcription, control: n
 
 
 def test_optimise_reaches_a_curve_without_violation(transcription: Transcription, control: np.ndarray) -> None:
-    point, steps = optimise(Subproblem(transcription, "piqp"), control, 60, lambda: False)
+    point, steps, log = optimise(Subproblem(transcription, "piqp"), control, 60, lambda: False)
     assert 0 < steps <= 60
+    assert log.ended == "converged"
     assert point.missing < 1e-3
     assert point.rows[1].violation() < 0.02
     assert point.merit < evaluate(transcription, control, 0.0).merit
@@ -174,8 +175,9 @@ def test_optimise_reaches_a_curve_without_violation(transcription: Transcription
 
 
 def test_optimise_stops_when_told(transcription: Transcription, control: np.ndarray) -> None:
-    point, steps = optimise(Subproblem(transcription, "piqp"), control, 60, lambda: True)
+    point, steps, log = optimise(Subproblem(transcription, "piqp"), control, 60, lambda: True)
     assert steps == 0
+    assert log.ended == "stopped"
     np.testing.assert_array_equal(point.control, control)
 
 

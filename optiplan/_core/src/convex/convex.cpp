@@ -52,9 +52,10 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 template <class A, class B>
-Witness iterative(const A &a, const B &b, const Pose &X_AB, double cutoff) {
+Witness iterative(const A &a, const B &b, const Pose &X_AB, double cutoff, Features *features) {
     const auto difference = difference_of(a, b, X_AB);
-    const GjkResult found = gjk(difference, cutoff);
+    const GjkResult found = gjk(difference, cutoff, kTouching, features);
+    if (features) *features = found.status == GjkResult::Status::apart ? features_of(difference, found.simplex) : Features{};
     switch (found.status) {
         case GjkResult::Status::beyond_cutoff: return {found.lower, {}, {}, {}};
         case GjkResult::Status::touching: return penetration(difference, found.simplex);
@@ -67,7 +68,7 @@ Vec3 along_axis(const Pose &X, double length) {
 }
 
 // Cores of A and B, a.kind <= b.kind, both bounded; in the frame of A.
-Witness cores(const Shape &a, const Shape &b, const Pose &X_AB, double cutoff) {
+Witness cores(const Shape &a, const Shape &b, const Pose &X_AB, double cutoff, Features *features = nullptr) {
     if (a.kind == Kind::sphere) {
         const Pose X_BA = X_AB.inverse();
         switch (b.kind) {
@@ -81,7 +82,7 @@ Witness cores(const Shape &a, const Shape &b, const Pose &X_AB, double cutoff) {
     if (a.kind == Kind::capsule && b.kind == Kind::capsule)
         return segments({}, {0.0, 0.0, a.half_length}, X_AB.p, along_axis(X_AB, b.half_length));
     return with_core(a, [&](const auto &core_a) {
-        return with_core(b, [&](const auto &core_b) { return iterative(core_a, core_b, X_AB, cutoff); });
+        return with_core(b, [&](const auto &core_b) { return iterative(core_a, core_b, X_AB, cutoff, features); });
     });
 }
 
@@ -101,13 +102,13 @@ Witness between_meshes(const Shape &a, const Shape &b, const Pose &X_AB, double 
 
 }  // namespace
 
-Witness distance(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB, double cutoff) {
-    if (a.kind > b.kind) return flipped(distance(b, X_WB, a, X_WA, cutoff));
+Witness distance(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB, double cutoff, Features *features) {
+    if (a.kind > b.kind) return flipped(distance(b, X_WB, a, X_WA, cutoff, features));
     const Pose X_AB = relative(X_WA, X_WB);
     const double radius_a = rounding_radius(a), radius_b = rounding_radius(b), radii = radius_a + radius_b;
     const Witness found = b.kind == Kind::half_space ? above(a, b, X_AB)
                           : b.kind == Kind::mesh     ? between_meshes(a, b, X_AB, cutoff + radii, 0.0)
-                                                     : cores(a, b, X_AB, cutoff + radii);
+                                                     : cores(a, b, X_AB, cutoff + radii, features);
     const double distance = found.distance - radii;
     if (distance > cutoff) return {distance, {}, {}, {}};
     const Vec3 normal = X_WA.R * found.normal;

@@ -2,7 +2,7 @@
 //
 // A core and a ball about each of its points make a shape: a sphere is a point and a radius, a capsule a segment and a
 // radius. Each core tells its farthest point along a direction, a point of it (or of a box around it) near to a given
-// one, and a ball that holds it.
+// one, and a ball and a box along its axes, about the same middle, that hold it.
 #pragma once
 
 #include <algorithm>
@@ -19,6 +19,7 @@ struct PointCore {
     Vec3 support(const Vec3 &) const { return {}; }
     Vec3 near(const Vec3 &) const { return {}; }
     Vec3 middle() const { return {}; }
+    Vec3 half_edges() const { return {}; }
     double radius_about_middle() const { return 0.0; }
 };
 
@@ -28,6 +29,7 @@ struct SegmentCore {  // along z
     Vec3 support(const Vec3 &d) const { return {0.0, 0.0, std::copysign(half_length, d.z)}; }
     Vec3 near(const Vec3 &p) const { return {0.0, 0.0, clamped(p.z, half_length)}; }
     Vec3 middle() const { return {}; }
+    Vec3 half_edges() const { return {0.0, 0.0, half_length}; }
     double radius_about_middle() const { return half_length; }
 };
 
@@ -39,6 +41,7 @@ struct BoxCore {
     }
     Vec3 near(const Vec3 &p) const { return {clamped(p.x, half.x), clamped(p.y, half.y), clamped(p.z, half.z)}; }
     Vec3 middle() const { return {}; }
+    Vec3 half_edges() const { return half; }
     double radius_about_middle() const { return norm(half); }
 };
 
@@ -56,6 +59,7 @@ struct CylinderCore {  // about z
         return {s * p.x, s * p.y, clamped(p.z, half_length)};
     }
     Vec3 middle() const { return {}; }
+    Vec3 half_edges() const { return {radius, radius, half_length}; }
     double radius_about_middle() const { return std::sqrt(radius * radius + half_length * half_length); }
 };
 
@@ -68,6 +72,7 @@ struct HullCore {
         return c + Vec3{clamped(l.x, h.x), clamped(l.y, h.y), clamped(l.z, h.z)};
     }
     Vec3 middle() const { return hull->centre(); }
+    Vec3 half_edges() const { return hull->half(); }
     double radius_about_middle() const { return hull->radius(); }
 };
 
@@ -116,6 +121,10 @@ struct Difference {
         const Vec3 p = a.support(d);
         return {p - X_AB * b.support(transposed(X_AB.R, -d)), p};
     }
+
+    // That of a point of A and one of B, each in its own frame; and the point of B of such a one.
+    DifferencePoint of(const Vec3 &on_a, const Vec3 &on_b) const { return {on_a - X_AB * on_b, on_a}; }
+    Vec3 on_b(const DifferencePoint &point) const { return transposed(X_AB.R, point.a - point.w - X_AB.p); }
 
     // A vector from B towards A to begin with: that between points that are near each other.
     Vec3 first_guess() const {

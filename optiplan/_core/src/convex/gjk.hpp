@@ -33,12 +33,32 @@ inline Witness witness_of(const GjkResult &found) {
     return {distance, a, a + distance * normal, normal};
 }
 
+// The simplex of points that were nearest at other poses; empty where there are none, or they touch now.
+template <class A, class B>
+Simplex simplex_of(const Difference<A, B> &difference, const Features *before, double enough) {
+    Simplex simplex;
+    for (int k = 0; before && k < before->size; ++k) simplex.add(difference.of(before->a[k], before->b[k]));
+    return simplex.squared() > enough * enough ? simplex : Simplex{};
+}
+
+// The points of A and B that a result that is apart rests on.
+template <class A, class B>
+Features features_of(const Difference<A, B> &difference, const Simplex &simplex) {
+    Features features;
+    features.size = std::min(simplex.size(), 3);
+    for (int k = 0; k < features.size; ++k)
+        features.a[k] = simplex.point(k).a, features.b[k] = difference.on_b(simplex.point(k));
+    return features;
+}
+
 // Stops early with a lower bound above `cutoff` (m), or as soon as the distance is at most `enough` (status touching).
 template <class A, class B>
-GjkResult gjk(const Difference<A, B> &difference, double cutoff, double enough = kTouching) {
-    GjkResult result{GjkResult::Status::apart, -HUGE_VAL, {}, {}};
+GjkResult gjk(const Difference<A, B> &difference, double cutoff, double enough = kTouching,
+              const Features *before = nullptr) {
+    GjkResult result{GjkResult::Status::apart, -HUGE_VAL, {}, simplex_of(difference, before, enough)};
     Simplex &simplex = result.simplex;
-    Vec3 v = difference.first_guess();
+    const bool known = simplex.size() > 0;
+    Vec3 v = known ? simplex.v() : difference.first_guess();
     double length = norm(v);
     for (int step = 0; step < kGjkSteps; ++step) {
         const DifferencePoint next = difference.support(-v);
@@ -51,7 +71,7 @@ GjkResult gjk(const Difference<A, B> &difference, double cutoff, double enough =
                 return result;
             }
         }
-        if (step > 0 && length - result.lower <= kDistanceGap) return result;
+        if ((known || step > 0) && length - result.lower <= kDistanceGap) return result;
         if (!simplex.add(next)) return result;  // rounding leaves no step
         if (simplex.origin_within() || simplex.squared() <= enough * enough) {
             result.status = GjkResult::Status::touching;

@@ -35,13 +35,14 @@ struct Search {
 
     bool over() const { return best.distance <= enough; }
 
+    // The direction from B to A that kept the latest two farthest apart.
     template <class A, class B>
-    void ask(const A &a, const B &b, const Pose &X_AB) {
+    Vec3 ask(const A &a, const B &b, const Pose &X_AB) {
         const GjkResult found = gjk(difference_of(a, b, X_AB), limit);
         if (found.status == GjkResult::Status::beyond_cutoff) {
             // Nothing is nearer than what was found; without that, the least bound of all is what is known.
             if (best.distance > limit && found.lower < best.distance) best.distance = found.lower;
-            return;
+            return found.direction;
         }
         if (found.status == GjkResult::Status::touching) {
             const Vec3 common = found.simplex.on_a();
@@ -50,6 +51,29 @@ struct Search {
             best = apart;
         }
         limit = std::min(limit, best.distance);
+        return found.direction;
+    }
+};
+
+// A plane that has kept a triangle apart from a convex core often does so for its neighbours.
+struct Plane {
+    Vec3 direction;       // a unit vector from the core to the mesh, or zero: no plane yet
+    double reach = 0.0;   // of the core along it
+
+    template <class Core>
+    void take(const Vec3 &found, const Core &core, const Pose &X_AB) {
+        const double length = norm(found);
+        if (!(length > 0.0)) return;
+        direction = (1.0 / length) * found;
+        reach = dot(direction, X_AB * core.support(transposed(X_AB.R, direction)));
+    }
+
+    double to_box(const Vec3 &centre, const Vec3 &half) const {
+        return dot(direction, centre) - dot(absolute(direction), half) - reach;
+    }
+
+    double to_corners(const Vec3 (&c)[3]) const {
+        return std::min({dot(direction, c[0]), dot(direction, c[1]), dot(direction, c[2])}) - reach;
     }
 };
 
@@ -98,14 +122,18 @@ void TriangleMesh::build(std::vector<Triangle>::iterator first, std::vector<Tria
 
 Witness TriangleMesh::distance(const Shape &convex, const Pose &X_AB, double cutoff, double enough) const {
     return with_core(convex, [&](const auto &core) {
-        // The box of the core along the axes of the mesh, and a ball about its middle.
+        // The box of the core along the axes of the mesh, that along its own axes, and a ball about its middle.
         const Vec3 x{1, 0, 0}, y{0, 1, 0}, z{0, 0, 1};
         const auto reach = [&](const Vec3 &d) { return dot(d, X_AB * core.support(transposed(X_AB.R, d))); };
         const Vec3 high{reach(x), reach(y), reach(z)}, low{-reach(-x), -reach(-y), -reach(-z)};
         const Vec3 centre = 0.5 * (low + high), half = 0.5 * (high - low), ball = X_AB * core.middle();
+        const Vec3 own_half = core.half_edges();
+        const Mat3 R_BA = transpose(X_AB.R);
         const double radius = core.radius_about_middle();
         const auto bound = [&](const Node &node) {
-            return std::max(gap(node.centre - centre, node.half + half), gap(node.centre - ball, node.half) - radius);
+            const Vec3 apart = node.centre - ball;
+            const double along_own = gap(R_BA * apart, own_half + half_in(R_BA, node.half));
+            return std::max({gap(node.centre - centre, node.half + half), gap(apart, node.half) - radius, along_own});
         };
 
         struct Waiting {
@@ -113,20 +141,22 @@ Witness TriangleMesh::distance(const Shape &convex, const Pose &X_AB, double cut
             double bound;
         };
         Search search(cutoff, enough);
+        Plane plane;
         double left_out = std::numeric_limits<double>::infinity();
         std::array<Waiting, 128> stack;
         std::size_t used = 0;
         stack[used++] = {0, bound(nodes_[0])};
         while (used > 0 && !search.over()) {
             const Waiting next = stack[--used];
-            if (next.bound > search.limit) {
-                left_out = std::min(left_out, next.bound);
+            const Node &node = nodes_[next.node];
+            const Vec3(&c)[3] = triangles_[node.leaf ? node.child : 0].corners;
+            const double beyond = node.leaf ? plane.to_corners(c) : plane.to_box(node.centre, node.half);
+            if (const double least = std::max(next.bound, beyond); least > search.limit) {
+                left_out = std::min(left_out, least);
                 continue;
             }
-            const Node &node = nodes_[next.node];
             if (node.leaf) {
-                const Vec3(&c)[3] = triangles_[node.child].corners;
-                search.ask(TriangleCore{{c[0], c[1], c[2]}}, core, X_AB);
+                plane.take(search.ask(TriangleCore{{c[0], c[1], c[2]}}, core, X_AB), core, X_AB);
                 continue;
             }
             Waiting near{next.node + 1, bound(nodes_[next.node + 1])}, far{node.child, bound(nodes_[node.child])};

@@ -16,4 +16,11 @@ inline Witness flipped(const Witness &w) { return {w.distance, w.b, w.a, -w.norm
 // From the frame that X is the pose of.
 inline Witness moved(const Pose &X, const Witness &w) { return {w.distance, X * w.a, X * w.b, X.R * w.normal}; }
 
+// Points of A and of B, each in its own frame, whose differences hold the nearest point of A - B: where a search for the
+// same shapes at poses not far from these may begin. None: it begins between the middles.
+struct Features {
+    int size = 0;
+    Vec3 a[3], b[3];
+};
+
 }  // namespace optiplan

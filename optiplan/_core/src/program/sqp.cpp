@@ -1,6 +1,7 @@
 #include "program/sqp.hpp"
 
 #include <algorithm>
+#include <optional>
 
 namespace optiplan {
 
@@ -15,6 +16,9 @@ constexpr int SETTLED = 2;
 
 // Shares of the promise: a gain that is accepted, and one that widens the trust region twofold.
 constexpr double ACCEPTED = 0.1, GOOD = 0.7;
+
+// In the log: a step, one with a second one from its end, one that was undone.
+constexpr double AT_ONCE = 1.0, REPAIRED = 0.5, REFUSED = 0.0;
 
 }  // namespace
 
@@ -36,27 +40,41 @@ Descent Sqp::optimise(const double *control, int iterations, const std::function
     bool asked = !go_on || feasible(point);
     int settled = 0;
     Vec missing;
+    std::vector<Iteration> log;
+    std::optional<Ending> ended;
     while (taken < iterations && !stop() && radius >= settings_.least_radius && !stalled(missing)) {
-        if (taken >= settings_.slow && (point.merit > settings_.worse * best || point.duration > longest)) break;
+        if (taken >= settings_.slow && (point.merit > settings_.worse * best || point.duration > longest)) {
+            ended = Ending::too_slow;
+            break;
+        }
         missing.push_back(point.contacts.violation());
+        Iteration now{point.duration, point.merit, missing.back(), radius, REFUSED};
         const Step step = solve(point, radius);
         ++taken;
         if (!step.solved) {
+            log.push_back(now);
             radius *= settings_.shrink;
             continue;
         }
-        if (step.promise < LEAST_PROMISE * point.duration) break;
+        if (step.promise < LEAST_PROMISE * point.duration) {
+            ended = Ending::converged;
+            break;
+        }
         CurvePoint trial = follow(step, point);
+        double how = AT_ONCE;
         if (point.merit - trial.merit <= ACCEPTED * step.promise && !stop()) {
             const Step second = solve(trial, radius);
-            ++taken;
+            ++taken, how = REPAIRED;
             if (second.solved) {
                 CurvePoint again = follow(second, trial);
                 if (again.merit < trial.merit) trial = std::move(again);
             }
         }
         const double gain = point.merit - trial.merit;
-        if (!(gain > ACCEPTED * step.promise)) {
+        const bool accepted = gain > ACCEPTED * step.promise;
+        if (accepted) now.accepted = how;
+        log.push_back(now);
+        if (!accepted) {
             radius *= settings_.shrink;
             if (watch(trial.exceeded))
                 torques_.of(*spline_, samples_, point.control.data(), point.duration, watched_, point.torques,
@@ -68,13 +86,24 @@ Descent Sqp::optimise(const double *control, int iterations, const std::function
         settled = little ? settled + 1 : 0;
         point = std::move(trial);
         if (good) radius *= 2.0;
-        if (settled == SETTLED) break;
+        if (settled == SETTLED) {
+            ended = Ending::converged;
+            break;
+        }
         if (!asked && feasible(point)) {
             asked = true;
-            if (!go_on(point)) break;
+            if (!go_on(point)) {
+                ended = Ending::contact_between_samples;
+                break;
+            }
         }
     }
-    return {std::move(point), taken};
+    if (!ended)
+        ended = taken >= iterations                ? Ending::step_limit
+                : radius < settings_.least_radius ? Ending::trust_region
+                : stalled(missing)                ? Ending::penetration
+                                                  : Ending::stopped;
+    return {std::move(point), taken, std::move(log), *ended};
 }
 
 CurvePoint Sqp::evaluate(Vec control, double duration, double &span) {

@@ -26,9 +26,19 @@ struct CurvePoint {
     Mask exceeded;
 };
 
+// One iteration of a descent: of the curve that it begins at, and the trust region; `accepted` as in iteration_log.py.
+struct Iteration {
+    double duration, merit, violation, radius, accepted;
+};
+
+// Why a descent ended, in the order of iteration_log.py.
+enum class Ending { converged, trust_region, penetration, too_slow, step_limit, stopped, contact_between_samples };
+
 struct Descent {
     CurvePoint point;
     int steps = 0;
+    std::vector<Iteration> log;
+    Ending ended = Ending::stopped;
 };
 
 class Sqp {

@@ -26,6 +26,7 @@ void Curve::around(int piece, double middle, double half, double *q, double *rea
 Sweep::Sweep(const World &world, Curve curve, SweepRules rules)
     : world_(world), curve_(std::move(curve)), rules_(rules), at_(world.placement()) {
     q_.resize(curve_.joints), reach_.resize(curve_.joints);
+    reaches_.resize(world.bodies().size() * world.tree().joints.size());
     everything_.resize(world.pairs().size());
     std::iota(everything_.begin(), everything_.end(), 0);
     for (int piece = 0; piece + 1 < static_cast<int>(curve_.breakpoints.size()); ++piece) {
@@ -58,17 +59,28 @@ void Sweep::prove(int begin, int end, std::vector<Touched> &found) {
     }
 }
 
+void Sweep::reach(int a, int b) {
+    for (int body : {a, b}) {
+        if (!reached_[body]) world_.reach(at_, body, reaches_.data() + body * world_.tree().joints.size());
+        reached_[body] = 1;
+    }
+}
+
 bool Sweep::free(const Interval &interval, const std::vector<int> &pairs, Touched &touched) {
     curve_.around(interval.piece, interval.middle, interval.half, q_.data(), reach_.data());
     world_.place(q_.data(), at_);
-    world_.reaches(at_, reaches_);
+    reached_.assign(world_.bodies().size(), 0);
     std::vector<int> left;
     double ratio = 0.0, least = 0.0;
     int worst = -1;
     std::vector<char> known(world_.groups().size());
-    const auto group_gap = [&](int group) { return world_.group_travel(reaches_, reach_.data(), group) + rules_.margin; };
+    const auto group_gap = [&](int group) {
+        reach(world_.groups()[group].hull, world_.groups()[group].other);
+        return world_.group_travel(reaches_, reach_.data(), group) + rules_.margin;
+    };
     for (int pair : pairs) {
         if (world_.settled(at_, pair, known, group_gap)) continue;
+        reach(world_.pairs()[pair].a, world_.pairs()[pair].b);
         const double travel = world_.travel(reaches_, reach_.data(), pair);
         if (world_.balls_apart(at_, pair, travel) || world_.lower_bound(at_, pair) > travel) continue;
         const double gap = world_.gap(at_, pair, travel + rules_.margin) - rules_.margin;

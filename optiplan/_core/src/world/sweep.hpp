@@ -51,6 +51,8 @@ class Sweep {
         double middle, half;
     };
 
+    // The reaches of two bodies where the robot stands, computed when they are first asked for.
+    void reach(int a, int b);
     bool free(const Interval &interval, const std::vector<int> &pairs, Touched &touched);
 
     const World &world_;
@@ -59,6 +61,7 @@ class Sweep {
     std::vector<Interval> intervals_;
     Placement at_;
     std::vector<double> q_, reach_, reaches_;
+    std::vector<char> reached_;  // of each body
     std::vector<int> everything_;
     bool before_ = false, failed_before_ = false;
 };

@@ -133,24 +133,31 @@ Witness World::distance(const Placement &at, int pair, double cutoff) const {
     return optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], cutoff);
 }
 
-Witness World::nearest_points(const Placement &at, int pair, double cutoff) const {
+Witness World::nearest_points(const Placement &at, int pair, double cutoff, Features *features) const {
     const auto [a, b, by_outline] = pairs_[pair];
-    if (!by_outline) return distance(at, pair, cutoff);
-    const Witness outer =
-        optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], cutoff);
-    if (outer.distance > SETTLED) return outer;
+    const Witness outer = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
+                                             cutoff, features);
+    if (!by_outline || outer.distance > SETTLED) return outer;
     const Witness nearer = distance(at, pair, cutoff);
     return nearer.distance > 0.0 ? nearer : outer;
 }
 
-void World::near(const Placement &at, int row, double cutoff, std::vector<Contact> &found) const {
+void World::near(const Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail) const {
     std::vector<char> known(groups_.size());
+    std::vector<Trail::Near> now;
+    auto before = trail.before.cbegin();
     for (int pair = 0; pair < static_cast<int>(pairs_.size()); ++pair) {
         if (settled(at, pair, known, [cutoff](int) { return cutoff; })) continue;
         if (balls_apart(at, pair, cutoff) || !(lower_bound(at, pair) < cutoff)) continue;
-        const Witness witness = nearest_points(at, pair, cutoff);
-        if (witness.distance < cutoff) found.push_back({row, pair, witness});
+        while (before != trail.before.cend() && before->pair < pair) ++before;
+        Features features;
+        if (before != trail.before.cend() && before->pair == pair) features = before->features;
+        const Witness witness = nearest_points(at, pair, cutoff, &features);
+        if (!(witness.distance < cutoff)) continue;
+        found.push_back({row, pair, witness});
+        if (features.size > 0) now.push_back({pair, features});
     }
+    trail.before.swap(now);
 }
 
 Contact World::nearest(const Placement &at) const {
@@ -193,28 +200,30 @@ void World::gradient(const Placement &at, const Contact &contact, double *out) c
     for (int j = bodies_[pair.b].joint; j != common; j = tree_.joints[j].parent) push(at, j, w.b, w.normal, out);
 }
 
+void World::reach(const Placement &at, int body, double *out) const {
+    std::fill_n(out, tree_.joints.size(), 0.0);
+    const Vec3 &half = bodies_[body].half;
+    const bool bounded = std::isfinite(half.x);
+    Vec3 corners[8];
+    for (int k = 0; k < 8; ++k) {
+        Vec3 local = bodies_[body].centre;
+        if (bounded) local += Vec3{k & 4 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 1 ? half.z : -half.z};
+        corners[k] = at.bodies[body] * local;
+    }
+    for (int j = bodies_[body].joint; j > 0; j = tree_.joints[j].parent) {
+        if (!tree_.joints[j].revolute) continue;
+        const Vec3 axis = tree_.axis(at.joints.data(), j);
+        double squared = 0.0;
+        for (const Vec3 &corner : corners)
+            squared = std::max(squared, squared_norm(cross(axis, corner - at.joints[j].p)));
+        out[j] = std::sqrt(squared) + 1e-9;
+    }
+}
+
 void World::reaches(const Placement &at, std::vector<double> &out) const {
     const std::size_t joints = tree_.joints.size();
     out.assign(bodies_.size() * joints, 0.0);
-    for (int body : moving_) {
-        const Vec3 &half = bodies_[body].half;
-        const bool bounded = std::isfinite(half.x);
-        Vec3 corners[8];
-        for (int k = 0; k < 8; ++k) {
-            Vec3 local = bodies_[body].centre;
-            if (bounded)
-                local += Vec3{k & 4 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 1 ? half.z : -half.z};
-            corners[k] = at.bodies[body] * local;
-        }
-        for (int j = bodies_[body].joint; j > 0; j = tree_.joints[j].parent) {
-            if (!tree_.joints[j].revolute) continue;
-            const Vec3 axis = tree_.axis(at.joints.data(), j);
-            double squared = 0.0;
-            for (const Vec3 &corner : corners)
-                squared = std::max(squared, squared_norm(cross(axis, corner - at.joints[j].p)));
-            out[body * joints + j] = std::sqrt(squared) + 1e-9;
-        }
-    }
+    for (int body : moving_) reach(at, body, out.data() + body * joints);
 }
 
 // From the tip to the base: t <- t + D_j (R_j + t) for a joint that turns, t + D_j for one that slides.

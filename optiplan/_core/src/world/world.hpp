@@ -49,6 +49,16 @@ struct Contact {
     Witness witness;
 };
 
+// Along configurations that are asked one after another: which pairs were near at the one before, and where. What was not
+// near is not remembered, whichever test has told so.
+struct Trail {
+    struct Near {
+        int pair;
+        Features features;
+    };
+    std::vector<Near> before;  // rising pairs
+};
+
 // Where everything is at one configuration.
 struct Placement {
     std::vector<Pose> joints, bodies;
@@ -99,10 +109,10 @@ class World {
 
     // Every pair nearer than `cutoff`, m. Where a body is a mesh, distance and points are the hulls' if these are
     // farther apart than SETTLED, and if the bodies touch: triangles do not tell how deep, or which way is out.
-    void near(const Placement &at, int row, double cutoff, std::vector<Contact> &found) const;
+    void near(const Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail) const;
 
     // Distance and points of a pair as `near` tells them; above the cutoff, only that it is.
-    Witness nearest_points(const Placement &at, int pair, double cutoff) const;
+    Witness nearest_points(const Placement &at, int pair, double cutoff, Features *features = nullptr) const;
 
     // The nearest pair of all; -1 where there are no pairs.
     Contact nearest(const Placement &at) const;
@@ -113,8 +123,9 @@ class World {
     // d(distance)/dq (n,) = n . (J_b - J_a), with J the linear Jacobian of the nearest point.
     void gradient(const Placement &at, const Contact &contact, double *out) const;
 
-    // Distance of the farthest corner of each body's box from the axis of each joint that carries it, m: (bodies,
-    // joints).
+    // Distance of the farthest corner of a body's box from the axis of each joint that carries it, m, and 0 for other
+    // joints: (joints,); of all bodies: (bodies, joints).
+    void reach(const Placement &at, int body, double *out) const;
     void reaches(const Placement &at, std::vector<double> &out) const;
 
     // Bound, m, on the change of a pair's distance while |q_j - Q_j| <= D_j (n,): see `PairBounds.travel_of`.

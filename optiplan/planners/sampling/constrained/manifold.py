@@ -3,9 +3,9 @@
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.planners.trajopt.terms.contacts import NamedClearanceTerm
-from optiplan.planners.trajopt.terms.expression import KEPT, ExpressionTerm
-from optiplan.planners.trajopt.terms.rooms import rooms
+from optiplan.planners.path_constraints.clearance import PairsApart
+from optiplan.planners.path_constraints.inequalities import inequalities
+from optiplan.planners.path_constraints.inequality import KEPT, CompiledInequality
 from optiplan.problem.constraints.statements import WHOLE, PairClearance
 from optiplan.problem.problem import Problem
 
@@ -19,7 +19,7 @@ class Manifold:
     """The set g(q) >= 0 of all constraints of positions, of which projection keeps a reserve r: g(q) >= r.
 
     Newton's method on the rows that are violated: d = J^T (J J^T + damping)^-1 (r - g), for the rows and the exact
-    slopes that `trajopt` has as terms. A pair that is to stay apart is looked at and not projected onto, and
+    slopes that `trajopt` has, too. A pair that is to stay apart is looked at and not projected onto, and
     constraints of speed are the time law's business.
 
     Sources: Stilman, "Global manipulation planning in robot joint space with task constraints", T-RO 2010; Berenson
@@ -29,19 +29,18 @@ class Manifold:
     def __init__(self, problem: Problem, ends: Array) -> None:
         """Take the reserve where the ends (k, n), which hold the constraints, have it."""
         robot, constraints = problem.robot, problem.path_constraints
-        self._terms = [
-            ExpressionTerm(robot, room)
+        self._inequalities = [
+            CompiledInequality(robot, stated)
             for one in constraints
             if not isinstance(one, PairClearance)
-            for room in rooms(one)
-            if not room.rate
+            for stated in inequalities(one)
+            if not stated.rate
         ]
-        self._apart = [NamedClearanceTerm(problem, one) for one in constraints if isinstance(one, PairClearance)]
+        self._apart = [PairsApart(problem, one) for one in constraints if isinstance(one, PairClearance)]
         self._low, self._high = problem.limits.lower, problem.limits.upper
         self._still = np.zeros((1, robot.n))
-        size = sum(term.expression.size for term in self._terms)
-        self._reserve = np.zeros(size)
-        reserve = np.concatenate([np.full(t.expression.size, t.room.reserve) for t in self._terms] or [np.zeros(0)])
+        reserves = [np.full(one.size, one.stated.reserve) for one in self._inequalities]
+        reserve = np.concatenate([np.zeros(0), *reserves])
         least = np.min([self._rows(q)[0] for q in ends], axis=0)
         self._reserve = np.clip(KEPT * least, 0.0, reserve)
 
@@ -69,14 +68,14 @@ class Manifold:
     def _rows(self, q: Array) -> tuple[Array, Array]:
         """Return g (m,) and its slopes (m, n)."""
         motion = [np.ascontiguousarray(q)[None], self._still, self._still]
-        found = [term.expression(motion) for term in self._terms]
+        found = [one(motion) for one in self._inequalities]
         if not found:
             return np.zeros(0), np.zeros((0, len(q)))
         return np.concatenate([value[0] for value, _ in found]), np.vstack([slopes[0][0] for _, slopes in found])
 
     def _far_apart(self, q: Array) -> bool:
         motion = [q[None], self._still, self._still]
-        return all(float(term.least(motion).min()) >= 0.0 for term in self._apart)
+        return all(float(one.least(motion).min()) >= 0.0 for one in self._apart)
 
 
 def in_part_only(problem: Problem) -> list[str]:

@@ -9,6 +9,7 @@ from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.planners.trajopt.program import sqp
+from optiplan.planners.trajopt.program.iteration_log import ENDINGS, IterationLog
 from optiplan.planners.trajopt.program.native_step import GAP, native_spline
 from optiplan.planners.trajopt.program.sqp import Descended, GoOn
 from optiplan.planners.trajopt.program.transcription import Transcription
@@ -51,10 +52,10 @@ class NativeSqp:
         go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see `sqp.optimise`."""
-        control, duration, _, missing, nearest, steps = self._sqp.optimise(
+        control, duration, _, missing, nearest, steps, rows, ended = self._sqp.optimise(
             np.ascontiguousarray(control), iterations, stop, best, longest, go_on
         )
-        return Descended(control, duration, missing, nearest, steps)
+        return Descended(control, duration, missing, nearest, steps, IterationLog(rows, ENDINGS[ended]))
 
 
 def _settings() -> dict[str, float]:

@@ -105,8 +105,8 @@ class Subproblem:
         basis, limits = self.transcription.basis, self.transcription.limits
         moving = basis.moving(control)
         scale, count = np.tile(limits.velocity * span, len(moving)), moving.size
-        within = [part._replace(rows=_within_reach(part.rows, scale * radius, duration)) for part in soft]
-        soft_rows, soft_right, prices = _soft(within, scale, duration)
+        within = [part._replace(rows=within_reach(part.rows, scale * radius, duration)) for part in soft]
+        soft_rows, soft_right, prices = soft_program(within, scale, duration)
         program = self._program(control, duration, scale, prices)
         below, above = ((side - moving).ravel() / scale for side in (limits.lower, limits.upper))
         low = np.concatenate([np.clip(below, -radius, 0.0), [-0.5], np.zeros(len(prices))])
@@ -163,13 +163,13 @@ class Subproblem:
         return flat, 1.0 - sign * share[row, joint]
 
 
-def _within_reach(rows: SoftRows, travel: Array, duration: float) -> SoftRows:
+def within_reach(rows: SoftRows, travel: Array, duration: float) -> SoftRows:
     """Return the rows that a step can violate, in which variables move by `travel` (M n,) and T by itself at most."""
     reach = np.abs(rows.by_control) @ travel + np.abs(rows.by_duration) * duration
     return rows.only(rows.value < reach)
 
 
-def _soft(soft: Sequence[Penalty], scale: Array, duration: float) -> tuple[Array, Array, Array]:
+def soft_program(soft: Sequence[Penalty], scale: Array, duration: float) -> tuple[Array, Array, Array]:
     """Return rows (k, M n + 1 + slacks), right sides (k,) and the price, s, of each slack: one per sample and kind."""
     blocks, right, prices = [], [], []
     columns = [np.unique(part.rows.sample, return_inverse=True) for part in soft]

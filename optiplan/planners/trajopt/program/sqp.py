@@ -3,14 +3,14 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from optiplan.arrays import Array
+from optiplan.planners.trajopt.program.iteration_log import Ending, IterationLog
 from optiplan.planners.trajopt.program.native_step import StepSolver
 from optiplan.planners.trajopt.program.qp import Penalty, Step
-from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE
-from optiplan.planners.trajopt.terms.term import SoftRows, Term
+from optiplan.planners.trajopt.terms.term import Cost, SoftRows, Term
 
 FIRST_RADIUS, LEAST_RADIUS = 0.1, 3e-5
 """Trust region on every control point, as a share of what its joint can travel at full speed in that duration."""
@@ -29,6 +29,9 @@ STALLED, HALVED = 5, 0.5
 SETTLED = 2
 """Accepted steps in a row that gain little, after which a descent ends: one alone may be an unlucky step."""
 
+ACCEPTED, REPAIRED, REFUSED = 1.0, 0.5, 0.0
+"""In the log: a step, one with a second one from its end, one that was undone."""
+
 SLOW, WORSE = 30, 1.5
 """Steps after which a curve's merit must be within this factor of the best motion known."""
 
@@ -41,6 +44,40 @@ GoOn = Callable[[Array, float], bool]
 one -> whether to descend from it; asked once."""
 
 
+class Discretised(Protocol):
+    """What a descent asks of a transcription; shape and curves are its own: of one move, or of several parts."""
+
+    @property
+    def terms(self) -> tuple[Any, ...]:
+        """Return the terms of such curves; see `terms.term.Term`."""
+
+    @property
+    def costs(self) -> tuple[Cost, ...]:
+        """Return the costs beside the duration."""
+
+    def shortest_duration(self, control: Array) -> float:
+        """Return the least duration of a shape within the limits of the joints, s."""
+
+    def curve(self, control: Array, duration: float) -> Any:
+        """Return the curve of a shape at a duration."""
+
+    def cost(self, curve: Any) -> float:
+        """Return its cost, s."""
+
+
+class Stepper(Protocol):
+    """Builds and solves the program of a step; see `qp.Subproblem`."""
+
+    @property
+    def transcription(self) -> Discretised:
+        """Return what it is the program of."""
+
+    def solve(
+        self, control: Array, duration: float, soft: Sequence[Penalty], radius: float, span: float
+    ) -> Step | None:
+        """Return one step from (control, duration); None when the solver fails."""
+
+
 class Descended(NamedTuple):
     """Where a descent ended.
 
@@ -50,6 +87,7 @@ class Descended(NamedTuple):
         missing: clearance violation summed over the samples, m.
         nearest: least clearance of a near pair beyond its margin, m; infinite where none is near.
         steps: taken.
+        log: of the iterations.
     """
 
     control: Array
@@ -57,6 +95,7 @@ class Descended(NamedTuple):
     missing: float
     nearest: float
     steps: int
+    log: IterationLog
 
 
 class Descender(Protocol):
@@ -97,8 +136,8 @@ class Sqp:
         go_on: GoOn | None = None,
     ) -> Descended:
         """Descend from control points (K, n); see the function `optimise`."""
-        point, steps = optimise(self.subproblem, control, iterations, stop, best, longest, go_on)
-        return Descended(point.control, point.duration, point.missing, point.nearest, steps)
+        point, steps, log = optimise(self.subproblem, control, iterations, stop, best, longest, go_on)
+        return Descended(point.control, point.duration, point.missing, point.nearest, steps, log)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,9 +188,9 @@ def penalties(terms: Sequence[Term], rows: Sequence[SoftRows], span: float) -> l
     return [Penalty(found, term.price * span, term.unit) for term, found in zip(terms, rows, strict=True)]
 
 
-def evaluate(transcription: Transcription, control: Array, duration: float, span: float | None = None) -> Point:
+def evaluate(transcription: Discretised, control: Array, duration: float, span: float | None = None) -> Point:
     """Evaluate the curve at a duration that its derivative control points allow; `span` is that by default."""
-    duration = max(duration, transcription.basis.shortest_duration(control, transcription.rates))
+    duration = max(duration, transcription.shortest_duration(control))
     span = span or duration
     curve, terms = transcription.curve(control, duration), transcription.terms
     rows = tuple(term.rows(curve) for term in terms)
@@ -160,15 +199,15 @@ def evaluate(transcription: Transcription, control: Array, duration: float, span
 
 
 def optimise(  # noqa: C901, PLR0913
-    subproblem: StepSolver,
+    subproblem: Stepper,
     control: Array,
     iterations: int,
     stop: Callable[[], bool],
     best: float = inf,
     longest: float = inf,
     go_on: GoOn | None = None,
-) -> tuple[Point, int]:
-    """Descend from control points (K, n) until two steps in a row gain less than 0.2 %; return the point and the steps.
+) -> tuple[Point, int, IterationLog]:
+    """Descend from control points (K, n) until two steps in a row gain less than 0.2 %; return point, steps and log.
 
     A step is accepted when the merit falls by a tenth of the decrease predicted by the model; the trust region doubles
     where it fell by more than 70 %. A rejected step is followed by a second one from its end (the watchdog of
@@ -181,23 +220,30 @@ def optimise(  # noqa: C901, PLR0913
     transcription = subproblem.transcription
     point, taken, settled, radius = evaluate(transcription, control, 0.0), 0, 0, FIRST_RADIUS
     missing: list[float] = []
+    log: list[tuple[float, ...]] = []
+    ended: Ending | None = None
     ask = None if point.feasible else go_on
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
         if taken >= SLOW and (point.merit > WORSE * best or point.duration > longest):
+            ended = "too slow"
             break
         missing.append(point.missing)
+        before = point.duration, point.merit, point.missing, radius
         step = subproblem.solve(point.control, point.duration, point.soft, radius, point.span)
         taken += 1
         if step is None:
+            log.append((*before, REFUSED))
             radius *= SHRINK
             continue
         if step.promise < 2e-4 * point.duration:
+            ended = "converged"
             break
-        trial = _follow(transcription, point, step)
+        trial, accepted = _follow(transcription, point, step), ACCEPTED
         if point.merit - trial.merit <= 0.1 * step.promise and not stop():
-            trial = _second(subproblem, trial, radius)
+            trial, accepted = _second(subproblem, trial, radius), REPAIRED
             taken += 1
         gain = point.merit - trial.merit
+        log.append((*before, accepted if gain > 0.1 * step.promise else REFUSED))
         if gain <= 0.1 * step.promise:
             radius *= SHRINK
             point = _watching(transcription, point, trial)
@@ -209,12 +255,21 @@ def optimise(  # noqa: C901, PLR0913
         if good:
             radius *= 2.0
         if settled == SETTLED:
+            ended = "converged"
             break
         if ask is not None and point.feasible:
             if not ask(point.control, point.duration):
+                ended = "contact between samples"
                 break
             ask = None
-    return point, taken
+    if ended is None:
+        ended = _ending(taken >= iterations, radius < LEAST_RADIUS, _stalled(missing))
+    return point, taken, IterationLog.of(log, ended)
+
+
+def _ending(all_steps: bool, small: bool, stalled: bool) -> Ending:
+    """Return why no further step is taken: a step limit, a small trust region, a stalled violation, else the budget."""
+    return "step limit" if all_steps else "trust region" if small else "penetration" if stalled else "stopped"
 
 
 def _stalled(missing: list[float]) -> bool:
@@ -222,14 +277,14 @@ def _stalled(missing: list[float]) -> bool:
     return len(missing) > STALLED and missing[-1] > max(STUCK, HALVED * missing[-1 - STALLED])
 
 
-def _second(subproblem: StepSolver, trial: Point, radius: float) -> Point:
+def _second(subproblem: Stepper, trial: Point, radius: float) -> Point:
     """Return the better of a trial point and the point one step from it."""
     step = subproblem.solve(trial.control, trial.duration, trial.soft, radius, trial.span)
     again = trial if step is None else _follow(subproblem.transcription, trial, step)
     return again if again.merit < trial.merit else trial
 
 
-def _watching(transcription: Transcription, point: Point, trial: Point) -> Point:
+def _watching(transcription: Discretised, point: Point, trial: Point) -> Point:
     """Return the point with the rows that a rejected trial point showed to matter."""
     new = [term.watch(rows) for term, rows in zip(point.terms, trial.rows, strict=True)]
     if not any(new):
@@ -239,7 +294,7 @@ def _watching(transcription: Transcription, point: Point, trial: Point) -> Point
     return replace(point, rows=tuple(term.rows(curve) if again else rows for term, rows, again in fresh))
 
 
-def _follow(transcription: Transcription, point: Point, step: Step) -> Point:
+def _follow(transcription: Discretised, point: Point, step: Step) -> Point:
     # Where nothing else asks for time, the derivative control points alone determine the least T.
     timed = any(rows.by_duration.any() for rows in point.rows) or any(cost.timed for cost in transcription.costs)
     duration = step.duration if timed else 0.0

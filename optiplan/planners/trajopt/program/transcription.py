@@ -52,6 +52,10 @@ class Transcription:
         for term in self.terms:
             term.begin(self.samples)
 
+    def shortest_duration(self, control: Array) -> float:
+        """Return the least duration of a curve with control points (K, n) within the limits of the joints, s."""
+        return self.basis.shortest_duration(control, self.rates)
+
     def curve(self, control: Array, duration: float) -> Curve:
         """Return the curve with control points (K, n) and a duration, s, at the samples."""
         return Curve(control, duration, self.samples)

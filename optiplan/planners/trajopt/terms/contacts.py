@@ -1,16 +1,13 @@
 """Clearance of all pairs of bodies."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from optiplan.arrays import Array, Index
 from optiplan.collision.model import CollisionModel, Contacts
-from optiplan.collision.named_pairs import NamedPairs
+from optiplan.planners.path_constraints.clearance import PairsApart
 from optiplan.planners.trajopt.terms.term import Curve, Instants, SoftRows, within
-from optiplan.problem.constraints.statements import PairClearance
-from optiplan.problem.problem import Problem
 
 CUTOFF = 0.04
 """Pairs nearer than this, m, get a row in the quadratic program."""
@@ -113,9 +110,8 @@ class NamedClearanceTerm:
     name = "clearance"
     price, unit, negligible, decides = CONTACT_PENALTY, CENTIMETRE, CLEARANCE_RESERVE, False
 
-    def __init__(self, problem: Problem, wanted: PairClearance) -> None:
-        self.model = NamedPairs(problem.robot, problem.scene, wanted.pairs)
-        self.wanted = wanted
+    def __init__(self, apart: PairsApart) -> None:
+        self.model, self.wanted = apart.model, apart.wanted
         self._inside: Index = np.zeros(0, dtype=np.intp)
 
     def begin(self, samples: Instants) -> None:
@@ -136,17 +132,6 @@ class NamedClearanceTerm:
     def watch(self, rows: SoftRows) -> bool:
         """Return False: all near pairs have rows."""
         return False
-
-    def least(self, motion: Sequence[Array]) -> Array:
-        """Return the least clearance beyond that asked for, m, of each state (N, n): (N,), at most a centimetre."""
-        found = self.model.near(motion[0], self.wanted.at_least + CENTIMETRE)
-        least = np.full(len(motion[0]), CENTIMETRE)
-        np.minimum.at(least, found.rows, found.distance - self.wanted.at_least)
-        return least
-
-    def slower(self, least: float) -> float:
-        """Return 1: no clearance grows with time."""
-        return 1.0
 
 
 def _pushed_one_way(contacts: Contacts) -> Contacts:

@@ -5,9 +5,10 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.kinematics.ik.numeric import pose_error
+from optiplan.planners.path_constraints.goals import goal_inequalities
+from optiplan.planners.path_constraints.inequality import CompiledInequality
 from optiplan.planners.trajopt.bspline_basis import FIXED
 from optiplan.planners.trajopt.terms.expression import PRICE, ExpressionTerm
-from optiplan.planners.trajopt.terms.rooms import end_rooms
 from optiplan.problem.goals_and_vias import PoseGoal
 from optiplan.problem.problem import Problem
 from optiplan.problem.regions.region import RegionGoal
@@ -29,7 +30,7 @@ class FreeEnd:
 
     def __init__(self, problem: Problem, goal: PoseGoal | RegionGoal) -> None:
         self.goal = goal
-        self.terms = tuple(ExpressionTerm(problem.robot, room) for room in end_rooms(goal))
+        self.terms = tuple(ExpressionTerm(CompiledInequality(problem.robot, one)) for one in goal_inequalities(goal))
         for term in self.terms:
             term.price = _FIRM * PRICE
         self._sampler = RegionSampler(problem.robot, goal) if isinstance(goal, RegionGoal) else None

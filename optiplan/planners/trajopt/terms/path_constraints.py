@@ -1,175 +1,37 @@
-"""A problem's path constraints as terms, and whether a motion holds them."""
+"""A problem's path constraints as terms."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
 
-import numpy as np
-
-from optiplan.arrays import Array
-from optiplan.planners.base import Failure
+from optiplan.planners.path_constraints.clearance import PairsApart
+from optiplan.planners.path_constraints.held import Broken, Kept, PathConstraints
 from optiplan.planners.trajopt.terms.contacts import NamedClearanceTerm
 from optiplan.planners.trajopt.terms.expression import PRICE, ExpressionTerm
-from optiplan.planners.trajopt.terms.rooms import rooms
 from optiplan.planners.trajopt.terms.term import Term
-from optiplan.problem.constraints.expression import Expression
-from optiplan.problem.constraints.measures import ROUNDING, FramePoses, Measure, measures
-from optiplan.problem.constraints.statements import WHOLE, PairClearance, PathConstraint
-from optiplan.problem.problem import Problem
-from optiplan.trajectory.trajectory import Trajectory
-
-_INSTANTS = 400
-"""At which a motion is looked at; the proof is the verifier's."""
 
 _DEARER = 4.0
 """Factor on the price of a constraint that a finished descent has left violated."""
 
 
-class ConstraintTerm(Term, Protocol):
-    """A term that holds a path constraint."""
+class ConstraintTerms:
+    """The terms of each path constraint, and their prices."""
 
-    def least(self, motion: Sequence[Array]) -> Array:
-        """Return the least room of each state (N, n): (N,)."""
+    def __init__(self, constraints: PathConstraints) -> None:
+        self._terms: dict[Kept, tuple[Term, ...]] = {
+            kept: tuple(
+                NamedClearanceTerm(one) if isinstance(one, PairsApart) else ExpressionTerm(one)
+                for one in kept.inequalities
+            )
+            for kept in constraints.all
+        }
 
-    def slower(self, least: float) -> float:
-        """Return the factor on the duration at which a motion with this least room holds it, where time helps."""
-
-
-@dataclass(frozen=True, eq=False)
-class Broken:
-    """A path constraint that a motion violates.
-
-    Attributes:
-        kept: the constraint.
-        words: what is violated by how much, with the limit.
-        by: the same as a number.
-        time: of the largest violation, s.
-        share: the same as a fraction of the duration.
-    """
-
-    kept: "Kept"
-    words: str
-    by: float
-    time: float
-    share: float
-
-
-class Kept:
-    """One path constraint: its terms, and its own measures at poses of its frame where it has some.
-
-    Terms are made so that their rows are nearly linear, and hold less than the constraint allows; measures are exact.
-    """
-
-    def __init__(self, problem: Problem, one: PathConstraint) -> None:
-        self.one = one
-        self.terms: tuple[ConstraintTerm, ...] = (
-            (NamedClearanceTerm(problem, one),)
-            if isinstance(one, PairClearance)
-            else tuple(ExpressionTerm(problem.robot, room) for room in rooms(one))
-        )
-        self._measures: list[Measure] = measures(one)
-        self._poses = FramePoses.of(problem.robot, one) if self._measures else None
-
-    @property
-    def name(self) -> str:
-        """Name of the constraint, for people."""
-        return self.one.name if isinstance(self.one, Expression) else self.one.KEY
-
-    def worst(self, motion: Sequence[Array]) -> tuple[float, int, str]:
-        """Return the largest violation among states (N, n), at most 0 where there is none, where, and in words."""
-        if self._poses is None:
-            least = np.min([term.least(motion) for term in self.terms], axis=0)
-            k = int(np.argmin(least))
-            return -float(least[k]), k, f"{self.name} violated by {-least[k]:.3g}"
-        X = self._poses(motion[0])
-        found = []
-        for measure in self._measures:
-            value = measure.value(X)
-            k = int(np.argmax(value))
-            told, limit = measure.told(float(value[k])), measure.told(measure.limit)
-            words = f"{measure.quantity} by {told:.4g} {measure.unit} of {limit:.4g} {measure.unit} allowed"
-            found.append((float(value[k]) - measure.limit, k, words))
-        return max(found)
-
-
-class PathConstraints:
-    """The path constraints of one problem.
-
-    Attributes:
-        all: of them.
-        instants: fractions of the duration at which one of them begins or ends.
-    """
-
-    def __init__(self, problem: Problem) -> None:
-        self.all = tuple(Kept(problem, one) for one in problem.path_constraints)
-        self.instants = np.array(sorted({u for one in problem.path_constraints for u in one.during} - set(WHOLE)))
-
-    def begin(self) -> tuple[ConstraintTerm, ...]:
+    def begin(self) -> tuple[Term, ...]:
         """Return the terms at their first prices."""
-        terms = tuple(term for kept in self.all for term in kept.terms)
+        terms = tuple(term for those in self._terms.values() for term in those)
         for term in terms:
             term.price = PRICE
         return terms
 
     def raise_prices(self, broken: Sequence[Broken]) -> None:
         """Raise the prices of the constraints that a finished descent has left violated."""
-        for term in (term for one in broken for term in one.kept.terms):
+        for term in (term for one in broken for term in self._terms[one.kept]):
             term.price *= _DEARER
-
-    def end_holds(self, q: Array) -> bool:
-        """Return whether a motion can end, at rest, in a configuration (n,)."""
-        return all(violation <= ROUNDING for violation, *_ in self._at_the_end(q))
-
-    def no_end(self, goals: Sequence[Array]) -> Failure:
-        """Return the failure of goal configurations (n,) of which none holds all constraints: the one nearest to it."""
-        worst = [max(self._at_the_end(q), key=lambda found: found[0]) for q in goals]
-        nearest = int(np.argmin([violation for violation, *_ in worst]))
-        _, words, name = worst[nearest]
-        detail = f"no goal configuration found holds the path constraints; the nearest is {words} ({name})"
-        return Failure("constraint", detail, {"constraint": name, "q": goals[nearest].tolist()})
-
-    def _at_the_end(self, q: Array) -> list[tuple[float, str, str]]:
-        """Return the violation, in words too, of each constraint that holds at the end, by a configuration (n,)."""
-        found, still = [], np.zeros((1, len(q)))
-        for kept in self.all:
-            if kept.one.during[1] == 1.0:
-                violation, _, words = kept.worst([q[None], still, still])
-                found.append((violation, words, kept.name))
-        return found
-
-    def slowed(self, trajectory: Trajectory) -> Trajectory:
-        """Return the motion, slowed down as far as constraints of speed and acceleration ask for it."""
-        factor = 1.0
-        for kept in self.all:
-            motion = None
-            for term in kept.terms:
-                if term.slower(-1.0) > 1.0:
-                    motion = _states(trajectory, kept.one)[1] if motion is None else motion
-                    factor = max(factor, term.slower(float(term.least(motion).min())))
-        return trajectory if factor == 1.0 else trajectory.scaled(trajectory.duration * factor)
-
-    def broken(self, trajectory: Trajectory) -> list[Broken]:
-        """Return the constraints that a motion violates at one of 400 instants, with the largest violation of each."""
-        found = []
-        for kept in self.all:
-            u, motion = _states(trajectory, kept.one)
-            by, k, words = kept.worst(motion)
-            if not by <= ROUNDING:
-                found.append(Broken(kept, words, by, float(u[k]) * trajectory.duration, float(u[k])))
-        return found
-
-
-def broken_constraint(one: Broken, trajectory: Trajectory, detail: str) -> Failure:
-    """Return the failure of a search whose best attempt violates a constraint: which, when, and the configuration."""
-    detail += f"; the best attempt is {one.words} ({one.kept.name}) at t = {one.time:.3f} s"
-    witness = {"constraint": one.kept.name, "t": one.time, "q": trajectory(one.time).tolist()}
-    return Failure("constraint", detail, witness)
-
-
-def _states(trajectory: Trajectory, one: PathConstraint) -> tuple[Array, list[Array]]:
-    """Return fractions of the duration (N,) in a constraint's part of it, and position, velocity and acceleration."""
-    low, high = one.during
-    knots = trajectory.breakpoints / trajectory.duration
-    u = np.concatenate([np.linspace(low, high, _INSTANTS), knots[(knots > low) & (knots < high)]])
-    u = np.sort(u)
-    return u, [trajectory(u * trajectory.duration, order) for order in range(3)]

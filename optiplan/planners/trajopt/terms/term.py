@@ -2,14 +2,16 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse as sp
 
 from optiplan.arrays import Array, Index
 from optiplan.planners.trajopt.bspline_basis import REACH, SplineBasis
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix
 
 Mask = npt.NDArray[np.bool_]
 
@@ -199,14 +201,16 @@ class CostModel(NamedTuple):
             self.twice_by_duration + other.twice_by_duration,
         )
 
-    def hessian(self) -> sp.csc_matrix:
+    def hessian(self) -> "csc_matrix":
         """Return the second derivatives, (M n, M n), symmetric."""
+        from scipy.sparse import csc_matrix, diags  # for terms by CasADi only, and every `optiplan plan` would pay
+
         points, reach, joints = self.band.shape
         upper = [self.band[: points - d, d].ravel() for d in range(min(reach, points))]
         places = [joints * d for d in range(len(upper))]
         size = points * joints
-        half = sp.diags(upper, places, shape=(size, size))
-        return sp.csc_matrix(half + half.T - sp.diags(upper[0], shape=(size, size)))
+        half = diags(upper, places, shape=(size, size))
+        return csc_matrix(half + half.T - diags(upper[0], shape=(size, size)))
 
 
 class Cost(Protocol):

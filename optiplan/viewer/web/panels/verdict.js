@@ -78,7 +78,7 @@ const OptiPlanVerdict = (() => {
     }));
   }
 
-  // Fills `element` with a run's facts, checks and scope.
+  // Fills `element` with a run's facts, checks, scope, and how it was found.
   function fill(element, run, jump) {
     const facts = make("dl", "facts");
     for (const [name, value] of run.facts) facts.append(make("dt", "", name), make("dd", "", value));
@@ -96,6 +96,8 @@ const OptiPlanVerdict = (() => {
       told.push(details);
     }
     if (run.about) told.push(about(run));
+    const found = OptiPlanAttempts.section(run);
+    if (found) told.push(found);
     element.replaceChildren(...told);
   }
 

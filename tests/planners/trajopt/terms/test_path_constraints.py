@@ -6,10 +6,11 @@ import pytest
 
 import optiplan as op
 from optiplan.kinematics.symbolic.state import BatchedExpression
+from optiplan.planners.path_constraints.held import PathConstraints
+from optiplan.planners.path_constraints.inequalities import inequalities
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
-from optiplan.planners.trajopt.terms.path_constraints import PathConstraints
-from optiplan.planners.trajopt.terms.rooms import rooms
+from optiplan.planners.trajopt.terms.path_constraints import ConstraintTerms
 from optiplan.planners.trajopt.terms.term import Curve, Instants
 from optiplan.problem.constraints.measures import measures
 from optiplan.problem.constraints.statements import KINDS
@@ -55,7 +56,7 @@ def test_a_motion_that_violates_it_is_refused_with_time_and_place(name):
 def test_rows_equal_differences(name):
     """By the control points and by the duration, at once, of a curve away from the constraint."""
     problem, rng = stated(name), np.random.default_rng(0)
-    made = PathConstraints(problem).begin()
+    made = ConstraintTerms(PathConstraints(problem)).begin()
     goal = problem.start + 0.3 * rng.normal(size=problem.robot.n)
     control = along_path(BASIS, np.array([problem.start, goal]), problem.limits.velocity)
     control = BASIS.moved(control, 0.1 * rng.normal(size=BASIS.moving(control).shape))
@@ -116,12 +117,12 @@ def test_machine_code_and_virtual_machine_give_the_same_bits(problem, monkeypatc
     """Otherwise the first motion of a new constraint would differ from the next."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     (one,) = problem.with_constraints({"orientation": CONSTRAINTS["orientation"]}).path_constraints
-    (room,) = rooms(one)
+    (stated,) = inequalities(one)
     states = [np.random.default_rng(k).normal(size=(20, 7)) for k in range(3)]
     found = []
     for compiler in ("cc", "no-compiler"):
         monkeypatch.setenv("CC", compiler)
-        values, slopes = BatchedExpression(problem.robot, "room", room.build)(states)
+        values, slopes = BatchedExpression(problem.robot, "inequality", stated.build)(states)
         found.append((values.tobytes(), *(slope.tobytes() for slope in slopes)))
     assert found[0] == found[1]
 

@@ -9,7 +9,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.problem.problem import Problem
-from optiplan.viewer.run_curves import short_names
+from optiplan.viewer.run_data.curves import short_names
 from optiplan.viewer.surfaces import packed
 
 LOG = "log.npz"
@@ -40,7 +40,7 @@ def read_log(folder: Path) -> Arrays | None:
 
 
 def log_quantities(problem: Problem, log: Arrays, most: int) -> list[dict[str, Any]]:
-    """JSON-ready quantities, see `run_curves.curves_of`, each with its own times `t`, s, `most` of them."""
+    """JSON-ready quantities, see `curves.curves_of`, each with its own times `t`, s, `most` of them."""
     robot, times = problem.robot, log["t"]
     turns = robot.revolute
     names = short_names(robot.joint_names)

@@ -8,7 +8,7 @@ import numpy as np
 from optiplan.problem.problem import Problem
 from optiplan.robot.self_collision.pairs import WORDS
 from optiplan.verify.report import jsonable
-from optiplan.viewer.run_curves import short_names
+from optiplan.viewer.run_data.curves import short_names
 
 FIELDS = ("name", "kind", "passed", "worst", "limit", "unit", "time", "place", "detail")
 

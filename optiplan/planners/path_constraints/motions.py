@@ -1,0 +1,95 @@
+"""Constraints of speeds, accelerations and joints, as inequalities: one function for each kind of statement."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from optiplan.kinematics.mecanum import Mecanum
+from optiplan.kinematics.symbolic.state import SymbolicState
+from optiplan.planners.path_constraints.inequality import Inequality
+from optiplan.planners.path_constraints.parts import ANGLE, held_to, stacked
+from optiplan.problem.constraints.statements import (
+    JointCoupling,
+    ManipulabilityAbove,
+    ToolAcceleration,
+    ToolSpeed,
+    WheelSpeed,
+)
+
+_SPEED_RESERVE = 0.003
+"""Share of a speed or acceleration that is kept between samples."""
+
+
+def _tool_speed(one: ToolSpeed) -> list[Inequality]:
+    def share(which: str, limit: float) -> Callable[[SymbolicState], Any]:
+        def build(k: SymbolicState) -> Any:
+            rate = getattr(k.twist(one.frame), which) / k.constant(limit)
+            return 0.5 * (1.0 - rate.T @ rate)
+
+        return build
+
+    limits = [("linear", one.linear), ("angular", one.angular)]
+    return [
+        Inequality("tool speed", share(which, limit), 0.25, _SPEED_RESERVE, rate=1)
+        for which, limit in limits
+        if np.isfinite(limit)
+    ]
+
+
+def _acceleration(one: ToolAcceleration) -> list[Inequality]:
+    def share(which: str, limit: float) -> Callable[[SymbolicState], Any]:
+        def build(k: SymbolicState) -> Any:
+            rate = getattr(k.acceleration(one.frame), which) / k.constant(limit)
+            return 0.5 * (1.0 - rate.T @ rate)
+
+        return build
+
+    limits = [("linear", one.linear), ("angular", one.angular)]
+    return [
+        Inequality("tool acceleration", share(which, limit), 0.25, 2.0 * _SPEED_RESERVE, rate=2)
+        for which, limit in limits
+        if np.isfinite(limit)
+    ]
+
+
+def _wheels(one: WheelSpeed) -> list[Inequality]:
+    def build(k: SymbolicState) -> Any:
+        spec = k.robot.mecanum
+        if spec is None:
+            raise TypeError(f"{k.robot.name} has no wheels")
+        x, y, turn = (list(k.robot.joint_names).index(name) for name in spec.joints)
+        matrix = k.constant(Mecanum(spec.radius, spec.half_wheelbase, spec.half_track).matrix)
+        cosine, sine = k.cos(k.q[turn]), k.sin(k.q[turn])
+        ahead, aside = cosine * k.v[x] + sine * k.v[y], cosine * k.v[y] - sine * k.v[x]
+        share = matrix @ stacked(ahead, aside, k.v[turn]) / k.constant(one.at_most)
+        return 0.5 * (1.0 - share * share)
+
+    return [Inequality("wheel speed", build, 0.25, _SPEED_RESERVE, rate=1)]
+
+
+def _manipulability(one: ManipulabilityAbove) -> list[Inequality]:
+    least = one.at_least
+
+    def build(k: SymbolicState) -> Any:
+        return k.manipulability(one.frame) - k.constant(least)
+
+    return [Inequality("manipulability", build, 0.2 * least, 0.01 * least)]
+
+
+def _coupling(one: JointCoupling) -> list[Inequality]:
+    def build(k: SymbolicState) -> Any:
+        off = sum(k.constant(weight) * k.joint(name) for name, weight in one.joints.items()) - k.constant(one.equals)
+        return stacked(k.constant(one.within) - off, k.constant(one.within) + off)
+
+    return [held_to("coupling", build, one.within, ANGLE)]
+
+
+KINDS: dict[type[Any], Callable[[Any], list[Inequality]]] = {
+    ToolSpeed: _tool_speed,
+    ToolAcceleration: _acceleration,
+    WheelSpeed: _wheels,
+    ManipulabilityAbove: _manipulability,
+    JointCoupling: _coupling,
+}
+"""The inequalities of each kind of statement."""

@@ -1,0 +1,86 @@
+"""A move in the program of a stretch: a spline of all joints whose ends may move."""
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.task.optimisation.rate_rows import RateRows
+from optiplan.planners.trajopt.bspline_basis import FIXED
+from optiplan.planners.trajopt.optimizer import Optimiser
+from optiplan.planners.trajopt.terms.contacts import ContactTerm, Margins
+from optiplan.planners.trajopt.terms.term import Curve, Instants, Term
+from optiplan.planners.trajopt.terms.torques import TorqueTerm
+
+
+class MovePart:
+    """A spline q = q(w) of control points (K, n), w in [0, 1] the share of its duration.
+
+    The states at its ends, which other variables of the stretch determine, bend it smoothly, as quintic polynomials
+    do; its own variables are what is added to the free control points (K - 6, n). So a change of an end is no kink
+    next to it.
+
+    Attributes:
+        own: the optimiser of the move alone, of which come spline, samples and constraints.
+        terms: of contacts, torques and path constraints.
+        ends: (2, n) configurations.
+    """
+
+    def __init__(self, own: Optimiser, ends: Array, u: Array) -> None:
+        self.own, self.basis, self.ends = own, own.basis, ends
+        self.limits = own.problem.limits
+        margins = Margins.between(own.model, ends, own.options.margin)
+        torques = TorqueTerm(own.problem.robot, self.limits.torque)
+        self.terms: tuple[Term, ...] = (ContactTerm(own.model, margins), torques, *own.constraint_terms.begin())
+        self._shapes = self.basis.end_shapes
+        self.look_at(u)
+
+    def look_at(self, u: Array) -> None:
+        """See terms at shares u of the duration; every control point counts as one that moves."""
+        at = Instants.of(self.basis, u)
+        self.instants = Instants(self.basis, at.u, at.at, at.at)
+        for term in self.terms:
+            term.begin(self.instants)
+
+    @property
+    def count(self) -> int:
+        """Number of its variables."""
+        return int((self.basis.size - 2 * FIXED) * self.ends.shape[1])
+
+    def control(self, variables: Array, first: Array, last: Array) -> Array:
+        """Return the control points (K, n) with q, dq/dw, d²q/dw² at the ends, (3, n) each."""
+        found = self._shapes @ np.vstack([first, last])
+        found[self.basis.free] += variables.reshape(-1, self.ends.shape[1])
+        return np.asarray(found)
+
+    def fitted(self, w: Array, q: Array, first: Array, last: Array) -> Array:
+        """Return the variables (count,) of the spline near q (N, n) at w (N,), with these states at its ends."""
+        control = self.basis.fit(w, q, self.basis.ends(first, last))
+        inside = np.clip(control, self.limits.lower, self.limits.upper)
+        return np.asarray((inside - self._shapes @ np.vstack([first, last]))[self.basis.free].ravel())
+
+    def control_gradient(self, place: slice, first: Array, last: Array) -> Array:
+        """Return d/dy (K, n, Y) of the control points, from those of the states at the ends, (3, n, Y) each."""
+        n, size = self.ends.shape[1], first.shape[2]
+        found = _applied(self._shapes, np.concatenate([first, last]))
+        free = np.arange(self.basis.size)[self.basis.free]
+        at, joint = np.repeat(free, n), np.tile(np.arange(n), len(free))
+        found[at, joint, np.arange(size)[place]] += 1.0
+        return found
+
+    def rates(self, control: Array, gradient: Array | None = None) -> RateRows:
+        """Return the derivative control points over their limits, with gradients from that of the control points."""
+        found = []
+        for order, limit in enumerate(self.limits.rates, 1):
+            rows = self.basis.derivative[order]
+            value = rows @ control / limit
+            by = np.zeros((*value.shape, 0)) if gradient is None else _applied(rows, gradient) / limit[None, :, None]
+            found.append(RateRows.of(order, value, by))
+        return RateRows.joined(found)
+
+    def curve(self, control: Array, duration: float) -> Curve:
+        """Return the motion in a duration, s, as terms see it."""
+        return Curve(control, duration, self.instants)
+
+
+def _applied(rows: Array, gradient: Array) -> Array:
+    """Return rows (R, K) applied to a gradient (K, n, Y): (R, n, Y)."""
+    return np.asarray(rows @ gradient.reshape(len(gradient), -1)).reshape(len(rows), *gradient.shape[1:])

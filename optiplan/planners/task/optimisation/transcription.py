@@ -1,0 +1,226 @@
+"""The program of a stretch: what is free between two stops, and the terms of all parts as functions of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.task.optimisation.line_part import LinePart
+from optiplan.planners.task.optimisation.move_part import MovePart
+from optiplan.planners.task.optimisation.rate_rows import RateRows
+from optiplan.planners.trajopt.terms.term import Cost, SoftRows, Term
+
+Part = MovePart | LinePart
+
+_NEAR, _RESERVE = 0.1, 1e-5
+"""s at full speed: from a position limit within which control points have a row, and what is kept of it."""
+
+
+class StretchTranscription:
+    """Variables y (Y,) and the duration T of a stretch that begins and ends at rest, as the descent sees them.
+
+    y has the shares tau_k of the duration, of sum 1, then the variables of each part, then dq/dsigma and
+    d²q/dsigma² (n,) each where two moves meet, sigma = t / T. All parts but for T are shapes in sigma: a stretch run
+    more slowly as a whole keeps its shape, so that the least T within the limits of all joints is known for every y.
+    Where a line and a move meet, the law of the line determines the state of both; where two moves meet, the
+    configuration is given.
+
+    Attributes:
+        parts: moves and lines, no two lines in a row.
+        terms: of all parts.
+        costs: none but the duration.
+    """
+
+    costs: tuple[Cost, ...] = ()
+
+    def __init__(self, parts: Sequence[Part]) -> None:
+        self.parts = tuple(parts)
+        self.joints = len(parts[0].limits.velocity)
+        begin, self.places = len(parts), list[slice]()
+        for part in parts:
+            self.places.append(slice(begin, begin + part.count))
+            begin += part.count
+        self.passing: dict[int, slice] = {}
+        for k, (part, after) in enumerate(pairwise(parts)):
+            if isinstance(part, MovePart) and isinstance(after, MovePart):
+                self.passing[k] = slice(begin, begin + 2 * self.joints)
+                begin += 2 * self.joints
+        self.size = begin
+        terms = [_PartTerm(k, term) for k, part in enumerate(parts) for term in part.terms]
+        inside = [_InsideTerm(k, part) for k, part in enumerate(parts) if isinstance(part, MovePart)]
+        self.terms: tuple[_PartTerm | _InsideTerm, ...] = (*terms, *inside)
+
+    def shortest_duration(self, y: Array) -> float:
+        """Return the least duration of a shape within the limits of the joints, s."""
+        return max(rates.shortest / float(y[k]) for k, rates in enumerate(StretchCurve(self, y, 1.0).rates))
+
+    def curve(self, y: Array, duration: float) -> "StretchCurve":
+        """Return the stretch of a shape in a duration, s."""
+        return StretchCurve(self, y, duration)
+
+    def cost(self, curve: "StretchCurve") -> float:
+        """Return the duration, s."""
+        return curve.duration
+
+
+@dataclass(frozen=True, eq=False)
+class StretchCurve:
+    """A stretch at a duration.
+
+    Attributes:
+        made: the transcription.
+        y: (Y,) its variables.
+        duration: s.
+    """
+
+    made: StretchTranscription
+    y: Array
+    duration: float
+
+    @cached_property
+    def rates(self) -> list[RateRows]:
+        """What the limits of the joints are to each part, without gradients of moves."""
+        return [
+            part.rates(self.controls[k]) if isinstance(part, MovePart) else part.rates(self._own(k))
+            for k, part in enumerate(self.made.parts)
+        ]
+
+    @cached_property
+    def controls(self) -> list[Array]:
+        """Control points of each part, (K, n), of laws (K, 1)."""
+        found = []
+        for k, part in enumerate(self.made.parts):
+            if isinstance(part, LinePart):
+                found.append(part.law(self._own(k))[:, None])
+            else:
+                found.append(part.control(self._own(k), *self.end_states(k)))
+        return found
+
+    @cached_property
+    def gradients(self) -> list[Array]:
+        """d/dy of the control points of moves, (K, n, Y); of a line, of its variables, (count, Y)."""
+        found = []
+        for k, part in enumerate(self.made.parts):
+            if isinstance(part, LinePart):
+                found.append(np.eye(self.made.size)[self.made.places[k]])
+            else:
+                ends = (self._end(k, last)[1] for last in (False, True))
+                found.append(part.control_gradient(self.made.places[k], *ends))
+        return found
+
+    def rate_rows(self, k: int) -> RateRows:
+        """Return what the limits of the joints are to a part, with gradients by y."""
+        part, gradient = self.made.parts[k], self.gradients[k]
+        if isinstance(part, MovePart):
+            return part.rates(self.controls[k], gradient)
+        rates = self.rates[k]
+        return rates._replace(gradient=rates.gradient @ gradient)
+
+    def seconds(self, k: int) -> float:
+        """Return the duration of a part, s."""
+        return float(self.duration * self.y[k])
+
+    def part(self, k: int) -> Any:
+        """Return a part as its terms see it: a `Curve`, or a `LawCurve`, which is one to torques."""
+        part, seconds = self.made.parts[k], self.seconds(k)
+        return (
+            part.curve(self.controls[k], seconds) if isinstance(part, MovePart) else part.curve(self._own(k), seconds)
+        )
+
+    def end_states(self, k: int) -> tuple[Array, Array]:
+        """Return q, dq/dw, d²q/dw² at both ends of a move, (3, n) each."""
+        return self._end(k, False)[0], self._end(k, True)[0]
+
+    def _own(self, k: int) -> Array:
+        return np.asarray(self.y[self.made.places[k]])
+
+    def _end(self, k: int, last: bool) -> tuple[Array, Array]:
+        """Return q, dq/dw, d²q/dw² at an end of a move, (3, n), and d/dy of them, (3, n, Y), w being its share."""
+        x, dx = self._meeting(k if last else k - 1, k)
+        share = self.y[k]
+        powers = share ** np.arange(3)
+        state, gradient = x * powers[:, None], dx * powers[:, None, None]
+        gradient[1, :, k] += x[1]
+        gradient[2, :, k] += 2.0 * share * x[2]
+        return state, gradient
+
+    def _meeting(self, junction: int, k: int) -> tuple[Array, Array]:
+        """Return the state (3, n) of part k, a move, at a junction by sigma, and d/dy of it, (3, n, Y)."""
+        made, last = self.made, junction == k
+        other = k + 1 if last else k - 1
+        part = made.parts[k]
+        assert isinstance(part, MovePart)
+        x, dx = np.zeros((3, made.joints)), np.zeros((3, made.joints, made.size))
+        x[0] = part.ends[int(last)]
+        if not 0 <= other < len(made.parts):
+            return x, dx
+        line = made.parts[other]
+        if isinstance(line, MovePart):
+            place = made.passing[junction]
+            x[1:] = self.y[place].reshape(2, -1)
+            dx[1:].reshape(-1, made.size)[:, place] = np.eye(2 * made.joints)
+            return x, dx
+        state, by_law = line.end_state(self._own(other), last=not last)
+        share = self.y[other]
+        for order in (1, 2):
+            x[order] = state[order] / share**order
+            dx[order][:, made.places[other]] = by_law[order] / share**order
+            dx[order][:, other] = -order * x[order] / share
+        return x, dx
+
+
+class _PartTerm:
+    """A term of one part as a term of the stretch."""
+
+    def __init__(self, k: int, term: Term) -> None:
+        self.k, self.term = k, term
+        self.name, self.unit, self.negligible, self.decides = term.name, term.unit, term.negligible, term.decides
+
+    @property
+    def price(self) -> float:
+        """See `Term`; it may be raised."""
+        return self.term.price
+
+    def rows(self, curve: StretchCurve) -> SoftRows:
+        """Return the rows with derivatives by y and the duration of the stretch."""
+        rows = self.term.rows(curve.part(self.k))
+        gradient = curve.gradients[self.k]
+        by_y = rows.by_control @ gradient.reshape(-1, gradient.shape[-1])
+        by_y[:, self.k] += rows.by_duration * curve.duration
+        return SoftRows(rows.sample, rows.value, by_y, rows.by_duration * curve.y[self.k], rows.exceeded)
+
+    def watch(self, rows: SoftRows) -> bool:
+        """See `Term`."""
+        return self.term.watch(rows)
+
+
+class _InsideTerm:
+    """Rows limit -+ control point >= 0 of a move near its position limits, over the speed limits, s.
+
+    Soft, because the states at the ends, on which all control points depend, may lead them beyond.
+    """
+
+    name = "position"
+    price, unit, negligible, decides = 2.0, 0.01, 1e-6, False
+
+    def __init__(self, k: int, part: MovePart) -> None:
+        self.k, self.limits = k, part.limits
+
+    def rows(self, curve: StretchCurve) -> SoftRows:
+        """Return the rows of control points that are near, with derivatives by y."""
+        points, speed = curve.controls[self.k], self.limits.velocity
+        rooms = np.stack([self.limits.upper - points, points - self.limits.lower], axis=1) / speed - _RESERVE
+        sample, side, joint = np.nonzero(rooms < _NEAR)
+        if not len(sample):
+            return SoftRows.none(curve.made.size)
+        sign = np.where(side == 0, -1.0, 1.0) / speed[joint]
+        by_y = curve.gradients[self.k][sample, joint] * sign[:, None]
+        return SoftRows(sample, rooms[sample, side, joint], by_y, np.zeros(len(sample)))
+
+    def watch(self, rows: SoftRows) -> bool:
+        """Return False: what a step can reach has a row."""
+        return False

@@ -1,0 +1,100 @@
+"""Steps of a task that are one smooth curve: a move, a line, or lines whose corners are rounded off."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.task.chains import Done
+from optiplan.planners.task.line_timing import line_limits
+from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.timing.path_constraints import ToolLimits
+from optiplan.trajectory.trajectory import Trajectory
+
+_SMOOTH = 1e-3
+"""Share by which slope and curvature of two paths may differ where they meet to be taken for one."""
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothRun:
+    """One or more steps, and their curve.
+
+    Attributes:
+        done: the steps.
+        curve: of a move, its motion; of lines, their path, from 0.
+        edges: (N steps + 1,) where each step begins and ends, as shares of the curve's parameter, from 0 to 1.
+    """
+
+    done: tuple[Done, ...]
+    curve: Trajectory
+    edges: tuple[float, ...] = (0.0, 1.0)
+
+    @property
+    def is_line(self) -> bool:
+        """Whether `curve` is a path that must be kept."""
+        return self.done[0].is_line
+
+    def slow_parts(self) -> Iterator[tuple[float, float, ToolLimits]]:
+        """Yield the parts of a path on which the speed of the tool is limited, as shares of its parameter."""
+        for done, (begin, end) in zip(self.done, pairwise(self.edges), strict=True):
+            limits = line_limits(done) if done.is_line else None
+            if limits is not None:
+                yield begin, end, limits
+
+
+def smooth_runs(done: Sequence[Done]) -> list[SmoothRun]:
+    """Return moves and lines as smooth curves; lines that meet in a corner that is rounded off are one."""
+    found: list[SmoothRun] = []
+    for one in done:
+        assert one.curve is not None
+        if found and found[-1].is_line and one.is_line:
+            found[-1] = _longer(found[-1], one)
+        else:
+            found.append(SmoothRun((one,), one.curve))
+    return found
+
+
+def is_rounded(before: Done, after: Done) -> bool:
+    """Whether two lines meet in a corner that is rounded off, with the same slope and curvature."""
+    if before.corner is None or before.curve is None or after.curve is None:
+        return False
+    first, second = before.curve.scaled(before.corner.before.length), after.curve.scaled(before.corner.after.length)
+    a, b = _state(first, first.duration), _state(second, 0.0)
+    scale = np.maximum(np.abs(a).max(axis=1), np.abs(a[1]).max())
+    return bool((np.abs(a - b).max(axis=1) <= _SMOOTH * scale).all())
+
+
+def _longer(run: SmoothRun, after: Done) -> SmoothRun:
+    """Return a run with one line more, over the length of its lines, m."""
+    corners = [done.corner for done in run.done]
+    assert after.curve is not None
+    first = run.curve.scaled(sum(corner.before.length for corner in corners if corner is not None))
+    assert corners[-1] is not None
+    second = _beginning(after.curve.scaled(corners[-1].after.length), _state(first, first.duration))
+    length = first.duration + second.duration
+    edges = tuple(edge * first.duration / length for edge in run.edges)
+    return SmoothRun((*run.done, after), _one_path(first, second), (*edges, 1.0))
+
+
+def _state(path: Trajectory, at: float) -> Array:
+    """Return value, slope and curvature of a path, (3, n)."""
+    return np.array([path(at, order) for order in range(3)])
+
+
+def _beginning(path: Trajectory, state: Array) -> Trajectory:
+    """Return a path with exactly this state (3, n) at its beginning: the difference is rounding."""
+    h = float(path.breakpoints[1])
+    piece = hermite(state, _state(path, h), np.array([h]))[0] / h ** np.arange(6)[:, None]
+    coefficients = np.pad(path.coefficients, ((0, 0), (0, max(0, 6 - path.coefficients.shape[1])), (0, 0)))
+    coefficients[0] = 0.0
+    coefficients[0, :6] = piece
+    return Trajectory(path.joint_names, path.breakpoints, coefficients)
+
+
+def _one_path(first: Trajectory, second: Trajectory) -> Trajectory:
+    size = max(first.coefficients.shape[1], second.coefficients.shape[1])
+    parts = [np.pad(c, ((0, 0), (0, size - c.shape[1]), (0, 0))) for c in (first.coefficients, second.coefficients)]
+    breakpoints = np.concatenate([first.breakpoints, second.breakpoints[1:] + first.duration])
+    return Trajectory(first.joint_names, breakpoints, np.concatenate(parts))

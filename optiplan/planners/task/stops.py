@@ -1,0 +1,81 @@
+"""Where a task stops, and why it must."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from optiplan.planners.task.chains import Done
+from optiplan.planners.task.smooth_runs import is_rounded
+from optiplan.planners.task.stretches import Stretch
+from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine
+
+NOT_QUICKER = "no motion without this stop was found that is free and quicker"
+CORNER = "an exact corner of two lines (`blend` rounds it off)"
+BACK = "a line straight back"
+NO_WAY = "a corner of two lines whose blend is not free, or of a line that only turns"
+BENT = "a corner of two lines that the arm cannot pass smoothly"
+
+_BACK = -0.99
+"""Cosine of the angle between two lines, in the joints' space, below which the second one leads back."""
+
+
+def why_stop(before: Done, after: Done) -> str | None:
+    """Return why the arm must rest between two steps; None where it need not."""
+    for one in (before, after):
+        own = _why_rest(one)
+        if own is not None:
+            return own
+    assert before.stage is not None
+    assert after.stage is not None
+    if before.stage.columns != after.stage.columns:
+        return "other joints go on"
+    if not (before.is_line and after.is_line) or is_rounded(before, after):
+        return None
+    if before.corner is not None:
+        return BENT
+    if _leads_back(before, after):
+        return BACK
+    action = before.step.action
+    return NO_WAY if isinstance(action, StraightLine) and action.blend else CORNER
+
+
+def _why_rest(done: Done) -> str | None:
+    """Return why the arm rests before and after a step, whatever the others are."""
+    action = done.step.action
+    if isinstance(action, Attach | Detach | Dwell) or done.step.kind == "gripper":
+        return done.step.name
+    if done.stage is None or done.curve is None:
+        return done.step.name
+    if done.stage.problem.moving_start:
+        return "the move that takes a motion over ends at rest"
+    if isinstance(action, Move) and action.vias:
+        return "a move with via points begins and ends at rest"
+    still = not done.curve.coefficients[:, 1:].any()
+    return f"{done.step.name}: it is there already" if still else None
+
+
+def _leads_back(before: Done, after: Done) -> bool:
+    """Whether a line goes back to where the one before came from, as far as the joints can tell."""
+    assert before.stage is not None
+    assert before.curve is not None
+    assert after.curve is not None
+    speed = before.stage.problem.limits.velocity
+    a, b = before.curve(before.curve.duration, 1) / speed, after.curve(0.0, 1) / speed
+    return bool(a @ b < _BACK * np.linalg.norm(a) * np.linalg.norm(b))
+
+
+def stops_of(stretches: Sequence[Stretch]) -> list[dict[str, Any]]:
+    """Return the stops on the way: time `t`, s, the step that each comes `after`, and `why`."""
+    found: list[dict[str, Any]] = []
+    begin = 0.0
+    for before, after in pairwise(stretches):
+        begin += before.ends[-1]
+        a, b = before.done[-1], after.done[0]
+        why = why_stop(a, b) or NOT_QUICKER
+        if found and found[-1]["t"] == begin:
+            found[-1]["why"] += f", {why}" if why not in found[-1]["why"] else ""
+        else:
+            found.append({"t": begin, "after": a.step.number, "why": why})
+    return found

@@ -1,0 +1,110 @@
+"""The schema of starts, goals and via points in a problem file."""
+
+from itertools import pairwise
+from typing import Annotated, ClassVar, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from optiplan.config.document import Number, Strict
+from optiplan.config.values import (
+    ExactlyOne,
+    Length,
+    Name,
+    Vector,
+)
+from optiplan.geometry.pose_schema import PoseSpec, ToleranceSpec
+from optiplan.problem.regions.schema import RegionSpec
+
+
+class PoseGoalSpec(PoseSpec):
+    """The pose of `frame` (default: the robot's tool frame) in the world."""
+
+    frame: Name | None = None
+    position: Vector
+    tolerance: ToleranceSpec = ToleranceSpec()
+
+
+Rates = Annotated[tuple[Number, ...] | None, AfterValidator(lambda rates: rates if rates and any(rates) else None)]
+"""One value per planned joint; zeros are as good as nothing, so that rest is said in one way."""
+
+
+class StartSpec(ExactlyOne):
+    """`joints`: one value per planned joint; or `configuration`: a name in the robot file.
+
+    `velocity` (rad/s or m/s) and `acceleration` (rad/s² or m/s²), one value per planned joint: at rest without them.
+    """
+
+    BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
+
+    joints: tuple[Number, ...] | None = None
+    configuration: Name | None = None
+    velocity: Rates = None
+    acceleration: Rates = None
+
+    @model_validator(mode="after")
+    def _state(self) -> Self:
+        for key in ("velocity", "acceleration"):
+            if getattr(self, key) is not None and self.kind not in ("joints", "configuration"):
+                raise ValueError(f"found {key} with {self.kind}; expected it with joints or configuration only")
+        return self
+
+
+class AlternativeSpec(StartSpec):
+    """One end of the motion."""
+
+    pose: PoseGoalSpec | None = None
+    region: RegionSpec | None = None
+
+
+class GoalSpec(AlternativeSpec):
+    """One end of the motion, or `any_of` several."""
+
+    any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
+
+
+class ViaPoseSpec(PoseSpec):
+    """The pose of `frame` (default: the robot's tool frame) in the world, to be passed within `tolerance`."""
+
+    frame: Name | None = None
+    position: Vector
+    tolerance: ToleranceSpec | None = None
+
+
+class ViaSpec(Strict):
+    """A point to be passed between start and goal.
+
+    `tolerance` is of each joint or of both parts of a pose, rad or m; `velocity` (rad/s or m/s, one value per planned
+    joint) and `time` (s from the start) are wishes, which the planner `spline` can grant.
+    """
+
+    joints: tuple[Number, ...] | None = None
+    configuration: Name | None = None
+    pose: ViaPoseSpec | None = None
+    tolerance: Length | None = None
+    velocity: tuple[Number, ...] | None = None
+    time: Length | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        kinds = [key for key in ("joints", "configuration", "pose") if getattr(self, key) is not None]
+        if len(kinds) != 1:
+            found = " and ".join(kinds) or "none of them"
+            raise ValueError(f"found {found}; expected exactly one of: joints, configuration, pose")
+        if self.pose is not None and self.pose.tolerance is not None and self.tolerance is not None:
+            raise ValueError("found a tolerance of the via and one of its pose; expected at most one of them")
+        return self
+
+
+def timed(vias: tuple[ViaSpec, ...]) -> tuple[ViaSpec, ...]:
+    """Require times at all vias or at none, increasing."""
+    times = [via.time for via in vias if via.time is not None]
+    if times and len(times) != len(vias):
+        raise ValueError(f"found a time at {len(times)} of {len(vias)} vias; expected one at each, or at none")
+    for before, after in pairwise(times):
+        if after <= before:
+            raise ValueError(f"found time {after:g} after time {before:g}; expected increasing times")
+    return vias
+
+
+ENDS = ("joints", "configuration", "pose", "region")
+"""What one end of a motion can be."""

@@ -1,0 +1,102 @@
+"""The schema of a problem file, `version: 1`; SI units and radians throughout.
+
+These classes hold what the file says, after checks that need nothing but the file itself; `problem/builder.py` checks
+it against the robot and the scene.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
+
+from optiplan.config.document import Number, Strict, Whole
+from optiplan.config.values import (
+    FileName,
+    Fraction,
+    Name,
+    NotNegative,
+    Vector,
+)
+from optiplan.geometry.pose_schema import PoseSpec
+from optiplan.problem.constraints.schema import PathConstraintSpec
+from optiplan.problem.schema.ends import GoalSpec, StartSpec, ViaSpec, timed
+from optiplan.problem.schema.scene import SceneSpec
+from optiplan.problem.schema.task import TaskStepSpec
+
+
+class LimitScalesSpec(Strict):
+    """Fractions of the robot's own limits; `jerk: none` lifts the jerk limits, so that the acceleration may jump."""
+
+    velocity: Fraction = 1.0
+    acceleration: Fraction = 1.0
+    jerk: Fraction | Literal["none"] = 1.0
+    torque: Fraction = 1.0
+
+
+class ObjectiveSpec(Strict):
+    """Weights of the parts of the cost; see `objectives.objective.Objective`."""
+
+    time: NotNegative = 1.0
+    jerk: NotNegative = 0.0
+    energy: NotNegative | None = None
+    joint_path: NotNegative | None = None
+    tool_path: NotNegative | None = None
+    tool_smoothness: NotNegative | None = None
+    clearance: NotNegative | None = None
+    manipulability: NotNegative | None = None
+    centring: NotNegative | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if not any(self.model_dump().values()):
+            raise ValueError("found all weights 0; expected at least one weight > 0")
+        return self
+
+
+def _named(value: Any) -> Any:
+    if not isinstance(value, str | Mapping | PlannerSpec):
+        raise ValueError("the name of a planner, or {name: …} with its options")
+    return {"name": value} if isinstance(value, str) else value
+
+
+class PlannerSpec(Strict):
+    """`name` of a planner, and options of that planner beside it."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    name: Name = "trajopt"
+
+
+class ProblemSpec(Strict):
+    """A problem file.
+
+    `robot` is the name of one that comes along, the path of a robot.yaml, or what would stand in one (`{urdf: …}`).
+    `group` names the planned joints among the robot file's `groups`; `locked` holds values of joints that are not
+    planned (fingers), over those of the robot file. `base` is the pose of the robot's root in the world, the identity
+    without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one. There is
+    either a `goal` or a `task` of several steps.
+    """
+
+    version: Literal[1]
+    name: Name | None = None
+    robot: FileName | dict[str, Any]
+    group: Name | None = None
+    locked: dict[Name, Number] = Field(default_factory=dict)
+    base: PoseSpec | None = None
+    gravity: Vector | None = None
+    start: StartSpec
+    goal: GoalSpec | None = None
+    task: Annotated[tuple[TaskStepSpec, ...], Field(min_length=1)] | None = None
+    scene: SceneSpec = SceneSpec()
+    via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
+    path_constraints: tuple[PathConstraintSpec, ...] = ()
+    limits: LimitScalesSpec = LimitScalesSpec()
+    objective: ObjectiveSpec = ObjectiveSpec()
+    planner: Annotated[PlannerSpec, BeforeValidator(_named, json_schema_input_type=str | PlannerSpec)] = PlannerSpec()
+    seed: Annotated[Whole, Field(ge=0)] = 0
+
+
+def problem_schema() -> dict[str, Any]:
+    """JSON schema of a problem file, for editors that complete and check YAML."""
+    schema = ProblemSpec.model_json_schema(mode="validation")
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

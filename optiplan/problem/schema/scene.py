@@ -1,0 +1,91 @@
+"""The schema of a scene in a problem file: obstacles, attached objects, what may touch."""
+
+from typing import Annotated, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from optiplan.config.document import Strict
+from optiplan.config.values import (
+    Coordinate,
+    Length,
+    Name,
+    NamePair,
+    NotNegative,
+    Vector,
+)
+from optiplan.geometry.pose_schema import PoseSpec
+from optiplan.geometry.shapes import SHAPES, ShapeSpec
+
+LARGEST_MASS = 1e6
+"""kg; nothing that an arm can hold."""
+
+Polynomial = Annotated[tuple[Coordinate, ...], Field(min_length=1, max_length=10)]
+"""Coefficients in ascending powers."""
+
+
+class MotionSpec(Strict):
+    """A displacement, added to the position of the pose: one polynomial of time for each of x, y and z of the world.
+
+    `polynomial` has their coefficients in ascending powers, m/s^k; time counts from the start of the robot's motion.
+    After `until`, s, the obstacle stands.
+    """
+
+    polynomial: Annotated[tuple[Polynomial, ...], Field(min_length=3, max_length=3)]
+    until: Length | None = None
+
+
+class ObstacleSpec(Strict):
+    """A shape that stands still at `pose` in the world, or moves from there as stated."""
+
+    name: Name
+    shape: ShapeSpec
+    pose: PoseSpec = PoseSpec()
+    motion: MotionSpec | None = None
+
+    @model_validator(mode="after")
+    def _bounded_motion(self) -> Self:
+        if self.motion is not None and SHAPES[self.shape.kind].endless:
+            raise ValueError(f"found a {self.shape.kind} that moves; expected a shape that ends somewhere")
+        return self
+
+
+def _bounded(shape: ShapeSpec) -> ShapeSpec:
+    if SHAPES[shape.kind].endless:
+        raise ValueError(f"found a {shape.kind}; expected a shape that ends somewhere: no robot can carry a half-space")
+    return shape
+
+
+class AttachedSpec(Strict):
+    """A shape held by `link`; `pose` in the link's frame; it may touch the links of `touch`, and `link`.
+
+    `mass` in kg, none without; its `centre` (m) and `inertia` about that ([ixx, iyy, izz], kg m²) in the frame of the
+    shape are those of the shape filled evenly, where they are not given.
+    """
+
+    name: Name
+    shape: Annotated[ShapeSpec, AfterValidator(_bounded)]
+    link: Name
+    pose: PoseSpec = PoseSpec()
+    touch: tuple[Name, ...] = ()
+    mass: Annotated[NotNegative, Field(le=LARGEST_MASS)] | None = None
+    centre: Vector | None = None
+    inertia: Vector | None = None
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if self.mass is None and (self.centre is not None or self.inertia is not None):
+            raise ValueError("found a centre or an inertia of what has no mass; expected `mass` too")
+        if self.inertia is not None:
+            x, y, z = self.inertia
+            if min(x, y, z) < 0.0 or max(x, y, z) > 0.5 * (x + y + z) * (1.0 + 1e-9):
+                expected = "moments, none larger than the other two together"
+                raise ValueError(f"found inertia {list(self.inertia)}; expected {expected}")
+        return self
+
+
+class SceneSpec(Strict):
+    """Obstacles, attached objects, and the pairs of bodies that may touch."""
+
+    obstacles: tuple[ObstacleSpec, ...] = ()
+    attached: tuple[AttachedSpec, ...] = ()
+    allowed_collisions: tuple[NamePair, ...] = ()

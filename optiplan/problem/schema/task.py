@@ -1,0 +1,179 @@
+"""The schema of the steps of a task in a problem file."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from optiplan.config.document import Number, Strict
+from optiplan.config.values import (
+    Direction,
+    Length,
+    Name,
+    NamePair,
+    NotNegative,
+    Vector,
+)
+from optiplan.problem.constraints.schema import PathConstraintSpec
+from optiplan.problem.regions.schema import RegionSpec
+from optiplan.problem.schema.ends import ENDS, AlternativeSpec, PoseGoalSpec, ViaSpec, timed
+from optiplan.problem.schema.scene import LARGEST_MASS
+
+
+class MoveSpec(Strict):
+    """Go to one end, or any of several, past `via`, with the joints of `group` (default: that of the problem)."""
+
+    joints: tuple[Number, ...] | None = None
+    configuration: Name | None = None
+    pose: PoseGoalSpec | None = None
+    region: RegionSpec | None = None
+    any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
+    via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
+    group: Name | None = None
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        _exactly_one(self, (*ENDS, "any_of"))
+        return self
+
+
+class StraightLineSpec(Strict):
+    """The tool straight to `pose`, or `by` a vector, m, seen from the world or the tool (`in`).
+
+    `speed` of the tool at most, m/s; `frame` is the robot's tool frame without one. `blend`, m: where a line follows,
+    the corner may be rounded off within this distance of it; without one it is exact, and the arm stops there.
+    """
+
+    pose: PoseGoalSpec | None = None
+    by: Vector | None = None
+    in_: Annotated[Literal["world", "tool"], Field(alias="in")] = "world"
+    frame: Name | None = None
+    speed: Length | None = None
+    blend: Length | None = None
+    group: Name | None = None
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        _exactly_one(self, ("pose", "by"))
+        if self.pose is not None and (self.in_ != "world" or self.frame is not None):
+            raise ValueError("found `in` or `frame` of the line; expected `frame` of the pose")
+        return self
+
+
+class ApproachSpec(Strict):
+    """Anywhere to `distance`, m, before a pose, and from there straight `along` an axis of its frame.
+
+    `blend` is as of a line.
+    """
+
+    pose: PoseGoalSpec | None = None
+    any_of: Annotated[tuple[PoseGoalSpec, ...], Field(min_length=1)] | None = None
+    distance: Length
+    along: Direction = (0.0, 0.0, 1.0)
+    speed: Length | None = None
+    via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
+    blend: Length | None = None
+    group: Name | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _poses_only(cls, said: Any) -> Any:
+        """Say what leads to ends that are no poses: where a line along the tool would begin is not known of them."""
+        several = said.get("any_of") if isinstance(said, Mapping) else None
+        for one in (said, *(several if isinstance(several, list | tuple) else ())):
+            for kind in set(ENDS) - {"pose"}:
+                if isinstance(one, Mapping) and kind in one:
+                    expected = (
+                        "pose, or any_of poses, to which a line leads (elsewhere: a move, and a line by a vector)"
+                    )
+                    raise ValueError(f"found {kind}; expected {expected}")
+        return said
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        _exactly_one(self, ("pose", "any_of"))
+        return self
+
+
+class RetreatSpec(Strict):
+    """The tool straight by `distance`, m, `along` an axis of the tool or the world (`in`); `blend` as of a line."""
+
+    distance: Length
+    along: Direction = (0.0, 0.0, -1.0)
+    in_: Annotated[Literal["world", "tool"], Field(alias="in")] = "tool"
+    frame: Name | None = None
+    speed: Length | None = None
+    blend: Length | None = None
+    group: Name | None = None
+
+
+class AttachSpec(Strict):
+    """`link` takes an obstacle where it stands; it may touch the links of `touch`, and `link`.
+
+    `mass`, `centre` and `inertia` are as of an attached object.
+    """
+
+    object: Name
+    link: Name
+    touch: tuple[Name, ...] = ()
+    mass: Annotated[NotNegative, Field(le=LARGEST_MASS)] | None = None
+    centre: Vector | None = None
+    inertia: Vector | None = None
+
+
+class DetachSpec(Strict):
+    """What is held becomes an obstacle where it is."""
+
+    object: Name
+
+
+class GripperSpec(Strict):
+    """Joints of a `group` move to `joints`, rad or m, or to their values in a named configuration."""
+
+    group: Name
+    joints: tuple[Number, ...] | None = None
+    configuration: Name | None = None
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        _exactly_one(self, ("joints", "configuration"))
+        return self
+
+
+def _exactly_one(spec: Strict, keys: tuple[str, ...]) -> None:
+    given = [key for key in keys if getattr(spec, key) is not None]
+    if len(given) != 1:
+        raise ValueError(f"found {' and '.join(given) or 'none of them'}; expected exactly one of: {', '.join(keys)}")
+
+
+class TaskStepSpec(Strict):
+    """One step of a task: one of the keys from `move` to `dwell` (s), and what holds during this step.
+
+    `allowed_collisions` of an approach are for its line alone.
+    """
+
+    move: MoveSpec | None = None
+    line: StraightLineSpec | None = None
+    approach: ApproachSpec | None = None
+    retreat: RetreatSpec | None = None
+    attach: AttachSpec | None = None
+    detach: DetachSpec | None = None
+    gripper: GripperSpec | None = None
+    dwell: Length | None = None
+    name: Name | None = None
+    allowed_collisions: tuple[NamePair, ...] = ()
+    path_constraints: tuple[PathConstraintSpec, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        _exactly_one(self, STEP_KINDS)
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The key of what is done."""
+        return next(kind for kind in STEP_KINDS if getattr(self, kind) is not None)
+
+
+STEP_KINDS = ("move", "line", "approach", "retreat", "attach", "detach", "gripper", "dwell")
+"""What a step of a task can be."""

@@ -1,0 +1,125 @@
+"""Pairs of bodies, and above them pairs of hulls that answer for many of them at once."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from weakref import WeakKeyDictionary
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Flags, Index
+from optiplan.collision.clusters import Cluster, clusters_of
+from optiplan.collision.geometry_model import geometry_of
+from optiplan.collision.model import CollisionModel
+from optiplan.robot.robot import Robot
+from optiplan.robot.self_collision.pair_bounds import LocalBox, PairBounds, local_box
+
+_FEW = 4
+"""Pairs below which asking a hull first saves nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClusterHull:
+    """The hull of a cluster as a body of coal, in the frame of its joint, and its bounding volumes."""
+
+    cluster: Cluster
+    shape: coal.ConvexBase
+    box: LocalBox
+
+    @classmethod
+    def of(cls, cluster: Cluster) -> "ClusterHull":
+        """Build the body."""
+        shape = cluster.hull.build()
+        return cls(cluster, shape, local_box(shape))
+
+
+_hulls: "WeakKeyDictionary[Robot, tuple[tuple[ClusterHull, ...], ...]]" = WeakKeyDictionary()
+
+
+def _levels(robot: Robot) -> tuple[tuple[ClusterHull, ...], ...]:
+    """Hulls of a robot's clusters, of few bodies first; built once for each robot."""
+    if robot not in _hulls:
+        found = clusters_of(robot)
+        _hulls[robot] = tuple(tuple(map(ClusterHull.of, level)) for level in (found.by_link, found.by_joint))
+    return _hulls[robot]
+
+
+class PairTree:
+    """The P pairs of a model, and above them pairs of which one body, or both, is the hull of a cluster.
+
+    A hull holds its bodies, so what keeps away from the hull keeps away from them. Bodies are the G of the model, then
+    the hulls.
+
+    Attributes:
+        hulls: the bodies behind those of the model.
+        pairs: (P + H, 2) bodies of each pair; `count`: P.
+        parts: the pairs that each of the H stands for, by its index: of the model, or of hulls of fewer bodies.
+        tops: (T,) the pairs that no other one stands for.
+    """
+
+    def __init__(self, model: CollisionModel) -> None:
+        self._model = model
+        levels = _levels(model.robot)
+        self.hulls = tuple(hull for level in levels for hull in level)
+        self.pairs: Index = model.bounds.pairs
+        self.count = len(self.pairs)
+        self.parts: dict[int, Index] = {}
+        self.tops: Index = np.arange(self.count)
+        planes = np.array([isinstance(body.geometry, coal.Halfspace) for body in model.geometry.geometryObjects], bool)
+        self._plane: Flags = np.append(planes, np.zeros(len(self.hulls), dtype=bool))
+        above: Index = np.arange(len(self._plane))
+        first = len(planes)
+        for level in levels:
+            for hull in level:
+                members = list(hull.cluster.bodies)
+                above[above[members]] = above[members] = first  # hulls of fewer bodies, too
+                first += 1
+            self._gather(above)
+
+    def _gather(self, above: Index) -> None:
+        """Put pairs of hulls, which `above` names of each body, above those of `tops` of which they hold several."""
+        pairs = self.pairs[self.tops]
+        held = above[pairs]
+        # A half-space is told from any body by a formula.
+        apart = (held != pairs).any(axis=1) & (held[:, 0] != held[:, 1]) & ~self._plane[pairs].any(axis=1)
+        key = np.where(apart, held[:, 0] * len(above) + held[:, 1], -1)
+        order = np.argsort(key, kind="stable")
+        runs = np.split(order, np.flatnonzero(np.diff(key[order])) + 1) if len(order) else []
+        found = [run for run in runs if key[run[0]] >= 0 and self._worth(self.tops[run])]
+        if not found:
+            return
+        fresh = len(self.pairs) + np.arange(len(found))
+        self.parts |= {int(index): self.tops[run] for index, run in zip(fresh, found, strict=True)}
+        self.pairs = np.vstack([self.pairs, held[[run[0] for run in found]]])
+        self.tops = np.concatenate([np.delete(self.tops, np.concatenate(found)), fresh])
+
+    def _worth(self, pairs: Index) -> bool:
+        """Whether asking a hull for these pairs saves queries: there are several, or pairs of hulls among them."""
+        return len(pairs) >= _FEW or (len(pairs) > 1 and int(pairs.max()) >= self.count)
+
+    def members(self, pair: int) -> Index:
+        """The pairs of the model that a pair stands for; itself where it is one of them."""
+        if pair < self.count:
+            return np.array([pair], dtype=np.intp)
+        return np.concatenate([self.members(part) for part in self.parts[pair].tolist()])
+
+    @cached_property
+    def bounds(self) -> PairBounds:
+        """Bounding volumes of `tops`."""
+        own = self._model.bounds
+        if not self.parts:
+            return own
+        used, which = np.unique(self.pairs[self.tops], return_inverse=True)
+        bodies, boxes = [], []
+        first = len(self._model.names)
+        for k in used.tolist():
+            if k < first:
+                bodies.append(self._model.geometry.geometryObjects[k])
+                boxes.append((own.centre[k], own.half[k], float(own.radius[k])))
+            else:
+                hull = self.hulls[k - first]
+                bodies.append(pin.GeometryObject(f"hull {k}", hull.cluster.joint, 0, pin.SE3.Identity(), hull.shape))
+                boxes.append(hull.box)
+        pairs = [(a, b) for a, b in which.reshape(-1, 2).tolist()]
+        return PairBounds(self._model.kinematics, geometry_of(bodies), pairs, boxes)

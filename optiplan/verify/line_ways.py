@@ -1,0 +1,175 @@
+"""Lines of a task: from which corner to which they lead, and what must hold on the way."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.problem.constraints.statements import OnLine, OrientationCone, PathConstraint
+from optiplan.problem.task.steps import Action, StraightLine
+from optiplan.robot.robot import Robot
+from optiplan.trajectory.samples import sample_times
+from optiplan.trajectory.trajectory import Trajectory
+
+STRAIGHT = 1e-4
+"""m: how far a frame may be off its line."""
+
+EVENLY = 1e-3
+"""rad: how far a frame on a line may be from turning about one axis, or not at all."""
+
+_HALVINGS = 50
+
+
+@dataclass(frozen=True, eq=False)
+class LineWay:
+    """What a line asks for: its corners, and how far it may keep from them.
+
+    Attributes:
+        frame: that moves.
+        start: its pose where the line begins: a corner that it need not touch, where `enters` is given.
+        end: its pose where the line ends, likewise with `leaves`.
+        enters: m, radius of the ball about the first corner in which the line need not be kept; None: it is exact.
+        leaves: the same about the last corner; neither is more than half of either line.
+        turns: rad, by which both lines of a corner turn at most, whose orientations it may mix.
+    """
+
+    frame: str
+    start: pin.SE3
+    end: pin.SE3
+    enters: float | None
+    leaves: float | None
+    turns: tuple[float, float]
+
+
+def frame_at(robot: Robot, action: Action, q: Array) -> pin.SE3 | None:
+    """Return the pose of the frame of a line in a configuration (n,); None for another step."""
+    if not isinstance(action, StraightLine):
+        return None
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    return data.oMf[robot.frame_id(action.frame)].copy()
+
+
+def line_way(action: Action, after: Action | None, X: pin.SE3 | None, before: LineWay | None) -> LineWay | None:
+    """Return the way of a line, None for another step.
+
+    Args:
+        action: of the step.
+        after: of the next step, None after the last.
+        X: where the frame is when the step begins.
+        before: the way of the step before, if that is a line.
+    """
+    if not isinstance(action, StraightLine) or X is None:
+        return None
+    entered = before is not None and before.leaves is not None
+    start = before.end if before is not None and entered else X
+    end = _end(action, start)
+    own, other, leaves = _turn(start, end), 0.0, None
+    if action.blend > 0.0 and isinstance(after, StraightLine):
+        beyond = _end(after, end)
+        other = _turn(end, beyond)
+        leaves = min(action.blend, 0.5 * _far(start, end), 0.5 * _far(end, beyond))
+    enters, turn = (before.leaves, before.turns[1]) if before is not None and entered else (None, own)
+    return LineWay(action.frame, start, end, enters, leaves, (turn, own + other))
+
+
+def line_constraints(way: LineWay, robot: Robot, motion: Trajectory) -> Iterator[PathConstraint]:
+    """Return what a line means: the origin on the segment; two axes fixed, or the one that it turns about.
+
+    Where a corner may be rounded off, that holds from the time at which the frame leaves the ball about it, or until it
+    enters it; in the ball the frame stays in the ball, and its orientation near that of the corner: it turns there by
+    no more than both lines do.
+    """
+    position = _Origin(robot, way.frame, motion)
+    low = 0.0 if way.enters is None else position.last_within(way.start.translation, way.enters)
+    high = 1.0 if way.leaves is None else position.first_within(way.end.translation, way.leaves)
+    low, high = min(low, high), max(low, high)
+    end = way.end if way.leaves is not None else position.pose(1.0)
+    yield OnLine(way.frame, way.start.translation, end.translation, STRAIGHT, during=(low, high))
+    for axis, turned in _kept_axes(way, position, (low, high)):
+        yield OrientationCone(way.frame, axis, turned @ axis, EVENLY, during=(low, high))
+    balls = ((way.start, way.enters, (0.0, low), way.turns[0]), (way.end, way.leaves, (high, 1.0), way.turns[1]))
+    for X, radius, during, turn in balls:
+        if radius is None:
+            continue
+        yield OnLine(way.frame, X.translation, X.translation, radius + STRAIGHT, during=during)
+        if turn + EVENLY < np.pi:
+            for axis in np.eye(3)[:2]:
+                yield OrientationCone(way.frame, axis, X.rotation @ axis, turn + EVENLY, during=during)
+
+
+def _kept_axes(way: LineWay, at: "_Origin", during: tuple[float, float]) -> Iterator[tuple[Array, Array]]:
+    """Yield the axes of the frame that keep their direction on the line, with the rotation to the world."""
+    X = way.start if way.enters is not None else at.pose(during[0])
+    Y = way.end if way.leaves is not None else at.pose(during[1])
+    turn = pin.log3(X.rotation.T @ Y.rotation)
+    angle = float(np.linalg.norm(turn))
+    for axis in np.eye(3)[:2] if angle <= EVENLY else (turn / angle)[None]:
+        yield axis, X.rotation
+
+
+def _end(action: StraightLine, start: pin.SE3) -> pin.SE3:
+    """Return the pose at which a line ends: the nearest of its ends, or `start` moved by its vector."""
+    if action.by is None:
+        return min((end.X_WG for end in action.ends), key=lambda X: _apart(start, X))
+    by = start.rotation @ action.by if action.in_tool else action.by
+    return pin.SE3(start.rotation, start.translation + by)
+
+
+def _apart(X: pin.SE3, Y: pin.SE3) -> float:
+    return _far(X, Y) + _turn(X, Y)
+
+
+def _far(X: pin.SE3, Y: pin.SE3) -> float:
+    return float(np.linalg.norm(X.translation - Y.translation))
+
+
+def _turn(X: pin.SE3, Y: pin.SE3) -> float:
+    return float(np.linalg.norm(pin.log3(X.rotation.T @ Y.rotation)))
+
+
+class _Origin:
+    """The frame along a motion, by the share of its duration."""
+
+    def __init__(self, robot: Robot, frame: str, motion: Trajectory) -> None:
+        self._robot, self._frame, self._motion = robot, robot.frame_id(frame), motion
+        self._data = robot.model.createData()
+
+    def pose(self, share: float) -> pin.SE3:
+        """Return its pose."""
+        pin.framesForwardKinematics(self._robot.model, self._data, self._motion(share * self._motion.duration))
+        return self._data.oMf[self._frame].copy()
+
+    def first_within(self, point: Array, radius: float) -> float:
+        """Return the share at which it enters the ball in which it ends, 1 where it does not end in it."""
+        return self._bisected(
+            point, radius, np.append(sample_times(self._motion)[::-1] / self._motion.duration, 0.0), 1.0
+        )
+
+    def last_within(self, point: Array, radius: float) -> float:
+        """Return the share at which it leaves the ball in which it begins, 0 where it does not begin in it."""
+        shares = sample_times(self._motion) / self._motion.duration
+        return self._bisected(point, radius, np.append(shares, 1.0), 0.0)
+
+    def _bisected(self, point: Array, radius: float, shares: Array, none: float) -> float:
+        """Return the share, beginning with the first of `shares`, until which it stays in the ball."""
+        inside = none
+        for share in shares.tolist():
+            if self._distance(point, share) > radius:
+                outside = share
+                break
+            inside = share
+        else:
+            return inside
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (inside + outside)
+            if self._distance(point, middle) > radius:
+                outside = middle
+            else:
+                inside = middle
+        return inside
+
+    def _distance(self, point: Array, share: float) -> float:
+        return float(np.linalg.norm(self.pose(share).translation - point))
