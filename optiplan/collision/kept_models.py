@@ -20,12 +20,14 @@ _kept = threading.local()
 def collision_model(robot: Robot, scene: Scene) -> CollisionModel:
     """The model of this robot in this scene, for this thread alone.
 
-    Loading a problem, the proof of a motion and that of the next ask about the same.
+    Loading a problem, the proof of a motion and that of the next ask about the same. Where obstacles of the last scene
+    have moved, what does not depend on their places is kept.
     """
     models: list[CollisionModel] = getattr(_kept, "models", [])
     found = next((model for model in models if _is_of(model, robot, scene)), None)
     if found is None:
-        found = CollisionModel(robot, scene)
+        moved = (model.with_obstacles_moved(scene) for model in models if model.robot is robot)
+        found = next((model for model in moved if model is not None), None) or CollisionModel(robot, scene)
         _kept.models = [found, *models][:_MOST]
     return found
 

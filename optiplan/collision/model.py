@@ -112,6 +112,27 @@ class CollisionModel:
         vars(self).update({name: value for name, value in vars(known).items() if name not in cached})
         self.scene, self._data, self.outline = scene, self.model.createData(), self.outline.with_own_queries()
 
+    def with_obstacles_moved(self, scene: Scene) -> "CollisionModel | None":
+        """Return a model, with a work space of its own, of the same bodies in a scene where obstacles stand elsewhere.
+
+        Its answers are those of a new one, to the last bit; pairs, bounding volumes and solvers are taken over. None
+        where the bodies or the pairs are not the same, or something is attached or moves.
+        """
+        if not _same_bodies(self.scene, scene):
+            return None
+        geometry, first = self.geometry.copy(), len(self.names) - len(scene.obstacles)
+        for k, obstacle in enumerate(scene.obstacles, first):
+            geometry.geometryObjects[k].placement = obstacle.X_WO
+        if overlapping(geometry, self._standing, self._boxes) != self._sunk:
+            return None
+        model = CollisionModel.__new__(CollisionModel)
+        model._take(self, scene)
+        model.geometry, model.bounds = geometry, self.bounds.with_placements(geometry)
+        model.outline = Outline(model.model, geometry)
+        if "_queries" in vars(self):
+            vars(model)["_queries"] = self._queries.with_placements(geometry)
+        return model
+
     @cached_property
     def _queries(self) -> PairQueries:
         return PairQueries(self.model, self.geometry, exact_queries)
@@ -340,7 +361,9 @@ class CollisionModel:
         standing = [(a, b) for a in still for b in obstacles if not self._allowed(a, b, excused)]
         kept += [(a, b) for a, b in standing if parents[b] != 0]
         standing = [(a, b) for a, b in standing if parents[b] == 0]
-        kept += overlapping(self.geometry, np.array(standing, dtype=np.intp).reshape(-1, 2), self._boxes)
+        self._standing: Index = np.array(standing, dtype=np.intp).reshape(-1, 2)
+        self._sunk = overlapping(self.geometry, self._standing, self._boxes)
+        kept += self._sunk
         return tuple(Pair(k, a, b, self.names[a], self.names[b]) for k, (a, b) in enumerate(kept))
 
     def _allowed(self, a: int, b: int, excused: set[str]) -> bool:
@@ -349,6 +372,16 @@ class CollisionModel:
             return False
         names = self.names[a], self.names[b]
         return names[0] in excused and names[1] in excused and frozenset(names) in self.scene.allowed
+
+
+def _same_bodies(a: Scene, b: Scene) -> bool:
+    """Whether two scenes hold the same obstacles, perhaps at other places, and nothing that is attached or moves."""
+    if a.attached or b.attached or a.allowed != b.allowed or len(a.obstacles) != len(b.obstacles):
+        return False
+    return all(
+        one.name == other.name and one.shape == other.shape and one.motion is None and other.motion is None
+        for one, other in zip(a.obstacles, b.obstacles, strict=True)
+    )
 
 
 def _body(name: str, joint: int, placement: pin.SE3, geometry: coal.CollisionGeometry) -> pin.GeometryObject:

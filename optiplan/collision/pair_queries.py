@@ -1,6 +1,7 @@
 """Distances of pairs of bodies by coal, with solvers made only for the pairs that are asked."""
 
 from collections.abc import Callable
+from copy import copy
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -50,6 +51,16 @@ class PairQueries:
         self._data: Any = None if self.many else self._made(geometry)
         self._places: dict[int, int] = {}
         self._joints: pin.Data | None = None
+
+    def with_placements(self, geometry: pin.GeometryModel) -> "PairQueries":
+        """Return queries of the same bodies and pairs, placed as in `geometry`, with a work space of their own."""
+        if self.many:
+            return PairQueries(self._model, geometry, self._prepare)
+        twin = copy(self)
+        twin._whole = twin._geometry = geometry
+        twin._data, twin._places, twin._joints = self._data.copy(), {}, None
+        vars(twin).pop("_broad_phase", None)
+        return twin
 
     def place(self, joints: pin.Data) -> None:
         """Move the bodies to where the joints are in `joints`, which is kept."""

@@ -21,7 +21,9 @@ def problem_hash(data: Mapping[str, Any], base: Path, robot: Robot) -> str:
         base: folder that mesh files are relative to.
         robot: as loaded for the problem.
     """
-    content = copy.deepcopy(dict(data))
+    content = dict(data)
+    if next(shape_files_of(data), None) is not None:
+        content["scene"] = copy.deepcopy(data["scene"])
     content["robot"] = robot.fingerprint
     content["locked"] = dict(robot.locked)
     for mesh in shape_files_of(content):

@@ -376,7 +376,9 @@ class Problem:
         """Return the problem with users' constraints, which no file holds and `source` does not show."""
         if not own:
             return self
-        digests = "".join(one.checked(self.robot, self.start) for one in own)
+        goals = [goal.state for goal in self.goal if isinstance(goal, JointGoal)]
+        ends = goals if len(goals) == len(self.goal) else []
+        digests = "".join(one.checked(self.robot, self.start_state, ends) for one in own)
         other = replace(self, path_constraints=(*self.path_constraints, *own))
         other._set({"source": self.source, "hash": hashlib.sha256((self.hash + digests).encode()).hexdigest()})
         return other

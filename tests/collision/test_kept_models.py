@@ -1,9 +1,14 @@
 """Models of the same robot among the same bodies are kept; no other is taken for one."""
 
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 import optiplan as op
 from optiplan.collision.kept_models import collision_model, kept_planning_model
+from optiplan.collision.model import CollisionModel
 
 BOXES = [op.Box("shelf", size=(0.4, 0.4, 0.02), position=(0.5, 0.0, 0.4))]
 
@@ -61,3 +66,74 @@ def test_the_model_of_what_stands_still_is_kept_beside_that_of_what_moves(proble
     model = kept_planning_model(problem.robot, problem.scene)
     assert kept_planning_model(problem.robot, moving) is not model
     assert kept_planning_model(problem.robot, moving.standing) is model
+
+
+OBSTACLES = [
+    *BOXES,
+    op.Cylinder("tin", radius=0.04, length=0.12, position=(0.45, 0.1, 0.47)),
+    op.Sphere("ball", 0.06, position=(0.3, 0.4, 0.5)),
+    op.Mesh("frame", Path(__file__).parents[2] / "problems/meshes/frame.stl", scale=0.001, position=(0.55, 0.05, 0.5)),
+    op.HalfSpace("floor", normal=(0, 0, 1), offset=-0.2),
+]
+
+
+@pytest.fixture(scope="module")
+def crowded() -> op.Problem:
+    return op.Problem("panda", "ready", [0.5, -0.5, 0.2, -2.0, 0.1, 1.8, 0.7], OBSTACLES)
+
+
+@pytest.mark.parametrize("asked", [False, True], ids=["before a query", "after a query"])
+def test_a_model_of_moved_obstacles_answers_like_a_new_one(crowded, asked):
+    """To the last bit: nothing of where obstacles were, or of what was asked then, is left."""
+    known = CollisionModel(crowded.robot, crowded.scene)
+    Q = np.random.default_rng(5).uniform(-1.0, 1.0, (20, crowded.robot.n)) + crowded.start
+    if asked:
+        _answers(known, Q)
+    before = _answers(CollisionModel(crowded.robot, crowded.scene), Q)
+    scene = crowded.scene.moved("tin", x=0.05).moved("frame", z=-0.03).moved("shelf", y=0.1)
+    moved = known.with_obstacles_moved(scene)
+    assert moved is not None
+    assert moved.pairs == known.pairs
+    new = _answers(CollisionModel(crowded.robot, scene), Q)
+    for found, expected in zip(_answers(moved, Q), new, strict=True):
+        np.testing.assert_array_equal(found, expected)
+    for found, expected in zip(_answers(known, Q), before, strict=True):
+        np.testing.assert_array_equal(found, expected)  # the old one has kept its places
+
+
+def _answers(model: CollisionModel, Q: np.ndarray) -> list[np.ndarray]:
+    near = model.near(Q, 0.2)
+    collides = np.array([model.collides(q) for q in Q])
+    clearance = [model.clearance(q) for q in Q]
+    points = np.array([(one.distance, *one.point_a, *one.point_b) for one in clearance if one is not None])
+    bounds = model.lower_bounds(Q), model.travel(Q, np.full_like(Q, 0.01)), model.gradients(Q, near)
+    return [near.rows, near.pairs, near.distance, near.points, near.normals, collides, points, *bounds]
+
+
+def test_a_run_among_moved_obstacles_is_that_of_a_fresh_thread(crowded):
+    """Plan, proof and metrics with the kept model are those with a new one."""
+    scene = crowded.scene.moved("ball", x=0.03).moved("shelf", z=-0.02)
+    collision_model(crowded.robot, crowded.scene)
+    kept = op.plan(crowded.with_scene(scene), "quintic")
+    with ThreadPoolExecutor(1) as alone:
+        fresh = alone.submit(lambda: op.plan(crowded.with_scene(scene), "quintic")).result()
+    assert kept.report is not None
+    assert fresh.report is not None
+    assert kept.report.to_dict() == fresh.report.to_dict()
+    assert kept.metrics == fresh.metrics
+    assert np.array_equal(kept.trajectory.coefficients, fresh.trajectory.coefficients)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda scene: scene.with_(op.Box("shelf", size=(0.4, 0.4, 0.03), position=(0.5, 0.0, 0.4))),
+        lambda scene: scene.with_(op.Box("plate", size=(0.4, 0.4, 0.02), position=(0.5, 0.0, 0.2))),
+        lambda scene: scene.with_(allowed=[("panda_hand", "shelf")]),
+        lambda scene: scene.moved("tin", x=-0.45, y=-0.1, z=-0.4),
+    ],
+    ids=["thicker", "one more", "allowed", "into the base"],
+)
+def test_other_bodies_or_pairs_take_a_new_model(crowded, change):
+    known = CollisionModel(crowded.robot, crowded.scene)
+    assert known.with_obstacles_moved(change(crowded.scene)) is None

@@ -122,3 +122,16 @@ def test_others_say_what_they_do_not_hold(around, planner):
     run = op.plan(around, planner, budget=2.0)
     assert run.failure.kind == "unsupported"
     assert "plane" in run.failure.detail
+
+
+def test_a_search_without_success_names_the_constraints_and_how_near_it_came(around):
+    """A plane through both ends, which walls before and behind the arm cut in two."""
+    walls = [op.Box(name, size=(1.0, 0.04, 0.3), position=(x, 0.2, HEIGHT)) for name, x in (("a", 0.6), ("b", -0.6))]
+    run = op.plan(around.with_scene(walls), "rrtconnect", budget=1.0)
+    assert run.failure.kind == "no-path"
+    assert run.failure.witness["constraint"] == "plane, orientation"
+    assert "(plane, orientation)" in run.failure.detail
+    assert "none nearer to a goal than" in run.failure.detail
+    q = np.array(run.failure.witness["q"])
+    assert np.abs(q - around.start).max() > 0.05
+    assert Manifold(around, around.start[None]).holds(q)

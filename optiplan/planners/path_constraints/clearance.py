@@ -19,7 +19,10 @@ class PairsApart:
     Attributes:
         wanted: the pairs, and how far apart.
         model: that measures them.
+        depends_on_rates: False.
     """
+
+    depends_on_rates = False
 
     def __init__(self, problem: Problem, wanted: PairClearance) -> None:
         self.wanted = wanted
@@ -32,6 +35,6 @@ class PairsApart:
         np.minimum.at(least, found.rows, found.distance - self.wanted.at_least)
         return least
 
-    def slower(self, least: float) -> float:
+    def slower(self, motion: Sequence[Array]) -> float:
         """Return 1: no clearance grows with time."""
         return 1.0

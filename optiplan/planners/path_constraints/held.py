@@ -59,7 +59,7 @@ class Kept:
     @property
     def name(self) -> str:
         """Name of the constraint, for people."""
-        return self.one.name if isinstance(self.one, Expression) else self.one.KEY
+        return constraint_name(self.one)
 
     def worst(self, motion: Sequence[Array]) -> tuple[float, int, str]:
         """Return the largest violation among states (N, n), at most 0 where there is none, where, and in words."""
@@ -115,11 +115,9 @@ class PathConstraints:
         """Return the motion, slowed down as far as constraints of speed and acceleration ask for it."""
         factor = 1.0
         for kept in self.all:
-            motion = None
-            for each in kept.inequalities:
-                if each.slower(-1.0) > 1.0:
-                    motion = _states(trajectory, kept.one)[1] if motion is None else motion
-                    factor = max(factor, each.slower(float(each.least(motion).min())))
+            timed = [each for each in kept.inequalities if each.depends_on_rates]
+            motion = _states(trajectory, kept.one)[1] if timed else []
+            factor = max([factor, *(each.slower(motion) for each in timed)])
         return trajectory if factor == 1.0 else trajectory.scaled(trajectory.duration * factor)
 
     def broken(self, trajectory: Trajectory) -> list[Broken]:
@@ -131,6 +129,11 @@ class PathConstraints:
             if not by <= ROUNDING:
                 found.append(Broken(kept, words, by, float(u[k]) * trajectory.duration, float(u[k])))
         return found
+
+
+def constraint_name(one: PathConstraint) -> str:
+    """Return the name of a constraint, for people: a user's own, or the key in a problem file."""
+    return one.name if isinstance(one, Expression) else one.KEY
 
 
 def broken_constraint(one: Broken, trajectory: Trajectory, detail: str) -> Failure:

@@ -13,6 +13,9 @@ from optiplan.robot.robot import Robot
 KEPT = 0.6
 """Share of g at an end of a motion that is aimed at near this end, where there is less than the reserve."""
 
+_SLOWEST, _CLOSE = 100.0, 1e-3
+"""Largest factor on a duration that is tried, and how near to the least that holds, as a share of it."""
+
 Rate = Literal[0, 1, 2]
 
 
@@ -46,12 +49,14 @@ class CompiledInequality:
     Attributes:
         stated: the inequality.
         size: its number of rows, m.
+        depends_on_rates: whether g depends on velocities or accelerations.
     """
 
     def __init__(self, robot: Robot, stated: Inequality) -> None:
         self.stated = stated
         self._expression = BatchedExpression(robot, "inequality", stated.build)
         self.size = self._expression.size
+        self.depends_on_rates = bool({1, 2} & set(self._expression.orders))
 
     def __call__(self, motion: Sequence[Array]) -> tuple[Array, list[Array]]:
         """Return g (N, m) of states (N, n) of each of q, v, a, and its derivatives (N, m, n) by these."""
@@ -72,7 +77,26 @@ class CompiledInequality:
         """Return the least g of each state (N, n): (N,)."""
         return np.asarray(self.checked(motion)[0].min(axis=1))
 
-    def slower(self, least: float) -> float:
-        """Return the factor on the duration at which a motion with this least g holds a constraint of rates."""
-        rate = self.stated.rate
-        return float(np.sqrt(max(1.0 - 2.0 * least, 0.0)) ** (1.0 / rate)) if rate else 1.0
+    def slower(self, motion: Sequence[Array]) -> float:
+        """Return the factor on the duration, 1 at least, at which a motion (N, n) holds g; 1 where no time helps.
+
+        Of a rate as a share of its limit it is known; else it is found by bisection.
+        """
+        if not self.depends_on_rates:
+            return 1.0
+        least, rate = float(self.least(motion).min()), self.stated.rate
+        if rate:
+            return float(max(1.0, np.sqrt(max(1.0 - 2.0 * least, 0.0)) ** (1.0 / rate)))
+        slowest = self._least_at(motion, _SLOWEST)
+        if least >= 0.0 or slowest < 0.0:
+            return 1.0
+        wanted, low, high = min(KEPT * self.stated.reserve, KEPT * slowest), 1.0, _SLOWEST
+        while high > low * (1.0 + _CLOSE):
+            middle = float(np.sqrt(low * high))
+            low, high = (low, middle) if self._least_at(motion, middle) >= wanted else (middle, high)
+        return high
+
+    def _least_at(self, motion: Sequence[Array], factor: float) -> float:
+        """Return the least g along a motion that takes so many times as long."""
+        q, v, a = motion
+        return float(self.least([q, v / factor, a / factor**2]).min())

@@ -107,9 +107,11 @@ def _joined(group: list[Stretch], budget: Budget, thorough: bool) -> list[Stretc
             break
     if best is not None:
         return [best]
-    if len(group) == 2:
+    counts = np.cumsum([0, *(len(run.done) for run in smooth_runs([stretch.done[0] for stretch in group]))]).tolist()
+    if len(counts) == 2:
         return group
-    return [*_joined(group[:2], budget, thorough), *_joined(group[2:], budget, thorough)]
+    middle = counts[1] if len(counts) == 3 else counts[2]
+    return [*_joined(group[:middle], budget, thorough), *_joined(group[middle:], budget, thorough)]
 
 
 def _in_one_go(group: list[Stretch], first: int, budget: Budget) -> Stretch | None:

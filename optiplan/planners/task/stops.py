@@ -9,11 +9,12 @@ import numpy as np
 from optiplan.planners.task.chains import Done
 from optiplan.planners.task.smooth_runs import is_rounded
 from optiplan.planners.task.stretches import Stretch
-from optiplan.problem.task.steps import Attach, Detach, Dwell, Move
+from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine
 
 NOT_QUICKER = "no motion without this stop was found that is free and quicker"
 CORNER = "an exact corner of two lines (`blend` rounds it off)"
 BACK = "a line straight back"
+NO_WAY = "a corner of two lines whose blend is not free, or of a line that only turns"
 BENT = "a corner of two lines that the arm cannot pass smoothly"
 
 _BACK = -0.99
@@ -23,15 +24,9 @@ _BACK = -0.99
 def why_stop(before: Done, after: Done) -> str | None:
     """Return why the arm must rest between two steps; None where it need not."""
     for one in (before, after):
-        action = one.step.action
-        if isinstance(action, Attach | Detach | Dwell) or one.step.kind == "gripper":
-            return one.step.name
-        if one.stage is None or one.curve is None:
-            return one.step.name
-        if one.stage.problem.moving_start:
-            return "the move that takes a motion over ends at rest"
-        if isinstance(action, Move) and action.vias:
-            return "a move with via points begins and ends at rest"
+        own = _why_rest(one)
+        if own is not None:
+            return own
     assert before.stage is not None
     assert after.stage is not None
     if before.stage.columns != after.stage.columns:
@@ -40,7 +35,25 @@ def why_stop(before: Done, after: Done) -> str | None:
         return None
     if before.corner is not None:
         return BENT
-    return BACK if _leads_back(before, after) else CORNER
+    if _leads_back(before, after):
+        return BACK
+    action = before.step.action
+    return NO_WAY if isinstance(action, StraightLine) and action.blend else CORNER
+
+
+def _why_rest(done: Done) -> str | None:
+    """Return why the arm rests before and after a step, whatever the others are."""
+    action = done.step.action
+    if isinstance(action, Attach | Detach | Dwell) or done.step.kind == "gripper":
+        return done.step.name
+    if done.stage is None or done.curve is None:
+        return done.step.name
+    if done.stage.problem.moving_start:
+        return "the move that takes a motion over ends at rest"
+    if isinstance(action, Move) and action.vias:
+        return "a move with via points begins and ends at rest"
+    still = not done.curve.coefficients[:, 1:].any()
+    return f"{done.step.name}: it is there already" if still else None
 
 
 def _leads_back(before: Done, after: Done) -> bool:

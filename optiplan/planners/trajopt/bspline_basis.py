@@ -1,7 +1,7 @@
 """The curve that is optimised: a clamped B-spline q(u), u in [0, 1], run through in T seconds (t = u T)."""
 
 import math
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -38,6 +38,12 @@ def moving_breakpoints(spans: int, bunching: float, rests: tuple[bool, bool]) ->
         return np.linspace(0.0, 1.0, spans + 1)
     from_rest = 2.0 * bunched_breakpoints(2 * spans, bunching)[: spans + 1]
     return from_rest if rests[0] else 1.0 - from_rest[::-1]
+
+
+@lru_cache(maxsize=8)
+def bunched_basis(spans: int, bunching: float, open_end: bool) -> "SplineBasis":
+    """Return the basis with these spans, made once: every attempt of every plan asks for one of a few."""
+    return SplineBasis(bunched_breakpoints(spans, bunching), open_end)
 
 
 class SplineBasis:

@@ -13,7 +13,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.path_constraints.held import Broken, PathConstraints
-from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_basis
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.program.iteration_log import NOTHING, IterationLog
 from optiplan.planners.trajopt.program.native_sqp import NativeSqp
@@ -89,8 +89,7 @@ class Optimiser:
         basis: SplineBasis | None = None,
     ) -> None:
         self.problem, self.model, self.options, self.end = problem, model, options, end
-        bunched = bunched_breakpoints(options.spans, options.bunching)
-        self.basis = SplineBasis(bunched, open_end=end is not None) if basis is None else basis
+        self.basis = bunched_basis(options.spans, options.bunching, end is not None) if basis is None else basis
         self.constraints = PathConstraints(problem)
         self.constraint_terms = ConstraintTerms(self.constraints)
         self.objective = problem.objective_parts()

@@ -31,6 +31,9 @@ AS_GOOD = 1.1
 """Cost of the new motion to that of the rest of the earlier one, with the time that the ends have moved by added, up to
 which no other way is looked for."""
 
+FINER = 2
+"""Times the spans with which motions from rest to rest are optimised, as the best of a search is in the end."""
+
 _SHARE = 0.9
 """Of a pose goal's tolerances, within which its configuration is found."""
 
@@ -61,7 +64,9 @@ class WarmStart:
         self.problem, self.earlier, self.budget = problem, _ahead(problem, earlier), budget
         self.model = kept_planning_model(problem.robot, problem.scene)
         stated = with_reserve(problem) if problem.moving else problem
-        self.optimiser = Optimiser(stated, self.model, replace(options, iterations=min(MOST_STEPS, options.iterations)))
+        spans = options.spans if problem.moving else FINER * options.spans
+        chosen = replace(options, spans=spans, iterations=min(MOST_STEPS, options.iterations))
+        self.optimiser = Optimiser(stated, self.model, chosen)
         self.attempt: Attempt | None = None
         self.good = False
         end = self._end()
@@ -110,10 +115,14 @@ class WarmStart:
         return replace(found, earlier=(own, *better))
 
     def _optimised(self, end: State, margin: float) -> Attempt | None:
+        """Optimise the earlier motion, moved by what its start and, more and more, by what its end has moved by."""
         start, earlier, basis = self.problem.start_state, self.earlier, self.optimiser.basis
         u = np.linspace(0.0, 1.0, _SAMPLES)
         curves = MovingOptimiser(self.problem, self.optimiser, EndStates(start, end))
-        control = basis.fit(u, earlier(u * earlier.duration), basis.ends(*_ends_by_share(earlier)))
+        points, done = earlier(u * earlier.duration), _progress(earlier, u, self.problem.limits.velocity)[:, None]
+        points = points + (1.0 - done) * (start.q - earlier.start) + done * (end.q - earlier.end)
+        ends = EndStates(replace(earlier.state(0.0), q=start.q), replace(earlier.state(earlier.duration), q=end.q))
+        control = basis.fit(u, points, basis.ends(*ends.by_share(earlier.duration)))
         if any(rate.any() for rate in (start.v, start.a, end.v, end.a)):
             return curves.run(control, earlier.duration, self.budget, margin)
         return self.optimiser.run(curves.ends.held(basis, control, earlier.duration), self.budget, margin)
@@ -154,18 +163,29 @@ class WarmStart:
         return descent.settle(descent.inside(near), _SHARE * goal.position, _SHARE * goal.orientation, _ITERATIONS)
 
 
+def _progress(motion: Trajectory, u: Array, speed: Array) -> Array:
+    """Share of the way that a motion has gone at shares u (N,) of its time, 0 to 1; joints as shares of their speed."""
+    pace = np.linalg.norm(motion(u * motion.duration, 1) / speed, axis=1)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(u))])
+    return np.asarray(way / way[-1]) if way[-1] > 0.0 else u
+
+
 def _ends_by_share(motion: Trajectory) -> tuple[Array, Array]:
     states = motion.state(0.0), motion.state(motion.duration)
     return EndStates(*states).by_share(motion.duration)
 
 
 def _ahead(problem: Problem, earlier: Trajectory) -> Trajectory:
-    """Return what is left of a motion from where it passes nearest to the new start."""
-    t = np.linspace(0.0, earlier.duration, _SAMPLES)
-    away = (np.abs(earlier(t) - problem.start) / problem.limits.velocity).max(axis=1)
-    here = float(t[int(np.argmin(away[:-1]))])
-    for _ in range(_NEWTON):
+    """Return what is left of a motion from where it is nearest to the new start, in time.
+
+    A robot at rest is nearest to where the motion rests: in the midst of it the velocity would have to be made up for.
+    """
+    t = np.linspace(0.0, earlier.duration, _SAMPLES)[:-1]
+    state, limits = problem.start_state, problem.limits
+    away = np.abs(earlier(t) - state.q) / limits.velocity + np.abs(earlier(t, 1) - state.v) / limits.acceleration
+    here = float(t[int(np.argmin(away.max(axis=1)))])
+    for _ in range(_NEWTON if state.v.any() else 0):
         v = earlier(here, 1)
         here += float((problem.start - earlier(here)) @ v) / max(float(v @ v), 1e-12)
-        here = float(np.clip(here, 0.0, t[-2]))
+        here = float(np.clip(here, 0.0, t[-1]))
     return cut(earlier, here, earlier.duration)

@@ -1,7 +1,7 @@
 """A user's own constraint: a CasADi expression of the robot's state between two bounds."""
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -12,6 +12,7 @@ from optiplan.errors import InputError, described, wrong_argument
 from optiplan.kinematics.symbolic.state import BatchedExpression, SymbolicState
 from optiplan.problem.constraints.base import WHOLE, During, Statement
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.state import State
 
 ROUNDING = 1e-9
 
@@ -85,28 +86,48 @@ class Expression(Statement):
         """Return f for many states of a robot.
 
         Raises:
-            InputError: it cannot be built from the state, or steps somewhere.
+            InputError: it cannot be built from the state, has no values, or steps somewhere.
         """
         try:
-            return BatchedExpression(robot, "expression", self.build, smooth=True)
+            found = BatchedExpression(robot, "expression", self._built, smooth=True)
         except InputError:
             raise
         except Exception as error:  # whatever a user's function raises
-            reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-            raise self._wrong(f"a function that fails: {reason}") from error
+            raise self._wrong(f"a function that fails: {_reason(error)}") from error
+        if not found.size:
+            raise self._wrong("an expression without values", "at least one value")
+        return found
 
-    def checked(self, robot: Robot, start: Array) -> str:
-        """Check it at the start (n,), at rest, and return a digest of what it states.
+    def _built(self, state: SymbolicState) -> Any:
+        """Return what the function makes of the state.
 
         Raises:
-            InputError: it cannot be built, is not finite at the start, or the start violates it.
+            TypeError: it is nothing that CasADi can take as an expression.
         """
-        batched, still = self.batched(robot), np.zeros((1, robot.n))
-        value, slopes = batched([start[None], still, still])
-        self.finite(value, slopes, "the start", start[None])
+        import casadi
+
+        value = self.build(state)
+        try:
+            return casadi.SX(value)
+        except NotImplementedError:
+            raise TypeError(f"it returns {described(value)}, which is no CasADi expression (SX)") from None
+
+    def checked(self, robot: Robot, start: State, goals: Sequence[State] = ()) -> str:
+        """Check it at the start, and at goals of which one at least has to hold it; return a digest of what it states.
+
+        Raises:
+            InputError: it cannot be built, is not finite at the start, or the start or every goal violates it.
+        """
+        batched, within = self.batched(robot), f"values in [{self.lower:g}, {self.upper:g}]"
+        value, slopes = batched([start.q[None], start.v[None], start.a[None]])
+        self.finite(value, slopes, "the start", start.q[None])
         worst = self.violations(value)[0]
         if self.during[0] == 0.0 and worst > ROUNDING:
-            raise self._wrong(f"{_number(value[0])} at the start", f"values in [{self.lower:g}, {self.upper:g}]")
+            raise self._wrong(f"{_number(value[0])} at the start", within)
+        if goals and self.during[1] == 1.0:
+            value, _ = batched([np.array([getattr(goal, part) for goal in goals]) for part in "qva"])
+            if not (self.violations(value) <= ROUNDING).any():
+                raise self._wrong(f"{_number(value[0])} at the goal", within)
         bounds = f"{self.name} {self.lower!r} {self.upper!r} {tuple(self.during)!r}"
         return hashlib.sha256((bounds + batched.content).encode()).hexdigest()
 
@@ -132,6 +153,16 @@ class Expression(Statement):
 
     def _wrong(self, found: str, expected: str = "a smooth function, finite along the motion") -> InputError:
         return wrong_argument("Expression", self.name, found, expected)
+
+
+def _reason(error: Exception) -> str:
+    """Return in a line why a function fails, without the places in CasADi's sources."""
+    text = str(error).strip()
+    if "truth value" in text:
+        return "it compares, so that it is not smooth (`if`, `and`, `max` of Python)"
+    if "free" in text and "Function" in text:
+        return "it uses symbols that are none of the state's"
+    return text.splitlines()[0] if text else type(error).__name__
 
 
 def _number(values: Array) -> str:

@@ -1,6 +1,7 @@
 """The schema of the steps of a task in a problem file."""
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -73,6 +74,20 @@ class ApproachSpec(Strict):
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
     blend: Length | None = None
     group: Name | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _poses_only(cls, said: Any) -> Any:
+        """Say what leads to ends that are no poses: where a line along the tool would begin is not known of them."""
+        several = said.get("any_of") if isinstance(said, Mapping) else None
+        for one in (said, *(several if isinstance(several, list | tuple) else ())):
+            for kind in set(ENDS) - {"pose"}:
+                if isinstance(one, Mapping) and kind in one:
+                    expected = (
+                        "pose, or any_of poses, to which a line leads (elsewhere: a move, and a line by a vector)"
+                    )
+                    raise ValueError(f"found {kind}; expected {expected}")
+        return said
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:

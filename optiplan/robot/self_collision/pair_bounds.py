@@ -1,6 +1,7 @@
 """Bounds and gradients of pair distances without coal queries, for many configurations at once."""
 
 from collections.abc import Sequence
+from copy import copy
 
 import coal
 import numpy as np
@@ -38,7 +39,7 @@ class PairBounds:
         self.kinematics = kinematics
         bodies = list(geometry.geometryObjects)
         self.joint = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
-        self.placement = np.array([body.placement.homogeneous for body in bodies]).reshape(-1, 4, 4)
+        self.placement = _placements(bodies)
         boxes = [local_box(body.geometry) for body in bodies] if boxes is None else boxes
         self.centre = np.array([box[0] for box in boxes]).reshape(-1, 3)
         self.half = np.array([box[1] for box in boxes]).reshape(-1, 3)
@@ -61,6 +62,12 @@ class PairBounds:
         planes = [isinstance(body.geometry, coal.Halfspace) for body in bodies]
         self.plane_pairs: Index = np.flatnonzero(np.array(planes, dtype=bool)[self.pairs].any(axis=1))
         self._plane_of = {g: (np.array(bodies[g].geometry.n), bodies[g].geometry.d) for g, p in enumerate(planes) if p}
+
+    def with_placements(self, geometry: pin.GeometryModel) -> "PairBounds":
+        """Return the same of bodies that are placed as in `geometry`, where all else is as it was."""
+        twin = copy(self)
+        twin.placement = _placements(list(geometry.geometryObjects))
+        return twin
 
     def distances(self, Q: Array) -> Array:
         """Lower bound, m, of every pair's distance at Q (N, n): (N, P).
@@ -259,6 +266,11 @@ class PairBounds:
             column = np.where(self.kinematics.revolute[None, :, None] > 0.5, np.cross(direction, arm), direction)
             total += sign * self.moves[pairs, side] * np.einsum("kji,ki->kj", column, normals)
         return self.kinematics.of_planned(total)
+
+
+def _placements(bodies: Sequence[pin.GeometryObject]) -> Array:
+    """Poses (G, 4, 4) of bodies in the frames of their joints."""
+    return np.array([body.placement.homogeneous for body in bodies]).reshape(-1, 4, 4)
 
 
 def local_box(geometry: coal.CollisionGeometry) -> LocalBox:

@@ -8,7 +8,7 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.native_model import planning_model
-from optiplan.planners.task.optimisation.line_part import LinePart, SlowPart
+from optiplan.planners.task.optimisation.line_part import LinePart, SpeedLimit
 from optiplan.planners.task.optimisation.move_part import MovePart
 from optiplan.planners.task.optimisation.stretch_optimiser import along
 from optiplan.planners.task.optimisation.transcription import StretchTranscription
@@ -48,7 +48,13 @@ def made():
         for k in (0, 1)
     ]
     lines = [
-        LinePart(first, problem.robot, tight, (True, False), [SlowPart(0.0, 1.0, 0.8)]),
+        LinePart(
+            first,
+            problem.robot,
+            tight,
+            (True, False),
+            SpeedLimit(np.linspace(0.0, 1.0, 4), np.array([0.8, 0.5, 1.0, 2.0])),
+        ),
         LinePart(last, problem.robot, tight, (False, True)),
     ]
     return StretchTranscription([lines[0], *moves, lines[1]])

@@ -52,6 +52,23 @@ def test_after_a_change_of_goal_and_start(first):
     assert found.trajectory.end == pytest.approx(goal, abs=1e-6)
 
 
+def test_from_a_start_that_moved_it_takes_no_longer_than_anew(first):
+    """A robot at rest begins at the rest of the earlier motion, not in its midst, where it passes nearer."""
+    problem, earlier = first
+    further = earlier(0.1 * earlier.duration)
+    there = replace(problem, start=further + 0.01)
+    warm = WarmStart(there, earlier, TrajOptOptions(), Budget(4.0), silent)
+    assert warm.earlier.duration == earlier.duration
+    assert warm.good
+    assert warm.best.duration <= 1.002 * plan(there).duration
+    on = WarmStart(problem.with_start(op.State(further)), earlier, TrajOptOptions(), Budget(4.0), silent)
+    assert on.earlier.duration == earlier.duration
+    moving = problem.with_start(earlier.state(0.1 * earlier.duration))
+    assert WarmStart(moving, earlier, TrajOptOptions(), Budget(4.0), silent).earlier.duration == pytest.approx(
+        0.9 * earlier.duration, rel=1e-6
+    )
+
+
 def test_a_pose_that_moved():
     problem = cases.pose()
     earlier = plan(problem).trajectory

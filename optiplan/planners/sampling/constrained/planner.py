@@ -12,7 +12,7 @@ from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.path_timing import timed_path
-from optiplan.planners.path_constraints.held import PathConstraints, broken_constraint
+from optiplan.planners.path_constraints.held import PathConstraints, broken_constraint, constraint_name
 from optiplan.planners.sampling.constrained.manifold import Manifold, in_part_only
 from optiplan.planners.sampling.constrained.searches import Query, connect, roadmap, star
 from optiplan.planners.sampling.constrained.smoothing import shortcut, smooth_curves
@@ -86,16 +86,23 @@ def constrained_path(  # noqa: PLR0913
     if path is None:
         path = roadmap(query) if search.roadmap else connect(query)
     if path is None:
-        detail = (
-            f"no path that holds the path constraints within {budget.seconds:.3g} s; the search reached "
-            f"{sum(query.states)} states"
-        )
-        return Failure("no-path", detail, {"q": problem.start.tolist()})
+        return _none_found(query, problem, budget)
     draws = np.random.default_rng(problem.seed).uniform(size=(attempts, 2))
     path = shortcut(walker, path, draws)
     if search.iterations:
         path = shortcut(walker, star(query, path), draws)
     return ConstrainedPath(path, walker, sum(query.states))
+
+
+def _none_found(query: Query, problem: Problem, budget: Budget) -> Failure:
+    """Return the failure of a search, with the constraints and the configuration that it brought nearest to a goal."""
+    names = ", ".join(constraint_name(one) for one in problem.path_constraints)
+    detail = f"no path that holds the path constraints ({names}) within {budget.seconds:.3g} s; "
+    reached = [(float(np.abs(q - goal).max()), q) for q in query.nearest for goal in query.goals]
+    far, q = min(reached, key=lambda one: one[0], default=(0.0, problem.start))
+    detail += f"the search reached {sum(query.states)} states"
+    detail += f", none nearer to a goal than {far:.3g} rad or m of a joint" if reached else ""
+    return Failure("no-path", detail, {"constraint": names, "q": q.tolist()})
 
 
 def plan_constrained(

@@ -31,6 +31,7 @@ class Query:
         informed: whether RRT* samples only where shorter paths can pass.
         vertices: of the roadmap before its first query.
         states: how many configurations were reached, told by the search.
+        nearest: configurations reached from the start that came nearest to a goal, told by RRT-Connect.
     """
 
     walker: Walker
@@ -41,6 +42,7 @@ class Query:
     informed: bool = False
     vertices: int = 150
     states: list[int] = field(default_factory=list)
+    nearest: list[Array] = field(default_factory=list)
 
     @property
     def over(self) -> bool:
@@ -96,6 +98,9 @@ def _round(query: Query, draw: RandomConfigurations, patience: int) -> Array | N
         if path is not None or query.over:
             break
     query.states.append(sum(map(len, trees)))
+    if path is None:
+        ways = [trees[0].distances(goal) for goal in query.goals]
+        query.nearest.append(trees[0].node(int(np.min(ways, axis=0).argmin())))
     return path
 
 

@@ -1,6 +1,5 @@
 """A line in the program of a stretch: its path is given, and its time law is a spline."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -15,19 +14,23 @@ from optiplan.planners.trajopt.terms.torques import TorqueTerm
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.trajectory import Trajectory
 
-_SPANS, _BUNCHING = 12, 0.4
+_SPANS, _BUNCHING = 16, 0.4
 """Of the spline that is the law: spans for each of its lines."""
 
 _SAMPLES, _TORQUES = 5, 3
 """In each of its spans, at which limits of the joints and torques are seen; motions are scaled to exact extrema."""
 
 
-class SlowPart(NamedTuple):
-    """Between two shares of a path, its parameter rises by at most `rate` a second: the tool has a speed limit."""
+class SpeedLimit(NamedTuple):
+    """ds/dt is at most `rate` (N,), 1/s, at places s (N,) of a path, and linear between them: the tool's speed."""
 
-    begin: float
-    end: float
-    rate: float
+    s: Array
+    rate: Array
+
+    def at(self, s: Array) -> tuple[Array, Array]:
+        """Return the limit and its slope at places (K,)."""
+        part = np.clip(np.searchsorted(self.s, s) - 1, 0, len(self.s) - 2)
+        return np.interp(s, self.s, self.rate), (np.diff(self.rate) / np.diff(self.s))[part]
 
 
 class LinePart:
@@ -49,10 +52,10 @@ class LinePart:
         robot: Robot,
         limits: Limits,
         rests: tuple[bool, bool],
-        slow: Sequence[SlowPart] = (),
+        slow: SpeedLimit | None = None,
         lines: int = 1,
     ) -> None:
-        self.path, self.limits, self.slow = path.scaled(1.0), limits, tuple(slow)
+        self.path, self.limits, self.slow = path.scaled(1.0), limits, slow
         self.terms = (TorqueTerm(robot, limits.torque),)
         self.basis = SplineBasis(moving_breakpoints(_SPANS * lines, _BUNCHING, rests))
         self.free: Mask = np.ones(self.basis.size, dtype=bool)
@@ -117,10 +120,10 @@ class LinePart:
             RateRows.of(order, value / limit, sum(parts) / limit[None, :, None])
             for order, (limit, (value, parts)) in enumerate(zip(self.limits.rates, by_path, strict=True), 1)
         ]
-        for begin, end, rate in self.slow:
-            inside = (s >= begin) & (s <= end)
-            inside[1:-1] |= inside[2:] | inside[:-2]  # what lies between a sample within and one outside counts too
-            found.append(RateRows(np.ones(int(inside.sum()), dtype=int), s1[inside] / rate, B[1][inside] / rate))
+        if self.slow is not None:
+            bound, slope = self.slow.at(s)
+            gradient = B[1] / bound[:, None] - (s1 * slope / bound**2)[:, None] * B[0]
+            found.append(RateRows(np.ones(len(s), dtype=int), s1 / bound, gradient))
         joined = RateRows.joined(found)
         return joined._replace(gradient=joined.gradient[:, self.free])
 

@@ -13,7 +13,7 @@ from optiplan.planners.path_constraints.held import PathConstraints
 from optiplan.planners.task.chains import Done
 from optiplan.planners.task.flow import time_of
 from optiplan.planners.task.line_timing import line_limits
-from optiplan.planners.task.optimisation.line_part import LinePart, SlowPart
+from optiplan.planners.task.optimisation.line_part import LinePart, SpeedLimit
 from optiplan.planners.task.optimisation.move_part import MovePart
 from optiplan.planners.task.optimisation.program import StretchProgram
 from optiplan.planners.task.optimisation.transcription import Part, StretchCurve, StretchTranscription
@@ -24,6 +24,7 @@ from optiplan.planners.trajopt.moving_ends import with_reserve
 from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.program.sqp import optimise
+from optiplan.robot.robot import Robot
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import tool_motion, tool_scale
@@ -46,8 +47,11 @@ _ON_PATH = 1e-7
 _ROUNDING = 1e-9
 """rad or m: beyond the position limits."""
 
-_ALONG, _STILL = 30, 1e-9
-"""Places at which the speed of the tool along a path is seen; m or rad: less than this is none."""
+_ALONG, _STILL = 50, 1e-9
+"""Places of a line at which the speed of the tool along it is seen; m or rad: less than this is none."""
+
+_AROUND = 0.03
+"""Share of a path on which a limit of the tool's speed doubles beyond the part for which it is."""
 
 _APART = 1e-6
 """Share of its duration by which knots of a line are apart at least."""
@@ -209,18 +213,27 @@ class StretchOptimiser:
 
 
 def _line(run: SmoothRun, rests: tuple[bool, bool]) -> LinePart:
-    """Return the part of a line, with what limits the speed of its tool as rates of the path's parameter."""
+    """Return the part of a line."""
     stage = run.done[0].stage
     assert stage is not None
     robot, path = stage.problem.robot, run.curve.scaled(1.0)
-    slow = []
+    return LinePart(path, robot, with_reserve(stage.problem).limits, rests, _slow(robot, path, run), len(run.done))
+
+
+def _slow(robot: Robot, path: Trajectory, run: SmoothRun) -> SpeedLimit | None:
+    """Return the limits of the tool's speed along a path (over [0, 1]); None without any.
+
+    Beyond a part that is limited its limit rises linearly, so that the program knows what comes.
+    """
+    s = np.unique(np.concatenate([np.linspace(0.0, 1.0, _ALONG * len(run.done)), run.edges]))
+    rate = np.full(len(s), np.inf)
     for begin, end, limits in run.slow_parts():
-        s = np.linspace(begin, end, _ALONG)
-        twist, _ = tool_motion(robot, limits.frame, [path(s, order) for order in range(3)])
-        ways = np.linalg.norm(twist.reshape(-1, 2, 3), axis=2).max(axis=0)
-        rates = [limit / way for limit, way in zip((limits.linear, limits.angular), ways, strict=True) if way > _STILL]
-        slow += [SlowPart(begin, end, float(min(rates)))] if np.isfinite(min(rates, default=np.inf)) else []
-    return LinePart(path, robot, with_reserve(stage.problem).limits, rests, slow, len(run.done))
+        inside = np.clip(s, begin, end)
+        twist, _ = tool_motion(robot, limits.frame, [path(inside, order) for order in range(3)])
+        ways = np.maximum(np.linalg.norm(twist.reshape(-1, 2, 3), axis=2), _STILL)
+        own = np.minimum(limits.linear / ways[:, 0], limits.angular / ways[:, 1])
+        rate = np.minimum(rate, own * (1.0 + np.abs(s - inside) / _AROUND))
+    return SpeedLimit(s, rate) if np.isfinite(rate).all() else None
 
 
 def along(path: Trajectory, law: Trajectory) -> Trajectory:

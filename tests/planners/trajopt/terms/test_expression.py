@@ -1,5 +1,6 @@
 """Users' own constraints: held and checked at samples, said to be; wrong ones are told with the place."""
 
+import casadi
 import numpy as np
 import pytest
 
@@ -62,13 +63,41 @@ def test_a_problem_with_one_has_a_hash_of_its_own_and_no_file(problem, tmp_path)
         (lambda k: 1.0 / k.v[0], {"lower": 0.0}, "not finite at the start"),
         (lambda k: k.norm(k.v), {"upper": 1.0}, "derivative that is not finite at the start"),
         (lambda k: k.q[0] < 1.0, {"lower": 0.0}, "not smooth: it uses <"),
-        (lambda k: "level", {"lower": 0.0}, "fails"),
+        (lambda k: "level", {"lower": 0.0}, "it returns the str 'level', which is no CasADi expression"),
+        (lambda k: None, {"lower": 0.0}, "it returns None"),
+        (lambda k: 1.0 if k.q[0] > 1.0 else 0.0, {"lower": 0.0}, "it compares, so that it is not smooth"),
+        (lambda k: casadi.SX.sym("x"), {"lower": 0.0}, "symbols that are none of the state's"),
+        (lambda k: casadi.SX.zeros(0, 1), {"lower": 0.0}, "without values"),
     ],
 )
 def test_wrong_ones_are_told_with_their_name_and_place(problem, build, bounds, words):
     with pytest.raises(op.InputError, match="own") as found:
         problem.with_constraint(op.Expression("own", build, **bounds))
     assert words in str(found.value)
+    assert ".cpp" not in str(found.value)
+
+
+def test_a_goal_and_a_moving_start_that_violate_it_are_refused(problem):
+    turned = op.Expression("turned", lambda k: k.q[0], upper=0.5)
+    goal = [1.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+    with pytest.raises(op.InputError, match="turned: found 1 at the goal"):
+        problem.with_goal(goal).with_constraint(turned)
+    assert problem.with_goal(goal, "ready").with_constraint(turned).path_constraints
+    moving = op.State(problem.start, [1.0, *[0.0] * 6])
+    with pytest.raises(op.InputError, match="calm: found 1 at the start"):
+        problem.with_start(moving).with_constraint(op.Expression("calm", lambda k: k.v[0], upper=0.5))
+
+
+@pytest.mark.parametrize("planner", ["rrtconnect", "trajopt"])
+def test_a_motion_that_is_too_fast_for_it_is_slowed_down(problem, planner):
+    def energy(k):
+        return k.twist("tool").linear.T @ k.twist("tool").linear
+
+    calm = problem.with_constraint(op.Expression("calm", energy, upper=0.04))
+    run = op.plan(calm, planner, budget=4.0)
+    assert run.verified, run.failure
+    (check,) = [check for check in run.report.checks if check.name == "calm constraint"]
+    assert 0.02 < check.worst <= 0.04
 
 
 def test_what_is_not_finite_on_the_way_is_told_with_the_sample(problem):
