@@ -144,6 +144,16 @@ def test_a_long_narrow_place_is_left_by_taking_turns():
     assert np.array_equal(path.waypoints, again.waypoints)
 
 
+def test_a_path_is_told_early_and_is_free_and_then_made_shorter():
+    told, problem = [], cases.wall()
+    path = sample(problem, early=told.append)
+    assert len(told) == 1
+    assert np.array_equal(told[0][[0, -1]], path.waypoints[[0, -1]])
+    assert polyline_contact(CollisionModel(problem.robot, problem.scene), told[0]) is None
+    velocity = problem.limits.velocity
+    assert path_time(path.waypoints, velocity).sum() < path_time(told[0], velocity).sum()
+
+
 def test_rounds_take_turns_and_so_do_the_goals():
     """A goal that comes first in one round is the last in the next; the other searcher has more iterations."""
     rounds = []
@@ -160,26 +170,28 @@ def test_rounds_take_turns_and_so_do_the_goals():
     options = {"searcher": never("mine"), "alternate": never("other"), "more_goals": lambda count, stop: next(fresh)}
     assert sample(cases.wall(), goals=goals, **options).kind == "no-path"
     assert [name for name, _, _ in rounds] == ["mine", "mine", "other", "mine", "other"]
-    assert [patience for _, patience, _ in rounds] == [500, 500, 10000, 1500, 30000]
+    assert [patience for _, patience, _ in rounds] == [500, 1500, 30000, 4500, 90000]
     first, second, third, fourth = 1.2, 1.25, 1.3, 1.35
     assert np.allclose(rounds[1][2], [first, second, third])
     assert np.allclose(rounds[2][2], [second, third, fourth, first])
     assert np.allclose(rounds[3][2], [third, fourth, first, second])
 
 
-def test_thinner_obstacles_take_turns_after_the_second_round_of_both():
+@pytest.mark.parametrize(("begun", "turns"), [(0, "RKRKTRTKTRTTTKTT"), (2, "TRTKTRTTTKTT")])
+def test_thinner_obstacles_take_turns_after_the_second_round_of_both(begun, turns):
+    """Where the first two rounds have been made before, they come first."""
     rounds = []
 
     def never(name):
         def searcher(check, ends, budget, seed, *, patience):
             rounds.append((name, patience))
-            return Search(None, ends[0][None], ends[1], (1, 1), impatient=len(rounds) < 16)
+            return Search(None, ends[0][None], ends[1], (1, 1), impatient=len(rounds) < len(turns))
 
         return searcher
 
     options = {"searcher": never("R"), "alternate": never("K"), "relaxed": never("T"), "detour": np.inf}
-    assert sample(cases.wall(), goals=[cases.LEFT], **options).kind == "no-path"
-    assert "".join(name for name, _ in rounds) == "RKRKTRTKTRTTTKTT"
+    assert sample(cases.wall(), goals=[cases.LEFT], begun=begun, **options).kind == "no-path"
+    assert "".join(name for name, _ in rounds) == turns
     assert {patience for name, patience in rounds if name == "T"} == {90_000}
 
 

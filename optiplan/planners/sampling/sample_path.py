@@ -22,9 +22,10 @@ from optiplan.robot.robot import Limits
 
 _RESERVE = 3e-3  # share of the torque limits kept free for gravity between the steps
 _BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line to fall back on
-_PATIENCE, _GROWTH = 500, 3.0  # iterations of the first round, and factor from one round to the next
+_NEAR, _PATIENCE, _GROWTH = 500, 1500, 3.0  # iterations near the ends, of the round after, and factor to each later one
 _LATE, _RELAXED = 2, 90e3  # round of the searcher, from 0, before which `relaxed` has one; its iterations
 _FRESH = 4  # new goals requested between two rounds
+_FEW = 20  # shortcuts before a path is told `early`
 _SHORT = 0.5  # s: least distance of the ends assumed for the detour
 _STALE, _GAIN = 3, 0.01  # rounds that gain less than this share end the search for shorter paths
 _IMPROVING = 0.7  # share of the budget for it; the rest is for timing
@@ -47,6 +48,8 @@ class SamplingOptions:
         improve: searcher for shorter paths, each time where only such can pass, until it gains nothing more.
         more_goals: returns up to this many new goals between rounds; polls its second argument.
         relaxed: third searcher, in later rounds; None: none.
+        begun: rounds of the schedule that earlier calls have made, which are left out; 0 begins near the ends.
+        early: is told the waypoints (k, n) that a search has found after a few of the shortcuts; None: nobody.
     """
 
     budget: Budget
@@ -58,6 +61,8 @@ class SamplingOptions:
     improve: Searcher | None = None
     more_goals: Callable[[int, Callable[[], bool]], list[Array]] = field(default=lambda count, stop: [])
     relaxed: Searcher | None = None
+    begun: int = 0
+    early: Callable[[Array], object] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +108,12 @@ def sample_path(
         found = _rounds(check, (start, free_goals), replace(options, budget=budget, improve=None), rng)
         if found.path is None and straight is None:
             return _no_path(model, found, limits, options.budget)
-        path = _shorter(check, [straight, found.path], rng.uniform(size=(options.attempts, 3)), options.budget)
+        draws = rng.uniform(size=(options.attempts, 3))
+        if found.path is not None and straight is None and options.early is not None:
+            first = shorten(check, found.path, limits.velocity, draws[:_FEW], options.budget)
+            options.early(first)
+            found, draws = replace(found, path=first), draws[_FEW:]
+        path = _shorter(check, [straight, found.path], draws, options.budget)
         info = {"states": sum(found.sizes), "cut_short": found.cut_short or (budget.over and found.path is None)}
         if options.improve is not None:
             improving = replace(options, searcher=options.improve)
@@ -129,7 +139,7 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
     a few take very long (Gomes, Selman and Kautz, "Boosting combinatorial search through randomization", AAAI 1998).
     """
     start, goals = ends
-    schedule, near = _schedule(check, options), bool(np.isfinite(options.detour))
+    schedule, near = _schedule(check, options), bool(np.isfinite(options.detour)) and not options.begun
     while True:
         seed = int(rng.integers(1, 2**31))
         if near:
@@ -149,19 +159,21 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
 def _schedule(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Searcher, MotionCheck, float]]:
     """Yield the searcher, the check whose units measure distances, and the patience of each round.
 
-    The searcher measures by time and by space, with long and then with short steps, in turn. After each of its rounds
-    `alternate` has one of about the same time; it measures by space. So does `relaxed`, which comes after each of
-    both from the second round of `alternate` on: its patience is constant, the number of its searches grows.
+    Distances are measured in space, by what moves the robot: a slow joint is far in time and near in space. The
+    searcher takes long and short steps in turn. After each of its rounds `alternate` has one of about the same time.
+    `relaxed` comes after each of both from the second round of `alternate` on: its patience is constant, the number of
+    its searches grows.
     """
     moment_arms, patience = check.by_moment_arms(), float(_PATIENCE)
-    measures = (check, moment_arms, check.finer(), moment_arms.finer()) if np.isfinite(options.detour) else (check,)
+    measures = (moment_arms, moment_arms.finer()) if np.isfinite(options.detour) else (check,)
     others = [] if options.relaxed is None else [(options.relaxed, moment_arms, _RELAXED)]
     for number, measure in enumerate(cycle(measures)):
         times = _GROWTH ** (number - _LATE)
-        yield options.searcher, measure, patience
-        yield from others * int(times)
-        if options.alternate is not None and check.native is None:
-            yield options.alternate, moment_arms, ALTERNATE_RATIO * patience
+        if number >= options.begun:
+            yield options.searcher, measure, patience
+            yield from others * int(times)
+            if options.alternate is not None and check.native is None:
+                yield options.alternate, moment_arms, ALTERNATE_RATIO * patience
         yield from others * ceil(times) * (number >= _LATE - 1)
         patience *= _GROWTH
 
@@ -206,7 +218,7 @@ def _near_the_ends(check: MotionCheck, ends: Ends, longest: Array, options: Samp
     joints = (apart.max(axis=0) > _POINT_TOLERANCE) | (options.improve is not None)
     part = PartialCheck(check, start, joints, (low, high))
     within = (start[joints], goals[:, joints])
-    found = options.searcher(part, within, options.budget, seed, patience=_PATIENCE)
+    found = options.searcher(part, within, options.budget, seed, patience=_NEAR)
     path = None if found.path is None else part.lift(found.path)
     if path is not None:
         path[-1] = goals[np.argmin(np.abs(goals - path[-1]).max(axis=1))]

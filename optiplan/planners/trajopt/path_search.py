@@ -22,8 +22,9 @@ from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.trajectory import Trajectory
 
-_QUICK = 0.15
-"""Work, s, that a search may take that a late straight line waits for: for a first motion, not for a hard problem."""
+_QUICK, _ROUNDS = 0.26, 2
+"""Work, s, that a search may take that a late straight line waits for, and rounds that it makes in it: for a first
+motion, not for a hard problem."""
 
 _SEARCH, _FIRST_SEARCH = 0.5, 0.8
 """Share of what is left of the budget that one search for a path may take; while there is no motion at all."""
@@ -41,6 +42,7 @@ class PathSearch:
         incumbent: takes the motions along paths.
         watch: of the run.
         searches: begun so far.
+        begun: rounds that the next search leaves out, since they have just been made in vain.
         found: while a line was being optimised, and not optimised itself yet.
     """
 
@@ -52,6 +54,7 @@ class PathSearch:
     watch: Stopwatch
     searches: int = 0
     found: SampledPath | None = None
+    begun: int = 0
     _on_constraints: ConstrainedSeeds = field(init=False)
 
     def __post_init__(self) -> None:
@@ -72,7 +75,8 @@ class PathSearch:
         path = self._sample(sampler, self.patience.seconds + _QUICK, None)
         if isinstance(path, SampledPath):
             self.found = path
-            self._stopping(path)
+        else:
+            self.begun = _ROUNDS
 
     def next(self, sampler: GoalSampler, repair: Callable[[Array], Array | None]) -> SampledPath | Failure:
         """Return the path found at once, or one of the next seed; `repair` as in `through_thinner`.
@@ -90,8 +94,8 @@ class PathSearch:
         self, sampler: GoalSampler, most: float, repair: Callable[[Array], Array | None] | None
     ) -> SampledPath | Failure:
         """Return a path of the next seed to any of the promising goals, sampled within `most` of work in all, s."""
-        number = self.searches
-        self.searches += 1
+        number, begun = self.searches, self.begun
+        self.searches, self.begun = number + 1, 0
         share = _SEARCH if self.incumbent.candidates else _FIRST_SEARCH
         budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
         with self.watch.stage("sampling"):
@@ -106,6 +110,8 @@ class PathSearch:
                 alternate=counted(kpiece, self.patience, most, STATE / ALTERNATE_RATIO),
                 relaxed=counted(relaxed, self.patience, most, STATE / ALTERNATE_RATIO) if relaxed else None,
                 more_goals=sampler.more,
+                begun=begun,
+                early=None if self.incumbent.candidates else self._stopping,
             )
             path = sample_path(self.model, self.problem.start, goals, self.problem.limits, options)
         self.incumbent.info["cut_short"] |= isinstance(path, Failure) and budget.over
@@ -113,7 +119,7 @@ class PathSearch:
 
     def offer_first(self, path: SampledPath) -> Failure | None:
         """Offer the motion along a path that is to be had soonest."""
-        return self.offer_timed(path) if self._on_constraints.apply else self._stopping(path)
+        return self.offer_timed(path) if self._on_constraints.apply else self._stopping(path.waypoints)
 
     def offer_timed(self, path: SampledPath) -> Failure | None:
         """Offer the motion along a path, timed with its corners rounded."""
@@ -121,17 +127,17 @@ class PathSearch:
             timed = self._on_constraints.motion(path, self.incumbent.constraints, self.budget)
             if timed is None:
                 timed = timed_path(self.model, path.waypoints, self.problem.limits, self.budget)
-        return timed if isinstance(timed, Failure) else self._offer(path, timed)
+        return timed if isinstance(timed, Failure) else self._offer(path.waypoints, timed)
 
-    def _stopping(self, path: SampledPath) -> Failure | None:
+    def _stopping(self, waypoints: Array) -> Failure | None:
         """Offer the motion along a path that stops at every corner; paths on constraints have too many of them."""
         with self.watch.stage("timing of sampled paths"):
-            timed = stopping(self.problem.robot, self.problem.limits, path.waypoints)
-        return self._offer(path, timed)
+            timed = stopping(self.problem.robot, self.problem.limits, waypoints)
+        return self._offer(waypoints, timed)
 
-    def _offer(self, path: SampledPath, timed: Trajectory | None) -> Failure | None:
+    def _offer(self, waypoints: Array, timed: Trajectory | None) -> Failure | None:
         if timed is None:
-            return too_heavy(self.problem.robot, self.problem.limits, path.waypoints)
+            return too_heavy(self.problem.robot, self.problem.limits, waypoints)
         if self.incumbent.offer(timed):
             self.incumbent.info["fallback"] = "sampled path"
         return None
