@@ -107,6 +107,16 @@ void check(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB) {
     }
 }
 
+// What was nearest at another pose, whether near or far from this one, leads to the same answer.
+void check_features(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &before, const Pose &X_WB) {
+    Features features;
+    distance(a, X_WA, b, before, HUGE_VAL, &features);
+    const double begun = distance(a, X_WA, b, X_WB, HUGE_VAL, &features).distance, anew = distance(a, X_WA, b, X_WB).distance;
+    mix(begun);
+    if (std::isfinite(anew) || std::isfinite(begun))
+        expect(std::fabs(begun - anew) < 1e-7, "another answer with features", a, b, anew);
+}
+
 }  // namespace
 
 int main(int count, char **arguments) {
@@ -120,6 +130,10 @@ int main(int count, char **arguments) {
                 const Pose aligned{X_WA.R * quarter_turn(), X_WA.p};
                 check(a, X_WA, b, aligned);
                 check(a, X_WA, b, {aligned.R, X_WA * Vec3{0.0, 0.0, uniform(-0.5, 0.5)}});
+                const Pose X_WB{rotation(), point(0.6)};
+                check_features(a, X_WA, b, {rotation(), point(0.6)}, X_WB);
+                check_features(a, X_WA, b, {X_WB.R, X_WB.p + point(0.01)}, X_WB);
+                check_features(a, X_WA, b, {aligned.R, aligned.p + point(0.01)}, aligned);
                 const Witness w = distance(a, X_WA, b, aligned);
                 const double gaps[] = {0.0, 1e-15, -1e-15, 1e-12, 1e-9, -1e-9, 1e-7, 1e-5, -1e-5};
                 if (std::isfinite(w.distance))

@@ -59,7 +59,7 @@ Cells = list[tuple[int, int, int, int]]
 """Cells as x, y, z of their lowest corner and their edge, all in smallest cells."""
 
 
-class OccupiedCells(NamedTuple):
+class ReadOctree(NamedTuple):
     """The occupied cells of a tree, how many nodes it has, and how many bytes it takes."""
 
     occupied: Cells
@@ -67,7 +67,7 @@ class OccupiedCells(NamedTuple):
     size: int
 
 
-def _surface(words: dict[str, str], body: bytes, tree: Callable[[], OccupiedCells]) -> Soup:
+def _surface(words: dict[str, str], body: bytes, tree: Callable[[], ReadOctree]) -> Soup:
     """The soup of the occupied cells, with the resolution that the header states; of the size that it states."""
     try:
         resolution = float(words["res"])
@@ -76,7 +76,7 @@ def _surface(words: dict[str, str], body: bytes, tree: Callable[[], OccupiedCell
     if not 0.0 < resolution <= 1e3:
         raise MeshError(f"a resolution of '{words['res'][:40]}' m")
     try:
-        read = tree() if words["size"] != "0" else OccupiedCells([], 0, 0)
+        read = tree() if words["size"] != "0" else ReadOctree([], 0, 0)
     except (IndexError, struct.error):
         raise MeshError("a tree that ends in the middle") from None
     if str(read.nodes) != words["size"]:
@@ -104,7 +104,7 @@ def _child(cell: tuple[int, int, int, int], which: int) -> tuple[int, int, int, 
     return x + half * (which & 1), y + half * (which >> 1 & 1), z + half * (which >> 2 & 1), half
 
 
-def _binary_tree(body: bytes) -> OccupiedCells:
+def _binary_tree(body: bytes) -> ReadOctree:
     """Two bits for each child, those of child 0 lowest; then the divided children in their order."""
     occupied: Cells = []
     waiting, at, nodes = [_root()], 0, 1
@@ -122,10 +122,10 @@ def _binary_tree(body: bytes) -> OccupiedCells:
                 divided.append(_child(cell, which))
         waiting += divided[::-1]
         _check_number(occupied)
-    return OccupiedCells(occupied, nodes, at)
+    return ReadOctree(occupied, nodes, at)
 
 
-def _full_tree(body: bytes, colour: int) -> OccupiedCells:
+def _full_tree(body: bytes, colour: int) -> ReadOctree:
     """Log-odds (and colour) of a cell, a byte whose bits tell which children there are, then these in their order."""
     occupied: Cells = []
     waiting, at, nodes = [_root()], 0, 0
@@ -140,7 +140,7 @@ def _full_tree(body: bytes, colour: int) -> OccupiedCells:
         elif log_odds >= 0.0:
             occupied.append(cell)
         _check_number(occupied)
-    return OccupiedCells(occupied, nodes, at)
+    return ReadOctree(occupied, nodes, at)
 
 
 def _check_number(cells: Cells) -> None:
