@@ -16,9 +16,9 @@ from optiplan.trajectory.state import State
 class Replanner:
     """Plan a problem, then what becomes of it, each time from the last motion that was verified.
 
-    The robot stays loaded with its pairs proved, its collision model is kept while the scene stays, and the planner
-    begins at the earlier motion, so that a small change takes a fraction of the first time. What has changed is checked
-    as a problem file is.
+    The robot stays loaded with its pairs proved, its collision model is kept while the scene stays and, but for their
+    places, while only obstacles move; and the planner begins at the earlier motion, so that a small change takes a
+    fraction of the first time. What has changed is checked as a problem file is.
 
     Args:
         problem: the first one.

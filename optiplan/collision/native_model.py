@@ -11,14 +11,15 @@ from optiplan.arrays import Array
 from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.model import CollisionModel, Contact, Contacts
 from optiplan.collision.native_shapes import native_shape
+from optiplan.geometry.mesh_hulls import hull_of_mesh
 from optiplan.geometry.scene import Scene
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot
 
 if TYPE_CHECKING:
-    from optiplan._core._core_base import Body, Shape, World
+    from optiplan._core._core_base import Body, World
 
-_links: "WeakKeyDictionary[Robot, dict[int, list[Shape] | None]]" = WeakKeyDictionary()
+_links: "WeakKeyDictionary[Robot, list[Body | None]]" = WeakKeyDictionary()
 _hulls: "WeakKeyDictionary[Robot, list[tuple[Body, list[int]]]]" = WeakKeyDictionary()
 
 _SLACK = 1e-9
@@ -57,10 +58,10 @@ class NativeCollisionModel(CollisionModel):
             super().__init__(robot, scene)
         else:
             self._take(known, scene)
-        links = _link_shapes(self)
-        shapes = [links[k] if k in links else _shapes(self, k) for k in range(len(self.names))]
-        self.unknown = tuple(name for name, found in zip(self.names, shapes, strict=True) if found is None)
-        self.world = None if self.unknown else _world(self, [found for found in shapes if found is not None])
+        links = _links_of(self)
+        bodies = [*links, *(_body(self, k) for k in range(len(links), len(self.names)))]
+        self.unknown = tuple(name for name, found in zip(self.names, bodies, strict=True) if found is None)
+        self.world = None if self.unknown else _world(self, [found for found in bodies if found is not None])
 
     def collides(self, q: Array) -> bool:
         """See `CollisionModel.collides`."""
@@ -115,32 +116,28 @@ def _packed(values: Array) -> Array:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
-def _link_shapes(model: CollisionModel) -> "dict[int, list[Shape] | None]":
-    """The core's shapes of the robot's own convex bodies, made once for each robot."""
+def _links_of(model: CollisionModel) -> "list[Body | None]":
+    """The robot's own bodies in the core, made once for each robot."""
     robot = model.robot
     if robot not in _links:
-        bodies = enumerate(robot.geometry.geometryObjects)
-        convex = [k for k, body in bodies if not isinstance(body.geometry, coal.BVHModelBase)]
-        _links[robot] = {k: _shapes(model, k) for k in convex}
+        _links[robot] = [_body(model, k) for k in range(len(robot.geometry.geometryObjects))]
     return _links[robot]
 
 
-def _shapes(model: CollisionModel, body: int) -> "list[Shape] | None":
-    """The core's shape of a body, of a mesh its hull before it; None where it knows none."""
-    outline, solid = (bodies.geometryObjects[body].geometry for bodies in (model.outline.geometry, model.geometry))
-    kinds = [solid] if type(outline) is type(solid) else [outline, solid]
+def _body(model: CollisionModel, body: int) -> "Body | None":
+    """A body in the core, a mesh as its hull and its triangles; None where the core does not know its shape."""
+    found, bounds = model.geometry.geometryObjects[body], model.bounds
+    solid = found.geometry
+    kinds = [hull_of_mesh(solid), solid] if isinstance(solid, coal.BVHModelBase) else [solid]
     shapes = [shape for shape in map(native_shape, kinds) if shape is not None]
-    return shapes if len(shapes) == len(kinds) else None
+    if len(shapes) < len(kinds):
+        return None
+    box = np.concatenate([bounds.centre[body], bounds.half[body]])
+    return core.Body.of(int(found.parentJoint), found.placement.homogeneous, shapes, box, float(bounds.radius[body]))
 
 
-def _world(model: CollisionModel, shapes: "list[list[Shape]]") -> "World":
-    bodies, bounds = [], model.bounds
-    for k, body in enumerate(model.geometry.geometryObjects):
-        box = np.concatenate([bounds.centre[k], bounds.half[k]])
-        bodies.append(
-            core.Body.of(int(body.parentJoint), body.placement.homogeneous, shapes[k], box, float(bounds.radius[k]))
-        )
-    pairs = np.array([(pair.a, pair.b) for pair in model.pairs], dtype=np.int64).reshape(-1, 2)
+def _world(model: CollisionModel, bodies: "list[Body]") -> "World":
+    pairs = model.bounds.pairs.astype(np.int64)
     return core.World.of(native_tree(model.model), bodies, pairs, _clusters(model.robot))
 
 

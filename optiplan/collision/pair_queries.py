@@ -47,13 +47,16 @@ class PairQueries:
     ) -> None:
         self._model, self._whole, self._prepare = model, geometry, prepare
         self.many = len(geometry.collisionPairs) > MANY
-        self._geometry = geometry
+        self._geometry = self._solved = geometry  # solvers point into the model that they were made of
         self._data: Any = None if self.many else self._made(geometry)
         self._places: dict[int, int] = {}
         self._joints: pin.Data | None = None
 
     def with_placements(self, geometry: pin.GeometryModel) -> "PairQueries":
-        """Return queries of the same bodies and pairs, placed as in `geometry`, with a work space of their own."""
+        """Return queries of the same bodies and pairs, placed as in `geometry`, with a work space of their own.
+
+        Its solvers are copies, and read the shapes of the model that the first ones were made of, which is kept.
+        """
         if self.many:
             return PairQueries(self._model, geometry, self._prepare)
         twin = copy(self)

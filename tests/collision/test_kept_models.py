@@ -1,5 +1,7 @@
 """Models of the same robot among the same bodies are kept; no other is taken for one."""
 
+import gc
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -99,6 +101,25 @@ def test_a_model_of_moved_obstacles_answers_like_a_new_one(crowded, asked):
         np.testing.assert_array_equal(found, expected)
     for found, expected in zip(_answers(known, Q), before, strict=True):
         np.testing.assert_array_equal(found, expected)  # the old one has kept its places
+
+
+def test_the_solvers_of_a_model_with_moved_obstacles_keep_the_shapes_that_they_point_to(crowded):
+    """Solvers hold plain pointers into the geometry that they were made of: freed, they would read anything."""
+    known = CollisionModel(crowded.robot, crowded.scene)
+    known.clearance(crowded.start)
+    shapes = weakref.ref(known.geometry)
+    moved = known.with_obstacles_moved(crowded.scene.moved("shelf", y=0.1))
+    del known
+    gc.collect()
+    assert shapes() is not None
+    assert moved is not None
+    again = moved.with_obstacles_moved(crowded.scene.moved("shelf", y=0.2))
+    del moved
+    gc.collect()
+    assert shapes() is not None
+    del again
+    gc.collect()
+    assert shapes() is None
 
 
 def _answers(model: CollisionModel, Q: np.ndarray) -> list[np.ndarray]:

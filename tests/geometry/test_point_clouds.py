@@ -96,10 +96,29 @@ def test_ply_and_npz_files_are_read(tmp_path):
         (read_pcd, b"nothing", "without its header"),
         (read_pcd, pcd(np.full((2, 3), np.nan), "ascii"), "no points"),
         (read_points_npz, b"PK\x03\x04 no archive", "no whole NPZ"),
+        (read_pcd, pcd(POINTS, "ascii").replace(b"DATA", b"WIDTH 17\nHEIGHT 1\nDATA"), "17 times 1 points where"),
+        (read_pcd, pcd(POINTS, "ascii").replace(b"DATA", b"COUNT 1 1 0 1\nDATA"), "COUNT"),
+        (read_points_npz, b"hello", "no NPZ file, which is a ZIP archive"),
+        (read_points_ply, ply(POINTS)[:-20], "bytes of data where its header says"),
+        (
+            read_points_ply,
+            b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nend_header\n1\n",
+            "fewer values than its header says",
+        ),
         (read_points_ply, b"ply\nformat ascii 1.0\nelement face 0\nend_header\n", "without vertices"),
         (read_bt, b"# Octomap OcTree binary file\nid OcTree\nsize 3\nres 0.1\ndata\n\x03\x00", "ends in the middle"),
         (read_bt, b"# Octomap OcTree binary file\nid OcTree\nsize 1\nres -1\ndata\n\x02\x00", "resolution"),
         (read_bt, b"# Octomap OcTree binary file\nid OcTree\nsize 1\nres 0.1\ndata\n\x00\x00", "no occupied cell"),
+        (
+            read_bt,
+            b"# Octomap OcTree binary file\nid OcTree\nsize 3\nres 0.1\ndata\n\x02\x00",
+            "2 nodes where its header",
+        ),
+        (
+            read_bt,
+            b"# Octomap OcTree binary file\nid OcTree\nsize 2\nres 0.1\ndata\n\x02\x00\x00",
+            "3 bytes of data where",
+        ),
         (read_ot, b"# Octomap OcTree file\nid SemanticTree\nsize 1\nres 0.1\ndata\n", "SemanticTree"),
     ],
 )
@@ -139,8 +158,10 @@ def divided(cells, cell, leaf, inner):
 
 def bt(cells, resolution):
     """`cells`: {(x, y, z, edge): occupied}."""
+    known = [1]
 
     def inner(children, below, further):
+        known.append(sum(map(bool, below)))
         kinds, rest = 0, b""
         for i, (child, some) in enumerate(zip(children, below, strict=True)):
             if not some:
@@ -154,13 +175,15 @@ def bt(cells, resolution):
 
     half = 1 << 15
     body = divided(list(cells), (-half, -half, -half, 2 * half), None, inner)
-    return (
-        f"# Octomap OcTree binary file\n# made by a test\nid OcTree\nsize 9\nres {resolution}\ndata\n".encode() + body
-    )
+    header = f"# Octomap OcTree binary file\n# made by a test\nid OcTree\nsize {sum(known)}\nres {resolution}\ndata\n"
+    return header.encode() + body
 
 
 def ot(cells, resolution, colour=b"", kind="OcTree"):
+    known = [1]
+
     def inner(children, below, further):
+        known.append(sum(map(bool, below)))
         bits, rest = 0, b""
         for i, (child, some) in enumerate(zip(children, below, strict=True)):
             if not some:
@@ -174,7 +197,7 @@ def ot(cells, resolution, colour=b"", kind="OcTree"):
 
     half = 1 << 15
     body = divided(list(cells), (-half, -half, -half, 2 * half), None, inner)
-    return f"# Octomap OcTree file\nid {kind}\nsize 9\nres {resolution}\ndata\n".encode() + body
+    return f"# Octomap OcTree file\nid {kind}\nsize {sum(known)}\nres {resolution}\ndata\n".encode() + body
 
 
 CELLS = {

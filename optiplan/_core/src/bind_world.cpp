@@ -124,7 +124,7 @@ static nb::tuple near(const World &world, const Matrix &Q, double cutoff) {
         Placement at = world.placement();
         Trail trail;
         for (std::size_t row = 0; row < Q.shape(0); ++row) {
-            world.place(Q.data() + row * n, at);
+            world.place_outside(Q.data() + row * n, at);
             const std::size_t before = found.size();
             world.near(at, static_cast<int>(row), cutoff, found, trail);
             slopes.resize(found.size() * n);

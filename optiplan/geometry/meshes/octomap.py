@@ -9,6 +9,7 @@ Source: Hornung et al., OctoMap, Autonomous Robots 34 (2013), and how the librar
 import re
 import struct
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,7 +31,7 @@ _HEADER = re.compile(rb"(?:^|\n)data[ \t]*\r?\n")
 def read_bt(content: bytes) -> Soup:
     """Surface of the occupied cells of a binary OctoMap file."""
     words, body = _header(content, b"# Octomap OcTree binary file")
-    return _surface(words, lambda: _binary_cells(body))
+    return _surface(words, body, lambda: _binary_tree(body))
 
 
 def read_ot(content: bytes) -> Soup:
@@ -38,7 +39,7 @@ def read_ot(content: bytes) -> Soup:
     words, body = _header(content, b"# Octomap OcTree file")
     if words["id"] not in _COLOUR:
         raise MeshError(f"a tree of the kind {words['id'][:40]}; {' and '.join(_COLOUR)} are read")
-    return _surface(words, lambda: _full_cells(body, _COLOUR[words["id"]]))
+    return _surface(words, body, lambda: _full_tree(body, _COLOUR[words["id"]]))
 
 
 def _header(content: bytes, first: bytes) -> tuple[dict[str, str], bytes]:
@@ -58,8 +59,16 @@ Cells = list[tuple[int, int, int, int]]
 """Cells as x, y, z of their lowest corner and their edge, all in smallest cells."""
 
 
-def _surface(words: dict[str, str], cells: Callable[[], Cells]) -> Soup:
-    """The soup of cells with the resolution that the header states."""
+class Tree(NamedTuple):
+    """The occupied cells of a tree, how many nodes it has, and how many bytes it takes."""
+
+    occupied: Cells
+    nodes: int
+    size: int
+
+
+def _surface(words: dict[str, str], body: bytes, tree: Callable[[], Tree]) -> Soup:
+    """The soup of the occupied cells, with the resolution that the header states; of the size that it states."""
     try:
         resolution = float(words["res"])
     except ValueError:
@@ -67,9 +76,14 @@ def _surface(words: dict[str, str], cells: Callable[[], Cells]) -> Soup:
     if not 0.0 < resolution <= 1e3:
         raise MeshError(f"a resolution of '{words['res'][:40]}' m")
     try:
-        found = np.array(cells() if words["size"] != "0" else [], dtype=np.int64).reshape(-1, 4)
+        read = tree() if words["size"] != "0" else Tree([], 0, 0)
     except (IndexError, struct.error):
         raise MeshError("a tree that ends in the middle") from None
+    if str(read.nodes) != words["size"]:
+        raise MeshError(f"a tree of {read.nodes} nodes where its header says {words['size'][:40]}")
+    if read.size != len(body):
+        raise MeshError(f"{len(body)} bytes of data where its tree takes {read.size}")
+    found = np.array(read.occupied, dtype=np.int64).reshape(-1, 4)
     if len(found) == 0:
         raise MeshError("no occupied cell")
     corners, triangles = surface_of_cells(found[:, :3], found[:, 3])
@@ -90,10 +104,10 @@ def _child(cell: tuple[int, int, int, int], which: int) -> tuple[int, int, int, 
     return x + half * (which & 1), y + half * (which >> 1 & 1), z + half * (which >> 2 & 1), half
 
 
-def _binary_cells(body: bytes) -> Cells:
+def _binary_tree(body: bytes) -> Tree:
     """Two bits for each child, those of child 0 lowest; then the divided children in their order."""
     occupied: Cells = []
-    waiting, at = [_root()], 0
+    waiting, at, nodes = [_root()], 0, 1
     while waiting:
         cell = waiting.pop()
         kinds = body[at] | body[at + 1] << 8
@@ -101,21 +115,23 @@ def _binary_cells(body: bytes) -> Cells:
         divided = []
         for which in range(8):
             kind = kinds >> 2 * which & 3
+            nodes += kind != 0
             if kind == _OCCUPIED:
                 occupied.append(_child(cell, which))
             elif kind == _DIVIDED:
                 divided.append(_child(cell, which))
         waiting += divided[::-1]
         _check_number(occupied)
-    return occupied
+    return Tree(occupied, nodes, at)
 
 
-def _full_cells(body: bytes, colour: int) -> Cells:
+def _full_tree(body: bytes, colour: int) -> Tree:
     """Log-odds (and colour) of a cell, a byte whose bits tell which children there are, then these in their order."""
     occupied: Cells = []
-    waiting, at = [_root()], 0
+    waiting, at, nodes = [_root()], 0, 0
     while waiting:
         cell = waiting.pop()
+        nodes += 1
         (log_odds,) = struct.unpack_from("<f", body, at)
         children = body[at + 4 + colour]
         at += 5 + colour
@@ -124,7 +140,7 @@ def _full_cells(body: bytes, colour: int) -> Cells:
         elif log_odds >= 0.0:
             occupied.append(cell)
         _check_number(occupied)
-    return occupied
+    return Tree(occupied, nodes, at)
 
 
 def _check_number(cells: Cells) -> None:

@@ -1,7 +1,7 @@
 """PLY files, ASCII or binary of either byte order."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,7 +92,13 @@ Table = dict[str, Any]
 
 
 def _ply_ascii(body: bytes, elements: Sequence[_Element], _: str) -> dict[str, Table]:
-    words = iter(body.split())
+    try:
+        return _ply_tables(iter(body.split()), elements)
+    except StopIteration:
+        raise MeshError("fewer values than its header says") from None
+
+
+def _ply_tables(words: Iterator[bytes], elements: Sequence[_Element]) -> dict[str, Table]:
     tables: dict[str, Table] = {}
     for element in elements:
         table: dict[str, list[list[float]]] = {item.name: [] for item in element.properties}
@@ -125,8 +131,11 @@ def _ply_binary(body: bytes, elements: Sequence[_Element], order: str) -> dict[s
 
 def _ply_table(body: bytes, place: int, element: _Element, order: str) -> tuple[Table, int]:
     record = np.dtype([(item.name, order + item.kind) for item in element.properties])
+    end = place + element.count * record.itemsize
+    if end > len(body):
+        raise MeshError(f"{len(body)} bytes of data where its header says {end}")
     values = np.frombuffer(body, record, element.count, place)
-    return {item.name: values[item.name] for item in element.properties}, place + element.count * record.itemsize
+    return {item.name: values[item.name] for item in element.properties}, end
 
 
 def _ply_lists(body: bytes, place: int, element: _Element, order: str) -> tuple[Table, int]:

@@ -37,6 +37,8 @@ def read_points_ply(content: bytes) -> Soup:
 
 def read_points_npz(content: bytes) -> Soup:
     """The array `points` (N, 3) of an NPZ file, or its only array."""
+    if not content.startswith(b"PK"):
+        raise MeshError("no NPZ file, which is a ZIP archive of arrays")
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             names = arrays.files
@@ -64,10 +66,15 @@ def read_pcd(content: bytes) -> Soup:
     many = _numbers(header, "POINTS")[0]
     if not len(names) == len(sizes) == len(kinds) == len(counts):
         raise MeshError("a PCD file with as many FIELDS, SIZE, TYPE and COUNT as each other")
+    grid = [_numbers(header, key)[0] for key in ("WIDTH", "HEIGHT") if key in header]
+    if len(grid) == 2 and grid[0] * grid[1] != many:
+        raise MeshError(f"{grid[0]} times {grid[1]} points where its header says {many}")
     if many > MOST_POINTS:
         raise MeshError(f"{many} points; at most {MOST_POINTS} are read")
     if not {"x", "y", "z"} <= set(names):
         raise MeshError(f"a PCD file with the fields {' '.join(names)}, without x, y, z")
+    if any(count != 1 for name, count in zip(names, counts, strict=True) if name in "xyz"):
+        raise MeshError("a PCD file with another COUNT than 1 of x, y or z")
     if any((kind, size) not in _PCD_TYPES for kind, size in zip(kinds, sizes, strict=True)):
         raise MeshError("a PCD file with fields of an unknown TYPE or SIZE")
     fields: _Fields = [

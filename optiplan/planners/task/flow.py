@@ -34,6 +34,9 @@ _SHARES = (0.5, 0.25, 0.1)
 _ENOUGH = 0.05
 """Share of the time with stops that is to be gained; junctions of other sizes are tried as long as it is less."""
 
+_NOWHERE = 1e-9
+"""rad or m: a move of no joint by more than this goes nowhere."""
+
 _HOPELESS = 0.02
 """Share of the time with stops; a motion in one go that is slower by more is not tried with other junctions."""
 
@@ -83,7 +86,12 @@ def _groups(stretches: Sequence[Stretch], go_on: Callable[[Done, Done], bool]) -
 
 
 def _goes_on(before: Done, after: Done) -> bool:
-    return why_stop(before, after) is None
+    return why_stop(before, after) is None and not (_stands(before) or _stands(after))
+
+
+def _stands(done: Done) -> bool:
+    """Whether a move ends where it begins: it has no direction to leave or to arrive in."""
+    return bool(np.abs(done.after.q - done.before.q).max(initial=0.0) <= _NOWHERE)
 
 
 def _can_be_joined(before: Done, after: Done) -> bool:

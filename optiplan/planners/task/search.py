@@ -7,7 +7,7 @@ cheapest path is planned, edge by edge, until one holds (Dellin and Srinivasa 20
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -98,22 +98,28 @@ class TaskSearch:
         start = Situation(self.problem.start, self.problem.scene)
         first = do_chain(self.stages, start, self.legs[0].chain, self.budget)
         if first.failure is not None:
-            return self._late() or first.failure
+            return self._late(first.failure)
         after = first.done[-1].after if first.done else start
         layers = [[_Node(start.q, after, 0.0, [0.0])]]
         for k, leg in enumerate(self.legs[1:], 1):
             self.progress("looking ahead", k / len(self.legs))
             found = self._layer(leg, layers[-1])
             if isinstance(found, Failure):
-                return self._late() or found
+                return self._late(found)
             layers.append(found)
         found_steps = self._plan(layers, after)
         if isinstance(found_steps, Failure):
-            return self._late() or found_steps
+            return self._late(found_steps)
         return [*first.done, *found_steps]
 
-    def _late(self) -> Failure | None:
-        return out_of_time(self.budget, "planning the task") if self.budget.over else None
+    def _late(self, failure: Failure) -> Failure:
+        """Return a failure, which says so where the budget ended meanwhile: with more, the step may still be done."""
+        if not self.budget.over:
+            return failure
+        late = out_of_time(self.budget, "planning the task")
+        if "step" not in failure.witness or failure.kind in ("budget", "cancelled"):
+            return late
+        return replace(failure, detail=f"{failure.detail}; {late.detail}")
 
     def _layer(self, leg: Leg, before: list[_Node]) -> list[_Node] | Failure:
         """Return the candidates of a leg, the cheapest to reach first."""

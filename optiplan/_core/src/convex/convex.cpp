@@ -54,6 +54,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 template <class A, class B>
 Witness iterative(const A &a, const B &b, const Pose &X_AB, double cutoff, Features *features) {
     const auto difference = difference_of(a, b, X_AB);
+    if (difference.curved) features = nullptr;
     const GjkResult found = gjk(difference, cutoff, kTouching, features);
     if (features) *features = found.status == GjkResult::Status::apart ? features_of(difference, found.simplex) : Features{};
     switch (found.status) {

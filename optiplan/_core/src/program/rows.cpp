@@ -50,7 +50,7 @@ NearRows near_rows(const World &world, const Margins &margins, const Vec &u, con
     std::vector<Placement> places(u.size(), world.placement());
     Trail trail;
     for (std::size_t i = 0; i < u.size(); ++i) {
-        world.place(Q.data() + i * n, places[i]);
+        world.place_outside(Q.data() + i * n, places[i]);
         world.near(places[i], static_cast<int>(i), cutoff, found, trail);
     }
     push_one_way(found);

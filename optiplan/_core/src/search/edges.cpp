@@ -9,6 +9,7 @@ EdgeChecker::EdgeChecker(const World &world, std::vector<double> arms, std::vect
     : world_(world), arms_(std::move(arms)), torque_(std::move(torque)), rules_(rules), at_(world.placement()) {
     const std::size_t n = joints();
     q_.resize(n), d_.resize(n), held_.resize(n), travel_.resize(world.pairs().size());
+    half_d_.resize(n), reaches_.resize(world.bodies().size() * world.tree().joints.size());
 }
 
 bool EdgeChecker::too_heavy() {
@@ -20,7 +21,7 @@ bool EdgeChecker::too_heavy() {
 }
 
 bool EdgeChecker::blocked(const double *q) {
-    world_.place(q, at_);
+    world_.place_outside(q, at_);
     return world_.collides(at_) || too_heavy();
 }
 
@@ -64,6 +65,13 @@ static std::vector<double> middles(int parts) {
     return order;
 }
 
+void EdgeChecker::reach(int a, int b) {
+    for (int body : {a, b}) {
+        if (!reached_[body]) world_.reach(at_, body, reaches_.data() + body * world_.tree().joints.size());
+        reached_[body] = 1;
+    }
+}
+
 bool EdgeChecker::apart(const double *a, const double *d) {
     const int n = joints();
     double farthest = 0.0;
@@ -90,16 +98,24 @@ bool EdgeChecker::apart(const double *a, const double *d) {
         asked += static_cast<int>(parts.size());
         if (asked > rules_.most || (farthest * half < rules_.least && rules_.least < farthest)) return false;
         left.clear(), next.clear();
+        for (int j = 0; j < n; ++j) half_d_[j] = half * std::fabs(d[j]);
+        const auto group_gap = [&](int g) {
+            reach(world_.groups()[g].hull, world_.groups()[g].other);
+            return std::min(together[g] * half, world_.group_travel(reaches_, half_d_.data(), g)) + rules_.margin;
+        };
         for (const Part &part : parts) {
             for (int j = 0; j < n; ++j) q_[j] = a[j] + part.middle * d[j];
-            world_.place(q_.data(), at_);
+            world_.place_outside(q_.data(), at_);
             const std::size_t first = left.size();
             std::fill(known.begin(), known.end(), 0);
+            reached_.assign(world_.bodies().size(), 0);
             for (std::size_t k = part.begin; k < part.end; ++k) {
                 const int p = pairs[k];
-                if (world_.settled(at_, p, known, [&](int g) { return together[g] * half + rules_.margin; })) continue;
-                const double margin = travel_[p] * half + rules_.margin;
-                if (world_.balls_apart(at_, p, margin) || world_.lower_bound(at_, p) > margin) continue;
+                if (world_.settled(at_, p, known, group_gap)) continue;
+                const double most = travel_[p] * half + rules_.margin;
+                if (world_.balls_apart(at_, p, most) || world_.lower_bound(at_, p) > most) continue;
+                reach(world_.pairs()[p].a, world_.pairs()[p].b);
+                const double margin = std::min(most, world_.travel(reaches_, half_d_.data(), p) + rules_.margin);
                 if (!world_.within(at_, p, margin)) continue;
                 if (world_.within(at_, p, 0.0)) {
                     at_.touching = p;

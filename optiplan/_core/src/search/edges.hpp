@@ -17,7 +17,8 @@ struct EdgeRules {
 };
 
 // Half a part of a motion, of length |d_j| in each joint, moves the bodies of pair p against each other by at most
-// t_p = sum_j arms[p][j] |d_j|. The part is free of the pair when its distance in the middle of the part exceeds t_p;
+// t_p = sum_j arms[p][j] |d_j|, or by what bounds the travel from the middle of the part (`World::travel`), where that is
+// less. The part is free of the pair when its distance in the middle of the part exceeds t_p;
 // else the part is cut in two, and only such pairs are asked again. Not for two threads at once.
 class EdgeChecker {
   public:
@@ -45,12 +46,14 @@ class EdgeChecker {
     bool too_heavy();
     bool heavy_along(const double *a, const double *d);
     bool apart(const double *a, const double *d);
+    void reach(int a, int b);
 
     const World &world_;
     std::vector<double> arms_, torque_;
     EdgeRules rules_;
     Placement at_;
-    std::vector<double> q_, d_, travel_, held_;
+    std::vector<double> q_, d_, travel_, held_, half_d_, reaches_;
+    std::vector<char> reached_;  // of each body, whether `reaches_` holds it
 };
 
 }  // namespace optiplan

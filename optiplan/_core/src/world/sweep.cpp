@@ -43,7 +43,7 @@ void Sweep::look(int begin, int end, std::vector<double> &touching) {
     for (int k = begin; k < end; ++k) {
         const Interval &interval = intervals_[k];
         curve_.around(interval.piece, interval.middle, interval.half, q_.data(), reach_.data());
-        world_.place(q_.data(), at_);
+        world_.place_outside(q_.data(), at_);
         const bool touches = world_.collides(at_);
         if (touches && !before_) touching.push_back(interval.middle);
         before_ = touches;
@@ -68,7 +68,7 @@ void Sweep::reach(int a, int b) {
 
 bool Sweep::free(const Interval &interval, const std::vector<int> &pairs, Touched &touched) {
     curve_.around(interval.piece, interval.middle, interval.half, q_.data(), reach_.data());
-    world_.place(q_.data(), at_);
+    world_.place_outside(q_.data(), at_);
     reached_.assign(world_.bodies().size(), 0);
     std::vector<int> left;
     double ratio = 0.0, least = 0.0;

@@ -14,20 +14,29 @@ static constexpr double ROUNDING = 2e-6;  // m; what a hull's distance may excee
 World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
              std::vector<Cluster> clusters)
     : tree_(std::move(tree)), bodies_(std::move(bodies)) {
-    for (const Cluster &cluster : clusters) bodies_.push_back(cluster.hull);
+    for (const Cluster &cluster : clusters) {
+        bodies_.push_back(cluster.hull);
+        members_.push_back(cluster.members);
+    }
+    cluster_of_.assign(bodies_.size(), -1);
+    for (std::size_t k = 0; k < members_.size(); ++k)
+        for (int body : members_[k]) cluster_of_[body] = static_cast<int>(k);
     still_.resize(bodies_.size());
     for (std::size_t k = 0; k < bodies_.size(); ++k) {
-        if (bodies_[k].joint > 0)
-            moving_.push_back(static_cast<int>(k));
-        else
+        if (bodies_[k].joint == 0) {
             still_[k] = bodies_[k].X_JB;
+            continue;
+        }
+        moving_.push_back(static_cast<int>(k));
+        if (cluster_of_[k] < 0) outside_.push_back(static_cast<int>(k));
     }
     for (auto [a, b] : pairs) {
         const bool plane = bodies_[a].half_space || bodies_[b].half_space;
         pairs_.push_back({a, b, (bodies_[a].mesh() || bodies_[b].mesh()) && !plane});
         common_.push_back(common_joint(a, b));
+        clustered_.push_back(cluster_of_[a] >= 0 || cluster_of_[b] >= 0);
     }
-    gather(clusters);
+    gather();
 }
 
 int World::common_joint(int a, int b) const {
@@ -39,17 +48,14 @@ int World::common_joint(int a, int b) const {
 }
 
 // The pairs of each cluster by their other body; a half-space has no distance from a hull that is cheaper than theirs.
-void World::gather(const std::vector<Cluster> &clusters) {
-    const int first = static_cast<int>(bodies_.size() - clusters.size());
-    std::vector<int> cluster_of(bodies_.size(), -1);
-    for (std::size_t k = 0; k < clusters.size(); ++k)
-        for (int body : clusters[k].members) cluster_of[body] = static_cast<int>(k);
+void World::gather() {
+    const int first = static_cast<int>(bodies_.size() - members_.size());
     std::map<std::pair<int, int>, int> known;
     group_of_.assign(pairs_.size(), -1);
     for (std::size_t pair = 0; pair < pairs_.size(); ++pair) {
         const auto [a, b, by_outline] = pairs_[pair];
-        if ((cluster_of[a] < 0) == (cluster_of[b] < 0)) continue;
-        const int other = cluster_of[a] < 0 ? a : b, cluster = cluster_of[a] < 0 ? cluster_of[b] : cluster_of[a];
+        if ((cluster_of_[a] < 0) == (cluster_of_[b] < 0)) continue;
+        const int other = cluster_of_[a] < 0 ? a : b, cluster = cluster_of_[a] < 0 ? cluster_of_[b] : cluster_of_[a];
         if (bodies_[other].half_space) continue;
         const auto [at, fresh] = known.try_emplace({cluster, other}, static_cast<int>(groups_.size()));
         if (fresh) groups_.push_back({first + cluster, other, common_joint(first + cluster, other), {}});
@@ -71,17 +77,31 @@ Placement World::placement() const {
     at.joints.resize(tree_.joints.size());
     at.bodies = still_;
     at.centres.resize(bodies_.size());
+    at.opened.assign(members_.size(), 0);
     for (std::size_t k = 0; k < bodies_.size(); ++k)
         if (bodies_[k].joint == 0) at.centres[k] = still_[k] * bodies_[k].centre;
     return at;
 }
 
-void World::place(const double *q, Placement &at) const {
+void World::place_body(int body, Placement &at) const {
+    at.bodies[body] = at.joints[bodies_[body].joint] * bodies_[body].X_JB;
+    at.centres[body] = at.bodies[body] * bodies_[body].centre;
+}
+
+void World::place_outside(const double *q, Placement &at) const {
     tree_.poses(q, at.joints.data());
-    for (int k : moving_) {
-        at.bodies[k] = at.joints[bodies_[k].joint] * bodies_[k].X_JB;
-        at.centres[k] = at.bodies[k] * bodies_[k].centre;
-    }
+    for (int body : outside_) place_body(body, at);
+    std::fill(at.opened.begin(), at.opened.end(), 0);
+}
+
+void World::place_members(int cluster, Placement &at) const {
+    for (int body : members_[cluster]) place_body(body, at);
+    at.opened[cluster] = 1;
+}
+
+void World::place(const double *q, Placement &at) const {
+    place_outside(q, at);
+    for (std::size_t k = 0; k < members_.size(); ++k) place_members(static_cast<int>(k), at);
 }
 
 double World::ball_to_box(const Placement &at, int ball, int box) const {
@@ -115,6 +135,7 @@ bool World::within(const Placement &at, int pair, double margin) const {
 bool World::collides(Placement &at) const {
     const int count = static_cast<int>(pairs_.size());
     auto touches = [&](int pair) { return !(lower_bound(at, pair) > 0.0) && within(at, pair, 0.0); };
+    if (count > 0) open(at, at.touching);
     if (count > 0 && touches(at.touching)) return true;
     std::vector<char> known(groups_.size());
     for (int pair = 0; pair < count; ++pair) {
@@ -142,7 +163,7 @@ Witness World::nearest_points(const Placement &at, int pair, double cutoff, Feat
     return nearer.distance > 0.0 ? nearer : outer;
 }
 
-void World::near(const Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail) const {
+void World::near(Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail) const {
     std::vector<char> known(groups_.size());
     std::vector<Trail::Near> now;
     auto before = trail.before.cbegin();

@@ -63,6 +63,7 @@ struct Trail {
 struct Placement {
     std::vector<Pose> joints, bodies;
     std::vector<Vec3> centres;
+    std::vector<char> opened;  // of each cluster: whether its bodies are where the joints put them
     int touching = 0;  // the pair that touched last is asked first: answers come sooner, and are the same
 };
 
@@ -82,6 +83,9 @@ class World {
     Placement placement() const;
     void place(const double *q, Placement &at) const;
 
+    // As `place`, but bodies of clusters only where `settled` finds that their hulls do not tell.
+    void place_outside(const double *q, Placement &at) const;
+
     // Lower bound, m, of a pair's distance: from the ball of one body to the box of the other, both ways.
     double lower_bound(const Placement &at, int pair) const;
 
@@ -93,13 +97,24 @@ class World {
     // Whether all pairs of a group are apart by more than `gap`, m, because the hull of its cluster is.
     bool group_apart(const Placement &at, int group, double gap) const;
 
-    // Asks `group_apart` once a group, at one placement: whether a pair is apart by its group's `gap`, m.
+    // Asks `group_apart` once a group, at one placement: whether a pair is apart by its group's `gap`, m. Where that does
+    // not tell, its bodies are in place afterwards.
     template <class Gap>
-    bool settled(const Placement &at, int pair, std::vector<char> &known, const Gap &gap) const {
+    bool settled(Placement &at, int pair, std::vector<char> &known, const Gap &gap) const {
         const int group = group_of_[pair];
-        if (group < 0) return false;
-        if (!known[group]) known[group] = group_apart(at, group, gap(group)) ? APART : NEAR;
-        return known[group] == APART;
+        if (group >= 0) {
+            if (!known[group]) known[group] = group_apart(at, group, gap(group)) ? APART : NEAR;
+            if (known[group] == APART) return true;
+        }
+        open(at, pair);
+        return false;
+    }
+
+    // Puts the bodies of the clusters that a pair belongs to in place, where `place_outside` has not.
+    void open(Placement &at, int pair) const {
+        if (!clustered_[pair]) return;
+        for (int cluster : {cluster_of_[pairs_[pair].a], cluster_of_[pairs_[pair].b]})
+            if (cluster >= 0 && !at.opened[cluster]) place_members(cluster, at);
     }
 
     // Whether a pair is nearer than a margin, m. Above WIDE the hull of a mesh is asked in its place.
@@ -109,7 +124,7 @@ class World {
 
     // Every pair nearer than `cutoff`, m. Where a body is a mesh, distance and points are the hulls' if these are
     // farther apart than SETTLED, and if the bodies touch: triangles do not tell how deep, or which way is out.
-    void near(const Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail) const;
+    void near(Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail) const;
 
     // Distance and points of a pair as `near` tells them; above the cutoff, only that it is.
     Witness nearest_points(const Placement &at, int pair, double cutoff, Features *features = nullptr) const;
@@ -146,7 +161,9 @@ class World {
         const double reach = bodies_[a].radius + bodies_[b].radius + gap;
         return squared_norm(at.centres[b] - at.centres[a]) > reach * reach;
     }
-    void gather(const std::vector<Cluster> &clusters);
+    void gather();
+    void place_body(int body, Placement &at) const;
+    void place_members(int cluster, Placement &at) const;
     int common_joint(int a, int b) const;
     double ball_to_box(const Placement &at, int ball, int box) const;
     void push(const Placement &at, int joint, const Vec3 &point, const Vec3 &direction, double *out) const;
@@ -154,7 +171,11 @@ class World {
     Tree tree_;
     std::vector<Body> bodies_;
     std::vector<Pair> pairs_;
-    std::vector<int> moving_;             // bodies that a joint carries
+    std::vector<int> moving_;             // bodies that a joint carries, hulls too
+    std::vector<int> outside_;            // those of them that are in no cluster
+    std::vector<std::vector<int>> members_;  // of each cluster
+    std::vector<int> cluster_of_;         // of each body; -1: none
+    std::vector<char> clustered_;         // of each pair: whether a body of it is in a cluster
     std::vector<Pose> still_;             // poses of the bodies that none carries
     std::vector<int> common_;             // of each pair: the last joint that carries both bodies
     std::vector<Together> groups_;

@@ -50,8 +50,8 @@ _ROUNDING = 1e-9
 _ALONG, _STILL = 50, 1e-9
 """Places of a line at which the speed of the tool along it is seen; m or rad: less than this is none."""
 
-_AROUND = 0.03
-"""Share of a path on which a limit of the tool's speed doubles beyond the part for which it is."""
+_KEPT, _AROUND = 0.01, 0.03
+"""Shares of a path on which a limit of the tool's speed still holds beyond the part for which it is, and doubles."""
 
 _APART = 1e-6
 """Share of its duration by which knots of a line are apart at least."""
@@ -232,7 +232,7 @@ def _slow(robot: Robot, path: Trajectory, run: SmoothRun) -> SpeedLimit | None:
         twist, _ = tool_motion(robot, limits.frame, [path(inside, order) for order in range(3)])
         ways = np.maximum(np.linalg.norm(twist.reshape(-1, 2, 3), axis=2), _STILL)
         own = np.minimum(limits.linear / ways[:, 0], limits.angular / ways[:, 1])
-        rate = np.minimum(rate, own * (1.0 + np.abs(s - inside) / _AROUND))
+        rate = np.minimum(rate, own * (1.0 + np.maximum(np.abs(s - inside) - _KEPT, 0.0) / _AROUND))
     return SpeedLimit(s, rate) if np.isfinite(rate).all() else None
 
 

@@ -1,0 +1,30 @@
+"""Tasks that people write by accident: moves that go nowhere, steps that contradict themselves."""
+
+import numpy as np
+
+import optiplan as op
+
+START = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
+DOWN = [np.pi, 0.0, 0.0]
+
+
+def test_moves_that_go_nowhere_are_done():
+    task = op.Task().move(START).move(START).dwell(0.1).move("up").move("up")
+    run = op.plan(op.Problem("ur5", START, task=task), budget=4.0)
+    assert run.verified, run.failure
+    assert run.duration > 0.1
+
+
+def test_a_step_that_contradicts_itself_is_named_though_the_budget_ends():
+    """On a plane, and meanwhile on another 20 cm above it."""
+    level, raised = ({"plane": {"normal": [0, 0, 1], "offset": z, "within": 0.001}} for z in (0.3, 0.5))
+    raised["plane"]["during"] = [0.4, 0.6]
+    there, here = ({"move": {"pose": {"position": [0.45, y, 0.3], "rpy": DOWN}}} for y in (0.2, -0.3))
+    task = [there, {**here, "path_constraints": [level, raised], "name": "impossible"}]
+    run = op.plan(op.Problem("ur5", START, task=task), budget=2.0)
+    assert not run.verified
+    assert run.failure.kind == "constraint"
+    assert run.failure.detail.startswith("step 2 (impossible): ")
+    assert run.failure.witness["constraint"] == "plane"
+    assert run.failure.witness["step"] == 2
+    assert len(run.failure.witness["q"]) == 6
