@@ -22,7 +22,7 @@ from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.trajectory import Trajectory
 
-_QUICK, _ROUNDS = 0.26, 2
+_QUICK, _ROUNDS = 0.065, 2
 """Work, s, that a search may take that a late straight line waits for, and rounds that it makes in it: for a first
 motion, not for a hard problem."""
 

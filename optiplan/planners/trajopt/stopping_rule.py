@@ -12,7 +12,7 @@ from optiplan.planners.sampling.search import Search, Searcher
 PRICE = 0.1
 """Share of the motion's cost that spending the whole budget must be expected to save: 10 %."""
 
-STEP, STATE = (0.02, 5e-4) if core is None else (0.003, 4e-5)
+STEP, STATE = (0.02, 5e-4) if core is None else (0.003, 1e-5)
 """What a step of the optimiser and a state of a search take on an ordinary machine, s, in Python or the native core."""
 
 SAME = 1.005
