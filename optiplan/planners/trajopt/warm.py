@@ -170,11 +170,6 @@ def _progress(motion: Trajectory, u: Array, speed: Array) -> Array:
     return np.asarray(way / way[-1]) if way[-1] > 0.0 else u
 
 
-def _ends_by_share(motion: Trajectory) -> tuple[Array, Array]:
-    states = motion.state(0.0), motion.state(motion.duration)
-    return EndStates(*states).by_share(motion.duration)
-
-
 def _ahead(problem: Problem, earlier: Trajectory) -> Trajectory:
     """Return what is left of a motion from where it is nearest to the new start, in time.
 
