@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.state import State
+from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
 
 MOST_STEPS = 40
@@ -31,8 +33,8 @@ AS_GOOD = 1.1
 """Cost of the new motion to that of the rest of the earlier one, with the time that the ends have moved by added, up to
 which no other way is looked for."""
 
-FINER = 2
-"""Times the spans with which motions from rest to rest are optimised, as the best of a search is in the end."""
+AT_BOUND = 1.01
+"""Duration of a motion to its lower bound up to which one that is still free is the answer as it stands."""
 
 _SHARE = 0.9
 """Of a pose goal's tolerances, within which its configuration is found."""
@@ -64,14 +66,13 @@ class WarmStart:
         self.problem, self.earlier, self.budget = problem, _ahead(problem, earlier), budget
         self.model = kept_planning_model(problem.robot, problem.scene)
         stated = with_reserve(problem) if problem.moving else problem
-        spans = options.spans if problem.moving else FINER * options.spans
-        chosen = replace(options, spans=spans, iterations=min(MOST_STEPS, options.iterations))
-        self.optimiser = Optimiser(stated, self.model, chosen)
+        few = replace(options, iterations=min(MOST_STEPS, options.iterations))
+        self.optimiser = Optimiser(stated, self.model, few)
         self.attempt: Attempt | None = None
-        self.good = False
         end = self._end()
         self.ahead = self.earlier if end is not None and self._still_good(end) else None
-        if end is not None:
+        self.good = end is not None and self.ahead is not None and self._at_bound(end)
+        if end is not None and not self.good:
             progress("optimisation from the earlier motion", 0.0)
             for share in CLOSE:
                 found = self._optimised(end, share * options.margin)
@@ -85,7 +86,9 @@ class WarmStart:
             expected = cost(self.earlier) + problem.objective.time * float(moved.max(axis=1).sum())
             self.good = cost(self.attempt.trajectory) <= AS_GOOD * expected
         self.seconds = time.perf_counter() - began
-        self.info = attempt_record("warm", self.attempt, self.optimiser.steps, self.optimiser.log)
+        self.info: dict[str, Any] = attempt_record("warm", self.attempt, self.optimiser.steps, self.optimiser.log)
+        if self.attempt is None and self.ahead is not None and self.good:
+            self.info = {"seed": "warm", "free": True, "iterations": 0, "duration": self.ahead.duration}
 
     @property
     def best(self) -> Trajectory | None:
@@ -141,6 +144,13 @@ class WarmStart:
         if excess(motion, limits) is not None or torque_ratio(self.problem, motion) > 1.0:
             return False
         return not self.optimiser.constraints.broken(motion)
+
+    def _at_bound(self, end: State) -> bool:
+        """Whether hardly any motion to this end can be shorter than what is left of the earlier one."""
+        problem = self.problem
+        if problem.moving or not problem.objective.plain:
+            return False
+        return self.earlier.duration <= AT_BOUND * lower_bound(problem.start, end.q, problem.limits)
 
     def _end(self) -> State | None:
         """The state at the goal's configuration nearest to the earlier end; None where none is free."""

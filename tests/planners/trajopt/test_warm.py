@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.planners.trajopt.warm import WarmStart
 from optiplan.runs.pipeline import run
+from optiplan.trajectory.timing.lower_bound import lower_bound
 from tests.planners import cases
 
 
@@ -60,7 +62,7 @@ def test_from_a_start_that_moved_it_takes_no_longer_than_anew(first):
     warm = WarmStart(there, earlier, TrajOptOptions(), Budget(4.0), silent)
     assert warm.earlier.duration == earlier.duration
     assert warm.good
-    assert warm.best.duration <= 1.002 * plan(there).duration
+    assert warm.best.duration <= 1.01 * plan(there).duration
     on = WarmStart(problem.with_start(op.State(further)), earlier, TrajOptOptions(), Budget(4.0), silent)
     assert on.earlier.duration == earlier.duration
     moving = problem.with_start(earlier.state(0.1 * earlier.duration))
@@ -99,6 +101,22 @@ def test_what_is_left_of_the_motion_is_an_answer(first):
     assert warm.ahead.duration == pytest.approx(0.69 * earlier.duration, rel=1e-6)
     across = moved(problem, z=0.5).with_start(state)
     assert WarmStart(across, earlier, TrajOptOptions(), Budget(4.0), silent).ahead is None
+
+
+def test_a_motion_at_its_bound_that_is_still_free_is_the_answer_as_it_stands():
+    problem = op.load_problem("01_reach")
+    ball = op.Sphere("ball", 0.05, position=(-0.6, 0.0, 0.4))
+    beside = replace(problem, scene=op.Scene((ball,)))
+    earlier = plan(beside).trajectory
+    assert earlier.duration < 1.01 * lower_bound(beside.start, earlier.end, beside.limits)
+    found = plan(moved(beside, z=0.05), earlier)
+    assert found.verified
+    assert [(each["seed"], each["iterations"]) for each in found.info["attempts"]] == [("warm", 0)]
+    assert found.duration == earlier.duration
+    tool = frame_pose(beside.robot, earlier(0.5 * earlier.duration), beside.robot.tool_frame)
+    found = plan(replace(beside, scene=op.Scene((replace(ball, X_WO=tool),))), earlier)
+    assert found.verified
+    assert found.info["attempts"][0]["iterations"] > 0
 
 
 def test_a_search_follows_where_the_earlier_motion_leads_to_nothing(first):
