@@ -9,7 +9,7 @@ from optiplan.collision.native_model import planning_model
 from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.planners.common.gravity import Gravity
-from optiplan.planners.path_constraints.held import PathConstraints
+from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.sampling.constrained.manifold import Manifold
 from optiplan.planners.sampling.constrained.searches import Query, connect, roadmap, star
 from optiplan.planners.sampling.constrained.smoothing import shortcut

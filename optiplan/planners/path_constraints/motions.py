@@ -1,7 +1,7 @@
 """Constraints of speeds, accelerations and joints, as inequalities: one function for each kind of statement."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,33 +22,28 @@ _SPEED_RESERVE = 0.003
 
 
 def _tool_speed(one: ToolSpeed) -> list[Inequality]:
-    def share(which: str, limit: float) -> Callable[[SymbolicState], Any]:
-        def build(k: SymbolicState) -> Any:
-            rate = getattr(k.twist(one.frame), which) / k.constant(limit)
-            return 0.5 * (1.0 - rate.T @ rate)
-
-        return build
-
-    limits = [("linear", one.linear), ("angular", one.angular)]
-    return [
-        Inequality("tool speed", share(which, limit), 0.25, _SPEED_RESERVE, rate=1)
-        for which, limit in limits
-        if np.isfinite(limit)
-    ]
+    return _tool_rate(one, "tool speed", lambda k: k.twist(one.frame), 1)
 
 
 def _acceleration(one: ToolAcceleration) -> list[Inequality]:
+    return _tool_rate(one, "tool acceleration", lambda k: k.acceleration(one.frame), 2)
+
+
+def _tool_rate(
+    one: ToolSpeed | ToolAcceleration, name: str, of: Callable[[SymbolicState], Any], rate: Literal[1, 2]
+) -> list[Inequality]:
+    """(1 - r²) / 2 with the linear and the angular part r of a rate of the tool, as shares of their limits."""
+
     def share(which: str, limit: float) -> Callable[[SymbolicState], Any]:
         def build(k: SymbolicState) -> Any:
-            rate = getattr(k.acceleration(one.frame), which) / k.constant(limit)
-            return 0.5 * (1.0 - rate.T @ rate)
+            part = getattr(of(k), which) / k.constant(limit)
+            return 0.5 * (1.0 - part.T @ part)
 
         return build
 
-    limits = [("linear", one.linear), ("angular", one.angular)]
     return [
-        Inequality("tool acceleration", share(which, limit), 0.25, 2.0 * _SPEED_RESERVE, rate=2)
-        for which, limit in limits
+        Inequality(name, share(which, limit), 0.25, rate * _SPEED_RESERVE, rate=rate)
+        for which, limit in (("linear", one.linear), ("angular", one.angular))
         if np.isfinite(limit)
     ]
 

@@ -10,7 +10,7 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.continuous_collision import Touch
 from optiplan.planners.common.stopwatch import Stopwatch
-from optiplan.planners.path_constraints.held import Broken, broken_constraint
+from optiplan.planners.path_constraints.motion_check import Broken, broken_constraint
 from optiplan.planners.trajopt.incumbent import Incumbent
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.program.iteration_log import IterationLog

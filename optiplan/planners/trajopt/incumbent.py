@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.planners.base import Candidate, Progress, announce
-from optiplan.planners.path_constraints.held import PathConstraints
+from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.trajopt.optimizer import Attempt
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory

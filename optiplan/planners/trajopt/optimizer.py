@@ -12,7 +12,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
-from optiplan.planners.path_constraints.held import Broken, PathConstraints
+from optiplan.planners.path_constraints.motion_check import Broken, PathConstraints
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_basis
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.program.iteration_log import NOTHING, IterationLog

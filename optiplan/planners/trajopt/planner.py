@@ -18,7 +18,7 @@ from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.moving_scene import among_moving
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
-from optiplan.planners.path_constraints.held_goals import hold_goals
+from optiplan.planners.path_constraints.goal_projection import hold_goals
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt.among_moving import plan_among_moving

@@ -12,8 +12,8 @@ from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.path_timing import timed_path
-from optiplan.planners.path_constraints.held import PathConstraints, broken_constraint, constraint_name
-from optiplan.planners.path_constraints.held_goals import hold_goals
+from optiplan.planners.path_constraints.goal_projection import hold_goals
+from optiplan.planners.path_constraints.motion_check import PathConstraints, broken_constraint, constraint_name
 from optiplan.planners.sampling.constrained.manifold import Manifold, in_part_only
 from optiplan.planners.sampling.constrained.searches import Query, connect, roadmap, star
 from optiplan.planners.sampling.constrained.smoothing import shortcut, smooth_curves

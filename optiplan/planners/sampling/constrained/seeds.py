@@ -7,7 +7,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.path_constraints.held import PathConstraints
+from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.sampling.constrained.manifold import in_part_only
 from optiplan.planners.sampling.constrained.planner import ConstrainedPath, ConstrainedSearch, constrained_path, timed
 from optiplan.planners.sampling.sample_path import SampledPath

@@ -9,7 +9,7 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.common.via_legs import joined
-from optiplan.planners.path_constraints.held import PathConstraints
+from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.task.chains import Done
 from optiplan.planners.task.flow import time_of
 from optiplan.planners.task.line_timing import line_limits
@@ -89,7 +89,6 @@ class StretchOptimiser:
         self.runs, self.curves, self.options = tuple(runs), tuple(curves), options
         self.duration = sum(curve.duration for curve in curves)
         self.parts: list[Part] = []
-        self.steps = 0
         last = len(curves) - 1
         for k, (run, curve) in enumerate(zip(runs, curves, strict=True)):
             rests = k == 0, k == last
@@ -101,9 +100,7 @@ class StretchOptimiser:
         y = self._begin()
         program = StretchProgram(self.made)
         for _ in range(_ROUNDS):
-            point, steps, _ = optimise(program, y, _STEPS, lambda: budget.over)
-            self.steps += steps
-            y = point.control
+            y = optimise(program, y, _STEPS, lambda: budget.over)[0].control
             found = self._timed(y)
             if found is None or found.ends[-1] > (1.0 - _GAIN) * self.duration:
                 return None

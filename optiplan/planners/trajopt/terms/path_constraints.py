@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from optiplan.planners.path_constraints.clearance import PairsApart
-from optiplan.planners.path_constraints.held import Broken, Kept, PathConstraints
+from optiplan.planners.path_constraints.motion_check import Broken, Kept, PathConstraints
 from optiplan.planners.trajopt.terms.contacts import NamedClearanceTerm
 from optiplan.planners.trajopt.terms.expression import PRICE, ExpressionTerm
 from optiplan.planners.trajopt.terms.term import Term

@@ -6,8 +6,8 @@ import pytest
 
 import optiplan as op
 from optiplan.kinematics.symbolic.state import BatchedExpression
-from optiplan.planners.path_constraints.held import PathConstraints
 from optiplan.planners.path_constraints.inequalities import inequalities
+from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.terms.path_constraints import ConstraintTerms

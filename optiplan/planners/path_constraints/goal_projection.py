@@ -13,8 +13,8 @@ from optiplan.collision.model import CollisionModel
 from optiplan.kinematics.ik.numeric import pose_error
 from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.path_constraints.goals import goal_inequalities
-from optiplan.planners.path_constraints.held import PathConstraints
 from optiplan.planners.path_constraints.inequality import CompiledInequality
+from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.problem.constraints.measures import FramePoses
 from optiplan.problem.goals_and_vias import JointGoal, PoseGoal
 from optiplan.problem.problem import Problem
