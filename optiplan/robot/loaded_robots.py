@@ -19,8 +19,8 @@ _SETTLED = 2.0
 """s since the last change of a file, before which its times do not tell one version from the next."""
 
 Key = tuple[str, str, str, str | None, tuple[Path, ...] | None]
-"""What a robot was asked for by: its name, file or content, the folder that a content's paths start from, locked joints,
-group, and the folders that may be read."""
+"""What a robot was asked for by: its name, file or content, the folder that paths in a content start from, locked
+joints, group, and the folders that may be read."""
 
 
 class LoadedRobots:
