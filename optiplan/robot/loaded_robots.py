@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from optiplan.files import Signature, allowed_folders, signature
+from optiplan.robot.reference import robot_file, robot_names
 
 _MOST = 16
 _SETTLED = 2.0
 """s since the last change of a file, before which its times do not tell one version from the next."""
 
 Key = tuple[str, str, str, str | None, tuple[Path, ...] | None]
-"""What a robot was asked for by: reference, folder, locked joints, group, and the folders that may be read."""
+"""What a robot was asked for by: its name, file or content, the folder that paths in a content start from, locked
+joints, group, and the folders that may be read."""
 
 
 class ReadFromFiles(Protocol):
@@ -61,10 +63,16 @@ class LoadedRobots(Generic[Loaded]):
     def key(
         ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
     ) -> Key:
-        """What tells one robot from another."""
-        folder = (base or Path()).absolute()
-        named = ref if isinstance(ref, str) else json.dumps(ref, sort_keys=True, default=repr)
-        return named, str(folder), json.dumps(dict(locked or {}), sort_keys=True), group, allowed_folders()
+        """What tells one robot from another; a file is the same from wherever it is referred to.
+
+        Raises:
+            UnknownChoiceError: as `robot_file`.
+        """
+        if isinstance(ref, str):
+            named, folder = ref if ref in robot_names() else str(robot_file(ref, base).resolve()), ""
+        else:
+            named, folder = json.dumps(ref, sort_keys=True, default=repr), str((base or Path()).absolute())
+        return named, folder, json.dumps(dict(locked or {}), sort_keys=True), group, allowed_folders()
 
     @staticmethod
     def now() -> float:
