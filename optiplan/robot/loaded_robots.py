@@ -6,13 +6,10 @@ import time
 from collections import OrderedDict
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Generic, Protocol, TypeVar
 
 from optiplan.files import Signature, allowed_folders, signature
 from optiplan.robot.reference import robot_file, robot_names
-
-if TYPE_CHECKING:
-    from optiplan.robot.robot import Robot
 
 _MOST = 16
 _SETTLED = 2.0
@@ -23,14 +20,25 @@ Key = tuple[str, str, str, str | None, tuple[Path, ...] | None]
 joints, group, and the folders that may be read."""
 
 
-class LoadedRobots:
+class ReadFromFiles(Protocol):
+    """What has been read from `files`."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Absolute paths."""
+
+
+Loaded = TypeVar("Loaded", bound=ReadFromFiles)
+
+
+class LoadedRobots(Generic[Loaded]):
     """The robots loaded last, each with the files that it was read from."""
 
     def __init__(self) -> None:
-        self._robots: OrderedDict[Key, tuple[Robot, tuple[Signature, ...]]] = OrderedDict()
+        self._robots: OrderedDict[Key, tuple[Loaded, tuple[Signature, ...]]] = OrderedDict()
         self._lock = threading.Lock()
 
-    def get(self, key: Key) -> "Robot | None":
+    def get(self, key: Key) -> Loaded | None:
         """The robot loaded by `key`, unless one of its files has changed or may not be read any more."""
         with self._lock:
             robot, seen = self._robots.get(key, (None, ()))
@@ -41,7 +49,7 @@ class LoadedRobots:
                 self._robots.move_to_end(key)
         return robot
 
-    def keep(self, key: Key, robot: "Robot", began: float) -> None:
+    def keep(self, key: Key, robot: Loaded, began: float) -> None:
         """Remember a robot whose loading began at this time (`time.time`), unless a file was changed just before."""
         seen = _signatures(robot.files)
         if seen is None or any(began - file.changed < _SETTLED for file in seen):
