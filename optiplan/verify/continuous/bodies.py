@@ -49,11 +49,11 @@ _links: WeakKeyDictionary[Robot, tuple[BodyShape, ...]] = WeakKeyDictionary()
 
 def _shapes_of(model: CollisionModel) -> list[BodyShape]:
     """All bodies of the model; those of the robot are looked at once."""
-    robot = model.robot
-    if robot not in _links:
-        _links[robot] = tuple(BodyShape.of(body.geometry) for body in robot.geometry.geometryObjects)
-    others = list(model.geometry.geometryObjects)[len(_links[robot]) :]
-    return [*_links[robot], *(BodyShape.of(body.geometry) for body in others)]
+    bare = model.robot.unmounted
+    if bare not in _links:
+        _links[bare] = tuple(BodyShape.of(body.geometry) for body in bare.geometry.geometryObjects)
+    others = list(model.geometry.geometryObjects)[len(_links[bare]) :]
+    return [*_links[bare], *(BodyShape.of(body.geometry) for body in others)]
 
 
 _of_hulls: WeakKeyDictionary[ClusterHull, BodyShape] = WeakKeyDictionary()

@@ -39,10 +39,11 @@ _hulls: "WeakKeyDictionary[Robot, tuple[tuple[ClusterHull, ...], ...]]" = WeakKe
 
 def _levels(robot: Robot) -> tuple[tuple[ClusterHull, ...], ...]:
     """Hulls of a robot's clusters, of few bodies first; built once for each robot."""
-    if robot not in _hulls:
-        found = clusters_of(robot)
-        _hulls[robot] = tuple(tuple(map(ClusterHull.of, level)) for level in (found.by_link, found.by_joint))
-    return _hulls[robot]
+    bare = robot.unmounted
+    if bare not in _hulls:
+        found = clusters_of(bare)
+        _hulls[bare] = tuple(tuple(map(ClusterHull.of, level)) for level in (found.by_link, found.by_joint))
+    return _hulls[bare]
 
 
 class PairTree:
