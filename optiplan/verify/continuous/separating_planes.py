@@ -69,6 +69,10 @@ class PairDistances:
         self._mesh: Flags = np.array([not isinstance(shape, coal.ShapeBase) for shape in self._shapes], dtype=bool)
         self._no_hulls = bool(self._convex.all()) and not bodies.tree.hulls
         self._any_plane = bool(self._planes.any())
+        still = np.flatnonzero(bodies.joints == 0).tolist()
+        self._fixed = {
+            body: coal.Transform3s(X[:3, :3], X[:3, 3]) for body, X in zip(still, bodies.placements[still], strict=True)
+        }
 
     def query(self, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
         """Distance k of pair pairs[k] (K,) where `placed` has its bodies.
@@ -127,7 +131,7 @@ class PairDistances:
         for k in np.argsort(bounds, kind="stable").tolist():
             if best is not None and bounds[k] >= best.distance:
                 break
-            result = next(_ask(self._shapes, self._request, placed.take(np.array([k]))))
+            result = next(self._ask(self._shapes, self._request, placed.take(np.array([k]))))
             if best is None or result.min_distance < best.distance:
                 points = np.array([result.getNearestPoint1(), result.getNearestPoint2()])
                 best = Witness(float(result.min_distance), points, int(pairs[k]))
@@ -148,27 +152,28 @@ class PairDistances:
         # coal leaves the normal of two meshes unset: there it is the direction between the nearest points.
         own = self._mesh if shapes is self._shapes else np.zeros_like(self._mesh)
         meshes: list[bool] = np.asarray(own[placed.bodies].any(axis=1)).tolist()
-        for k, result in enumerate(_ask(shapes, request, placed)):
+        for k, result in enumerate(self._ask(shapes, request, placed)):
             measured[k] = result.min_distance
             normals[k] = result.getNearestPoint2() - result.getNearestPoint1() if meshes[k] else result.normal
         length = np.sqrt(np.einsum("ki,ki->k", normals, normals))[:, None]
         with np.errstate(invalid="ignore", divide="ignore"):
             return measured, normals / length
 
-
-def _ask(
-    shapes: list[coal.CollisionGeometry], request: coal.DistanceRequest, placed: PlacedBody
-) -> Iterator[coal.DistanceResult]:
-    """Yield coal's result for each of K pairs; the next one overwrites it."""
-    result, distance = coal.DistanceResult(), coal.distance
-    X_WA, X_WB = coal.Transform3s(), coal.Transform3s()  # set anew each time, which takes a third of making others
-    rotations, origins = placed.poses[..., :3, :3], placed.poses[..., :3, 3]
-    for (a, b), R, p in zip(placed.bodies.tolist(), rotations, origins, strict=True):
-        result.clear()
-        X_WA.setTransform(R[0], p[0])
-        X_WB.setTransform(R[1], p[1])
-        distance(shapes[a], X_WA, shapes[b], X_WB, request, result)
-        yield result
+    def _ask(
+        self, shapes: list[coal.CollisionGeometry], request: coal.DistanceRequest, placed: PlacedBody
+    ) -> Iterator[coal.DistanceResult]:
+        """Yield coal's result for each of K pairs; the next one overwrites it."""
+        result, distance, fixed = coal.DistanceResult(), coal.distance, self._fixed
+        X_WA, X_WB = coal.Transform3s(), coal.Transform3s()  # set anew each time, which takes a third of making others
+        rotations, origins = placed.poses[..., :3, :3], placed.poses[..., :3, 3]
+        for (a, b), R, p in zip(placed.bodies.tolist(), rotations, origins, strict=True):
+            result.clear()
+            if a not in fixed:
+                X_WA.setTransform(R[0], p[0])
+            if b not in fixed:
+                X_WB.setTransform(R[1], p[1])
+            distance(shapes[a], fixed.get(a, X_WA), shapes[b], fixed.get(b, X_WB), request, result)
+            yield result
 
 
 def _request(criterion: coal.GJKConvergenceCriterion, tolerance: float) -> coal.DistanceRequest:
