@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import coal
 import numpy as np
 
-from optiplan.arrays import Array, Flags, Index
+from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
@@ -123,7 +123,7 @@ class Bodies:
 
     def unsupported(self) -> int | None:
         """Return a body of some pair for which no bound is known: a moving half-space, or an unsupported shape."""
-        for body in np.unique(self.pairs).tolist():
+        for body in distinct(self.pairs).tolist():
             known = self._known[body]
             moving_plane = isinstance(known.shape, coal.Halfspace) and self.joints[body] != 0
             if moving_plane or not (len(known.vertices) or known.solid is not None):
