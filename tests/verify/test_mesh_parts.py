@@ -61,7 +61,7 @@ def model(robot: Robot) -> CollisionModel:
 
 
 def test_parts_hold_every_triangle(model: CollisionModel) -> None:
-    parts = mesh_parts.parts_of_link(model, 0)
+    parts = mesh_parts.parts_of_link(model.robot, 0)
     assert len(parts) == mesh_parts._PARTS
     mesh = model.geometry.geometryObjects[0].geometry
     assert isinstance(mesh, coal.BVHModelBase)

@@ -7,7 +7,6 @@ import coal
 import numpy as np
 
 from optiplan.arrays import Array, Index
-from optiplan.collision.model import CollisionModel
 from optiplan.geometry.convex import triangles_of, vertices_of
 from optiplan.geometry.convex_hulls import kept_hull, thickened_hull
 from optiplan.robot.robot import Robot
@@ -19,11 +18,11 @@ _PARTS = 6
 _kept: "WeakKeyDictionary[Robot, dict[int, tuple[BodyShape, ...]]]" = WeakKeyDictionary()
 
 
-def parts_of_link(model: CollisionModel, body: int) -> tuple[BodyShape, ...]:
-    """Hulls that together hold a mesh of the model's robot, in the frame of that body; built once for each robot."""
-    known = _kept.setdefault(model.robot.unmounted, {})
+def parts_of_link(robot: Robot, body: int) -> tuple[BodyShape, ...]:
+    """Hulls that together hold a body of the robot that is a mesh, in its frame; built once for each robot."""
+    known = _kept.setdefault(robot.unmounted, {})
     if body not in known:
-        mesh = model.geometry.geometryObjects[body].geometry
+        mesh = robot.geometry.geometryObjects[body].geometry
         known[body] = tuple(BodyShape.of(_hull(points)) for points in _cut(vertices_of(mesh), triangles_of(mesh)))
     return known[body]
 

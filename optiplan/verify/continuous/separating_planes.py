@@ -1,6 +1,7 @@
 """Distances of pairs of bodies, each confirmed by a separating plane, independent of the query's accuracy."""
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import coal
@@ -59,7 +60,6 @@ class PairDistances:
     """
 
     def __init__(self, model: CollisionModel, bodies: Bodies) -> None:
-        self._bodies = bodies
         self._shapes = bodies.shapes
         outline = [body.geometry for body in model.outline.geometry.geometryObjects]
         self._hulls = [*outline, *(hull.shape for hull in bodies.tree.hulls)]
@@ -72,13 +72,23 @@ class PairDistances:
         self._mesh: Flags = np.array([not isinstance(shape, coal.ShapeBase) for shape in self._shapes], dtype=bool)
         self._no_hulls = bool(self._convex.all()) and not bodies.tree.hulls
         self._any_plane = bool(self._planes.any())
-        self._model = model
         links: Flags = self._mesh & (np.arange(len(self._mesh)) < len(model.robot.link_boxes))
         self._link_meshes: Flags = links[bodies.pairs] & ~self._planes.any(axis=1, keepdims=True)  # (P, 2)
-        still = np.flatnonzero(bodies.joints == 0).tolist()
+        self._put(model, bodies)
+
+    def _put(self, model: CollisionModel, bodies: Bodies) -> None:
+        self._robot, self._bodies = model.robot, bodies
+        still = np.flatnonzero(bodies.joints == 0)
         self._fixed = {
-            body: coal.Transform3s(X[:3, :3], X[:3, 3]) for body, X in zip(still, bodies.placements[still], strict=True)
+            k: coal.Transform3s(X[:3, :3], X[:3, 3])
+            for k, X in zip(still.tolist(), bodies.placements[still], strict=True)
         }
+
+    def with_obstacles_of(self, model: CollisionModel, bodies: Bodies) -> "PairDistances":
+        """Return the same of a model in which obstacles stand elsewhere, and its bodies."""
+        twin = copy(self)
+        twin._put(model, bodies)
+        return twin
 
     def query(self, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
         """Distance k of pair pairs[k] (K,) where `placed` has its bodies.
@@ -133,7 +143,7 @@ class PairDistances:
 
         Balls tell which part may be the nearest, and which may be as near as that one.
         """
-        parts, other = parts_of_link(self._model, body), placed.bodies[:, 1]
+        parts, other = parts_of_link(self._robot, body), placed.bodies[:, 1]
         R, p = placed.poses[..., :3, :3], placed.poses[..., :3, 3]
         centre = (R[:, 1] @ self._bodies.centre[other][..., None])[..., 0] + p[:, 1]
         apart = ((centre - p[:, 0])[:, None] @ R[:, 0]) - np.array([part.centre for part in parts])  # (K, parts, 3)
