@@ -298,7 +298,7 @@ def _reload(
     return replace(robot.holding(held), limits=limits, tool_frame=tool_frame).mounted(mounting)
 
 
-_loaded = LoadedRobots()
+_loaded: LoadedRobots[Robot] = LoadedRobots()
 
 
 @reading()
