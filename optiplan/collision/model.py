@@ -184,13 +184,13 @@ class CollisionModel:
         No distance tells that; and what is free of it at one end of a motion without contact is so all along.
         """
         self.place(q)
-        found = self._containment.find(self._queries.poses())
+        found = self.containment.find(self._queries.poses())
         return None if found is None else (self.names[found.inner], self.names[found.mesh])
 
     @cached_property
-    def _containment(self) -> Containment:
-        shapes = [body.geometry for body in self.geometry.geometryObjects]
-        return Containment(shapes, [(pair.a, pair.b) for pair in self.pairs])
+    def containment(self) -> Containment:
+        """Finds bodies inside meshes, of the pairs."""
+        return Containment([body.geometry for body in self.geometry.geometryObjects], self.bounds.pairs)
 
     def place(self, q: Array) -> None:
         """Move all bodies to q (n,), for `pair_distance`."""
