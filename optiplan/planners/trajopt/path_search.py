@@ -2,20 +2,23 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.common.path_timing import stopping, timed_path
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.constrained.seeds import ConstrainedSeeds
+from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
-from optiplan.planners.sampling.shrunk_obstacles import through_thinner
+from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
 from optiplan.planners.trajopt.incumbent import Incumbent
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
@@ -25,6 +28,15 @@ from optiplan.trajectory.trajectory import Trajectory
 _QUICK, _ROUNDS = 0.065, 2
 """Work, s, that a search may take that a late straight line waits for, and rounds that it makes in it: for a first
 motion, not for a hard problem."""
+
+_MANY = 0.15
+"""Work, s, of searches of which the cheapest path is optimised."""
+
+_DEPTH = 0.015
+"""Thickness, m, by which obstacles are thinner there on all sides: the optimiser moves a path out of them."""
+
+_NO_BETTER = 1.15
+"""Cost of a path in bounds on all motions, at which no cheaper one is looked for: corners and rounding take as much."""
 
 _SEARCH, _FIRST_SEARCH = 0.5, 0.8
 """Share of what is left of the budget that one search for a path may take; while there is no motion at all."""
@@ -44,6 +56,7 @@ class PathSearch:
         searches: begun so far.
         begun: rounds that the next search leaves out, since they have just been made in vain.
         found: while a line was being optimised, and not optimised itself yet.
+        between_thinner: whether paths are looked for between thinner obstacles once there is a motion.
     """
 
     problem: Problem
@@ -55,6 +68,7 @@ class PathSearch:
     searches: int = 0
     found: SampledPath | None = None
     begun: int = 0
+    between_thinner: bool = True
     _on_constraints: ConstrainedSeeds = field(init=False)
 
     def __post_init__(self) -> None:
@@ -72,26 +86,57 @@ class PathSearch:
         """Look for a path for a short while if there is no motion, and offer it with a stop at every corner."""
         if self.incumbent.candidates or self.searches or self._on_constraints.apply:
             return
-        path = self._sample(sampler, self.patience.seconds + _QUICK, None)
+        path = self._sample(sampler, self.model, self.patience.seconds + _QUICK, None)
         if isinstance(path, SampledPath):
             self.found = path
         else:
             self.begun = _ROUNDS
 
     def next(self, sampler: GoalSampler, repair: Callable[[Array], Array | None]) -> SampledPath | Failure:
-        """Return the path found at once, or one of the next seed; `repair` as in `through_thinner`.
+        """Return the next path to optimise; `repair` as in `through_thinner`.
 
-        With a motion at hand a search ends where it stops being worth its work.
+        Without a motion it is the first one found, and free. With one, it is the cheapest of several: a path's cost
+        tells much of what it can be optimised to, and a search takes less time than a descent. They are looked for
+        between thinner obstacles, where there are more ways and searches are shorter, in turn with the real ones where
+        that has led to nothing. Searches end where they stop being worth their work.
         """
         found, self.found = self.found, None
-        if found is not None:
-            return found
+        if self._on_constraints.apply or not self.incumbent.candidates:
+            return found or self._sample(sampler, self.model, self.patience.seconds + self._worth, repair)
+        if self.between_thinner:
+            path = self._cheapest(sampler, self._thinner, found)
+            if isinstance(path, Failure) or len(path.waypoints) > 2:
+                return path
+            self.between_thinner = False
+        return self._cheapest(sampler, self.model, found)
+
+    def _cheapest(self, sampler: GoalSampler, model: CollisionModel, found: SampledPath | None) -> SampledPath | Failure:
+        """Return the cheapest of the paths found within `_MANY`, or the first one, and `found`."""
+        began, bound = self.patience.seconds, self.incumbent.bound
+        paths = [] if found is None else [found]
+        while True:
+            most = began + (min(_MANY, self._worth) if paths else self._worth)
+            path = self._sample(sampler, model, most, None)
+            if isinstance(path, Failure):
+                return min(paths, key=lambda path: path.cost) if paths else path
+            paths.append(path)
+            cheapest = min(paths, key=lambda path: path.cost)
+            enough = self.incumbent.cost_bound(cheapest.cost) <= _NO_BETTER * bound or len(path.waypoints) == 2
+            if enough or self.patience.seconds >= began + _MANY or self.budget.over:
+                return cheapest
+
+    @property
+    def _worth(self) -> float:
+        """Return the work without a gain that is still worth it, s."""
         incumbent = self.incumbent
-        worth = self.patience.worth(incumbent.cost, incumbent.bound) if incumbent.candidates else np.inf
-        return self._sample(sampler, self.patience.seconds + worth, repair)
+        return self.patience.worth(incumbent.cost, incumbent.bound) if incumbent.candidates else np.inf
+
+    @cached_property
+    def _thinner(self) -> CollisionModel:
+        return planning_model(self.problem.robot, thinned(self.problem.scene, _DEPTH))
 
     def _sample(
-        self, sampler: GoalSampler, most: float, repair: Callable[[Array], Array | None] | None
+        self, sampler: GoalSampler, model: CollisionModel, most: float, repair: Callable[[Array], Array | None] | None
     ) -> SampledPath | Failure:
         """Return a path of the next seed to any of the promising goals, sampled within `most` of work in all, s."""
         number, begun = self.searches, self.begun
@@ -113,9 +158,14 @@ class PathSearch:
                 begun=begun,
                 early=None if self.incumbent.candidates else self._stopping,
             )
-            path = sample_path(self.model, self.problem.start, goals, self.problem.limits, options)
+            path = sample_path(model, self.problem.start, goals, self.problem.limits, options)
+        self.patience.work(shortcuts=options.attempts if isinstance(path, SampledPath) else 0)
         self.incumbent.info["cut_short"] |= isinstance(path, Failure) and budget.over
         return path
+
+    def free(self, path: SampledPath) -> bool:
+        """Return whether a path is free between the obstacles as they are."""
+        return MotionCheck(self.model, self.problem.limits).polyline_free(path.waypoints)
 
     def offer_first(self, path: SampledPath) -> Failure | None:
         """Offer the motion along a path that is to be had soonest."""

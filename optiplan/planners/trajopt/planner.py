@@ -219,8 +219,9 @@ class _Run:
         elif self.incumbent.cost_bound(path.cost) > WORSE * self.incumbent.cost:
             self.patience.record(None)
         else:
-            self.attempts.attempt("sampled", self._along(path.waypoints), self.budget)
-        if self.incumbent.cost > self.incumbent.cost_bound(path.cost):
+            attempt = self.attempts.attempt("sampled", self._along(path.waypoints), self.budget)
+            self.paths.between_thinner = attempt is not None
+        if self.incumbent.cost > self.incumbent.cost_bound(path.cost) and self.paths.free(path):
             self.paths.offer_timed(path)
         return failure
 
