@@ -1,7 +1,7 @@
 """Sampled paths for `trajopt`: the searches, and the motions along a path that is not optimised."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,9 +15,10 @@ from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.common.path_timing import stopping, timed_path
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.constrained.seeds import ConstrainedSeeds
-from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.local_searches import improved_path
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
-from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
+from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
+from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
 from optiplan.planners.trajopt.incumbent import Incumbent
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
@@ -29,8 +30,8 @@ _QUICK, _ROUNDS = 0.065, 2
 """Work, s, that a search may take that a late straight line waits for, and rounds that it makes in it: for a first
 motion, not for a hard problem."""
 
-_MANY = 0.15
-"""Work, s, of searches of which the cheapest path is optimised."""
+_LOCAL = 30
+"""Local searches that improve a path before it is optimised."""
 
 _DEPTH = 0.015
 """Thickness, m, by which obstacles are thinner there on all sides: the optimiser moves a path out of them."""
@@ -104,26 +105,28 @@ class PathSearch:
         if self._on_constraints.apply or not self.incumbent.candidates:
             return found or self._sample(sampler, self.model, self.patience.seconds + self._worth, repair)
         if self.between_thinner:
-            path = self._cheapest(sampler, self._thinner, found)
+            path = self._improved(sampler, self._thinner, found)
             if isinstance(path, Failure) or len(path.waypoints) > 2:
                 return path
             self.between_thinner = False
-        return self._cheapest(sampler, self.model, found)
+        return self._improved(sampler, self.model, found)
 
-    def _cheapest(self, sampler: GoalSampler, model: CollisionModel, found: SampledPath | None) -> SampledPath | Failure:
-        """Return the cheapest of the paths found within `_MANY`, or the first one, and `found`."""
-        began, bound = self.patience.seconds, self.incumbent.bound
-        paths = [] if found is None else [found]
-        while True:
-            most = began + (min(_MANY, self._worth) if paths else self._worth)
-            path = self._sample(sampler, model, most, None)
-            if isinstance(path, Failure):
-                return min(paths, key=lambda path: path.cost) if paths else path
-            paths.append(path)
-            cheapest = min(paths, key=lambda path: path.cost)
-            enough = self.incumbent.cost_bound(cheapest.cost) <= _NO_BETTER * bound or len(path.waypoints) == 2
-            if enough or self.patience.seconds >= began + _MANY or self.budget.over:
-                return cheapest
+    def _improved(
+        self, sampler: GoalSampler, model: CollisionModel, found: SampledPath | None
+    ) -> SampledPath | Failure:
+        """Return `found`, or else a path that is sampled, improved by local searches."""
+        began, incumbent = self.patience.seconds, self.incumbent
+        path = found or self._sample(sampler, model, began + self._worth, None)
+        if isinstance(path, Failure):
+            return path
+        with self.watch.stage("sampling"):
+            check = path_check(model, self.problem.limits)
+            searcher = counted(rrt_connect, self.patience, began + self._worth)
+            rng = np.random.default_rng(self.problem.seed + 1000 * self.searches)
+            enough = _NO_BETTER * incumbent.soonest
+            waypoints = improved_path(check, path.waypoints, searcher, self.budget, rng, _LOCAL, enough)
+        cost = float(path_time(waypoints, self.problem.limits.velocity).sum())
+        return replace(path, waypoints=waypoints, cost=cost)
 
     @property
     def _worth(self) -> float:
@@ -165,7 +168,7 @@ class PathSearch:
 
     def free(self, path: SampledPath) -> bool:
         """Return whether a path is free between the obstacles as they are."""
-        return MotionCheck(self.model, self.problem.limits).polyline_free(path.waypoints)
+        return path_check(self.model, self.problem.limits).polyline_free(path.waypoints)
 
     def offer_first(self, path: SampledPath) -> Failure | None:
         """Offer the motion along a path that is to be had soonest."""
