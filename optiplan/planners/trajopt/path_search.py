@@ -102,8 +102,11 @@ class PathSearch:
         that has led to nothing. Searches end where they stop being worth their work.
         """
         found, self.found = self.found, None
-        if self._on_constraints.apply or not self.incumbent.candidates:
-            return found or self._sample(sampler, self.model, self.patience.seconds + self._worth, repair)
+        if found is None and (self._on_constraints.apply or not self.incumbent.candidates):
+            path = self._sample(sampler, self.model, self.patience.seconds + self._worth, repair)
+            if isinstance(path, Failure) or not self.incumbent.candidates or self._on_constraints.apply:
+                return path
+            found = path
         if self.between_thinner:
             path = self._improved(sampler, self._thinner, found)
             if isinstance(path, Failure) or len(path.waypoints) > 2:

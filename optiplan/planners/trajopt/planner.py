@@ -176,7 +176,7 @@ class _Run:
                 self._expect(self._coming(sampler, number, rng))
                 control = self._with_bump(self._line(sampler, number), rng)
                 self.direct = self.attempts.attempt("line", control, self.attempts.before_closer) is not None
-            if self.incumbent.curve is not None and self._worth():
+            if number % 2 == 1 and self.incumbent.curve is not None and self._worth():
                 self._expect(self._coming(sampler, number, rng, line=False))
                 control = self._with_bump(self.incumbent.curve.control, rng)
                 self.attempts.attempt("bump", control, self.attempts.before_closer)
