@@ -16,7 +16,7 @@ from optiplan.collision.pair_queries import PairQueries
 from optiplan.collision.standing_links import overlapping
 from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
-from optiplan.geometry.mesh_hulls import SETTLED, exact_queries, is_flat
+from optiplan.geometry.mesh_hulls import SETTLED, is_flat
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import build_geometry
 from optiplan.robot.batch_fk import BatchKinematics
@@ -129,13 +129,11 @@ class CollisionModel:
         model._take(self, scene)
         model.geometry, model.bounds = geometry, self.bounds.with_placements(geometry)
         model.outline = Outline(model.model, geometry)
-        if "_queries" in vars(self):
-            vars(model)["_queries"] = self._queries.with_placements(geometry)
         return model
 
     @cached_property
     def _queries(self) -> PairQueries:
-        return PairQueries(self.model, self.geometry, exact_queries)
+        return PairQueries(self.model, self.geometry)
 
     @cached_property
     def _flat(self) -> bool:
@@ -167,12 +165,18 @@ class CollisionModel:
         bounding volumes meet, and so it is where there are too many pairs for it.
         """
         if self._flat or self._queries.many:
-            self.place(q)
-            possible = np.flatnonzero(self.lower_bounds(q[None])[0] <= DISTANCE_ERROR).tolist()
-            return any(self._queries.touches(pair) for pair in possible)
+            return self.touches(q)
         if self.outline.pairs and not self.outline.collides(self._data, self.full(q)):
             return False
         return self._queries.any_touch(self._data, self.full(q))
+
+    def touches(self, q: Array) -> bool:
+        """As `collides`, pair by pair where bounding volumes and hulls meet: makes nothing for the other pairs."""
+        self.place(q)
+        possible = np.flatnonzero(self.lower_bounds(q[None])[0] <= DISTANCE_ERROR).tolist()
+        meshes = self.outline.pairs
+        near = (pair for pair in possible if pair not in meshes or self.outline.distance(pair) <= DISTANCE_ERROR)
+        return any(self._queries.touches(pair) for pair in near)
 
     def contained(self, q: Array) -> tuple[str, str] | None:
         """Names of a body and of the mesh that it is inside of, at q (n,), where nothing touches; None without one.
@@ -180,13 +184,13 @@ class CollisionModel:
         No distance tells that; and what is free of it at one end of a motion without contact is so all along.
         """
         self.place(q)
-        found = self._containment.find(self._queries.poses())
+        found = self.containment.find(self._queries.poses())
         return None if found is None else (self.names[found.inner], self.names[found.mesh])
 
     @cached_property
-    def _containment(self) -> Containment:
-        shapes = [body.geometry for body in self.geometry.geometryObjects]
-        return Containment(shapes, [(pair.a, pair.b) for pair in self.pairs])
+    def containment(self) -> Containment:
+        """Finds bodies inside meshes, of the pairs."""
+        return Containment([body.geometry for body in self.geometry.geometryObjects], self.bounds.pairs)
 
     def place(self, q: Array) -> None:
         """Move all bodies to q (n,), for `pair_distance`."""
@@ -220,8 +224,7 @@ class CollisionModel:
             return None
         if self.outline.pairs or self._queries.many:
             return self._nearest(q)
-        nearest = self._queries.nearest(self._data, self.full(q))
-        return self._read(nearest, self._queries.result(nearest))
+        return self._read(*self._queries.nearest(self._data, self.full(q)))
 
     def _nearest(self, q: Array) -> Contact:
         """The nearest pair at q (n,), by rising lower bound, as long as that is below the least distance found."""
@@ -254,9 +257,7 @@ class CollisionModel:
         bodies touch: triangles do not tell how deep, or which way is out.
         """
         candidates = self.lower_bounds(Q) < cutoff
-        queries = self._queries
-        queries.ready(np.flatnonzero(candidates.any(axis=0)))  # at once
-        outline, meshes = self.outline, self.outline.pairs
+        queries, outline, meshes = self._queries, self.outline, self.outline.pairs
         found: list[tuple[int, int, float]] = []
         vectors: list[Array] = []
         for row in np.flatnonzero(candidates.any(axis=1)).tolist():
@@ -270,7 +271,6 @@ class CollisionModel:
                 distance = result.min_distance
                 if distance < cutoff:
                     found.append((row, pair, distance))
-                    # Copies: these are views of memory that the pair's next query overwrites.
                     vectors.append(np.array([result.getNearestPoint1(), result.getNearestPoint2(), result.normal]))
         rows, pairs = (np.array([entry[k] for entry in found], dtype=np.intp) for k in (0, 1))
         distances = np.array([entry[2] for entry in found])
@@ -281,7 +281,6 @@ class CollisionModel:
         """Distances (K,), m, of chosen pairs where `placed` has the joints; meshes as in `near`."""
         self._queries.place(placed)
         self.outline.place(placed)
-        self._queries.ready(which)  # at once
         self._answers = results = [self._nearest_points(pair) for pair in which.tolist()]
         return np.array([result.min_distance for result in results])
 

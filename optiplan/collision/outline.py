@@ -8,7 +8,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.collision.pair_queries import PairQueries
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
-from optiplan.geometry.mesh_hulls import exact_queries, hull_of_mesh
+from optiplan.geometry.mesh_hulls import hull_of_mesh
 
 _MARGIN = 2 * DISTANCE_ERROR
 """m; subtracted from a distance of hulls, so that it is a lower bound."""
@@ -43,7 +43,7 @@ class Outline:
 
     @cached_property
     def _queries(self) -> PairQueries:
-        return PairQueries(self._model, self.geometry, exact_queries)
+        return PairQueries(self._model, self.geometry)
 
     def place(self, data: pin.Data) -> None:
         """Move the bodies to where the joints are in `data`."""
@@ -59,5 +59,5 @@ class Outline:
         return float(self.query(pair).min_distance) - _MARGIN
 
     def query(self, pair: int) -> coal.DistanceResult:
-        """Nearest points of a pair of hulls where `place` put the bodies; the pair's next query overwrites them."""
+        """Nearest points of a pair of hulls where `place` put the bodies."""
         return self._queries.distance(pair)

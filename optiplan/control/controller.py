@@ -10,8 +10,9 @@ import numpy as np
 from optiplan.arrays import Array, is_finite
 from optiplan.control.configuration import Configuration
 from optiplan.control.defaults import ORDER, default_limits
-from optiplan.control.limits.base import ControlLimit, KeptRowLimit, RowLimit
+from optiplan.control.limits.base import ControlLimit
 from optiplan.control.limits.joint_box import JointBox
+from optiplan.control.limits.row_limit import KeptRowLimit, RowLimit
 from optiplan.control.limits.stop_limits import StopLimit
 from optiplan.control.objective import BASE_DAMPING, TaskObjective, singular_values
 from optiplan.control.qp.answers import Answers

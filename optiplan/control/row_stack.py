@@ -6,7 +6,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.base import LimitRows, RowLimit
+from optiplan.control.limits.row_limit import LimitRows, RowLimit
 from optiplan.control.qp.answers import RowGroup
 from optiplan.trajectory.state import State
 

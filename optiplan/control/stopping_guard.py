@@ -7,8 +7,8 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.control.braking_path import make_braking_path
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.base import KeptRowLimit, LimitRows
 from optiplan.control.limits.joint_box import JointBox
+from optiplan.control.limits.row_limit import KeptRowLimit, LimitRows
 from optiplan.control.limits.stop_limits import Abilities, DistanceView, StopLimit
 from optiplan.control.step import NearestPair
 from optiplan.robot.robot import Robot

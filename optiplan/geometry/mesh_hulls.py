@@ -51,9 +51,20 @@ def exact_queries(data: pin.GeometryData) -> None:
     Guesses kept from call to call make a result depend on what was asked before, and at coal's tolerance of 1e-6
     distances to cylinders come out up to 0.17 mm too large.
     """
+    _make_exact(*data.distanceRequests, *data.collisionRequests)
+
+
+def exact_requests() -> tuple[coal.DistanceRequest, coal.CollisionRequest]:
+    """Requests of the same kind, for asking coal itself; that of contacts wants no points."""
+    distance, collision = coal.DistanceRequest(), coal.CollisionRequest(coal.CollisionRequestFlag.NO_REQUEST, 1)
+    _make_exact(distance, collision)
+    return distance, collision
+
+
+def _make_exact(*requests: coal.QueryRequest) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # the old switch is the one that pinocchio turns on
-        for request in (*data.distanceRequests, *data.collisionRequests):
+        for request in requests:
             request.enable_cached_gjk_guess = False
             request.gjk_tolerance = 1e-9
             request.gjk_max_iterations = 500

@@ -22,7 +22,7 @@ from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.objectives.parts import ObjectiveParts
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.statement import End, Pose, Values, ViaPoint
-from optiplan.problem.summary import as_table, in_one_line
+from optiplan.problem.summary import as_table, goals_in_words
 from optiplan.problem.task.builder import Task
 from optiplan.problem.task.steps import TaskStep
 from optiplan.problem.write import problem_text
@@ -385,8 +385,25 @@ class Problem:
 
     def __repr__(self) -> str:
         """Name, robot, goal and scene in one line."""
-        return in_one_line(self)
+        past = f" past {len(self.vias)} points" if self.vias else ""
+        return f"Problem: {self.name}, {self.robot.name}, to {self._end}{past}; {self._around}"
 
     def _repr_html_(self) -> str:
-        """A small table for notebooks."""
-        return as_table(self)
+        """The same with the start and the hash, as a small table for notebooks."""
+        rows = {
+            "robot": f"{self.robot.name}, {self.robot.n} joints",
+            "start": ", ".join(f"{q:.4g}" for q in self.start),
+            "goal": self._end,
+            "via points": len(self.vias),
+            "scene": self._around,
+            "hash": f"{self.hash:.12}",
+        }
+        return as_table(self.name, rows)
+
+    @property
+    def _end(self) -> str:
+        return f"do {self.task[-1].number} steps" if self.task else goals_in_words(self.goal)
+
+    @property
+    def _around(self) -> str:
+        return str(self.scene).removeprefix("Scene: ")

@@ -1,34 +1,45 @@
-"""Robots kept in memory: one whose files have not changed is not read again."""
+"""Robots kept in memory: one whose files have not changed is not read again, one that stands as before not made."""
 
 import json
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Generic, Protocol, TypeVar
 
 from optiplan.files import Signature, allowed_folders, signature
-
-if TYPE_CHECKING:
-    from optiplan.robot.robot import Robot
+from optiplan.robot.reference import robot_file, robot_names
 
 _MOST = 16
+_MOST_MOUNTED = 4
 _SETTLED = 2.0
 """s since the last change of a file, before which its times do not tell one version from the next."""
 
 Key = tuple[str, str, str, str | None, tuple[Path, ...] | None]
-"""What a robot was asked for by: reference, folder, locked joints, group, and the folders that may be read."""
+"""What a robot was asked for by: its name, file or content, the folder that paths in a content start from, locked
+joints, group, and the folders that may be read."""
 
 
-class LoadedRobots:
+class ReadFromFiles(Protocol):
+    """What has been read from `files`."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Absolute paths."""
+
+
+Loaded = TypeVar("Loaded", bound=ReadFromFiles)
+
+
+class LoadedRobots(Generic[Loaded]):
     """The robots loaded last, each with the files that it was read from."""
 
     def __init__(self) -> None:
-        self._robots: OrderedDict[Key, tuple[Robot, tuple[Signature, ...]]] = OrderedDict()
+        self._robots: OrderedDict[Key, tuple[Loaded, tuple[Signature, ...]]] = OrderedDict()
         self._lock = threading.Lock()
 
-    def get(self, key: Key) -> "Robot | None":
+    def get(self, key: Key) -> Loaded | None:
         """The robot loaded by `key`, unless one of its files has changed or may not be read any more."""
         with self._lock:
             robot, seen = self._robots.get(key, (None, ()))
@@ -39,7 +50,7 @@ class LoadedRobots:
                 self._robots.move_to_end(key)
         return robot
 
-    def keep(self, key: Key, robot: "Robot", began: float) -> None:
+    def keep(self, key: Key, robot: Loaded, began: float) -> None:
         """Remember a robot whose loading began at this time (`time.time`), unless a file was changed just before."""
         seen = _signatures(robot.files)
         if seen is None or any(began - file.changed < _SETTLED for file in seen):
@@ -53,15 +64,37 @@ class LoadedRobots:
     def key(
         ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
     ) -> Key:
-        """What tells one robot from another."""
-        folder = (base or Path()).absolute()
-        named = ref if isinstance(ref, str) else json.dumps(ref, sort_keys=True, default=repr)
-        return named, str(folder), json.dumps(dict(locked or {}), sort_keys=True), group, allowed_folders()
+        """What tells one robot from another; a file is the same from wherever it is referred to.
+
+        Raises:
+            UnknownChoiceError: as `robot_file`.
+        """
+        if isinstance(ref, str):
+            named, folder = ref if ref in robot_names() else str(robot_file(ref, base).resolve()), ""
+        else:
+            named, folder = json.dumps(ref, sort_keys=True, default=repr), str((base or Path()).absolute())
+        return named, folder, json.dumps(dict(locked or {}), sort_keys=True), group, allowed_folders()
 
     @staticmethod
     def now() -> float:
         """The time, s, that files are stamped with."""
         return time.time()
+
+
+class MountedRobots(Generic[Loaded]):
+    """One robot at the places and with the loads that it had last, each the same object whenever it comes again."""
+
+    def __init__(self) -> None:
+        self._robots: OrderedDict[str, Loaded] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def get(self, key: str, make: Callable[[], Loaded]) -> Loaded:
+        """The robot mounted as `key` says, made where there is none."""
+        with self._lock:
+            robot = self._robots[key] = self._robots.pop(key, None) or make()
+            while len(self._robots) > _MOST_MOUNTED:
+                self._robots.popitem(last=False)
+        return robot
 
 
 def _signatures(paths: tuple[Path, ...]) -> tuple[Signature, ...] | None:

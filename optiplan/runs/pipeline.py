@@ -11,7 +11,6 @@ from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import load_libraries, make_planner, options_set
-from optiplan.planners.task.planner import plan_task
 from optiplan.problem.problem import Problem
 from optiplan.runs.common_bound import bound_of
 from optiplan.runs.metrics import measure
@@ -64,6 +63,8 @@ def run(  # noqa: PLR0913
     began, spent = time.perf_counter(), processor_time()
     within = budget.leaving(reserve(budget.seconds))
     if problem.task:
+        from optiplan.planners.task.planner import plan_task
+
         result = plan_task(chosen, problem, within, progress)
     else:
         result = plan_through(chosen, problem, within, progress, earlier)

@@ -2,17 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from statistics import median
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.models import BenchPlannerInput, BenchRequest, ProblemInput, Submission
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.requests import digest_of
+from optiplan.service.run_service import RunService
 from optiplan.service.store.bench_table import BenchTable
 from optiplan.service.store.run_table import ENDED, Record
-
-if TYPE_CHECKING:
-    from optiplan.service.planner_service import PlannerService
 
 MOST = 2000
 """Runs of one bench."""
@@ -23,7 +21,7 @@ DRAWING = 120.0
 class Benches:
     """The benches of a service."""
 
-    def __init__(self, service: "PlannerService", table: BenchTable) -> None:
+    def __init__(self, service: RunService, table: BenchTable) -> None:
         self._service, self._table = service, table
 
     async def submit(self, given: BenchRequest) -> Record:

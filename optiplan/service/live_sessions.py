@@ -4,15 +4,13 @@ import asyncio
 import uuid
 from collections.abc import AsyncIterator
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob
 from optiplan.service.models import LiveRequest
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.requests import refusal_of
-
-if TYPE_CHECKING:
-    from optiplan.service.planner_service import PlannerService
+from optiplan.service.run_service import RunService
 
 UNSEEN = 30.0
 """s that a controller runs on without a watcher."""
@@ -78,7 +76,7 @@ class LiveSession:
 class LiveSessions:
     """The controllers of a server."""
 
-    def __init__(self, service: "PlannerService") -> None:
+    def __init__(self, service: RunService) -> None:
         self._service = service
         self._running: dict[str, LiveSession] = {}
         self._starting = 0

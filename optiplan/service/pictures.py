@@ -2,14 +2,12 @@
 
 from collections import OrderedDict
 from collections.abc import Awaitable, Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optiplan.runs.run_folder import TRAJECTORY
 from optiplan.service.models import ProblemInput
+from optiplan.service.run_service import RunService
 from optiplan.service.store.run_table import Record
-
-if TYPE_CHECKING:
-    from optiplan.service.planner_service import PlannerService
 
 REMEMBERED = 1000
 """Pictures of some 10 kB each."""
@@ -18,7 +16,7 @@ REMEMBERED = 1000
 class Pictures:
     """Pictures of the runs and problems of a service."""
 
-    def __init__(self, service: "PlannerService") -> None:
+    def __init__(self, service: RunService) -> None:
         self._service = service
         self._drawn: OrderedDict[str, bytes] = OrderedDict()
 

@@ -6,7 +6,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic_core import to_json
 from sqlalchemy.exc import SQLAlchemyError
@@ -18,11 +18,9 @@ from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob
 from optiplan.service.models import PlanRequest
 from optiplan.service.refusals import Refusal, busy
 from optiplan.service.requests import refusal_of
+from optiplan.service.run_service import RunService
 from optiplan.service.store.run_table import NewRun, Record
 from optiplan.trajectory.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from optiplan.service.planner_service import PlannerService
 
 _log = logging.getLogger("optiplan.service")
 
@@ -42,7 +40,7 @@ class WaitedRun:
 class WaitedPlans:
     """The plans of a service that callers wait for."""
 
-    def __init__(self, service: "PlannerService") -> None:
+    def __init__(self, service: RunService) -> None:
         self._service = service
         self._saving: dict[str, asyncio.Future[None]] = {}
         self._tasks: set[asyncio.Task[None]] = set()

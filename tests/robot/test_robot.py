@@ -6,6 +6,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.errors import InputError, UnknownChoiceError
+from optiplan.robot import loaded_robots
 from optiplan.robot.robot import load_robot, robot_file, robot_names
 from tests.robot.robots import TWO, chain, joint, write_robot
 
@@ -202,6 +203,17 @@ def test_references(tmp_path):
     with pytest.raises(UnknownChoiceError, match=r"unknown robot .pamda.; choose from: .*panda"):
         robot_file("pamda")
     assert "No such file" in issues_of(tmp_path / "other.yaml")
+
+
+def test_a_robot_is_read_once_wherever_it_is_referred_to_from(tmp_path, monkeypatch):
+    monkeypatch.setattr(loaded_robots, "_SETTLED", -1e9)  # else files written just now are read again
+    path = write_robot(tmp_path / "arm", TWO)
+    write_robot(tmp_path / "other/arm", TWO, "group: [j1]\n")
+    robot = load_robot(str(path))
+    assert load_robot("arm", tmp_path) is robot
+    assert load_robot("../arm/robot.yaml", tmp_path / "other") is robot
+    assert load_robot("arm", tmp_path / "other").joint_names == ("j1",)
+    assert load_robot("panda", tmp_path) is load_robot("panda")
 
 
 def test_the_foreign_panda_keeps_its_fingers(shared):

@@ -74,7 +74,7 @@ def test_a_server_tidies_what_is_outdated_and_keeps_the_rest(server, monkeypatch
     old, young = (server.submit(seed=seed)["id"] for seed in (7001, 7002))
     for run in (old, young):
         server.ended(run)
-    engine = server.service._engine
+    engine = server.service.engine
     with engine.begin() as connection:
         connection.execute(runs.update().where(runs.c.id == old).values(submitted=time.time() - 31 * DAY))
     server.service.tidy()

@@ -16,6 +16,7 @@ from optiplan.viewer.run_data.attempts import found_by
 from optiplan.viewer.run_data.checks import checks_of
 from optiplan.viewer.run_data.clearance import clearance_of
 from optiplan.viewer.run_data.curves import curves_of, short_names, tool_frames
+from optiplan.viewer.run_data.stops import stops_told
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
 
@@ -201,6 +202,14 @@ def test_how_a_run_was_found(proof):
     assert (second["duration"], second["log"], third["log"]) == (None, None, None)
     assert found_by({"info": {"attempts": 3}}) is None
     assert found_by(None) is None
+
+
+def test_stops_of_a_damaged_record_are_left_out():
+    stop = {"t": 1.0, "after": 1, "why": "attach cup"}
+    wrong = [3, {"t": 1.0}, {**stop, "t": "soon"}, {**stop, "t": float("nan")}, {**stop, "after": None}]
+    assert stops_told({"info": {"stops": [stop, *wrong]}}) == [stop]
+    for record in (None, {}, {"info": None}, {"info": {"stops": 3}}):
+        assert stops_told(record) == []
 
 
 def test_a_planners_run_tells_the_page_how_it_was_found():

@@ -8,7 +8,8 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array, Index
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.base import ControlLimit, LimitRows
+from optiplan.control.limits.base import ControlLimit
+from optiplan.control.limits.row_limit import LimitRows
 from optiplan.robot.robot import Robot
 
 BUFFER = 5e-4

@@ -7,7 +7,8 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.base import LimitRows, RowLimit, positive_vector
+from optiplan.control.limits.base import positive_vector
+from optiplan.control.limits.row_limit import LimitRows, RowLimit
 from optiplan.control.tasks.base import frame_of
 from optiplan.errors import wrong_argument
 from optiplan.robot.robot import Robot

@@ -5,7 +5,8 @@ from typing import ClassVar
 import numpy as np
 
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.base import LimitRows, RowLimit, positive_vector
+from optiplan.control.limits.base import positive_vector
+from optiplan.control.limits.row_limit import LimitRows, RowLimit
 from optiplan.errors import wrong_argument
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.state import State

@@ -1,20 +1,19 @@
 """`WheelSpeedLimit`: rates of the wheels of a base on mecanum wheels, kept while it drives and while it brakes."""
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.control.braking_path import make_braking_path
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.base import KeptRowLimit, LimitRows, positive_vector
+from optiplan.control.limits.base import positive_vector
+from optiplan.control.limits.joint_box import JointBox
+from optiplan.control.limits.row_limit import KeptRowLimit, LimitRows
 from optiplan.errors import wrong_argument
 from optiplan.kinematics.mecanum import WHEELS, Mecanum
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.state import State
-
-if TYPE_CHECKING:
-    from optiplan.control.limits.joint_box import JointBox
 
 _ROUNDING = 1e-9
 """rad/s; what rounding may cost."""
@@ -53,7 +52,7 @@ class WheelSpeedLimit(KeptRowLimit):
         self._allowed = self._rate
         self._labels = tuple(f"wheel {name}" for _ in _MOMENTS for name in WHEELS)
 
-    def meet(self, box: "JointBox", by_acceleration: bool) -> None:
+    def meet(self, box: JointBox, by_acceleration: bool) -> None:
         """Take how the joints brake."""
         super().meet(box, by_acceleration)
         self._box, self._mean = box, by_acceleration

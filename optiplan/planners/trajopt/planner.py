@@ -31,7 +31,6 @@ from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.program.sqp import WORSE
 from optiplan.planners.trajopt.stopping_rule import Patience
-from optiplan.planners.trajopt.through_vias import through_vias
 from optiplan.planners.trajopt.warm import WarmStart
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
@@ -70,6 +69,8 @@ class TrajOpt(Planner[TrajOptOptions]):
             alone = among_moving if problem.vias else plan_among_moving
             return alone(self, problem, budget, progress)
         if problem.vias:
+            from optiplan.planners.trajopt.through_vias import through_vias
+
             return through_vias(self, problem, budget, progress)
         if problem.moving:
             return plan_moving(self, problem, budget, progress)

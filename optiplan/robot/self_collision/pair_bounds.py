@@ -32,7 +32,7 @@ class PairBounds:
         self,
         kinematics: BatchKinematics,
         geometry: pin.GeometryModel,
-        pairs: Sequence[tuple[int, int]],
+        pairs: Sequence[tuple[int, int]] | Index,
         boxes: Sequence[LocalBox] | None = None,
     ) -> None:
         """Take the bodies of `geometry`, and their bounding volumes where they are known."""

@@ -39,10 +39,11 @@ _hulls: "WeakKeyDictionary[Robot, tuple[tuple[ClusterHull, ...], ...]]" = WeakKe
 
 def _levels(robot: Robot) -> tuple[tuple[ClusterHull, ...], ...]:
     """Hulls of a robot's clusters, of few bodies first; built once for each robot."""
-    if robot not in _hulls:
-        found = clusters_of(robot)
-        _hulls[robot] = tuple(tuple(map(ClusterHull.of, level)) for level in (found.by_link, found.by_joint))
-    return _hulls[robot]
+    bare = robot.unmounted
+    if bare not in _hulls:
+        found = clusters_of(bare)
+        _hulls[bare] = tuple(tuple(map(ClusterHull.of, level)) for level in (found.by_link, found.by_joint))
+    return _hulls[bare]
 
 
 class PairTree:
@@ -85,18 +86,25 @@ class PairTree:
         apart = (held != pairs).any(axis=1) & (held[:, 0] != held[:, 1]) & ~self._plane[pairs].any(axis=1)
         key = np.where(apart, held[:, 0] * len(above) + held[:, 1], -1)
         order = np.argsort(key, kind="stable")
-        runs = np.split(order, np.flatnonzero(np.diff(key[order])) + 1) if len(order) else []
-        found = [run for run in runs if key[run[0]] >= 0 and self._worth(self.tops[run])]
-        if not found:
+        ordered = key[order]
+        first = np.flatnonzero(np.diff(ordered, prepend=-2))  # of each run of the same hulls
+        last = np.append(first[1:], len(order))
+        worth = np.flatnonzero((ordered[first] >= 0) & self._worth(self.tops[order], first, last - first))
+        if not len(worth):
             return
+        found = [order[first[run] : last[run]] for run in worth.tolist()]
         fresh = len(self.pairs) + np.arange(len(found))
         self.parts |= {int(index): self.tops[run] for index, run in zip(fresh, found, strict=True)}
-        self.pairs = np.vstack([self.pairs, held[[run[0] for run in found]]])
+        self.pairs = np.vstack([self.pairs, held[order[first[worth]]]])
         self.tops = np.concatenate([np.delete(self.tops, np.concatenate(found)), fresh])
 
-    def _worth(self, pairs: Index) -> bool:
-        """Whether asking a hull for these pairs saves queries: there are several, or pairs of hulls among them."""
-        return len(pairs) >= _FEW or (len(pairs) > 1 and int(pairs.max()) >= self.count)
+    def _worth(self, pairs: Index, first: Index, count: Index) -> Flags:
+        """Whether asking a hull for runs of `pairs` saves queries: they are several, or there are hulls among them.
+
+        Runs begin at `first` and are `count` long, (R,) each; so is the result.
+        """
+        hulls = np.maximum.reduceat(pairs, first) >= self.count if len(pairs) else np.zeros(0, dtype=bool)
+        return np.asarray((count >= _FEW) | ((count > 1) & hulls))
 
     def members(self, pair: int) -> Index:
         """The pairs of the model that a pair stands for; itself where it is one of them."""
@@ -121,5 +129,4 @@ class PairTree:
                 hull = self.hulls[k - first]
                 bodies.append(pin.GeometryObject(f"hull {k}", hull.cluster.joint, 0, pin.SE3.Identity(), hull.shape))
                 boxes.append(hull.box)
-        pairs = [(a, b) for a, b in which.reshape(-1, 2).tolist()]
-        return PairBounds(self._model.kinematics, geometry_of(bodies), pairs, boxes)
+        return PairBounds(self._model.kinematics, geometry_of(bodies), which.reshape(-1, 2), boxes)

@@ -137,7 +137,8 @@ class PairDistances:
     def _gap(self, placed: PlacedBody, normals: Array) -> Array:
         """-h_b(-n) - h_a(n), m: a lower bound of the distance for each unit normal (K, 3); -inf where it is NaN."""
         gap = -self._bodies.support(placed, np.stack([normals, -normals])).sum(axis=0)
-        return np.asarray(np.nan_to_num(gap, nan=-np.inf))
+        gap[np.isnan(gap)] = -np.inf
+        return np.asarray(gap)
 
     def _measure(
         self, shapes: list[coal.CollisionGeometry], request: coal.DistanceRequest, placed: PlacedBody

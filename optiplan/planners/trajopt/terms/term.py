@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Index, distinct
 from optiplan.planners.trajopt.bspline_basis import REACH, SplineBasis
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class Instants:
     @classmethod
     def of(cls, basis: SplineBasis, u: Array) -> "Instants":
         """Return the samples at fractions u, sorted, each once."""
-        u = np.unique(u)
+        u = distinct(u)
         at = basis.at(u, 0), basis.at(u, 1), basis.at(u, 2)
         return cls(basis, u, at, tuple(basis.by_variables(matrix) for matrix in at))  # type: ignore[arg-type]
 
