@@ -96,10 +96,10 @@ class PathSearch:
     def next(self, sampler: GoalSampler, repair: Callable[[Array], Array | None]) -> SampledPath | Failure:
         """Return the next path to optimise; `repair` as in `through_thinner`.
 
-        Without a motion it is the first one found, and free. With one, it is the cheapest of several: a path's cost
-        tells much of what it can be optimised to, and a search takes less time than a descent. They are looked for
-        between thinner obstacles, where there are more ways and searches are shorter, in turn with the real ones where
-        that has led to nothing. Searches end where they stop being worth their work.
+        It is improved by local searches first, since a path's cost tells much of what it can be optimised to, and they
+        take less time than a descent from a long path. Once there is a motion they look between thinner obstacles,
+        where there are more ways and searches are shorter; in the real ones where that has just led to nothing.
+        Searches end where they stop being worth their work.
         """
         found, self.found = self.found, None
         if found is None and (self._on_constraints.apply or not self.incumbent.candidates):
