@@ -112,6 +112,7 @@ class _Run:
             self.attempts.ahead.close()
         if self.options.workers > 1:
             self.info["workers"] = {"count": self.options.workers, "attempts_of_threads": self.attempts.ahead.used}
+        self.attempts.closer()
         self.attempts.free_end()
         self.attempts.finer()
         self.info["cut_short"] |= self.budget.over
@@ -175,10 +176,11 @@ class _Run:
             if self.direct and self._worth():
                 self._expect(self._coming(sampler, number, rng))
                 control = self._with_bump(self._line(sampler, number), rng)
-                self.direct = self.attempts.attempt("line", control, self.budget) is not None
-            if self.incumbent.curve is not None and self._worth():
+                self.direct = self.attempts.attempt("line", control, self.attempts.before_closer) is not None
+            if number % 2 == 1 and self.incumbent.curve is not None and self._worth():
                 self._expect(self._coming(sampler, number, rng, line=False))
-                self.attempts.attempt("bump", self._with_bump(self.incumbent.curve.control, rng), self.budget)
+                control = self._with_bump(self.incumbent.curve.control, rng)
+                self.attempts.attempt("bump", control, self.attempts.before_closer)
         if self.incumbent.candidates:
             return None
         return failure if failure is not None else self.attempts.why_not()
@@ -220,8 +222,9 @@ class _Run:
         elif self.incumbent.cost_bound(path.cost) > WORSE * self.incumbent.cost:
             self.patience.record(None)
         else:
-            self.attempts.attempt("sampled", self._along(path.waypoints), self.budget)
-        if self.incumbent.cost > self.incumbent.cost_bound(path.cost):
+            attempt = self.attempts.attempt("sampled", self._along(path.waypoints), self.attempts.before_closer)
+            self.paths.between_thinner = attempt is not None
+        if self.incumbent.cost > self.incumbent.cost_bound(path.cost) and self.paths.free(path):
             self.paths.offer_timed(path)
         return failure
 
@@ -254,6 +257,6 @@ class _Run:
 
     def _worth(self) -> bool:
         """Return whether the budget and `Patience` allow another attempt."""
-        if self.budget.over:
+        if self.attempts.before_closer.over:
             return False
         return not self.incumbent.candidates or self.patience.worth_another(self.incumbent.cost, self.incumbent.bound)

@@ -256,7 +256,8 @@ class _Search:
         unsure = several & (found.bound <= enough)  # hulls of clusters that are too near to tell
         seen = _Seen(best, times, b.q, poses, query)
         self.see(seen, np.flatnonzero(~found.hulls))
-        self.see(seen, np.flatnonzero(found.hulls & ~unsure), measure=True)  # what hulls answered is not measured
+        self.see(seen, np.flatnonzero(found.parts), measure=True)  # what hulls answered is not measured
+        self.see(seen, np.flatnonzero(found.hulls & ~found.parts & ~unsure), measure=True)
         self.count(unique, found)
         if (best[~several] <= self.policy.clearance + ROUNDING).any():
             reason = "bodies touch" if self.policy.clearance <= 0 else "bodies come too near"
