@@ -64,6 +64,7 @@ format: $(DEV) ## let ruff lay out the code
 
 clean: ## remove what make has made
 	rm -rf $(VENV) build dist demo site *.egg-info .coverage* optiplan/_core/in_place
+	find optiplan -name __pycache__ -prune -exec rm -rf {} +
 
 $(BIN)/python:
 	@if [ -z "$(PYTHON)" ]; then echo "Python >= 3.11 is needed; name one with PYTHON=/path/to/python" >&2; exit 1; fi
@@ -77,6 +78,7 @@ $(BIN)/python:
 $(RUN): pyproject.toml constraints.txt | $(BIN)/python
 	@echo "installing optiplan and its libraries (about 300 MB the first time)"
 	$(PIP) --editable .
+	@$(BIN)/python -m compileall -q optiplan  # as pip does for a wheel: else the first start, or each, compiles 300 files
 	@touch $@
 
 # With a compiler, or with root rights to install one; without, a line says so and planners run in Python.

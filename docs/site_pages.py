@@ -15,7 +15,7 @@ import typer
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-from optiplan.cli.main import app
+from optiplan.cli.program import program
 from optiplan.planners.registry import FAMILIES, PLANNERS
 
 ROOT = Path(__file__).parent.parent
@@ -65,7 +65,7 @@ def command_line() -> str:
         "to stderr. What a command returns: [exit codes](exit-codes.md).",
         "",
     ]
-    for words, command in commands(typer.main.get_command(app), ()):
+    for words, command in commands(typer.main.get_command(program()), ()):
         text += [f"## optiplan {' '.join(words)}", "", *described(command.help or ""), *parameters(command), ""]
     return "\n".join(text)
 

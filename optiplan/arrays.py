@@ -30,6 +30,12 @@ def is_finite(value: Any) -> TypeGuard[float]:
         return False
 
 
+def distinct(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The values of an array, rising, each once: `np.unique`, whose first call imports masked arrays (5 ms)."""
+    ordered = np.sort(values, axis=None)
+    return ordered[np.concatenate([[True], ordered[1:] != ordered[:-1]])] if len(ordered) else ordered
+
+
 def unit(values: Sequence[float]) -> Array:
     """The vector or quaternion, of shape (k,), divided by its length.
 

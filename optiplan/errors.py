@@ -134,7 +134,7 @@ class InputError(OptiPlanError):
 
     def about(self, file: str, name: str) -> "InputError":
         """Return the same error with `name` in place of that pseudo file name in its issues."""
-        return InputError(
+        return type(self)(
             replace(issue, file=name) if Path(issue.file).name == file else issue for issue in self.issues
         )
 

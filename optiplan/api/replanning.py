@@ -4,13 +4,15 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from optiplan.api.planning import BUDGET, plan
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import InputError, described, wrong_argument
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.planners.base import Budget, Planner
 from optiplan.problem.problem import Problem
 from optiplan.problem.statement import End, Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
+
+_CALLED = "op.Replanner.plan"
 
 
 class Replanner:
@@ -69,8 +71,11 @@ class Replanner:
         """
         changes = {"start": start, "goal": goal, "scene": scene}
         changes = {part: value for part, value in changes.items() if value is not None}
-        self.problem = self.problem.with_parts(**changes) if changes else self.problem
-        run = plan(self.problem, self._planner, self._options, budget, warm_start=self.run)
+        try:
+            self.problem = self.problem.with_parts(**changes) if changes else self.problem
+            run = plan(self.problem, self._planner, self._options, budget, warm_start=self.run)
+        except InputError as error:  # names what was called, not what that calls
+            raise error.about("op.Problem", _CALLED).about("op.plan", _CALLED) from None
         self.run = run if run.verified else self.run
         return run
 

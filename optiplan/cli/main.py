@@ -1,6 +1,7 @@
 """The program `optiplan`: its commands and error handling."""
 
 import errno
+import gc
 import os
 import re
 import signal
@@ -9,38 +10,12 @@ import tempfile
 import traceback
 import warnings
 from collections.abc import Sequence
-from typing import Annotated
 
 import typer
 
-import optiplan
-from optiplan.cli.commands import (
-    check,
-    control,
-    export,
-    ik,
-    import_problems,
-    kinematics,
-    plan,
-    planners,
-    plot,
-    serve,
-    verify,
-    view,
-    workspace,
-)
-from optiplan.cli.commands.bench import app as bench
-from optiplan.cli.commands.robots import app as robots
-from optiplan.cli.output import Exit, print_error, print_json, report_error, results
+from optiplan.cli.output import Exit, print_error, print_json, report_error
+from optiplan.cli.program import program
 from optiplan.errors import InputError, Issue, OptiPlanError
-
-HELP = """One YAML file in, one trajectory out that is [bold]proved[/] collision-free and within limits.
-
-Try [cyan]optiplan plan 01_reach[/], then [cyan]optiplan plan 02_shelf --view[/]: both are examples that come along.
-Every command takes --help.
-
-Exit codes: 0 verified · 2 bad input · 3 no plan found within the budget · 4 found but not verified.
-"""
 
 STDOUT_LOST = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EFBIG, errno.EDQUOT)
 """Errors without a file name by which writing to stdout fails: a full disk, a terminal that is gone."""
@@ -60,45 +35,8 @@ NOT_THERE = re.compile(r"(\S+\.so[.\d]*): cannot open shared object file")
 DEBIAN = {"libgomp.so.1": "libgomp1", "libstdc++.so.6": "libstdc++6", "libGL.so.1": "libgl1", "libX11.so.6": "libx11-6"}
 """Packages of the libraries that ours ask of the system."""
 
-app = typer.Typer(
-    name="optiplan",
-    rich_markup_mode="rich",
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-
-def _version(wanted: bool) -> None:
-    if wanted:
-        results().print(f"optiplan {optiplan.__version__}")
-        raise typer.Exit
-
-
-@app.callback(help=HELP)
-def _program(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
-    ] = False,
-) -> None:
-    """Return the words before the command."""
-
-
-app.command("plan")(plan.plan)
-app.command("verify")(verify.verify)
-app.command("view")(view.view)
-app.command("export")(export.export)
-app.command("plot")(plot.plot)
-app.command("check")(check.check)
-app.command("control")(control.control)
-app.command("workspace")(workspace.workspace)
-app.add_typer(robots.app, name="robots")
-app.command("ik")(ik.ik)
-app.command("kinematics")(kinematics.kinematics)
-app.command("planners")(planners.planners)
-app.add_typer(import_problems.app, name="import")
-app.add_typer(bench.app, name="bench")
-app.command("serve")(serve.serve)
-app.command("worker")(serve.worker)
+YOUNG_OBJECTS = 200_000
+"""New objects between two looks for garbage: importing makes 100,000 that all stay, and Python looks after 700."""
 
 
 def main() -> None:
@@ -108,10 +46,15 @@ def main() -> None:
     Nothing is lost by that, since files are written atomically.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    gc.set_threshold(YOUNG_OBJECTS)
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # or pydantic asks every installed package for some
     _open_streams()
     if not os.environ.get("OPTIPLAN_DEBUG"):
         warnings.simplefilter("ignore", RuntimeWarning)  # overflowing numbers are reported by the checks
-    sys.exit(run(sys.argv[1:]))
+    code = run(sys.argv[1:])
+    if "ompl" not in sys.modules:  # without a last look for garbage its classes would complain of being leaked
+        gc.freeze()
+    sys.exit(code)
 
 
 def _open_streams() -> None:
@@ -129,6 +72,7 @@ def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code; no exception leaves, unless OPTIPLAN_DEBUG is set."""
     as_json = "--json" in arguments
     try:
+        app = program(arguments[0] if arguments else None)
         code = int(app(list(arguments) or ["--help"], prog_name="optiplan", standalone_mode=False) or 0)
         return _without_shell() if code and set(arguments) & set(COMPLETION) else code
     except typer.TyperException as error:  # the command line itself is wrong

@@ -48,9 +48,10 @@ def clusters_of(robot: Robot) -> Clusters:
 
     What no joint moves has none: its pairs are with each body that moves, not with many at once.
     """
-    if robot not in _kept:
-        _kept[robot] = _found(robot)
-    return _kept[robot]
+    bare = robot.unmounted
+    if bare not in _kept:
+        _kept[bare] = _found(bare)
+    return _kept[bare]
 
 
 def _found(robot: Robot) -> Clusters:

@@ -33,18 +33,14 @@ class Containment:
 
     Args:
         shapes: coal geometry of each body.
-        pairs: bodies a and b of each pair.
+        pairs: bodies a and b of each pair, (P, 2).
     """
 
-    def __init__(self, shapes: Sequence[coal.CollisionGeometry], pairs: Sequence[tuple[int, int]]) -> None:
+    def __init__(self, shapes: Sequence[coal.CollisionGeometry], pairs: Index) -> None:
         self.shapes = shapes
-        meshes, planes = ({k for k, shape in enumerate(shapes) if isinstance(shape, kind)} for kind in _KINDS)
-        self._sides = [
-            (index, mesh, other)
-            for index, pair in enumerate(pairs if meshes else ())
-            for mesh, other in (pair, pair[::-1])
-            if mesh in meshes and other not in planes
-        ]
+        meshes, planes = (np.array([isinstance(shape, kind) for shape in shapes], dtype=bool) for kind in _KINDS)
+        which, side = np.nonzero(meshes[pairs] & ~planes[pairs[:, ::-1]])
+        self._pairs, self._meshes, self._others = which, pairs[which, side], pairs[which, 1 - side]
         self._corners: dict[int, tuple[Array, Array]] = {}
         self._enclosures: dict[int, Enclosure] = {}
         self._parts: dict[int, list[Array]] = {}
@@ -56,13 +52,14 @@ class Containment:
             poses: (G, 4, 4) of the bodies in the world.
         """
         for k in np.flatnonzero(self._may_hold(poses)).tolist():
-            pair, mesh, other = self._sides[k]
+            mesh, other = int(self._meshes[k]), int(self._others[k])
             X_MO = np.linalg.inv(poses[mesh]) @ poses[other]
             low, high = self._box(mesh)
             for points in self._parts_of(other):
                 p_M = points @ X_MO[:3, :3].T + X_MO[:3, 3]
                 if ((p_M >= low) & (p_M <= high)).all() and self._enclosure(mesh).holds(p_M):
-                    return Contained(pair, other, mesh, poses[other, :3, :3] @ points[0] + poses[other, :3, 3])
+                    point = poses[other, :3, :3] @ points[0] + poses[other, :3, 3]
+                    return Contained(int(self._pairs[k]), other, mesh, point)
         return None
 
     def _may_hold(self, poses: Array) -> Flags:
@@ -70,9 +67,10 @@ class Containment:
 
         Bodies of one part, whose points are all tried, are out where that point is.
         """
-        if not self._sides:
+        if not len(self._pairs):
             return np.zeros(0, dtype=bool)
-        meshes, others, low, high, point, several = self._table
+        meshes, others = self._meshes, self._others
+        low, high, point, several = self._table
         R, p = poses[meshes, :3, :3], poses[meshes, :3, 3]
         world = np.einsum("kij,kj->ki", poses[others, :3, :3], point) + poses[others, :3, 3]
         p_M = np.einsum("kji,kj->ki", R, world - p)
@@ -81,15 +79,13 @@ class Containment:
         return np.asarray(inside | several)
 
     @cached_property
-    def _table(self) -> tuple[Index, Index, Array, Array, Array, Flags]:
-        """Of each side: mesh, other body, box of the mesh, a point of the other body, whether that has more parts."""
-        meshes, others = (np.array([side[k] for side in self._sides], dtype=np.intp) for k in (1, 2))
-        boxes = np.array([self._box(mesh) for mesh in meshes.tolist()])
-        bodies, which = np.unique(others, return_inverse=True)
-        found = [self._first_part(body) for body in bodies.tolist()]
-        several = np.array([not whole for _, whole in found])[which]
-        points = np.array([point for point, _ in found])[which]
-        return meshes, others, boxes[:, 0], boxes[:, 1], points, several
+    def _table(self) -> tuple[Array, Array, Array, Flags]:
+        """Of each side: corners of the mesh's box, a point of the other body, whether that has more parts."""
+        meshes, mesh_of = np.unique(self._meshes, return_inverse=True)
+        low, high = (np.array(corners) for corners in zip(*map(self._box, meshes.tolist()), strict=True))
+        bodies, body_of = np.unique(self._others, return_inverse=True)
+        points, whole = zip(*map(self._first_part, bodies.tolist()), strict=True)
+        return low[mesh_of], high[mesh_of], np.array(points)[body_of], ~np.array(whole)[body_of]
 
     def _first_part(self, body: int) -> tuple[Array, bool]:
         """A point (3,) of a body's first part, m, in its own frame, and whether that is all of it."""

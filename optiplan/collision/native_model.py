@@ -17,8 +17,9 @@ from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot
 
 if TYPE_CHECKING:
-    from optiplan._core._core_base import Body, World
+    from optiplan._core._core_base import Body, Shape, World
 
+_shapes: "WeakKeyDictionary[Robot, list[list[Shape]]]" = WeakKeyDictionary()
 _links: "WeakKeyDictionary[Robot, list[Body | None]]" = WeakKeyDictionary()
 _hulls: "WeakKeyDictionary[Robot, list[tuple[Body, list[int]]]]" = WeakKeyDictionary()
 
@@ -58,8 +59,8 @@ class NativeCollisionModel(CollisionModel):
             super().__init__(robot, scene)
         else:
             self._take(known, scene)
-        links = _links_of(self)
-        bodies = [*links, *(_body(self, k) for k in range(len(links), len(self.names)))]
+        links, placed = _links_of(self), self.geometry.geometryObjects
+        bodies = [*links, *(_body(self, k, _shapes_of(placed[k].geometry)) for k in range(len(links), len(placed)))]
         self.unknown = tuple(name for name, found in zip(self.names, bodies, strict=True) if found is None)
         self.world = None if self.unknown else _world(self, [found for found in bodies if found is not None])
 
@@ -120,18 +121,29 @@ def _links_of(model: CollisionModel) -> "list[Body | None]":
     """The robot's own bodies in the core, made once for each robot."""
     robot = model.robot
     if robot not in _links:
-        _links[robot] = [_body(model, k) for k in range(len(robot.geometry.geometryObjects))]
+        _links[robot] = [_body(model, k, shapes) for k, shapes in enumerate(_link_shapes(robot.unmounted))]
     return _links[robot]
 
 
-def _body(model: CollisionModel, body: int) -> "Body | None":
-    """A body in the core, a mesh as its hull and its triangles; None where the core does not know its shape."""
-    found, bounds = model.geometry.geometryObjects[body], model.bounds
-    solid = found.geometry
+def _link_shapes(robot: Robot) -> "list[list[Shape]]":
+    """What `_shapes_of` says of each body of a robot, wherever that stands."""
+    if robot not in _shapes:
+        _shapes[robot] = [_shapes_of(body.geometry) for body in robot.geometry.geometryObjects]
+    return _shapes[robot]
+
+
+def _shapes_of(solid: coal.CollisionGeometry) -> "list[Shape]":
+    """A shape in the core, a mesh as its hull and its triangles; none where the core does not know it."""
     kinds = [hull_of_mesh(solid), solid] if isinstance(solid, coal.BVHModelBase) else [solid]
     shapes = [shape for shape in map(native_shape, kinds) if shape is not None]
-    if len(shapes) < len(kinds):
+    return shapes if len(shapes) == len(kinds) else []
+
+
+def _body(model: CollisionModel, body: int, shapes: "list[Shape]") -> "Body | None":
+    """A body of these shapes in the core; None where it has none."""
+    if not shapes:
         return None
+    found, bounds = model.geometry.geometryObjects[body], model.bounds
     box = np.concatenate([bounds.centre[body], bounds.half[body]])
     return core.Body.of(int(found.parentJoint), found.placement.homogeneous, shapes, box, float(bounds.radius[body]))
 
@@ -143,9 +155,10 @@ def _world(model: CollisionModel, bodies: "list[Body]") -> "World":
 
 def _clusters(robot: Robot) -> "list[tuple[Body, list[int]]]":
     """Hulls of many bodies of the robot as bodies of the core, made once for each robot, with the bodies they hold."""
-    if robot not in _hulls:
-        _hulls[robot] = [(_hull(cluster), list(cluster.bodies)) for cluster in clusters_of(robot).by_joint]
-    return _hulls[robot]
+    bare = robot.unmounted
+    if bare not in _hulls:
+        _hulls[bare] = [(_hull(cluster), list(cluster.bodies)) for cluster in clusters_of(bare).by_joint]
+    return _hulls[bare]
 
 
 def _hull(cluster: Cluster) -> "Body":

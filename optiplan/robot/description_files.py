@@ -6,7 +6,6 @@ from pathlib import Path
 from optiplan.config.document import Document
 from optiplan.config.messages import choices
 from optiplan.errors import InputError
-from optiplan.robot.dh.to_urdf import urdf_text
 from optiplan.robot.spec import RobotSpec
 from optiplan.robot.urdf.reader import UrdfSource, read_urdf
 from optiplan.robot.urdf.srdf import Srdf, read_srdf
@@ -22,6 +21,8 @@ def read_sources(spec: RobotSpec, document: Document) -> tuple[UrdfSource, Srdf 
     """
     folder = document.path.parent
     if spec.dh is not None:
+        from optiplan.robot.dh.to_urdf import urdf_text
+
         urdf = read_urdf(document.path, folder, urdf_text(spec.name, spec.dh, document))
     else:
         urdf = read_urdf(_urdf_path(spec, document), folder)

@@ -1,10 +1,10 @@
-"""Robots kept in memory: one whose files have not changed is not read again."""
+"""Robots kept in memory: one whose files have not changed is not read again, one that stands as before not made."""
 
 import json
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -12,6 +12,7 @@ from optiplan.files import Signature, allowed_folders, signature
 from optiplan.robot.reference import robot_file, robot_names
 
 _MOST = 16
+_MOST_MOUNTED = 4
 _SETTLED = 2.0
 """s since the last change of a file, before which its times do not tell one version from the next."""
 
@@ -78,6 +79,22 @@ class LoadedRobots(Generic[Loaded]):
     def now() -> float:
         """The time, s, that files are stamped with."""
         return time.time()
+
+
+class MountedRobots(Generic[Loaded]):
+    """One robot at the places and with the loads that it had last, each the same object whenever it comes again."""
+
+    def __init__(self) -> None:
+        self._robots: OrderedDict[str, Loaded] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def get(self, key: str, make: Callable[[], Loaded]) -> Loaded:
+        """The robot mounted as `key` says, made where there is none."""
+        with self._lock:
+            robot = self._robots[key] = self._robots.pop(key, None) or make()
+            while len(self._robots) > _MOST_MOUNTED:
+                self._robots.popitem(last=False)
+        return robot
 
 
 def _signatures(paths: tuple[Path, ...]) -> tuple[Signature, ...] | None:

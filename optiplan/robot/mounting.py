@@ -33,6 +33,12 @@ class Mounting:
         return upright and not self.payload
 
     @property
+    def key(self) -> str:
+        """What tells one mounting from another."""
+        loads = [(link, inertia.toDynamicParameters().tolist()) for link, inertia in self.payload]
+        return repr((self.X_WB.homogeneous.tolist(), np.asarray(self.gravity, dtype=float).tolist(), loads))
+
+    @property
     def mass(self) -> float:
         """Mass of the payload, kg."""
         return float(sum(inertia.mass for _, inertia in self.payload))

@@ -23,7 +23,7 @@ from optiplan.robot.held_joints import held_model
 from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to
 from optiplan.robot.limits import Limits, build_limits
 from optiplan.robot.link_geometry import LinkGeometry, treat
-from optiplan.robot.loaded_robots import LoadedRobots
+from optiplan.robot.loaded_robots import LoadedRobots, MountedRobots
 from optiplan.robot.mimic_joints import Mimic, screws
 from optiplan.robot.mounting import Mounting
 from optiplan.robot.named_configurations import configurations, tool_frame
@@ -130,6 +130,11 @@ class Robot:
         """Number of planned joints."""
         return len(self.joint_names)
 
+    @property
+    def unmounted(self) -> "Robot":
+        """The robot without base and load: the same bodies in the frames of the same joints."""
+        return self if self.bare is None else self.bare
+
     @cached_property
     def revolute(self) -> npt.NDArray[np.bool_]:
         """Which planned joints turn, (n,); the others slide."""
@@ -173,6 +178,8 @@ class Robot:
     @cached_property
     def link_boxes(self) -> tuple[LocalBox, ...]:
         """Bounding volumes of the bodies of `geometry`."""
+        if self.bare is not None:
+            return self.bare.link_boxes
         return tuple(local_box(body.geometry) for body in self.geometry.geometryObjects)
 
     @cached_property
@@ -218,16 +225,23 @@ class Robot:
 
     def mounted(self, mounting: Mounting) -> "Robot":
         """Return the same robot standing and loaded as `mounting` says, whatever it was before."""
-        bare = self if self.bare is None else replace(self.bare, tool_frame=self.tool_frame, limits=self.limits)
-        if mounting.usual:
-            return bare
+        bare = self.unmounted
+        if bare.tool_frame != self.tool_frame or bare.limits is not self.limits:
+            bare = replace(bare, tool_frame=self.tool_frame, limits=self.limits)
+        return bare if mounting.usual else bare._mounted.get(mounting.key, lambda: bare._standing(mounting))
+
+    @cached_property
+    def _mounted(self) -> "MountedRobots[Robot]":
+        return MountedRobots()
+
+    def _standing(self, mounting: Mounting) -> "Robot":
         return replace(
-            bare,
-            model=mounting.model(bare.model),
-            geometry=mounting.geometry(bare.geometry),
-            build_visual=mounting.visual(bare.build_visual),
+            self,
+            model=mounting.model(self.model),
+            geometry=mounting.geometry(self.geometry),
+            build_visual=mounting.visual(self.build_visual),
             mounting=mounting,
-            bare=bare,
+            bare=self,
         )
 
     def holding(self, values: Mapping[str, float]) -> "Robot":
@@ -243,7 +257,7 @@ class Robot:
                 raise UnknownChoiceError("joint", name, self.joint_names)
         if not values:
             return self
-        bare = self if self.bare is None else replace(self.bare, tool_frame=self.tool_frame, limits=self.limits)
+        bare = replace(self.unmounted, tool_frame=self.tool_frame, limits=self.limits)
         model, geometry = held_model(bare.model, bare.geometry, bare.followers, values)
         kept = [j for j, name in enumerate(bare.joint_names) if name not in values]
         names = tuple(bare.joint_names[j] for j in kept)

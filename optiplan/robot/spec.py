@@ -34,10 +34,10 @@ class CollisionSpec(Strict):
     """Treatment of each link's mesh; links that are not named take the default."""
 
     default: Treatment = "auto"
-    auto: list[Name] = Field(default_factory=list)
-    hull: list[Name] = Field(default_factory=list)
-    mesh: list[Name] = Field(default_factory=list)
-    convex_pieces: list[Name] = Field(default_factory=list)
+    auto: list[Name] = Field(default=[])
+    hull: list[Name] = Field(default=[])
+    mesh: list[Name] = Field(default=[])
+    convex_pieces: list[Name] = Field(default=[])
 
 
 class MecanumSpec(Strict):
@@ -61,15 +61,15 @@ class RobotSpec(Strict):
     dh: DhSpec | None = None
     srdf: Name | None = None
     group: list[Name] | Name | None = None
-    groups: dict[Name, list[Name]] = Field(default_factory=dict)
-    locked: dict[Name, Number] = Field(default_factory=dict)
+    groups: dict[Name, list[Name]] = Field(default={})
+    locked: dict[Name, Number] = Field(default={})
     tool_frame: Name | None = None
-    tool_frames: dict[Name, Name] = Field(default_factory=dict)
-    configurations: dict[Name, list[Number]] = Field(default_factory=dict)
+    tool_frames: dict[Name, Name] = Field(default={})
+    configurations: dict[Name, list[Number]] = Field(default={})
     mecanum: MecanumSpec | None = None
     limits: LimitsSpec = LimitsSpec()
     collision: Treatment | Literal["none"] | CollisionSpec = "auto"
-    allowed_collisions: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = Field(default_factory=list)
+    allowed_collisions: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = Field(default=[])
 
     @field_validator("version", mode="before")
     @classmethod

@@ -245,10 +245,13 @@ def peak_wheel_rates(robot: Robot, trajectory: Trajectory) -> dict[str, float] |
 
     Holds at: 8 samples a panel, at whose ends the pieces begin and end.
     """
+    if robot.mecanum is None:
+        return None
     a, b = _panels(trajectory)
     t = np.append((a[:, None] + (b - a)[:, None] * np.linspace(0.0, 0.875, 8)).ravel(), b[-1])
     rates = wheel_rates_along(robot, trajectory(t), trajectory(t, 1))
-    return None if rates is None else dict(zip(WHEELS, np.abs(rates).max(axis=0).tolist(), strict=True))
+    assert rates is not None
+    return dict(zip(WHEELS, np.abs(rates).max(axis=0).tolist(), strict=True))
 
 
 def _clearance(report: Report) -> tuple[float | None, float | None]:

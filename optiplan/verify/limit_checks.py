@@ -38,9 +38,9 @@ def form(trajectory: Trajectory) -> Check:
         problem = defect(tuple(trajectory.joint_names), trajectory.breakpoints, trajectory.coefficients)
     except (AttributeError, TypeError, ValueError, IndexError) as error:
         return Check("finite", "exact", False, detail=f"not a trajectory: {error}")
-    kinds = {str(array.dtype) for array in (trajectory.breakpoints, trajectory.coefficients)}
-    if problem is None and kinds != {"float64"}:
-        problem = "coefficients", f"numbers of type {', '.join(sorted(kinds))}", "float64"
+    kinds = {array.dtype for array in (trajectory.breakpoints, trajectory.coefficients)}
+    if problem is None and kinds != {np.dtype(np.float64)}:
+        problem = "coefficients", f"numbers of type {', '.join(sorted(map(str, kinds)))}", "float64"
     if problem is None:
         return Check("finite", "exact", True, detail="shapes fit, numbers are finite, time increases")
     return Check("finite", "exact", False, place=problem[0], detail=f"found {problem[1]}; expected {problem[2]}")
@@ -246,5 +246,6 @@ def _largest(problem: Problem, blank: Check, value: Array, allowed: Array, time:
 def _worst(value: Array, allowed: Array) -> tuple[int, ...]:
     """Index of the largest value relative to what is allowed; a limit of 0 passed by anything counts most."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.nan_to_num(value / allowed, nan=0.0, posinf=np.inf)
+        ratio = value / allowed
+    ratio[np.isnan(ratio)] = 0.0
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(ratio)), value.shape))

@@ -19,6 +19,7 @@ from optiplan.viewer.run_data.checks import about, checks_of
 from optiplan.viewer.run_data.clearance import clearance_of
 from optiplan.viewer.run_data.closed_loop import Arrays, log_quantities
 from optiplan.viewer.run_data.curves import curves_of, tool_frames, tool_points
+from optiplan.viewer.run_data.stops import stops_told
 from optiplan.viewer.surfaces import packed
 
 RATE = 100.0  # samples of the motion a second
@@ -111,6 +112,7 @@ def show_run(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail = _W
     shown: dict[str, Any] = {"label": run.label, "facts": [], "problems": [], "duration": 0.0}
     shown["badge"] = _badge(run)
     shown["segments"] = [] if run.trajectory is None else [asdict(one) for one in run.trajectory.segments]
+    shown["stops"] = stops_told(run.record)
     shown["row"] = _row(run)
     failure, report = run.failure or {}, run.report or {}
     motion = motion_of(problem, run)

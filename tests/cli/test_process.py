@@ -9,6 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
+
+from optiplan.cli.program import COMMANDS, program
 
 ROOT = Path(__file__).parent.parent.parent
 PROGRAM = [sys.executable, "-c", "from optiplan.cli.main import main; main()"]
@@ -24,6 +27,15 @@ HEAVY = (
     "coacd",
     "qpsolvers",
 )
+UNASKED = (
+    "optiplan.planners.task.planner",
+    "optiplan.planners.trajopt.through_vias",
+    "optiplan.robot.dh.to_urdf",
+    "optiplan.geometry.meshes.collada",
+    "optiplan.cli.commands.bench",
+    "optiplan.cli.commands.robots",
+)
+"""What planning 01_reach has no use for: it has no task, no vias, no table of links, no meshes that are read anew."""
 
 
 def start(*arguments, **options):
@@ -80,17 +92,49 @@ def test_help_imports_nothing_heavy(arguments):
     assert done.stderr == "[]\n"
 
 
-@pytest.mark.parametrize("planner", ["quintic", "trajopt"])
-def test_plan_imports_only_what_it_needs(planner):
+@pytest.mark.parametrize(("planner", "budget"), [("quintic", "20"), ("trajopt", "20"), ("trajopt", "1")])
+def test_plan_imports_only_what_it_needs(planner, budget):
     heavy = [name for name in HEAVY if name not in ("pinocchio", "coal", "numpy")]
     code = (
         "import sys; from optiplan.cli.main import run; "
-        f"assert run(['plan', '01_reach', '--planner', {planner!r}]) == 0; "
-        f"print([name for name in {[*heavy, 'casadi']!r} if name in sys.modules], file=sys.stderr)"
+        f"assert run(['plan', '01_reach', '--planner', {planner!r}, '--budget', {budget!r}]) == 0; "
+        f"print([name for name in {[*heavy, 'casadi', *UNASKED]!r} if name in sys.modules], file=sys.stderr)"
     )
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert done.stderr == "[]\n"
+
+
+def test_no_look_for_garbage_while_importing_nor_at_the_end():
+    code = (
+        "import atexit, gc, sys; "
+        "atexit.register(lambda: print(gc.get_stats()[2]['collections'], gc.get_freeze_count() > 1000)); "
+        "from optiplan.cli.main import main; sys.argv = ['optiplan', 'plan', '01_reach', '--json']; "
+        "main()"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "0 True"
+
+
+def test_nothing_is_said_of_leaks_at_the_end(free):
+    for planner in ("kpiece", "rrtconnect"):
+        process = start("plan", free, "--planner", planner, "--json")
+        _, err = process.communicate(timeout=60)
+        assert (process.returncode, err) == (0, ""), planner
+
+
+def test_a_command_brings_its_own_module_alone_and_the_same_words():
+    only = program("plan")
+    assert [command.name for command in only.registered_commands] == ["plan"]
+    assert not only.registered_groups
+    names = [one.name for one in (*program().registered_commands, *program().registered_groups)]
+    assert sorted(names) == sorted(COMMANDS)
+    for name in COMMANDS:  # help of each is the same whether it is alone or not
+        alone = CliRunner().invoke(program(name), [name, "--help"], prog_name="optiplan")
+        among = CliRunner().invoke(program(), [name, "--help"], prog_name="optiplan")
+        assert alone.exit_code == 0, name
+        assert alone.output == among.output, name
 
 
 def test_a_reader_that_goes_away_is_no_error(free):

@@ -179,8 +179,9 @@ def test_all_builds_give_the_same_bits(models, monkeypatch) -> None:
         built = import_module(f"optiplan._core._core_{name}")
         for module in ("collision.native_model", "collision.native_shapes", "robot.native_tree"):
             monkeypatch.setattr(import_module(f"optiplan.{module}"), "core", built)
-        for module, kept in (("native_shapes", "_made"), ("native_model", "_links"), ("native_model", "_hulls")):
-            monkeypatch.setattr(import_module(f"optiplan.collision.{module}"), kept, {})
+        monkeypatch.setattr(import_module("optiplan.collision.native_shapes"), "_made", {})
+        for kept in ("_shapes", "_links", "_hulls"):
+            monkeypatch.setattr(import_module("optiplan.collision.native_model"), kept, {})
         world = planning_model(native.robot, native.scene)
         assert isinstance(world, NativeCollisionModel)
         assert world.world is not None

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import optiplan
 from optiplan.geometry.meshes import reading, reading_process
 from optiplan.geometry.meshes.reading import MeshFile, open_mesh, prepare, read_mesh
-from optiplan.geometry.meshes.triangles import MeshError
+from optiplan.geometry.meshes.triangles import MeshError, unpack
 from optiplan.geometry.scene import Mesh
 from optiplan.geometry.shapes import build_geometry
 
@@ -264,7 +264,7 @@ def test_a_broken_file_is_arrays_or_a_reason(case):
         assert data.decode().strip()
         assert len(data) < 500
         return
-    soup = reading_process.unpack(data)
+    soup = unpack(data)
     assert np.isfinite(soup.vertices).all()
     assert soup.triangles.min() >= 0
     assert soup.triangles.max() < len(soup.vertices)

@@ -8,9 +8,12 @@ import pinocchio as pin
 import pytest
 
 import optiplan as op
+from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import planning_model
 from optiplan.kinematics.ik.closed_form import closed_form
 from optiplan.robot.mounting import Mounting
 from optiplan.robot.robot import load_robot
+from optiplan.verify.continuous.bodies import Bodies
 
 UR5 = {"robot": "ur5", "start": [0, -1.5, 1.2, -1.3, -1.57, 0], "goal": [0.6, -1.1, 1.0, -1.5, -1.57, 0.3]}
 PANDA = {"robot": "panda", "start": "ready", "goal": [1.2, 0.3, 0.4, -1.6, 0.3, 1.9, 0.4]}
@@ -138,6 +141,44 @@ def test_a_mounted_robot_travels_to_other_processes():
     assert again.mounting.mass == 1.0
     assert again.mounted(Mounting()).mounting.usual
     assert again.mounted(Mounting()).model.jointPlacements[1] == load_robot("panda").model.jointPlacements[1]
+
+
+def test_a_robot_that_stands_as_before_is_the_same_object():
+    robot = op.Problem(**PANDA, base=CEILING).robot
+    assert op.Problem(**PANDA, base=CEILING).robot is robot
+    loaded = op.Problem(**PANDA, base=CEILING, scene=op.Scene([], [held(mass=1.0)])).robot
+    assert loaded is not robot
+    assert op.Problem(**PANDA, base=CEILING, scene=op.Scene([], [held(mass=2.0)])).robot.mounting.mass == 2.0
+    assert op.Problem(**PANDA).robot is robot.unmounted is load_robot("panda")
+    for pull in range(10):
+        robot.mounted(Mounting(gravity=np.array([0.0, 0.0, -1.0 - pull])))
+    assert len(robot.unmounted._mounted._robots) == 4
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda"])
+def test_bodies_looked_at_once_are_placed_anew_for_another_base(name):
+    """What is known of links from one base says the same at another one as what is found afresh."""
+    robot, wall = load_robot(name), op.Scene([op.Box("wall", size=(0.1, 2, 2), position=(0.9, 0, 0.5))])
+    rng = np.random.default_rng(3)
+    for base in (
+        Mounting(),
+        Mounting(pin.SE3(CEILING.matrix)),
+        Mounting(pin.SE3(pin.utils.rotate("z", 0.7), np.ones(3))),
+    ):
+        mounted = robot.mounted(base)
+        kept = planning_model(mounted, wall)
+        fresh = CollisionModel(replace(mounted, bare=None), wall)  # shares nothing
+        for q in rng.uniform(-1.5, 1.5, (10, robot.n)):
+            assert kept.collides(q) == fresh.collides(q)
+            found, expected = (max(model.clearance(q).distance, 0.0) for model in (kept, fresh))
+            assert found == pytest.approx(expected, abs=2e-7)
+        poses = fresh.kinematics.poses(rng.uniform(-1.5, 1.5, (3, robot.n)))
+        one, other = Bodies(CollisionModel(mounted, wall)), Bodies(fresh)
+        pairs = np.repeat(np.arange(len(one.pairs))[None], 3, axis=0).ravel()
+        rows = np.repeat(np.arange(3), len(one.pairs))
+        along = rng.normal(size=(2, len(pairs), 3))
+        found = one.support(one.place(poses, rows, pairs), along)
+        assert found == pytest.approx(other.support(other.place(poses, rows, pairs), along), abs=1e-12)
 
 
 @pytest.mark.parametrize(

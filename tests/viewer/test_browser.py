@@ -9,6 +9,7 @@ import pytest
 
 from optiplan.geometry.scene import Box, Obstacle, Scene
 from optiplan.problem.problem import JointGoal, Problem
+from optiplan.trajectory.segments import Segment
 from optiplan.viewer.page import export_page, render_page
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
@@ -228,6 +229,28 @@ def test_what_the_verdict_is_about_is_folded_below_it(visit, shelf, motion, tmp_
     assert page.get_by_text("panda_hand: hull").is_visible()
     page.get_by_text("pairs not checked, and why").click()
     assert page.get_by_text("proved never to meet").is_visible()
+
+
+def test_stops_of_a_task_are_listed_with_their_reasons_between_its_steps(visit, shelf, motion, tmp_path):
+    path = tmp_path / "task.html"
+    segments = (
+        Segment(1, "move", "there", 0.0, 0.5),
+        Segment(1, "move", "there", 0.5, 1.0),
+        Segment(2, "attach", "attach cup", 1.0, 1.0),
+        Segment(3, "move", "back", 1.0, 2.0),
+    )
+    stops = [{"t": 0.5, "after": 1, "why": "a corner"}, {"t": 1.0, "after": 1, "why": "attach <cup>"}]
+    report = {"verified": True, "checks": []}
+    record = {"info": {"stops": stops}}
+    task = dataclasses.replace(motion(shelf, 2.0), segments=segments)
+    export_page(shelf, [ViewedRun("task", task, report, None, record)], path)
+    page = visit(path.as_uri() + "#t=0&paused&ghosts=0")
+    rows = page.locator("#steps .step-row").all_text_contents()
+    assert page.locator("#steps summary").text_content() == "3 steps, 2 stops on the way"
+    expected = ["1 · there0.00 s", "stops: a corner0.50 s", "stops: attach <cup>1.00 s", "2 · attach cup1.00 s"]
+    assert rows == [*expected, "3 · back1.00 s"]
+    page.get_by_text("stops: a corner").click()
+    assert page.locator("#clock").text_content() == "0.50 / 2.00 s"
 
 
 def test_the_note_stays_away_where_there_is_nothing_to_say(visit, exported):

@@ -17,8 +17,7 @@ from typing import Literal
 
 import optiplan
 from optiplan import cache, files
-from optiplan.geometry.meshes.reading_process import pack, unpack
-from optiplan.geometry.meshes.triangles import MeshError, Soup
+from optiplan.geometry.meshes.triangles import MeshError, Soup, pack, unpack
 
 FORMATS = "STL, OBJ, DAE, PLY or GLB"
 POINT_FORMATS = "PLY, PCD or NPZ"

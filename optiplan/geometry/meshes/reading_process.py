@@ -13,14 +13,13 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from optiplan.arrays import Array
 from optiplan.geometry.meshes.collada import read_dae
 from optiplan.geometry.meshes.gltf import read_glb
 from optiplan.geometry.meshes.octomap import read_bt, read_ot
 from optiplan.geometry.meshes.ply import read_ply
 from optiplan.geometry.meshes.point_clouds import read_pcd, read_points_npz, read_points_ply
 from optiplan.geometry.meshes.stl_obj import read_obj, read_stl
-from optiplan.geometry.meshes.triangles import MeshError, Soup, Triangles
+from optiplan.geometry.meshes.triangles import MeshError, Soup, pack
 
 READERS: Mapping[str, Callable[[bytes], Soup]] = {
     ".stl": read_stl,
@@ -95,19 +94,3 @@ def _settled(soup: Soup) -> Soup:
         raise MeshError("no triangles")
     used = np.unique(corners)
     return Soup(vertices[used], np.searchsorted(used, corners), soup.turn)
-
-
-def pack(soup: Soup) -> bytes:
-    """A soup as bytes: its sizes, then its numbers."""
-    sizes = np.array([len(soup.vertices), len(soup.triangles)], "<i8")
-    arrays = (sizes, soup.turn.astype("<f8"), soup.vertices.astype("<f8"), soup.triangles.astype("<i4"))
-    return b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
-
-
-def unpack(data: bytes) -> Soup:
-    """Unpack the arrays of `pack`; they are read-only."""
-    k, m = (int(size) for size in np.frombuffer(data, "<i8", 2))
-    turn: Array = np.frombuffer(data, "<f8", 9, 16).reshape(3, 3)
-    vertices: Array = np.frombuffer(data, "<f8", 3 * k, 88).reshape(k, 3)
-    triangles: Triangles = np.frombuffer(data, "<i4", 3 * m, 88 + 24 * k).reshape(m, 3).astype(np.int64)
-    return Soup(vertices, triangles, turn)

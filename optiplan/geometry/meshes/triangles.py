@@ -115,3 +115,19 @@ def _is_ear(flat: Array, ring: list[int], i: int, sign: float) -> bool:
 
 def _turn(a: Array, b: Array, c: Array) -> float:
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def pack(soup: Soup) -> bytes:
+    """A soup as bytes: its sizes, then its numbers."""
+    sizes = np.array([len(soup.vertices), len(soup.triangles)], "<i8")
+    arrays = (sizes, soup.turn.astype("<f8"), soup.vertices.astype("<f8"), soup.triangles.astype("<i4"))
+    return b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
+
+
+def unpack(data: bytes) -> Soup:
+    """Unpack the arrays of `pack`; they are read-only."""
+    k, m = (int(size) for size in np.frombuffer(data, "<i8", 2))
+    turn: Array = np.frombuffer(data, "<f8", 9, 16).reshape(3, 3)
+    vertices: Array = np.frombuffer(data, "<f8", 3 * k, 88).reshape(k, 3)
+    triangles: Triangles = np.frombuffer(data, "<i4", 3 * m, 88 + 24 * k).reshape(m, 3).astype(np.int64)
+    return Soup(vertices, triangles, turn)

@@ -14,6 +14,7 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import contact_witness, end_collides, out_of_time
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.sampling.edge_checker import MotionCheck, PartialCheck
+from optiplan.planners.sampling.local_searches import box_of_paths
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.ompl_space import Ends
 from optiplan.planners.sampling.search import Search, Searcher
@@ -98,7 +99,7 @@ def sample_path(
         return end_collides(model, start, "start")
     if not len(free_goals):
         return end_collides(model, goals[0], "goal")
-    check = MotionCheck(model, limits, Gravity(model.robot, limits.torque, _RESERVE))
+    check = path_check(model, limits)
     straight = next((np.array([start, q]) for q in free_goals if check.free(start, q)), None)
     if straight is not None and np.array_equal(straight[-1], free_goals[0]):
         path, info = straight, {"states": 0, "cut_short": False}
@@ -122,6 +123,11 @@ def sample_path(
     distances = [np.abs(q - path[-1]).max() for q in goals]
     index = int(np.argmin(distances)) if min(distances) < _POINT_TOLERANCE else -1
     return SampledPath(path, index, float(path_time(path, limits.velocity).sum()), info)
+
+
+def path_check(model: CollisionModel, limits: Limits) -> MotionCheck:
+    """Return what proves the edges of paths."""
+    return MotionCheck(model, limits, Gravity(model.robot, limits.torque, _RESERVE))
 
 
 def _shorter(check: MotionCheck, paths: list[Array | None], draws: Array, budget: Budget) -> Array:
@@ -204,19 +210,11 @@ def _improved(
 
 
 def _near_the_ends(check: MotionCheck, ends: Ends, longest: Array, options: SamplingOptions, seed: int) -> Search:
-    """Search where paths to goal k can pass in at most longest[k], s; a first path, with the joints that must move.
-
-    Through q a path takes at least max_j (|q_j - start_j| + |goal_j - q_j|) / v_j: what is left is a box for each goal.
-    A slow joint can go only a little beyond its ends there, and one that need not move stands still.
-    """
+    """Search where paths to goal k can pass in at most longest[k], s; a first path, with the joints that must move."""
     start, goals = ends
-    velocity, limits = check.limits.velocity, check.limits
-    apart = np.abs(goals - start)
-    slack = np.maximum(0.5 * (longest[:, None] * velocity - apart), 0.0)
-    low = np.maximum((np.minimum(start, goals) - slack).min(axis=0), limits.lower)
-    high = np.minimum((np.maximum(start, goals) + slack).max(axis=0), limits.upper)
-    joints = (apart.max(axis=0) > _POINT_TOLERANCE) | (options.improve is not None)
-    part = PartialCheck(check, start, joints, (low, high))
+    box = box_of_paths(start, goals, longest, check.limits)
+    joints = (np.abs(goals - start).max(axis=0) > _POINT_TOLERANCE) | (options.improve is not None)
+    part = PartialCheck(check, start, joints, box)
     within = (start[joints], goals[:, joints])
     found = options.searcher(part, within, options.budget, seed, patience=_NEAR)
     path = None if found.path is None else part.lift(found.path)

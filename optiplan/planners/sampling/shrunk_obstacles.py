@@ -10,6 +10,7 @@ from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Box, Capsule, Cylinder, Scene, Shape, Sphere
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.local_searches import improved_path
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.ompl_space import Ends
 from optiplan.planners.sampling.search import Search, Searcher
@@ -17,7 +18,7 @@ from optiplan.planners.sampling.shortcutting import shorten
 
 _DEPTH = 0.02  # m; an optimiser moves a path out of obstacles that deep
 _LEAST = 1e-3  # m, what is left of a thickness
-_ATTEMPTS = 60  # shortcuts
+_ATTEMPTS, _LOCAL = 60, 12  # shortcuts and local searches
 
 
 def thinned(scene: Scene, depth: float = _DEPTH) -> Scene:
@@ -60,8 +61,9 @@ def through_thinner(repair: Callable[[Array], Array | None]) -> Searcher:
             found = rrt_connect(thinner, ends, budget, seed, patience=patience / ALTERNATE_RATIO)
         if found.path is None:
             return found
-        draws = np.random.default_rng(seed).uniform(size=(_ATTEMPTS, 3))
-        path = shorten(thinner, found.path, check.limits.velocity, draws, budget)
+        rng = np.random.default_rng(seed)
+        path = shorten(thinner, found.path, check.limits.velocity, rng.uniform(size=(_ATTEMPTS, 3)), budget)
+        path = improved_path(thinner, path, rrt_connect, budget, rng, _LOCAL)
         if check.polyline_free(path):
             return replace(found, path=path)
         repaired = repair(path)

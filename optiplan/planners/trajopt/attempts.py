@@ -26,6 +26,12 @@ _CLOSE = 0.2
 _WORTH_CLOSE = 0.01
 """Share of the cost to the bound below which no margin is in the way."""
 
+_FAR = 1.1
+"""Factor to the bound beyond which the margin waits: another way may be better, and then its margin counts."""
+
+_CLOSE_STEPS = 60
+"""Steps that the budget is to leave for it."""
+
 _END_STEPS = 40
 """Steps of the attempt with a free end, at most: it begins at a curve that is optimised already."""
 
@@ -47,6 +53,7 @@ class Attempts:
         watch: of the run.
         patient: whether a curve may take any time, see `Optimiser.run`.
         ahead: attempts that other threads make.
+        waiting: the best attempt, if it is to be optimised again with a smaller margin once no further one is made.
     """
 
     optimiser: Optimiser
@@ -56,6 +63,7 @@ class Attempts:
     watch: Stopwatch
     patient: bool = False
     ahead: SpeculativeAttempts = field(init=False)
+    waiting: Attempt | None = None
     _touching: tuple[Touch, Trajectory] | None = None
     _breaking: tuple[Broken, Trajectory] | None = None
 
@@ -71,16 +79,34 @@ class Attempts:
         return attempt
 
     def keep(self, attempt: Attempt | None) -> None:
-        """Keep the result of an attempt; if it is the best so far, optimise it again with a smaller margin."""
+        """Keep the result of an attempt; if it is the best so far, optimise it again with a smaller margin.
+
+        That waits until no further attempts are made where the bound is far below it.
+        """
         incumbent = self.incumbent
         if attempt is not None:
             incumbent.offer(attempt.trajectory, attempt)
             if incumbent.is_best(attempt):
-                incumbent.curve = attempt
+                incumbent.curve, self.waiting = attempt, None
                 if attempt.close and incumbent.bound < (1.0 - _WORTH_CLOSE) * incumbent.cost:
-                    margin = _CLOSE * self.optimiser.options.margin
-                    self._offer(self.optimised("close", attempt.control, self.budget, margin=margin))
+                    self.waiting = attempt
+                    if incumbent.within(_FAR):
+                        self.closer()
         self.patience.record(None if attempt is None else incumbent.cost_of(attempt.trajectory))
+
+    def closer(self) -> None:
+        """Optimise the attempt that waits for it again with a smaller margin."""
+        waiting, self.waiting = self.waiting, None
+        if waiting is not None and not self.budget.over:
+            margin = _CLOSE * self.optimiser.options.margin
+            self._offer(self.optimised("close", waiting.control, self.budget, margin=margin))
+
+    @property
+    def before_closer(self) -> Budget:
+        """Return the budget, less what the attempt that waits will take."""
+        steps = self.optimiser.steps if self.waiting is not None else 0
+        each = self.watch.seconds.get("optimisation", 0.0) / max(steps, 1)
+        return self.budget.leaving(_CLOSE_STEPS * each) if steps else self.budget
 
     def free_end(self) -> None:
         """Optimise the best curve once more with its end free in the goal that it is in, where that may gain."""

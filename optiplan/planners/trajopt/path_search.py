@@ -1,21 +1,25 @@
 """Sampled paths for `trajopt`: the searches, and the motions along a path that is not optimised."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.common.path_timing import stopping, timed_path
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.constrained.seeds import ConstrainedSeeds
+from optiplan.planners.sampling.local_searches import improved_path
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
-from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
-from optiplan.planners.sampling.shrunk_obstacles import through_thinner
+from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
+from optiplan.planners.sampling.shortcutting import path_time
+from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
 from optiplan.planners.trajopt.incumbent import Incumbent
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
@@ -25,6 +29,15 @@ from optiplan.trajectory.trajectory import Trajectory
 _QUICK, _ROUNDS = 0.065, 2
 """Work, s, that a search may take that a late straight line waits for, and rounds that it makes in it: for a first
 motion, not for a hard problem."""
+
+_LOCAL = 30
+"""Local searches that improve a path before it is optimised."""
+
+_DEPTH = 0.015
+"""Thickness, m, by which obstacles are thinner there on all sides: the optimiser moves a path out of them."""
+
+_NO_BETTER = 1.15
+"""Cost of a path in bounds on all motions, at which no cheaper one is looked for: corners and rounding take as much."""
 
 _SEARCH, _FIRST_SEARCH = 0.5, 0.8
 """Share of what is left of the budget that one search for a path may take; while there is no motion at all."""
@@ -44,6 +57,7 @@ class PathSearch:
         searches: begun so far.
         begun: rounds that the next search leaves out, since they have just been made in vain.
         found: while a line was being optimised, and not optimised itself yet.
+        between_thinner: whether paths are looked for between thinner obstacles once there is a motion.
     """
 
     problem: Problem
@@ -55,6 +69,7 @@ class PathSearch:
     searches: int = 0
     found: SampledPath | None = None
     begun: int = 0
+    between_thinner: bool = True
     _on_constraints: ConstrainedSeeds = field(init=False)
 
     def __post_init__(self) -> None:
@@ -72,26 +87,62 @@ class PathSearch:
         """Look for a path for a short while if there is no motion, and offer it with a stop at every corner."""
         if self.incumbent.candidates or self.searches or self._on_constraints.apply:
             return
-        path = self._sample(sampler, self.patience.seconds + _QUICK, None)
+        path = self._sample(sampler, self.model, self.patience.seconds + _QUICK, None)
         if isinstance(path, SampledPath):
             self.found = path
         else:
             self.begun = _ROUNDS
 
     def next(self, sampler: GoalSampler, repair: Callable[[Array], Array | None]) -> SampledPath | Failure:
-        """Return the path found at once, or one of the next seed; `repair` as in `through_thinner`.
+        """Return the next path to optimise; `repair` as in `through_thinner`.
 
-        With a motion at hand a search ends where it stops being worth its work.
+        It is improved by local searches first, since a path's cost tells much of what it can be optimised to, and they
+        take less time than a descent from a long path. Once there is a motion they look between thinner obstacles,
+        where there are more ways and searches are shorter; in the real ones where that has just led to nothing.
+        Searches end where they stop being worth their work.
         """
         found, self.found = self.found, None
-        if found is not None:
-            return found
+        if found is None and (self._on_constraints.apply or not self.incumbent.candidates):
+            path = self._sample(sampler, self.model, self.patience.seconds + self._worth, repair)
+            if isinstance(path, Failure) or not self.incumbent.candidates or self._on_constraints.apply:
+                return path
+            found = path
+        if self.between_thinner:
+            path = self._improved(sampler, self._thinner, found)
+            if isinstance(path, Failure) or len(path.waypoints) > 2:
+                return path
+            self.between_thinner = False
+        return self._improved(sampler, self.model, found)
+
+    def _improved(
+        self, sampler: GoalSampler, model: CollisionModel, found: SampledPath | None
+    ) -> SampledPath | Failure:
+        """Return `found`, or else a path that is sampled, improved by local searches."""
+        began, incumbent = self.patience.seconds, self.incumbent
+        path = found or self._sample(sampler, model, began + self._worth, None)
+        if isinstance(path, Failure):
+            return path
+        with self.watch.stage("sampling"):
+            check = path_check(model, self.problem.limits)
+            searcher = counted(rrt_connect, self.patience, began + self._worth)
+            rng = np.random.default_rng(self.problem.seed + 1000 * self.searches)
+            enough = _NO_BETTER * incumbent.soonest
+            waypoints = improved_path(check, path.waypoints, searcher, self.budget, rng, _LOCAL, enough)
+        cost = float(path_time(waypoints, self.problem.limits.velocity).sum())
+        return replace(path, waypoints=waypoints, cost=cost)
+
+    @property
+    def _worth(self) -> float:
+        """Return the work without a gain that is still worth it, s."""
         incumbent = self.incumbent
-        worth = self.patience.worth(incumbent.cost, incumbent.bound) if incumbent.candidates else np.inf
-        return self._sample(sampler, self.patience.seconds + worth, repair)
+        return self.patience.worth(incumbent.cost, incumbent.bound) if incumbent.candidates else np.inf
+
+    @cached_property
+    def _thinner(self) -> CollisionModel:
+        return planning_model(self.problem.robot, thinned(self.problem.scene, _DEPTH))
 
     def _sample(
-        self, sampler: GoalSampler, most: float, repair: Callable[[Array], Array | None] | None
+        self, sampler: GoalSampler, model: CollisionModel, most: float, repair: Callable[[Array], Array | None] | None
     ) -> SampledPath | Failure:
         """Return a path of the next seed to any of the promising goals, sampled within `most` of work in all, s."""
         number, begun = self.searches, self.begun
@@ -113,9 +164,14 @@ class PathSearch:
                 begun=begun,
                 early=None if self.incumbent.candidates else self._stopping,
             )
-            path = sample_path(self.model, self.problem.start, goals, self.problem.limits, options)
+            path = sample_path(model, self.problem.start, goals, self.problem.limits, options)
+        self.patience.work(shortcuts=options.attempts if isinstance(path, SampledPath) else 0)
         self.incumbent.info["cut_short"] |= isinstance(path, Failure) and budget.over
         return path
+
+    def free(self, path: SampledPath) -> bool:
+        """Return whether a path is free between the obstacles as they are."""
+        return path_check(self.model, self.problem.limits).polyline_free(path.waypoints)
 
     def offer_first(self, path: SampledPath) -> Failure | None:
         """Offer the motion along a path that is to be had soonest."""

@@ -1,6 +1,5 @@
 """`trajopt`: optimise several initial guesses and return the best motion that is free at all times."""
 
-import time
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
 from itertools import count
@@ -11,6 +10,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.native_model import not_in_core
+from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import out_of_time
@@ -31,7 +31,6 @@ from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.program.sqp import WORSE
 from optiplan.planners.trajopt.stopping_rule import Patience
-from optiplan.planners.trajopt.through_vias import through_vias
 from optiplan.planners.trajopt.warm import WarmStart
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
@@ -70,6 +69,8 @@ class TrajOpt(Planner[TrajOptOptions]):
             alone = among_moving if problem.vias else plan_among_moving
             return alone(self, problem, budget, progress)
         if problem.vias:
+            from optiplan.planners.trajopt.through_vias import through_vias
+
             return through_vias(self, problem, budget, progress)
         if problem.moving:
             return plan_moving(self, problem, budget, progress)
@@ -90,7 +91,7 @@ class _Run:
 
     def __init__(self, problem: Problem, budget: Budget, progress: Progress, options: TrajOptOptions) -> None:
         self.problem, self.budget, self.progress, self.options = problem, budget, progress, options
-        began, self.watch = time.perf_counter(), Stopwatch()
+        began, self.watch = clock(), Stopwatch()
         self.info: dict[str, Any] = {"attempts": [], "cut_short": False}
         self.direct = True  # whether straight lines, with or without a bump, are still tried
         self.repaired: tuple[Attempt, float] | None = None  # what the last path lies on, and that path's cost, s
@@ -111,6 +112,7 @@ class _Run:
             self.attempts.ahead.close()
         if self.options.workers > 1:
             self.info["workers"] = {"count": self.options.workers, "attempts_of_threads": self.attempts.ahead.used}
+        self.attempts.closer()
         self.attempts.free_end()
         self.attempts.finer()
         self.info["cut_short"] |= self.budget.over
@@ -174,10 +176,11 @@ class _Run:
             if self.direct and self._worth():
                 self._expect(self._coming(sampler, number, rng))
                 control = self._with_bump(self._line(sampler, number), rng)
-                self.direct = self.attempts.attempt("line", control, self.budget) is not None
-            if self.incumbent.curve is not None and self._worth():
+                self.direct = self.attempts.attempt("line", control, self.attempts.before_closer) is not None
+            if number % 2 == 1 and self.incumbent.curve is not None and self._worth():
                 self._expect(self._coming(sampler, number, rng, line=False))
-                self.attempts.attempt("bump", self._with_bump(self.incumbent.curve.control, rng), self.budget)
+                control = self._with_bump(self.incumbent.curve.control, rng)
+                self.attempts.attempt("bump", control, self.attempts.before_closer)
         if self.incumbent.candidates:
             return None
         return failure if failure is not None else self.attempts.why_not()
@@ -219,8 +222,9 @@ class _Run:
         elif self.incumbent.cost_bound(path.cost) > WORSE * self.incumbent.cost:
             self.patience.record(None)
         else:
-            self.attempts.attempt("sampled", self._along(path.waypoints), self.budget)
-        if self.incumbent.cost > self.incumbent.cost_bound(path.cost):
+            attempt = self.attempts.attempt("sampled", self._along(path.waypoints), self.attempts.before_closer)
+            self.paths.between_thinner = attempt is not None
+        if self.incumbent.cost > self.incumbent.cost_bound(path.cost) and self.paths.free(path):
             self.paths.offer_timed(path)
         return failure
 
@@ -253,6 +257,6 @@ class _Run:
 
     def _worth(self) -> bool:
         """Return whether the budget and `Patience` allow another attempt."""
-        if self.budget.over:
+        if self.attempts.before_closer.over:
             return False
         return not self.incumbent.candidates or self.patience.worth_another(self.incumbent.cost, self.incumbent.bound)

@@ -12,8 +12,9 @@ from optiplan.planners.sampling.search import Search, Searcher
 PRICE = 0.1
 """Share of the motion's cost that spending the whole budget must be expected to save: 10 %."""
 
-STEP, STATE = (0.02, 5e-4) if core is None else (0.003, 1e-5)
-"""What a step of the optimiser and a state of a search take on an ordinary machine, s, in Python or the native core."""
+STEP, STATE, SHORTCUT = (0.02, 5e-4, 5e-3) if core is None else (0.003, 1e-5, 1e-4)
+"""What a step of the optimiser, a state of a search and a shortcut of a path take on an ordinary machine, s, in Python
+or the native core."""
 
 SAME = 1.005
 """Costs within this factor are those of one local optimum."""
@@ -42,9 +43,9 @@ class Patience:
     in_vain: int = 0
     seconds: float = 0.0
 
-    def work(self, steps: int = 0, states: int = 0) -> None:
-        """Count work done on the attempt: steps of the optimiser, states of a search."""
-        self.seconds += STEP * steps + STATE * states
+    def work(self, steps: int = 0, states: int = 0, shortcuts: int = 0) -> None:
+        """Count work done on the attempt: steps of the optimiser, states of a search, shortcuts of its path."""
+        self.seconds += STEP * steps + STATE * states + SHORTCUT * shortcuts
 
     def record(self, cost: float | None) -> None:
         """Record a finished attempt: the cost of its free motion (None: it has none)."""

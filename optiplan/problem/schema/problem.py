@@ -81,7 +81,7 @@ class ProblemSpec(Strict):
     name: Name | None = None
     robot: FileName | dict[str, Any]
     group: Name | None = None
-    locked: dict[Name, Number] = Field(default_factory=dict)
+    locked: dict[Name, Number] = Field(default={})
     base: PoseSpec | None = None
     gravity: Vector | None = None
     start: StartSpec

@@ -115,9 +115,9 @@ class DhSpec(DhPoseSpec):
     convention: Literal["standard", "modified"]
     unit: Literal["deg", "rad"]
     rows: Annotated[list[RowSpec], Field(min_length=1)]
-    base: BaseSpec = BaseSpec()
+    base: BaseSpec = Field(default_factory=BaseSpec)
     parent: Name | None = None
-    links: list[JoinedSpec] = Field(default_factory=list)
+    links: list[JoinedSpec] = Field(default=[])
     radius: Length | None = None
 
     def angle(self, value: float) -> float:

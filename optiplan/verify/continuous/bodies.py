@@ -1,5 +1,6 @@
 """Bodies as arrays: poses at many configurations, support functions, and the joints that move them."""
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -38,17 +39,22 @@ class BodyShape:
         vertices = vertices_of(shape)
         return cls(shape, shape_of_body(shape), vertices, *_ball(shape, vertices))
 
+    @cached_property
+    def round(self) -> tuple[float, ...]:
+        """A (3,), r, s of h(n) = a . |n| + r ||(n_x, n_y)|| + s ||n||, m, as in `Shape.support`; 0 for other shapes."""
+        return _round(self.solid)
+
 
 _links: WeakKeyDictionary[Robot, tuple[BodyShape, ...]] = WeakKeyDictionary()
 
 
 def _shapes_of(model: CollisionModel) -> list[BodyShape]:
     """All bodies of the model; those of the robot are looked at once."""
-    robot = model.robot
-    if robot not in _links:
-        _links[robot] = tuple(BodyShape.of(body.geometry) for body in robot.geometry.geometryObjects)
-    others = list(model.geometry.geometryObjects)[len(_links[robot]) :]
-    return [*_links[robot], *(BodyShape.of(body.geometry) for body in others)]
+    bare = model.robot.unmounted
+    if bare not in _links:
+        _links[bare] = tuple(BodyShape.of(body.geometry) for body in bare.geometry.geometryObjects)
+    others = list(model.geometry.geometryObjects)[len(_links[bare]) :]
+    return [*_links[bare], *(BodyShape.of(body.geometry) for body in others)]
 
 
 _of_hulls: WeakKeyDictionary[ClusterHull, BodyShape] = WeakKeyDictionary()
@@ -108,22 +114,35 @@ class Bodies:
         self._known = [*_shapes_of(model), *map(_shape_of_hull, hulls)]
         self.shapes = [known.shape for known in self._known]
         self.joints = np.append(bounds.joint, np.array([hull.cluster.joint for hull in hulls], dtype=np.intp))
-        self.placements = np.vstack([bounds.placement, np.tile(np.eye(4), (len(hulls), 1, 1))])
         self.half = np.vstack([bounds.half, *(hull.box[1] for hull in hulls)])
         self.pairs = self.tree.pairs
         self.centre = np.array([known.centre for known in self._known]).reshape(-1, 3)
         self.radius = np.array([known.radius for known in self._known])
-        self._round = np.array([_round(known.solid) for known in self._known]).reshape(-1, 5)
+        self._round = np.array([known.round for known in self._known]).reshape(-1, 5)
         planes = [abs(shape.d) if isinstance(shape, coal.Halfspace) else 0.0 for shape in self.shapes]
-        own = np.where(np.isinf(self.radius), planes, self.radius)
-        offset = np.linalg.norm(self.placements[:, :3, 3], axis=1) + np.linalg.norm(self.centre, axis=1)
-        self.extent = offset + own
+        self._reach = np.where(np.isinf(self.radius), planes, self.radius) + np.linalg.norm(self.centre, axis=1)
+        self._put(model)
         carried = self.kinematics.carries[self.joints[self.pairs]]
         self.moves: Flags = carried & ~carried[:, ::-1]
 
+    def _put(self, model: CollisionModel) -> None:
+        own = model.bounds.placement
+        self.placements = np.vstack([own, np.tile(np.eye(4), (len(self.tree.hulls), 1, 1))])
+        self.extent = np.linalg.norm(self.placements[:, :3, 3], axis=1) + self._reach
+
+    def with_obstacles_of(self, model: CollisionModel) -> "Bodies":
+        """Return the same of a model in which obstacles stand elsewhere."""
+        twin = copy(self)
+        twin.tree = self.tree.with_obstacles_of(model)
+        twin._put(model)
+        return twin
+
+    @cached_property
     def unsupported(self) -> int | None:
-        """Return a body of some pair for which no bound is known: a moving half-space, or an unsupported shape."""
-        for body in np.unique(self.pairs).tolist():
+        """A body of some pair for which no bound is known: a moving half-space, or an unsupported shape."""
+        asked = np.zeros(len(self._known), dtype=bool)
+        asked[self.pairs] = True
+        for body in np.flatnonzero(asked).tolist():
             known = self._known[body]
             moving_plane = isinstance(known.shape, coal.Halfspace) and self.joints[body] != 0
             if moving_plane or not (len(known.vertices) or known.solid is not None):
@@ -194,7 +213,6 @@ def _is_round(solid: Shape | None) -> bool:
 
 
 def _round(solid: Shape | None) -> tuple[float, ...]:
-    """A (3,), r and s of h(n) = a . |n| + r ||(n_x, n_y)|| + s ||n||, m, as in `Shape.support`; 0 for other shapes."""
     match solid:
         case Box():
             x, y, z = solid.size

@@ -6,8 +6,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
-from optiplan.collision.containment import Containment
-from optiplan.collision.model import CollisionModel
+from optiplan.collision.model import CollisionModel, SameBodies
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
@@ -30,8 +29,25 @@ _MOST_HALVINGS = 12  # of a piece before the first query
 _MOST_ITEMS = 20_000  # items processed at once, to bound memory
 _CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memory
 
-_tools: WeakKeyDictionary[CollisionModel, tuple[Bodies, PairDistances, Motion, Containment]] = WeakKeyDictionary()
+_Tools = tuple[Bodies, PairDistances, Motion]
+_tools: WeakKeyDictionary[CollisionModel, _Tools] = WeakKeyDictionary()
 """What is the same for every motion in a work space."""
+
+_last: WeakKeyDictionary[SameBodies, _Tools] = WeakKeyDictionary()
+"""That of the last work space of the same bodies, of which obstacles may have stood elsewhere."""
+
+
+def _tools_of(model: CollisionModel) -> _Tools:
+    if model not in _tools:
+        known = _last.get(model.same_bodies)
+        if known is None:
+            bodies = Bodies(model)
+            found = bodies, PairDistances(model, bodies), Motion(bodies)
+        else:
+            bodies = known[0].with_obstacles_of(model)
+            found = bodies, known[1].with_obstacles_of(model, bodies), known[2].with_obstacles_of(bodies)
+        _tools[model] = _last[model.same_bodies] = found
+    return _tools[model]
 
 
 @dataclass(frozen=True)
@@ -158,11 +174,7 @@ class _Search:
     proof: Proof = field(default_factory=lambda: Proof(False))
 
     def __post_init__(self) -> None:
-        if self.model not in _tools:
-            bodies = Bodies(self.model)
-            inside = Containment(bodies.shapes, [(p.a, p.b) for p in self.model.pairs])
-            _tools[self.model] = bodies, PairDistances(self.model, bodies), Motion(bodies), inside
-        self.bodies, self.distances, self.motion, self.containment = _tools[self.model]
+        self.bodies, self.distances, self.motion = _tools_of(self.model)
         self.jump = step_sizes(self.trajectory, self.policy.jump_tolerance)
 
     def boxes(self, items: Intervals) -> Boxes:
@@ -175,14 +187,13 @@ class _Search:
         if absurd:
             self.proof = replace(self.proof, reason=f"{absurd} beyond {_LARGEST:g} leaves no digits for a proof")
             return
-        unsupported = self.bodies.unsupported()
-        if unsupported is not None:
-            name = self.model.names[unsupported]
+        if self.bodies.unsupported is not None:
+            name = self.model.names[self.bodies.unsupported]
             self.proof = replace(self.proof, reason=f"'{name}' has a shape of which no motion can be bounded")
             return
         q = self.trajectory.start
         poses = self.bodies.kinematics.poses(q[None])[0][self.bodies.joints] @ self.bodies.placements
-        found = self.containment.find(poses)
+        found = self.model.containment.find(poses)
         if found is not None:
             pair = self.model.pairs[found.pair]
             where = Moment(0.0, 0.0, (pair.name_a, pair.name_b), np.array([found.point, found.point]), q)
@@ -259,7 +270,8 @@ class _Search:
         unsure = several & (found.bound <= enough)  # hulls of clusters that are too near to tell
         seen = _Seen(best, times, b.q, poses, query)
         self.see(seen, np.flatnonzero(~found.hulls))
-        self.see(seen, np.flatnonzero(found.hulls & ~unsure), measure=True)  # what hulls answered is not measured
+        self.see(seen, np.flatnonzero(found.parts), measure=True)  # what hulls answered is not measured
+        self.see(seen, np.flatnonzero(found.hulls & ~found.parts & ~unsure), measure=True)
         self.count(unique, found)
         if (best[~several] <= self.policy.clearance + ROUNDING).any():
             reason = "bodies touch" if self.policy.clearance <= 0 else "bodies come too near"
@@ -267,6 +279,8 @@ class _Search:
         clear = (margin > self.target()) & ~unsure
         self.prove(items.take(np.flatnonzero(clear)), margin[clear])
         still = np.flatnonzero(~clear)
+        if not len(still):
+            return self.limit(items.take(still))
         halvings = _halvings(found, near, still, self.target())
         opened = unsure[still] | (several[still] & (halvings > _MOST_OF_HULLS))
         divided = items.take(still[~opened]).split(halvings[~opened])
@@ -281,9 +295,11 @@ class _Search:
             poses: of the joints in the middle of each, (K, n + 1, 4, 4).
             travel: bounds on how far any points of the two hulls can approach each other there, (K,), m.
         """
+        if not len(items.pair):
+            return items
         parts = [self.bodies.tree.parts[pair] for pair in items.pair.tolist()]
         parent = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-        inner = replace(items.take(parent), pair=np.concatenate([*parts, np.zeros(0, dtype=np.intp)]))
+        inner = replace(items.take(parent), pair=np.concatenate(parts))
         margin = self.bodies.lower_bound(self.bodies.place(poses, parent, inner.pair)) - travel[parent] - ROUNDING
         clear = margin > max(self.target(), self.policy.clearance + _EASY)
         self.prove(inner.take(np.flatnonzero(clear)), margin[clear])

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import perm
 
 import numpy as np
@@ -139,8 +140,15 @@ def derivative_bounds(c: Array, middle: Array, half: Array, orders: int) -> Arra
 def _sums(size: Array, half: Array, orders: int) -> Array:
     """sum_k>=r k! / (k - r)! size_k half^(k - r), (orders, K, n), by Horner's rule; size (degree + 1, K, n)."""
     sums = np.zeros((orders, *size.shape[1:]))
+    factors = _falling(len(size), orders)
     for k in range(len(size) - 1, -1, -1):
         few = sums[: k + 1]
         few *= half
-        few += np.array([float(perm(k, r)) for r in range(len(few))])[:, None, None] * size[k]
+        few += factors[k, : len(few)] * size[k]
     return sums
+
+
+@cache
+def _falling(size: int, orders: int) -> Array:
+    """Falling factorials k! / (k - r)! of k < size and r < orders, (size, orders, 1, 1); 0 where r > k."""
+    return np.array([[float(perm(k, r)) for r in range(orders)] for k in range(size)])[..., None, None]

@@ -1,7 +1,7 @@
 """Pairs of bodies, and above them pairs of hulls that answer for many of them at once."""
 
+from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import coal
@@ -39,10 +39,11 @@ _hulls: "WeakKeyDictionary[Robot, tuple[tuple[ClusterHull, ...], ...]]" = WeakKe
 
 def _levels(robot: Robot) -> tuple[tuple[ClusterHull, ...], ...]:
     """Hulls of a robot's clusters, of few bodies first; built once for each robot."""
-    if robot not in _hulls:
-        found = clusters_of(robot)
-        _hulls[robot] = tuple(tuple(map(ClusterHull.of, level)) for level in (found.by_link, found.by_joint))
-    return _hulls[robot]
+    bare = robot.unmounted
+    if bare not in _hulls:
+        found = clusters_of(bare)
+        _hulls[bare] = tuple(tuple(map(ClusterHull.of, level)) for level in (found.by_link, found.by_joint))
+    return _hulls[bare]
 
 
 class PairTree:
@@ -55,11 +56,10 @@ class PairTree:
         hulls: the bodies behind those of the model.
         pairs: (P + H, 2) bodies of each pair; `count`: P.
         parts: the pairs that each of the H stands for, by its index: of the model, or of hulls of fewer bodies.
-        tops: (T,) the pairs that no other one stands for.
+        tops: (T,) the pairs that no other one stands for; `bounds`: their bounding volumes.
     """
 
     def __init__(self, model: CollisionModel) -> None:
-        self._model = model
         levels = _levels(model.robot)
         self.hulls = tuple(hull for level in levels for hull in level)
         self.pairs: Index = model.bounds.pairs
@@ -76,6 +76,13 @@ class PairTree:
                 above[above[members]] = above[members] = first  # hulls of fewer bodies, too
                 first += 1
             self._gather(above)
+        self.bounds = self._bounds(model)
+
+    def with_obstacles_of(self, model: CollisionModel) -> "PairTree":
+        """Return the same of a model in which obstacles stand elsewhere."""
+        twin = copy(self)
+        twin.bounds = self.bounds.with_placements(twin._tops(model)[0]) if self.parts else model.bounds
+        return twin
 
     def _gather(self, above: Index) -> None:
         """Put pairs of hulls, which `above` names of each body, above those of `tops` of which they hold several."""
@@ -85,18 +92,25 @@ class PairTree:
         apart = (held != pairs).any(axis=1) & (held[:, 0] != held[:, 1]) & ~self._plane[pairs].any(axis=1)
         key = np.where(apart, held[:, 0] * len(above) + held[:, 1], -1)
         order = np.argsort(key, kind="stable")
-        runs = np.split(order, np.flatnonzero(np.diff(key[order])) + 1) if len(order) else []
-        found = [run for run in runs if key[run[0]] >= 0 and self._worth(self.tops[run])]
-        if not found:
+        ordered = key[order]
+        first = np.flatnonzero(np.diff(ordered, prepend=-2))  # of each run of the same hulls
+        last = np.append(first[1:], len(order))
+        worth = np.flatnonzero((ordered[first] >= 0) & self._worth(self.tops[order], first, last - first))
+        if not len(worth):
             return
+        found = [order[first[run] : last[run]] for run in worth.tolist()]
         fresh = len(self.pairs) + np.arange(len(found))
         self.parts |= {int(index): self.tops[run] for index, run in zip(fresh, found, strict=True)}
-        self.pairs = np.vstack([self.pairs, held[[run[0] for run in found]]])
+        self.pairs = np.vstack([self.pairs, held[order[first[worth]]]])
         self.tops = np.concatenate([np.delete(self.tops, np.concatenate(found)), fresh])
 
-    def _worth(self, pairs: Index) -> bool:
-        """Whether asking a hull for these pairs saves queries: there are several, or pairs of hulls among them."""
-        return len(pairs) >= _FEW or (len(pairs) > 1 and int(pairs.max()) >= self.count)
+    def _worth(self, pairs: Index, first: Index, count: Index) -> Flags:
+        """Whether asking a hull for runs of `pairs` saves queries: they are several, or there are hulls among them.
+
+        Runs begin at `first` and are `count` long, (R,) each; so is the result.
+        """
+        hulls = np.maximum.reduceat(pairs, first) >= self.count if len(pairs) else np.zeros(0, dtype=bool)
+        return np.asarray((count >= _FEW) | ((count > 1) & hulls))
 
     def members(self, pair: int) -> Index:
         """The pairs of the model that a pair stands for; itself where it is one of them."""
@@ -104,22 +118,25 @@ class PairTree:
             return np.array([pair], dtype=np.intp)
         return np.concatenate([self.members(part) for part in self.parts[pair].tolist()])
 
-    @cached_property
-    def bounds(self) -> PairBounds:
-        """Bounding volumes of `tops`."""
-        own = self._model.bounds
+    def _bounds(self, model: CollisionModel) -> PairBounds:
+        own = model.bounds
         if not self.parts:
             return own
+        geometry, used, which = self._tops(model)
+        first = len(model.names)
+        boxes = [
+            (own.centre[k], own.half[k], float(own.radius[k])) if k < first else self.hulls[k - first].box for k in used
+        ]
+        return PairBounds(model.kinematics, geometry, which, boxes)
+
+    def _tops(self, model: CollisionModel) -> tuple[pin.GeometryModel, list[int], Index]:
+        """The bodies of `tops`, which these are, and bodies a and b of each, (T, 2), among them."""
         used, which = np.unique(self.pairs[self.tops], return_inverse=True)
-        bodies, boxes = [], []
-        first = len(self._model.names)
+        first, bodies = len(model.names), []
         for k in used.tolist():
             if k < first:
-                bodies.append(self._model.geometry.geometryObjects[k])
-                boxes.append((own.centre[k], own.half[k], float(own.radius[k])))
+                bodies.append(model.geometry.geometryObjects[k])
             else:
                 hull = self.hulls[k - first]
                 bodies.append(pin.GeometryObject(f"hull {k}", hull.cluster.joint, 0, pin.SE3.Identity(), hull.shape))
-                boxes.append(hull.box)
-        pairs = [(a, b) for a, b in which.reshape(-1, 2).tolist()]
-        return PairBounds(self._model.kinematics, geometry_of(bodies), pairs, boxes)
+        return geometry_of(bodies), used.tolist(), which.reshape(-1, 2)

@@ -54,11 +54,11 @@ def prove_bounds(coefficients: Array, low: Array, high: Array) -> Bounded:
     within, beyond = np.ones(count, dtype=bool), np.zeros(count)
     for r in range(_MOST_HALVINGS):
         doubt = (r + 4) * rounding[owner]
-        ends = b[:, [0, -1]]
-        passed = np.maximum(ends.max(axis=1) - high[owner], low[owner] - ends.min(axis=1)) - doubt
-        np.maximum.at(beyond, owner, passed)
         held = (b.max(axis=1) + doubt <= high[owner]) & (b.min(axis=1) - doubt >= low[owner])  # NaN never is
-        still = ~held & (beyond[owner] <= 0.0)
+        b, owner, doubt = b[~held], owner[~held], doubt[~held]  # what holds is not beyond
+        passed = np.maximum(b[:, [0, -1]].max(axis=1) - high[owner], low[owner] - b[:, [0, -1]].min(axis=1)) - doubt
+        np.maximum.at(beyond, owner, passed)
+        still = beyond[owner] <= 0.0
         b, owner = b[still], owner[still]
         if not len(b) or len(b) > _MOST_OPEN:
             break

@@ -153,7 +153,9 @@ def test_replanner():
     assert on.verified
     assert replanner.run is on
     assert replanner.problem.moving
-    with pytest.raises(op.InputError, match="start"):
-        replanner.plan(start=[9.0, 9.0])
+    for wrong in ({"start": [9.0, 9.0]}, {"goal": 3}, {"scene": "peg"}, {"budget": -1.0}):
+        with pytest.raises(op.InputError) as refused:
+            replanner.plan(**wrong)
+        assert str(refused.value).startswith(f"op.Replanner.plan: {next(iter(wrong))}"), refused.value
     with pytest.raises(op.InputError, match="Replanner"):
         op.Replanner("12_planar")

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Index, distinct
+from optiplan.libraries import loading
 from optiplan.planners.trajopt.bspline_basis import REACH, SplineBasis
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ class Instants:
     @classmethod
     def of(cls, basis: SplineBasis, u: Array) -> "Instants":
         """Return the samples at fractions u, sorted, each once."""
-        u = np.unique(u)
+        u = distinct(u)
         at = basis.at(u, 0), basis.at(u, 1), basis.at(u, 2)
         return cls(basis, u, at, tuple(basis.by_variables(matrix) for matrix in at))  # type: ignore[arg-type]
 
@@ -203,7 +204,8 @@ class CostModel(NamedTuple):
 
     def hessian(self) -> "csc_matrix":
         """Return the second derivatives, (M n, M n), symmetric."""
-        from scipy.sparse import csc_matrix, diags  # for terms by CasADi only, and every `optiplan plan` would pay
+        with loading():
+            from scipy.sparse import csc_matrix, diags
 
         points, reach, joints = self.band.shape
         upper = [self.band[: points - d, d].ravel() for d in range(min(reach, points))]

@@ -18,6 +18,10 @@ const OptiPlanSteps = (() => {
 
   function at(steps, t) { return steps.find((one) => t < one.end) || steps[steps.length - 1]; }
 
+  function counted(steps, stops) {
+    return `${steps} step${steps === 1 ? "" : "s"}` + (stops ? `, ${stops} stop${stops === 1 ? "" : "s"} on the way` : "");
+  }
+
   class Steps {
     constructor(clock) {
       this.clock = clock;
@@ -45,14 +49,27 @@ const OptiPlanSteps = (() => {
         row.addEventListener("click", () => clock.jump(one.begin));
         return row;
       });
-      const list = byId("steps");
+      const list = byId("steps"), stops = run.stops || [];
       list.hidden = !this.steps.length;
       const folded = make("details", "opened");
       folded.open = true;
-      folded.append(make("summary", "", `${this.steps.length} steps`), ...this.rows);
+      folded.append(make("summary", "", counted(this.steps.length, stops.length)));
+      this.steps.forEach((one, k) => {
+        const next = k + 1 < this.steps.length ? this.steps[k + 1].begin : Infinity;
+        const here = stops.filter((stop) => one.begin < stop.t && stop.t <= next);
+        folded.append(this.rows[k], ...here.map((stop) => this.stopRow(stop)));
+      });
       list.replaceChildren(folded);
       this.said = null;
       this.say();
+    }
+
+    stopRow(stop) {
+      const row = make("button", "step-row stop-row"), time = make("span", "time", stop.t.toFixed(2) + " s");
+      row.type = "button";
+      row.append(make("span", "", `stops: ${stop.why}`), time);
+      row.addEventListener("click", () => this.clock.jump(stop.t));
+      return row;
     }
 
     say() {

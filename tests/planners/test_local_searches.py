@@ -1,0 +1,80 @@
+"""Paths improved by searches between two of their points."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from optiplan.collision.native_model import planning_model
+from optiplan.planners.base import Budget
+from optiplan.planners.sampling.local_searches import box_of_paths, improved_path
+from optiplan.planners.sampling.ompl_search import rrt_connect
+from optiplan.planners.sampling.sample_path import path_check
+from optiplan.planners.sampling.shortcutting import path_time, shorten
+from optiplan.problem.problem import JointGoal
+from tests.planners import cases
+from tests.planners.polyline import polyline_contact
+
+START, GOAL = np.array([0.8, -0.6]), np.array([-0.8, -0.6])
+AROUND = np.array([START, [0.8, 1.5], [-0.8, 1.5], GOAL])
+"""The long way around a post that the stretched planar arm meets: with the elbow to the other side."""
+
+
+@cache
+def _post():
+    post = cases.box("post", (0.1, 0.1, 0.1), (1.067, 0.175, 0.485))
+    problem = cases.problem("planar2r", START, [JointGoal(GOAL)], post)
+    model = planning_model(problem.robot, problem.scene)
+    return problem, model, path_check(model, problem.limits)
+
+
+def _cost(path):
+    return float(path_time(path, _post()[0].limits.velocity).sum())
+
+
+def _improved(path, searches=30, seed=0, **more):
+    return improved_path(_post()[2], path, rrt_connect, Budget(20.0), np.random.default_rng(seed), searches, **more)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_search_finds_the_other_way_around_where_shortcuts_find_none(seed):
+    problem, model, check = _post()
+    assert check.polyline_free(AROUND)
+    draws = np.random.default_rng(seed).uniform(size=(200, 3))
+    shortened = shorten(check, AROUND, problem.limits.velocity, draws, Budget(20.0))
+    assert shortened[:, 1].max() > 0.0  # still by the other side
+    improved = _improved(AROUND, seed=seed)
+    assert improved[:, 1].max() <= 0.0
+    assert _cost(improved) < 0.7 * _cost(shortened)
+    assert np.array_equal(improved[[0, -1]], AROUND[[0, -1]])
+    assert polyline_contact(model, improved) is None
+
+
+def test_each_search_makes_a_path_no_dearer_and_the_seed_decides():
+    costs = [_cost(_improved(AROUND, searches)) for searches in range(8)]
+    assert costs[0] == _cost(AROUND)
+    assert np.all(np.diff(costs) <= 0.0)
+    assert np.array_equal(_improved(AROUND, 8), _improved(AROUND, 8))
+    assert not np.array_equal(_improved(AROUND, 8), _improved(AROUND, 8, seed=1))
+
+
+def test_nothing_is_searched_where_a_path_is_short_enough_or_the_budget_is_over():
+    assert np.array_equal(_improved(AROUND, enough=_cost(AROUND)), AROUND)
+    spent = improved_path(_post()[2], AROUND, rrt_connect, Budget(0.0), np.random.default_rng(0), 30)
+    assert np.array_equal(spent, AROUND)
+    half = 0.5 * _cost(AROUND)
+    assert _cost(_improved(AROUND)) < _cost(_improved(AROUND, enough=half)) <= half
+
+
+def test_the_box_holds_what_a_path_in_that_time_can_pass():
+    limits = _post()[0].limits
+    goals, longest = np.array([GOAL, [0.4, 0.2]]), np.array([1.2, 0.7])
+    low, high = box_of_paths(START, goals, longest, limits)
+    rng = np.random.default_rng(0)
+    points = rng.uniform(limits.lower, limits.upper, (20_000, 2))
+    through = np.abs(points - START) + np.abs(goals[:, None] - points)
+    passable = ((through / limits.velocity).max(axis=2) <= longest[:, None]).any(axis=0)
+    inside = ((low <= points) & (points <= high)).all(axis=1)
+    assert passable.any()
+    assert not (passable & ~inside).any()
+    assert not inside.all()
