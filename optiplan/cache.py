@@ -5,21 +5,23 @@ fit, the file is none: it is made again, so that a damaged cache costs time and 
 """
 
 import hashlib
-import os
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from optiplan.files import write_bytes
+from optiplan.files import user_folder, write_bytes
 
 MARK = b"\noptiplan-cache "
 """Stands between content and checksum; a shared library may be followed by it and still be loaded."""
 
 
 def cache_dir() -> Path:
-    """`$XDG_CACHE_HOME/optiplan`, by default `~/.cache/optiplan`."""
-    home = os.environ.get("XDG_CACHE_HOME")
-    return (Path(home) if home else Path.home() / ".cache") / "optiplan"
+    """`$XDG_CACHE_HOME/optiplan`, by default `~/.cache/optiplan`.
+
+    Raises:
+        FileNotFoundError: this user has no home.
+    """
+    return user_folder("XDG_CACHE_HOME", ".cache") / "optiplan"
 
 
 def digest(parts: Iterable[bytes]) -> str:

@@ -175,6 +175,24 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode())
 
 
+def user_folder(variable: str, default: str) -> Path:
+    """The folder that an environment variable names, by default one in the user's home.
+
+    A relative path is passed over, as the XDG Base Directory Specification has it: it would mean another folder
+    wherever the program is called.
+
+    Raises:
+        FileNotFoundError: there is no home: a user of whom the system knows a number only, as in many a container.
+    """
+    named = Path(os.environ.get(variable, ""))
+    if named.is_absolute():
+        return named
+    try:
+        return Path.home() / default
+    except RuntimeError:
+        raise FileNotFoundError(errno.ENOENT, "this user has no home folder") from None
+
+
 def _check(path: Path) -> Path:
     """The real path of a file that may be opened."""
     try:

@@ -1,11 +1,16 @@
 """Caches: whole or not there, and never the reason why a run ends."""
 
 import os
+import pwd
 
+import casadi
 import pytest
 
 from optiplan import cache
+from optiplan.errors import InputError
+from optiplan.kinematics.symbolic.compiled import as_machine_code
 from optiplan.robot.robot import load_robot
+from optiplan.service.settings import default_data
 
 
 @pytest.fixture(autouse=True)
@@ -73,3 +78,35 @@ def test_no_cache_of_a_robot_can_end_a_run(own_cache, tmp_path, problems, damage
     again = load_robot(str(tmp_path / "robot.yaml"))
     assert dict(again.allowed) == dict(first.allowed)
     assert again.link_geometry == first.link_geometry
+
+
+def homeless(monkeypatch, **environment):
+    """A user of whom the system knows a number only, without HOME, as a container may have it."""
+
+    def unknown(uid):
+        raise KeyError(uid)
+
+    monkeypatch.setattr(pwd, "getpwuid", unknown)
+    for name in ("HOME", "XDG_CACHE_HOME", "XDG_DATA_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+
+
+def test_a_user_without_a_home_has_no_cache_and_plans_all_the_same(monkeypatch):
+    homeless(monkeypatch)
+    assert cache.load("a") is None
+    assert cache.kept("a", lambda: b"made") == b"made"
+    x = casadi.SX.sym("x")
+    assert float(as_machine_code(casadi.Function("square", [x], [x * x]))(3.0)) == 9.0
+    with pytest.raises(InputError, match=r"data: this user has no home folder; expected --data DIR"):
+        default_data()
+
+
+def test_a_relative_folder_is_passed_over(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    homeless(monkeypatch, XDG_CACHE_HOME="here", XDG_DATA_HOME="here", HOME=str(tmp_path / "home"))
+    cache.store("a", b"content")
+    assert (tmp_path / "home/.cache/optiplan/a").is_file()
+    assert default_data() == tmp_path / "home/.local/share/optiplan"
+    assert not (tmp_path / "here").exists()

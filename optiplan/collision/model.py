@@ -71,6 +71,10 @@ class Contacts:
     normals: Array
 
 
+class SameBodies:
+    """Shared by models of the same bodies and pairs, wherever obstacles stand: a key for what depends on no more."""
+
+
 class CollisionModel:
     """A robot in a scene, with its own work space: use one object a thread.
 
@@ -83,13 +87,14 @@ class CollisionModel:
         geometry: the bodies; `names[i]` is the link, attachment or obstacle of body i.
         pairs: the pairs that must stay apart.
         outline: the same bodies with hulls in the place of meshes.
+        same_bodies: the same object in models of which one is the other `with_obstacles_moved`.
         motions: of the obstacles that move.
         model: the robot's, with three sliding joints for every obstacle that moves (`moving_obstacles`). Where a
             configuration (n,) of the robot alone is given, obstacles are where they are at first.
     """
 
     def __init__(self, robot: Robot, scene: Scene) -> None:
-        self.robot, self.scene = robot, scene
+        self.robot, self.scene, self.same_bodies = robot, scene, SameBodies()
         self.motions = tuple(body.motion for body in scene.obstacles if body.motion is not None)
         self.model, self._carriers = with_obstacle_joints(robot.model, scene.moving)
         self._moved = displacements(self.motions, np.zeros(1))[0]

@@ -1,7 +1,6 @@
 """Base class of all planners, with their result and budget types."""
 
 import threading
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -9,6 +8,7 @@ from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from optiplan.arrays import is_finite
 from optiplan.errors import described, wrong_argument
+from optiplan.libraries import clock
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -120,7 +120,7 @@ class Budget:
 
     def start(self) -> None:
         """Start the clock."""
-        self._end = time.perf_counter() + self.seconds
+        self._end = clock() + self.seconds
 
     def share(self, fraction: float) -> "Budget":
         """Return a budget of that fraction of the remaining time, cancelled together with this one."""
@@ -135,7 +135,7 @@ class Budget:
     @property
     def remaining(self) -> float:
         """Return the remaining time, s; 0 once cancelled."""
-        return 0.0 if self.cancelled else max(0.0, self._end - time.perf_counter())
+        return 0.0 if self.cancelled else max(0.0, self._end - clock())
 
     @property
     def cancelled(self) -> bool:

@@ -268,7 +268,7 @@ def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner
 
 
 def load_libraries(name: str) -> None:
-    """Import what the planner of that name may need, so that import time is not charged to its budget."""
+    """Import what the planner of that name may need, so that no caller of a process that stays waits for it."""
     for module in LIBRARIES.get(PLANNERS[name].family, ()) if name in PLANNERS else ():
         import_module(module)
 

@@ -8,9 +8,10 @@ from dataclasses import replace
 from typing import Any
 
 from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError
+from optiplan.libraries import clock, time_loading
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.via_legs import plan_through
-from optiplan.planners.registry import load_libraries, make_planner, options_set
+from optiplan.planners.registry import make_planner, options_set
 from optiplan.problem.problem import Problem
 from optiplan.runs.common_bound import bound_of
 from optiplan.runs.metrics import measure
@@ -18,9 +19,6 @@ from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import verify as verifier
-
-_AMPLE = 10.0
-"""s; with such a budget libraries are imported where they are needed, half a second once in a process."""
 
 _KEPT = 20.0
 """s in which an earlier motion that is the answer is proved and measured."""
@@ -45,7 +43,8 @@ def run(  # noqa: PLR0913
         problem: its own `planner` and `options` are ignored.
         planner: name in the registry, or a planner itself, which the run calls by its class.
         options: of the planner of that name; a planner itself has its own.
-        budget: counted from the planner's start; below 10 s, loading its libraries is not part of it.
+        budget: counted from the planner's start; loading libraries is no part of it, and its time, s, is `libraries` in
+            the timings, not in `plan`.
         progress: called with the planner's stages, then `verify`.
         earlier: a motion that planners may begin at, of a problem not far from this one.
 
@@ -55,12 +54,10 @@ def run(  # noqa: PLR0913
     """
     if isinstance(planner, str):
         name, chosen = planner, make_planner(planner, options)
-        if budget.seconds < _AMPLE:
-            load_libraries(name)
     else:
         name, chosen, options = type(planner).__name__, planner, options_set(planner)
     budget.start()
-    began, spent = time.perf_counter(), processor_time()
+    began, spent, loaded = clock(), processor_time(), time_loading()
     within = budget.leaving(reserve(budget.seconds))
     if problem.task:
         from optiplan.planners.task.planner import plan_task
@@ -68,7 +65,9 @@ def run(  # noqa: PLR0913
         result = plan_task(chosen, problem, within, progress)
     else:
         result = plan_through(chosen, problem, within, progress, earlier)
-    timings, spent = {"plan": time.perf_counter() - began}, processor_time() - spent
+    timings, spent = {"plan": clock() - began}, processor_time() - spent
+    if time_loading() > loaded:
+        timings["libraries"] = time_loading() - loaded
     return replace(proved(problem, name, options, result, (budget, progress, timings)), plan_cpu=spent)
 
 

@@ -1,9 +1,9 @@
 """Select the best candidate of a planner that the verifier accepts."""
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Candidate
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
@@ -70,9 +70,9 @@ def _slower_and_slower(problem: Problem, candidate: Candidate, other: float) -> 
             trajectory = trajectory.scaled(trajectory.duration * factor)
             if trajectory.duration >= other:
                 return
-        began = time.perf_counter()
+        began = clock()
         report = verify(problem, trajectory)
-        yield Selection(trajectory, report, factor), candidate.seconds + time.perf_counter() - began
+        yield Selection(trajectory, report, factor), candidate.seconds + clock() - began
         if not {check.name for check in report.failures} <= _CURED_BY_TIME | set(_RATES_ASKED):
             return
         if step == 1.0:
@@ -93,9 +93,9 @@ def _verified(problem: Problem, earlier: list[Candidate], budget: Budget) -> lis
     for candidate in earlier:
         if budget.over:
             break
-        began = time.perf_counter()
+        began = clock()
         if verify(problem, candidate.trajectory).verified:
-            found.append((candidate.seconds + time.perf_counter() - began, candidate.trajectory.duration))
+            found.append((candidate.seconds + clock() - began, candidate.trajectory.duration))
     return found
 
 

@@ -1,17 +1,26 @@
 """Settings of the service: where it listens, what it keeps, and how much it takes on."""
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from optiplan.errors import InputError, Issue
+from optiplan.files import user_folder
 
 PORT = 7100
 """TCP port, when none is given."""
 
 
 def default_data() -> Path:
-    """`$XDG_DATA_HOME/optiplan`, by default `~/.local/share/optiplan`."""
-    home = os.environ.get("XDG_DATA_HOME")
-    return (Path(home) if home else Path.home() / ".local" / "share") / "optiplan"
+    """`$XDG_DATA_HOME/optiplan`, by default `~/.local/share/optiplan`.
+
+    Raises:
+        InputError: this user has no home.
+    """
+    try:
+        return user_folder("XDG_DATA_HOME", ".local/share") / "optiplan"
+    except FileNotFoundError as error:
+        issue = Issue("this system", None, "data", str(error.strerror), "--data DIR, or a folder in XDG_DATA_HOME")
+        raise InputError([issue]) from None
 
 
 @dataclass(frozen=True)

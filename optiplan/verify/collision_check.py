@@ -3,13 +3,16 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from optiplan.collision.kept_models import collision_model
+from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import BEYOND, GAP
 from optiplan.trajectory.obstacle_columns import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.certificate import Proof, certify
+from optiplan.verify.continuous.certificate import Moment, Proof, certify
 from optiplan.verify.report import Check, VerifyPolicy
 
 
@@ -28,11 +31,12 @@ def checked_robot(problem: Problem, policy: VerifyPolicy) -> Robot:
 def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
     """Check that every pair of bodies stays apart at all times, by the certificate.
 
-    `worst` is the clearance proved; where none is proved, the smallest distance met.
+    `worst` is the clearance proved; where none is proved, the smallest distance met, or the deepest contact at the time
+    at which bodies touch.
     """
     model = collision_model(checked_robot(problem, policy), problem.scene)
     proof = certify(model, with_obstacles(trajectory, model.motions), policy)
-    near = proof.nearest
+    near = _deepest(model, proof.nearest) if proof.nearest is not None and proof.contact else proof.nearest
     witness: dict[str, Any] = {
         "pairs": len(model.pairs),
         "intervals": proof.intervals,
@@ -53,6 +57,15 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     witness |= {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q[: trajectory.n].tolist()}
     worst = proof.clearance if proof.proved else near.distance
     return replace(verdict, worst=worst, time=near.time, place=" – ".join(near.pair), witness=witness)
+
+
+def _deepest(model: CollisionModel, met: Moment) -> Moment:
+    """Return the deepest contact at the time of one that was met: the proof ends at the first, of whatever depth."""
+    found = model.clearance(met.q)
+    names = met.pair if found is None else (found.pair.name_a, found.pair.name_b)
+    if found is None or names == met.pair or found.distance >= met.distance:
+        return met
+    return replace(met, distance=found.distance, pair=names, points=np.array([found.point_a, found.point_b]))
 
 
 def _words(proof: Proof) -> str:

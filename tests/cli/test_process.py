@@ -92,12 +92,12 @@ def test_help_imports_nothing_heavy(arguments):
     assert done.stderr == "[]\n"
 
 
-@pytest.mark.parametrize("planner", ["quintic", "trajopt"])
-def test_plan_imports_only_what_it_needs(planner):
+@pytest.mark.parametrize(("planner", "budget"), [("quintic", "20"), ("trajopt", "20"), ("trajopt", "1")])
+def test_plan_imports_only_what_it_needs(planner, budget):
     heavy = [name for name in HEAVY if name not in ("pinocchio", "coal", "numpy")]
     code = (
         "import sys; from optiplan.cli.main import run; "
-        f"assert run(['plan', '01_reach', '--planner', {planner!r}]) == 0; "
+        f"assert run(['plan', '01_reach', '--planner', {planner!r}, '--budget', {budget!r}]) == 0; "
         f"print([name for name in {[*heavy, 'casadi', *UNASKED]!r} if name in sys.modules], file=sys.stderr)"
     )
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}

@@ -1,6 +1,9 @@
 """Point clouds and octrees: what their files hold, what is solid of them, and that a broken file is only refused."""
 
+import io
 import struct
+import tracemalloc
+import zipfile
 from pathlib import Path
 
 import coal
@@ -125,6 +128,42 @@ def test_ply_and_npz_files_are_read(tmp_path):
 def test_a_broken_file_is_refused_with_its_reason(read, content, says):
     with pytest.raises(MeshError, match=says):
         read(content)
+
+
+def bomb(shape, zeros: int, head: bytes | None = None, kind: str = "<f8") -> bytes:
+    """An NPZ file whose array `points` says it has this shape and unpacks to so many zeros behind its header."""
+    npy, file = io.BytesIO(), io.BytesIO()
+    np.lib.format.write_array_header_1_0(npy, {"descr": kind, "fortran_order": False, "shape": shape})
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("points.npy", (npy.getvalue() if head is None else head) + bytes(zeros))
+    return file.getvalue()
+
+
+ENDLESS = b"\x93NUMPY\x02\x00\xff\xff\xff\x7f"
+"""A header that says that it is 2 GB long."""
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (bomb((10**8, 3), 10**7), "100000000 points; at most"),
+        (bomb((10**7,), 8 * 10**7), r"points of shape \(10000000,\)"),
+        (bomb((10**9, 3), 10), "1000000000 points"),
+        (bomb((4, 3), 0, kind="<c16"), "complex128"),
+        (bomb((4, 3), 90), "no whole NPZ"),
+        (bomb((), 10**7, ENDLESS), "no whole NPZ"),
+        (bomb((), 10**7, b"\x93NUMPY\x09\x00"), "no whole NPZ"),
+        (bomb((), 10**7, b"nothing"), "no whole NPZ"),
+    ],
+)
+def test_an_npz_file_is_refused_for_its_header_before_it_is_unpacked(content, says):
+    tracemalloc.start()
+    try:
+        with pytest.raises(MeshError, match=says):
+            read_points_npz(content)
+        assert tracemalloc.get_traced_memory()[1] < 1e6
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_tree_without_end_is_refused():

@@ -1,5 +1,7 @@
 """Pairs of hulls in the certificate: they save queries, and what they prove holds."""
 
+import gc
+import weakref
 from collections.abc import Iterator
 from unittest.mock import patch
 
@@ -106,3 +108,32 @@ def test_what_is_proved_and_recorded_holds(robot, scene) -> None:
         assert proof.nearest is None or proof.nearest.distance >= proof.clearance
         told = record.bound(motion.duration, len(model.pairs))
         assert told.clearance.min() == proof.clearance
+
+
+def test_a_proof_among_moved_obstacles_is_that_of_a_new_model(robot, scene) -> None:
+    known = CollisionModel(robot, scene)
+    certify(known, next(motions(robot)), VerifyPolicy())
+    changed = scene.moved("o0", x=0.07).moved("o3", z=-0.1).moved("floor", z=0.05)
+    moved, new = known.with_obstacles_moved(changed), CollisionModel(robot, changed)
+    assert moved is not None
+    found = [[certify(model, motion, VerifyPolicy()) for motion in motions(robot)] for model in (moved, new)]
+    assert len({proof.proved for proof in found[0]}) == 2
+    for one, other in zip(*found, strict=True):
+        assert [one.proved, one.reason, one.queries, one.clearance] == [
+            other.proved,
+            other.reason,
+            other.queries,
+            other.clearance,
+        ]
+        if one.nearest is not None:
+            assert one.nearest.distance == other.nearest.distance
+            assert one.nearest.pair == other.nearest.pair
+
+
+def test_nothing_is_kept_of_a_work_space_that_is_gone(robot, scene) -> None:
+    model = CollisionModel(robot, scene)
+    certify(model, next(motions(robot)), VerifyPolicy())
+    gone = weakref.ref(model)
+    del model
+    gc.collect()
+    assert gone() is None

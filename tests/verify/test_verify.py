@@ -7,10 +7,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from optiplan.collision.kept_models import collision_model
 from optiplan.errors import InputError
 from optiplan.geometry.scene import Attachment, Box, Capsule, HalfSpace, Obstacle, Scene, Sphere
 from optiplan.problem.problem import JointGoal, PoseGoal
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify import collision_check
+from optiplan.verify.continuous.certificate import Moment, Proof
 from optiplan.verify.report import VerifyPolicy, jsonable
 from optiplan.verify.verify import verify
 from tests.verify.motions import problem_of, quintic, smooth, unchecked, within_limits
@@ -54,6 +57,24 @@ def test_a_ball_of_2_mm_grazed_for_half_a_millisecond(planar, swing, depth, verd
         assert check.witness["contact"]
         assert -depth <= check.worst <= 1e-9
         np.testing.assert_allclose(check.witness["points"], [ball.X_WO.translation] * 2, atol=2e-3)
+
+
+def test_a_contact_is_told_with_the_deepest_pair_of_its_moment(planar, swing, monkeypatch):
+    """The certificate ends at a first contact; of many bodies behind one hull that need not be the deepest."""
+    shallow = Obstacle("shallow", Sphere(0.05), pin.SE3(np.eye(3), np.add(AXIS, [0.75, 0.0, 0.06])))
+    deep = Obstacle("deep", Sphere(0.05), pin.SE3(np.eye(3), np.add(AXIS, [0.95, 0.0, 0.0])))
+    problem = problem_of(planar, swing, Scene((shallow, deep)))
+    model, q = collision_model(planar, problem.scene), np.zeros(2)
+    met, *_, deepest = sorted(model.contacts(q, 0.0), key=lambda contact: -contact.distance)
+    assert (met.pair.name_b, deepest.pair.name_b) == ("shallow", "deep")
+    names, points = (met.pair.name_a, met.pair.name_b), np.array([met.point_a, met.point_b])
+    first = Proof(False, "bodies touch", nearest=Moment(met.distance, 0.5, names, points, q), contact=True)
+    monkeypatch.setattr(collision_check, "certify", lambda *_: first)
+    check = named(verify(problem, swing), "collision")
+    assert check.place == f"{deepest.pair.name_a} – deep"
+    assert check.worst == check.witness["met_clearance"] == deepest.distance
+    assert check.witness["points"] == [deepest.point_a.tolist(), deepest.point_b.tolist()]
+    assert check.time == 0.5
 
 
 @pytest.mark.parametrize(("reach", "verdict"), [(1e-5, False), (-1e-5, True)])

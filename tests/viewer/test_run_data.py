@@ -15,6 +15,7 @@ from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema
 from optiplan.viewer.run_data.attempts import found_by
 from optiplan.viewer.run_data.checks import checks_of
 from optiplan.viewer.run_data.clearance import clearance_of
+from optiplan.viewer.run_data.closed_loop import LOG, read_log
 from optiplan.viewer.run_data.curves import curves_of, short_names, tool_frames
 from optiplan.viewer.run_data.stops import stops_told
 from optiplan.viewer.runs import ViewedRun
@@ -202,6 +203,15 @@ def test_how_a_run_was_found(proof):
     assert (second["duration"], second["log"], third["log"]) == (None, None, None)
     assert found_by({"info": {"attempts": 3}}) is None
     assert found_by(None) is None
+
+
+def test_a_damaged_log_is_refused_in_words(tmp_path):
+    np.savez_compressed(tmp_path / LOG, t=np.arange(100.0), q=np.zeros((100, 2)))
+    whole = (tmp_path / LOG).read_bytes()
+    for size in (0, 3, 60, len(whole) // 2, len(whole)):
+        (tmp_path / LOG).write_bytes(whole[:size])
+        with pytest.raises(op.InputError, match="log"):
+            read_log(tmp_path)
 
 
 def test_stops_of_a_damaged_record_are_left_out():

@@ -18,6 +18,7 @@ from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask, Outcome, Row, empty_row, failure
 from optiplan.errors import OptiPlanError, PlannerAnswerError
 from optiplan.planners.base import Budget
+from optiplan.planners.registry import load_libraries
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.runs.pipeline import processor_time, reserve, run
@@ -118,6 +119,7 @@ class Executor:
         self._warm.add(key)
         try:
             easy = problem_from_dict(warm_up_problem(problem), "/", self._robots)
+            load_libraries(planner.name)  # of which an easy problem may need none
             run(easy, planner.name, planner.options, Budget(WARM_UP_BUDGET), lambda stage, fraction: None)
         except BaseException:  # the run itself will tell
             timings["warm_up_failed"] = True

@@ -13,6 +13,9 @@ from optiplan.geometry.meshes.triangles import MeshError, Soup
 MOST_POINTS = 5_000_000
 """Points of one file."""
 
+_NPY_HEADER = 4096
+"""Bytes: as many as the header of an array of numbers can fill, and more."""
+
 _PCD_TYPES = {
     ("F", 4): "<f4",
     ("F", 8): "<f8",
@@ -44,12 +47,31 @@ def read_points_npz(content: bytes) -> Soup:
             names = arrays.files
             if "points" not in names and len(names) != 1:
                 raise MeshError(f"arrays {', '.join(names) or 'none'}, none of which is `points`")
-            points = arrays["points" if "points" in names else names[0]]
-    except (zipfile.BadZipFile, KeyError, EOFError) as error:
+            name = "points" if "points" in names else names[0]
+            _check_header(arrays.zip, name)
+            points = arrays[name]
+    except MeshError:
+        raise
+    except (zipfile.BadZipFile, KeyError, EOFError, ValueError) as error:
         raise MeshError("no whole NPZ file") from error
-    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
-        raise MeshError(f"points of shape {points.shape} and type {points.dtype}; numbers of shape (N, 3) are read")
     return _cloud(points.astype(np.float64))
+
+
+def _check_header(archive: zipfile.ZipFile, name: str) -> None:
+    """Refuse an array for what its header says of it: 2 MB can hold 2 GB of zeros, which nobody wants unpacked."""
+    member = f"{name}.npy" if f"{name}.npy" in archive.namelist() else name
+    with archive.open(member) as file:
+        head = io.BytesIO(file.read(_NPY_HEADER))
+    try:
+        version = np.lib.format.read_magic(head)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, kind = read(head)
+    except ValueError as error:
+        raise MeshError("no whole NPZ file") from error
+    if len(shape) != 2 or shape[1] != 3 or kind.kind not in "fiu":
+        raise MeshError(f"points of shape {shape} and type {kind}; numbers of shape (N, 3) are read")
+    if shape[0] > MOST_POINTS:
+        raise MeshError(f"{shape[0]} points; at most {MOST_POINTS} are read")
 
 
 def read_pcd(content: bytes) -> Soup:

@@ -5,6 +5,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.libraries import loading
 from optiplan.robot.robot import Robot
 
 _CONVERGED = 1e-9  # m and rad
@@ -24,7 +25,8 @@ class Descent:
 
     def __init__(self, robot: Robot, frame: str, orientation: bool = True) -> None:
         """With `orientation` false the position of the frame alone counts."""
-        from scipy.linalg.lapack import dposv  # quicker than NumPy's solver on matrices of this size
+        with loading():
+            from scipy.linalg.lapack import dposv  # quicker than NumPy's solver on matrices of this size
 
         self._solve_positive = dposv
         self._model, self._data = robot.model, robot.model.createData()

@@ -84,9 +84,8 @@ def _open(name: str, file: str) -> Any | None:
     """The function of a cached library; None if there is none, or if it cannot be loaded and has to be made again."""
     import casadi
 
-    path = cache.cache_dir() / file
     try:
-        return None if cache.load(file) is None else casadi.external(name, str(path))
+        return None if cache.load(file) is None else casadi.external(name, str(cache.cache_dir() / file))
     except RuntimeError:
         return None
 

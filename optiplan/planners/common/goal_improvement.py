@@ -4,6 +4,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.kinematics.ik.numeric import joints_that_move
+from optiplan.libraries import loading
 from optiplan.planners.common.goal_sets import goal_set
 from optiplan.problem.problem import PoseGoal, Problem, RegionGoal
 from optiplan.trajectory.timing.lower_bound import joint_times, lower_bound
@@ -59,7 +60,8 @@ class NearerEnds:
 
     def _step(self, q: Array, bound: float, radius: float) -> Array | None:
         """Return the best step d (n,) within the trust region, by the linearised pose; None if infeasible."""
-        import piqp
+        with loading():
+            import piqp
 
         n, offset = len(q), q - self._start
         scale = np.array([np.interp(bound, times, self._distances) for times in self._times.T])

@@ -1,8 +1,9 @@
 """Wall time by named stage."""
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+from optiplan.libraries import clock
 
 
 class Stopwatch:
@@ -14,9 +15,9 @@ class Stopwatch:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Add the time spent inside to `name`, without that of nested stages, which is added to theirs."""
-        begin, before = time.perf_counter(), sum(self.seconds.values())
+        begin, before = clock(), sum(self.seconds.values())
         try:
             yield
         finally:
             within = sum(self.seconds.values()) - before
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - begin - within
+            self.seconds[name] = self.seconds.get(name, 0.0) + clock() - begin - within

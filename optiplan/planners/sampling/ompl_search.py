@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.libraries import loading
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends, SearchSpace
@@ -37,7 +38,8 @@ def search(  # noqa: PLR0913
     """
     if options.kind == "rrtconnect" and check.native is not None:
         return native_rrt_connect(check, ends, budget, seed, options.reach, patience=patience)
-    from ompl import base
+    with loading():
+        from ompl import base
 
     back = options.kind in _ONE_TREE and _goals_are_tighter(check, ends, seed)
     trees = (ends[1], ends[0][None]) if back else (ends[0][None], ends[1])

@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.libraries import loading
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.task.chains import Done
@@ -263,7 +264,8 @@ def _element(run: SmoothRun) -> _PathElement:
 
 
 def _cubic_spline(names: tuple[str, ...], length: float, points: Array) -> Trajectory:
-    from scipy.interpolate import CubicSpline  # takes 0.2 s, which every `optiplan plan` would pay
+    with loading():
+        from scipy.interpolate import CubicSpline
 
     spline = CubicSpline(np.linspace(0.0, length, len(points)), points)
     return Trajectory(names, spline.x, np.swapaxes(spline.c[::-1], 0, 1))

@@ -1,6 +1,5 @@
 """Plan a task: choose, plan and time its steps, and join them to one motion."""
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.moving_scene import without_moving
@@ -40,7 +40,7 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         budget: time for all of it.
         progress: called with the stages.
     """
-    began, watch = time.perf_counter(), Stopwatch()
+    began, watch = clock(), Stopwatch()
     search = TaskSearch(without_moving(problem), planner, budget.share(_SEARCHING), progress)
     with watch.stage("steps"):
         done = search.run()
@@ -56,17 +56,17 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         with watch.stage("waiting"):
             result = _among_moving(problem, planner, stretches, budget, progress)
         return replace(result, info={"moves": search.infos, **result.info})
-    first = Candidate(joined(problem, stretches), time.perf_counter() - began)
+    first = Candidate(joined(problem, stretches), clock() - began)
     info: dict[str, Any] = {"moves": search.infos, "attempts": search.attempts}
     with watch.stage("flow"):
         groups = flowing(stretches, budget, progress, thorough=not _timed_only(problem))
     flow = [one for group in groups for one in group]
-    joint = Candidate(joined(problem, flow), time.perf_counter() - began)
+    joint = Candidate(joined(problem, flow), clock() - began)
     with watch.stage("optimisation"):
         whole = _optimised(problem, planner, groups, budget, progress)
     info |= {"cut_short": budget.over, "stops": stops_of(whole), "duration_with_stops": first.trajectory.duration}
     info |= {"duration_joined": joint.trajectory.duration, "stops_left_out": len(stretches) - len(whole)}
-    found = [first, joint, Candidate(joined(problem, whole), time.perf_counter() - began)]
+    found = [first, joint, Candidate(joined(problem, whole), clock() - began)]
     shorter = [len(flow) < len(stretches), whole != flow]
     *earlier, last = [first, *(one for one, good in zip(found[1:], shorter, strict=True) if good)]
     return PlanResult(last.trajectory, None, watch.seconds, info, tuple(earlier), last.seconds)

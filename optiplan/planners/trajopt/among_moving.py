@@ -1,12 +1,12 @@
 """Curves among obstacles that move: contacts at sample u are those at the time u T, which T may change."""
 
-import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from optiplan.collision.kept_models import kept_planning_model
+from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
 from optiplan.planners.common.moving_scene import delayed, without_moving
 from optiplan.planners.trajopt.bspline_basis import DEGREE
@@ -60,7 +60,7 @@ def plan_among_moving(
 
     The curves begin at the motion among what stands still, at the one that waits, and at the best with a bump.
     """
-    began = time.perf_counter()
+    began = clock()
     static = planner.plan(without_moving(problem), budget.share(_STATIC), progress)
     if static.trajectory is None:
         return static
@@ -72,7 +72,7 @@ def plan_among_moving(
 
     def offer(motion: Trajectory) -> None:
         if not found or cost(motion) < cost(found[-1].trajectory):
-            found.append(Candidate(motion, time.perf_counter() - began))
+            found.append(Candidate(motion, clock() - began))
             announce(progress, motion)
 
     if not isinstance(waiting, Failure):
@@ -83,7 +83,7 @@ def plan_among_moving(
     if not (found and cost(found[-1].trajectory) <= _CLOSE * least):
         _curves(problem, Optimiser(with_reserve(problem), model, planner.options), seeds, (budget, offer, info))
     info["cut_short"] |= budget.over
-    timings = {**static.timings, "in time": time.perf_counter() - began - sum(static.timings.values())}
+    timings = {**static.timings, "in time": clock() - began - sum(static.timings.values())}
     if found:
         *earlier, last = found
         return PlanResult(last.trajectory, None, timings, info, tuple(earlier), last.seconds)

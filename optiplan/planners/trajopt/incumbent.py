@@ -1,11 +1,11 @@
 """The incumbent of a search: the best motion found so far, and those that were the best before it."""
 
-import time
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from optiplan.libraries import clock
 from optiplan.planners.base import Candidate, Progress, announce
 from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.trajopt.optimizer import Attempt
@@ -25,7 +25,7 @@ class Incumbent:
         constraints: on its path.
         progress: is told of each better motion.
         info: record of the run; says in `fallback` that the best motion was not optimised.
-        began: of the run, by `time.perf_counter`, s.
+        began: of the run, by `libraries.clock`, s.
         candidates: the best motion and those before it, the best last.
         cost: of the best one; infinite where there is none.
         curve: the best optimised one; None where there is none.
@@ -70,7 +70,7 @@ class Incumbent:
             return False
         self.cost = cost
         self.info.pop("fallback", None)
-        self.candidates.append(Candidate(trajectory, time.perf_counter() - self.began))
+        self.candidates.append(Candidate(trajectory, clock() - self.began))
         announce(self.progress, trajectory, self.soonest)
         if attempt is not None:
             self.curve = attempt

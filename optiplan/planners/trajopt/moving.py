@@ -1,6 +1,5 @@
 """Plan from or to states of motion: curves that begin and end in them, or a stop, a way from rest to rest, a run-up."""
 
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
+from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time
@@ -49,7 +49,7 @@ class _MovingRun:
     def __init__(self, planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress) -> None:
         self.planner, self.problem, self.budget, self.progress = planner, problem, budget, progress
         self.options, self.watch = planner.options, Stopwatch()
-        self.began = time.perf_counter()
+        self.began = clock()
         self.info: dict[str, Any] = {"attempts": [], "cut_short": False}
         self.candidates: list[Candidate] = []
         self.best, self.bound = np.inf, 0.0
@@ -189,7 +189,7 @@ class _MovingRun:
         if cost >= self.best * (1.0 - _NO_GAIN) or tuple(self.optimiser.constraints.broken(trajectory)):
             return False
         self.best = cost
-        self.candidates.append(Candidate(trajectory, time.perf_counter() - self.began))
+        self.candidates.append(Candidate(trajectory, clock() - self.began))
         announce(self.progress, trajectory)
         return True
 

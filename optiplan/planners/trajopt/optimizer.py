@@ -9,6 +9,7 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
+from optiplan.libraries import loading
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
@@ -229,7 +230,8 @@ class Optimiser:
         """Return the motion at its cheapest duration, which is at most half longer than that of the descent."""
         if self.problem.objective.plain:
             return fastest
-        from scipy.optimize import minimize_scalar  # takes 0.1 s, which every `optiplan plan` would pay
+        with loading():
+            from scipy.optimize import minimize_scalar
 
         most = max(1.0, _LONGER * duration / fastest.duration)
         found = minimize_scalar(

@@ -1,6 +1,5 @@
 """`trajopt`: optimise several initial guesses and return the best motion that is free at all times."""
 
-import time
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
 from itertools import count
@@ -11,6 +10,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.native_model import not_in_core
+from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import out_of_time
@@ -91,7 +91,7 @@ class _Run:
 
     def __init__(self, problem: Problem, budget: Budget, progress: Progress, options: TrajOptOptions) -> None:
         self.problem, self.budget, self.progress, self.options = problem, budget, progress, options
-        began, self.watch = time.perf_counter(), Stopwatch()
+        began, self.watch = clock(), Stopwatch()
         self.info: dict[str, Any] = {"attempts": [], "cut_short": False}
         self.direct = True  # whether straight lines, with or without a bump, are still tried
         self.repaired: tuple[Attempt, float] | None = None  # what the last path lies on, and that path's cost, s

@@ -1,11 +1,11 @@
 """Vias: the best of the motion that stops at each of them and those that pass them on rounded straight lines."""
 
-import time
 from collections import Counter
 from typing import Any
 
 import numpy as np
 
+from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.via_legs import leg_by_leg
 from optiplan.planners.vias.rounded import Rounded, RoundedOptions
@@ -37,11 +37,11 @@ def through_vias(planner: Planner[Any], problem: Problem, budget: Budget, progre
     if any(tuple(one.during) != WHOLE for one in problem.path_constraints):
         detail = "this planner holds constraints on a part of the motion only where there are no vias"
         return PlanResult(failure=Failure("unsupported", detail))
-    began = time.perf_counter()
+    began = clock()
     legs = leg_by_leg(planner, problem, budget.share(_LEGS), progress)
     objective = problem.objective_parts()
     seconds, candidates, best = Counter(legs.timings), list[Candidate](), np.inf
-    found = [Candidate(legs.trajectory, time.perf_counter() - began)] if legs.trajectory is not None else []
+    found = [Candidate(legs.trajectory, clock() - began)] if legs.trajectory is not None else []
     for k in range(len(_CORNERS) + 1):
         for candidate in found:
             cost = objective.cost(candidate.trajectory)
@@ -54,7 +54,7 @@ def through_vias(planner: Planner[Any], problem: Problem, budget: Budget, progre
         progress("rounded corners", k / len(_CORNERS))
         rounded = Rounded(_CORNERS[k]).plan(problem, budget, lambda stage, share: None)
         seconds.update(rounded.timings)
-        found = [Candidate(rounded.trajectory, time.perf_counter() - began)] if rounded.trajectory is not None else []
+        found = [Candidate(rounded.trajectory, clock() - began)] if rounded.trajectory is not None else []
     info = {**legs.info, "cut_short": legs.info.get("cut_short", False) or budget.over}
     if not candidates:
         return PlanResult(None, legs.failure, seconds, info)

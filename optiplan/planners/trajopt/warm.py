@@ -1,6 +1,5 @@
 """Begin at an earlier motion: cut it where the robot is now, bend it to the new ends, optimise it in the new scene."""
 
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -9,6 +8,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
+from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Candidate, PlanResult, Progress, announce
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.gravity import Gravity
@@ -62,7 +62,7 @@ class WarmStart:
     def __init__(
         self, problem: Problem, earlier: Trajectory, options: TrajOptOptions, budget: Budget, progress: Progress
     ) -> None:
-        began = time.perf_counter()
+        began = clock()
         self.problem, self.earlier, self.budget = problem, _ahead(problem, earlier), budget
         self.model = kept_planning_model(problem.robot, problem.scene)
         stated = with_reserve(problem) if problem.moving else problem
@@ -85,7 +85,7 @@ class WarmStart:
             moved = np.abs([self.earlier.start - problem.start, self.earlier.end - end.q]) / problem.limits.velocity
             expected = cost(self.earlier) + problem.objective.time * float(moved.max(axis=1).sum())
             self.good = cost(self.attempt.trajectory) <= AS_GOOD * expected
-        self.seconds = time.perf_counter() - began
+        self.seconds = clock() - began
         self.info: dict[str, Any] = attempt_record("warm", self.attempt, self.optimiser.steps, self.optimiser.log)
         if self.attempt is None and self.ahead is not None and self.good:
             self.info = {"seed": "warm", "free": True, "iterations": 0, "duration": self.ahead.duration}

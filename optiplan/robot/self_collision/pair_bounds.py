@@ -239,16 +239,16 @@ class PairBounds:
         bodies, which = np.unique(self._mover[moving], return_inverse=True)
         placed = poses[:, self.joint[bodies]] @ self.placement[bodies]
         corners = self._corners[bodies] @ placed[..., :3, :3].swapaxes(2, 3) + placed[:, :, None, :3, 3]
-        flat = corners.reshape(len(poses), -1, 3).swapaxes(1, 2)  # (N, 3, 8 bodies)
-        along = direction @ flat - np.einsum("nji,nji->nj", point, direction)[:, :, None]
-        squared = (
-            np.einsum("nik,nik->nk", flat, flat)[:, None]
-            - 2.0 * (point @ flat)
-            + np.einsum("nji,nji->nj", point, point)[:, :, None]
-            - along**2
-        )
+        flat = corners.transpose(0, 3, 2, 1).reshape(len(poses), 3, -1)  # (N, 3, 8 bodies)
+        joints = direction.shape[1]
+        along, squared = np.split(np.concatenate([direction, point], axis=1) @ flat, [joints], axis=1)
+        along -= np.einsum("nji,nji->nj", point, direction)[:, :, None]
+        squared *= -2.0
+        squared += np.einsum("nik,nik->nk", flat, flat)[:, None]
+        squared += np.einsum("nji,nji->nj", point, point)[:, :, None]
+        squared -= np.square(along, out=along)
         # The difference of squares loses half the digits near the axis: 1e-6 m covers it within 10 m of the origin.
-        most = squared.reshape(*direction.shape[:2], len(bodies), 8).max(axis=3)
+        most = squared.reshape(len(poses), joints, 8, len(bodies)).max(axis=2)
         reach = np.zeros((*direction.shape[:2], len(self._mover)))
         reach[:, :, moving] = (np.sqrt(np.maximum(most, 0.0)) + 1e-6)[:, :, which]
         return reach

@@ -10,6 +10,7 @@ from pydantic_core import to_json
 
 from optiplan.files import reading
 from optiplan.planners.base import Budget
+from optiplan.planners.registry import load_libraries
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.resources import problems_dir
@@ -38,6 +39,7 @@ class Tasks:
         """Plan the first example, so that libraries are loaded, code is compiled and caches are filled."""
         with reading(None):
             problem = load_problem(problems_dir() / "01_reach.yaml")
+        load_libraries("trajopt")  # of which the example needs none
         pipeline.run(problem, "trajopt", {}, Budget(_WARM_UP), lambda stage, fraction: None)
 
     def check(self, request: Mapping[str, Any], progress: Any) -> Answer:

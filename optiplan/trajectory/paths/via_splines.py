@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.libraries import loading
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -76,7 +77,8 @@ def continuous_jerk(points: Array, times: Array, velocities: Array) -> Array:
 
     The matrix has three diagonals and a dominant one: there is one solution. Args as `spline_of_velocities`.
     """
-    from scipy.linalg import solve_banded
+    with loading():
+        from scipy.linalg import solve_banded
 
     h = np.diff(times)[:, None]
     d, v, inverse = np.diff(points, axis=0) / h**3, velocities, 1.0 / h[:, 0]
@@ -109,7 +111,8 @@ def smooth_spline(
         joint_names: of the n joints.
         still: whether accelerations at both ends are zero; always so with degree 5.
     """
-    from scipy.interpolate import make_interp_spline
+    with loading():
+        from scipy.interpolate import make_interp_spline
 
     breaks, ends = times, [(1, 0.0), (2, 0.0)]
     if degree == 3 and still:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.libraries import loading
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.timing.jerk_limited_constraints import Basis, Block, LawLimits
 from optiplan.trajectory.timing.path_constraints import Rows
@@ -130,7 +131,9 @@ def _step(basis: Basis, control: Array, blocks: list[Block], radius: float) -> A
     """The change of the control points (N,) that the linear program proposes; None when the solver gives up."""
     count = len(control)
     rows, by_tau, right = _program_rows(basis, blocks, count)
-    import scipy.sparse as sp
+    with loading():
+        import qpsolvers
+        import scipy.sparse as sp
 
     falling = sp.diags([1.0, -1.0], [0, 1], shape=(count - 1, count))
     matrix = sp.bmat([[rows, sp.csr_matrix(by_tau[:, None])], [falling, None]], format="csc")
@@ -139,8 +142,6 @@ def _step(basis: Basis, control: Array, blocks: list[Block], radius: float) -> A
     high = np.append(np.full(count - 6, radius), 0.0)
     quadratic, linear = sp.diags(np.full(len(free), _REGULARISATION), format="csc"), np.zeros(len(free))
     linear[-1] = 1.0
-    import qpsolvers
-
     program = qpsolvers.Problem(
         quadratic, linear, matrix[:, free], np.append(right, np.diff(control)), None, None, low, high
     )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.libraries import loading
 from optiplan.trajectory.timing.path_constraints import Rows
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -58,10 +59,11 @@ def slowness(law: Trajectory, between: Rows) -> Array:
 def _speeds(rows: Rows) -> Array | None:
     """Largest sd at every point of the grid, (k,); None where there is no solution."""
     logging.getLogger("toppra").addHandler(_QUIET)
-    from toppra.algorithm import TOPPRA
-    from toppra.constraint import LinearConstraint
-    from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
-    from toppra.interpolator import AbstractGeometricPath
+    with loading():
+        from toppra.algorithm import TOPPRA
+        from toppra.constraint import LinearConstraint
+        from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
+        from toppra.interpolator import AbstractGeometricPath
 
     m = rows.A.shape[1]
     F, g = np.vstack([np.eye(m), -np.eye(m)]), np.tile(rows.bound, 2)

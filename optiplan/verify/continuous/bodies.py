@@ -1,5 +1,6 @@
 """Bodies as arrays: poses at many configurations, support functions, and the joints that move them."""
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -113,18 +114,28 @@ class Bodies:
         self._known = [*_shapes_of(model), *map(_shape_of_hull, hulls)]
         self.shapes = [known.shape for known in self._known]
         self.joints = np.append(bounds.joint, np.array([hull.cluster.joint for hull in hulls], dtype=np.intp))
-        self.placements = np.vstack([bounds.placement, np.tile(np.eye(4), (len(hulls), 1, 1))])
         self.half = np.vstack([bounds.half, *(hull.box[1] for hull in hulls)])
         self.pairs = self.tree.pairs
         self.centre = np.array([known.centre for known in self._known]).reshape(-1, 3)
         self.radius = np.array([known.radius for known in self._known])
         self._round = np.array([known.round for known in self._known]).reshape(-1, 5)
         planes = [abs(shape.d) if isinstance(shape, coal.Halfspace) else 0.0 for shape in self.shapes]
-        own = np.where(np.isinf(self.radius), planes, self.radius)
-        offset = np.linalg.norm(self.placements[:, :3, 3], axis=1) + np.linalg.norm(self.centre, axis=1)
-        self.extent = offset + own
+        self._reach = np.where(np.isinf(self.radius), planes, self.radius) + np.linalg.norm(self.centre, axis=1)
+        self._put(model)
         carried = self.kinematics.carries[self.joints[self.pairs]]
         self.moves: Flags = carried & ~carried[:, ::-1]
+
+    def _put(self, model: CollisionModel) -> None:
+        own = model.bounds.placement
+        self.placements = np.vstack([own, np.tile(np.eye(4), (len(self.tree.hulls), 1, 1))])
+        self.extent = np.linalg.norm(self.placements[:, :3, 3], axis=1) + self._reach
+
+    def with_obstacles_of(self, model: CollisionModel) -> "Bodies":
+        """Return the same of a model in which obstacles stand elsewhere."""
+        twin = copy(self)
+        twin.tree = self.tree.with_obstacles_of(model)
+        twin._put(model)
+        return twin
 
     @cached_property
     def unsupported(self) -> int | None:

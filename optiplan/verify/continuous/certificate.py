@@ -6,7 +6,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
-from optiplan.collision.model import CollisionModel
+from optiplan.collision.model import CollisionModel, SameBodies
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
@@ -29,8 +29,25 @@ _MOST_HALVINGS = 12  # of a piece before the first query
 _MOST_ITEMS = 20_000  # items processed at once, to bound memory
 _CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memory
 
-_tools: WeakKeyDictionary[CollisionModel, tuple[Bodies, PairDistances, Motion]] = WeakKeyDictionary()
+_Tools = tuple[Bodies, PairDistances, Motion]
+_tools: WeakKeyDictionary[CollisionModel, _Tools] = WeakKeyDictionary()
 """What is the same for every motion in a work space."""
+
+_last: WeakKeyDictionary[SameBodies, _Tools] = WeakKeyDictionary()
+"""That of the last work space of the same bodies, of which obstacles may have stood elsewhere."""
+
+
+def _tools_of(model: CollisionModel) -> _Tools:
+    if model not in _tools:
+        known = _last.get(model.same_bodies)
+        if known is None:
+            bodies = Bodies(model)
+            found = bodies, PairDistances(model, bodies), Motion(bodies)
+        else:
+            bodies = known[0].with_obstacles_of(model)
+            found = bodies, known[1].with_obstacles_of(model, bodies), known[2].with_obstacles_of(bodies)
+        _tools[model] = _last[model.same_bodies] = found
+    return _tools[model]
 
 
 @dataclass(frozen=True)
@@ -157,10 +174,7 @@ class _Search:
     proof: Proof = field(default_factory=lambda: Proof(False))
 
     def __post_init__(self) -> None:
-        if self.model not in _tools:
-            bodies = Bodies(self.model)
-            _tools[self.model] = bodies, PairDistances(self.model, bodies), Motion(bodies)
-        self.bodies, self.distances, self.motion = _tools[self.model]
+        self.bodies, self.distances, self.motion = _tools_of(self.model)
         self.jump = step_sizes(self.trajectory, self.policy.jump_tolerance)
 
     def boxes(self, items: Intervals) -> Boxes:
@@ -256,7 +270,8 @@ class _Search:
         unsure = several & (found.bound <= enough)  # hulls of clusters that are too near to tell
         seen = _Seen(best, times, b.q, poses, query)
         self.see(seen, np.flatnonzero(~found.hulls))
-        self.see(seen, np.flatnonzero(found.hulls & ~unsure), measure=True)  # what hulls answered is not measured
+        self.see(seen, np.flatnonzero(found.parts), measure=True)  # what hulls answered is not measured
+        self.see(seen, np.flatnonzero(found.hulls & ~found.parts & ~unsure), measure=True)
         self.count(unique, found)
         if (best[~several] <= self.policy.clearance + ROUNDING).any():
             reason = "bodies touch" if self.policy.clearance <= 0 else "bodies come too near"

@@ -1,5 +1,6 @@
 """Bound the approach of two bodies in a short interval by their velocities and accelerations."""
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,6 +68,12 @@ class Motion:
         self._centre = bodies.centre[bodies.pairs.T]  # (2, P, 3)
         # A half-space has no farthest point, and must not move: then its levers are multiplied by zero.
         self._radius = np.where(self._moves.any(axis=2), bodies.radius[bodies.pairs.T], 0.0)  # (2, P)
+
+    def with_obstacles_of(self, bodies: Bodies) -> "Motion":
+        """Return the same of bodies of which obstacles stand elsewhere."""
+        twin = copy(self)
+        twin._bodies = bodies
+        return twin
 
     def separation_rate(self, boxes: Boxes, query: DistanceQuery, normals: Array) -> SeparationRate:
         """Bounds for K pairs on their intervals, with unit normals w (K, 3) from a to b at the middle.

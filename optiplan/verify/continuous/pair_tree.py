@@ -1,7 +1,7 @@
 """Pairs of bodies, and above them pairs of hulls that answer for many of them at once."""
 
+from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import coal
@@ -56,11 +56,10 @@ class PairTree:
         hulls: the bodies behind those of the model.
         pairs: (P + H, 2) bodies of each pair; `count`: P.
         parts: the pairs that each of the H stands for, by its index: of the model, or of hulls of fewer bodies.
-        tops: (T,) the pairs that no other one stands for.
+        tops: (T,) the pairs that no other one stands for; `bounds`: their bounding volumes.
     """
 
     def __init__(self, model: CollisionModel) -> None:
-        self._model = model
         levels = _levels(model.robot)
         self.hulls = tuple(hull for level in levels for hull in level)
         self.pairs: Index = model.bounds.pairs
@@ -77,6 +76,13 @@ class PairTree:
                 above[above[members]] = above[members] = first  # hulls of fewer bodies, too
                 first += 1
             self._gather(above)
+        self.bounds = self._bounds(model)
+
+    def with_obstacles_of(self, model: CollisionModel) -> "PairTree":
+        """Return the same of a model in which obstacles stand elsewhere."""
+        twin = copy(self)
+        twin.bounds = self.bounds.with_placements(twin._tops(model)[0]) if self.parts else model.bounds
+        return twin
 
     def _gather(self, above: Index) -> None:
         """Put pairs of hulls, which `above` names of each body, above those of `tops` of which they hold several."""
@@ -112,21 +118,25 @@ class PairTree:
             return np.array([pair], dtype=np.intp)
         return np.concatenate([self.members(part) for part in self.parts[pair].tolist()])
 
-    @cached_property
-    def bounds(self) -> PairBounds:
-        """Bounding volumes of `tops`."""
-        own = self._model.bounds
+    def _bounds(self, model: CollisionModel) -> PairBounds:
+        own = model.bounds
         if not self.parts:
             return own
+        geometry, used, which = self._tops(model)
+        first = len(model.names)
+        boxes = [
+            (own.centre[k], own.half[k], float(own.radius[k])) if k < first else self.hulls[k - first].box for k in used
+        ]
+        return PairBounds(model.kinematics, geometry, which, boxes)
+
+    def _tops(self, model: CollisionModel) -> tuple[pin.GeometryModel, list[int], Index]:
+        """The bodies of `tops`, which these are, and bodies a and b of each, (T, 2), among them."""
         used, which = np.unique(self.pairs[self.tops], return_inverse=True)
-        bodies, boxes = [], []
-        first = len(self._model.names)
+        first, bodies = len(model.names), []
         for k in used.tolist():
             if k < first:
-                bodies.append(self._model.geometry.geometryObjects[k])
-                boxes.append((own.centre[k], own.half[k], float(own.radius[k])))
+                bodies.append(model.geometry.geometryObjects[k])
             else:
                 hull = self.hulls[k - first]
                 bodies.append(pin.GeometryObject(f"hull {k}", hull.cluster.joint, 0, pin.SE3.Identity(), hull.shape))
-                boxes.append(hull.box)
-        return PairBounds(self._model.kinematics, geometry_of(bodies), which.reshape(-1, 2), boxes)
+        return geometry_of(bodies), used.tolist(), which.reshape(-1, 2)

@@ -1,6 +1,7 @@
 """Distances of pairs of bodies, each confirmed by a separating plane, independent of the query's accuracy."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import coal
@@ -9,7 +10,8 @@ import numpy as np
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
-from optiplan.verify.continuous.bodies import Bodies, PlacedBody
+from optiplan.verify.continuous.bodies import Bodies, BodyShape, PlacedBody, support
+from optiplan.verify.continuous.mesh_parts import parts_of_link
 
 _LOOSE = 1e-7  # m that a plane may lose against the measured distance before another one is sought
 _MARGIN = DISTANCE_ERROR  # m, and fraction of the distance: subtracted from a distance that no plane confirms
@@ -25,6 +27,7 @@ class Distances:
         bound: (K,) m, a lower bound of the distance: from the plane, or where bodies are not convex from coal.
         gjk_only: (K,) whether `bound` rests on coal alone.
         hulls: (K,) whether a plane between the hulls answered; then `measured` is no distance but `bound` again.
+        parts: (K,) whether those were the hulls of a mesh's parts, which are near the mesh itself.
     """
 
     measured: Array
@@ -32,6 +35,7 @@ class Distances:
     bound: Array
     gjk_only: Flags
     hulls: Flags
+    parts: Flags
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +60,6 @@ class PairDistances:
     """
 
     def __init__(self, model: CollisionModel, bodies: Bodies) -> None:
-        self._bodies = bodies
         self._shapes = bodies.shapes
         outline = [body.geometry for body in model.outline.geometry.geometryObjects]
         self._hulls = [*outline, *(hull.shape for hull in bodies.tree.hulls)]
@@ -69,16 +72,35 @@ class PairDistances:
         self._mesh: Flags = np.array([not isinstance(shape, coal.ShapeBase) for shape in self._shapes], dtype=bool)
         self._no_hulls = bool(self._convex.all()) and not bodies.tree.hulls
         self._any_plane = bool(self._planes.any())
+        links: Flags = self._mesh & (np.arange(len(self._mesh)) < len(model.robot.link_boxes))
+        self._link_meshes: Flags = links[bodies.pairs] & ~self._planes.any(axis=1, keepdims=True)  # (P, 2)
+        self._put(model, bodies)
+
+    def _put(self, model: CollisionModel, bodies: Bodies) -> None:
+        self._robot, self._bodies = model.robot, bodies
+        still = np.flatnonzero(bodies.joints == 0)
+        self._fixed = {
+            k: coal.Transform3s(X[:3, :3], X[:3, 3])
+            for k, X in zip(still.tolist(), bodies.placements[still], strict=True)
+        }
+
+    def with_obstacles_of(self, model: CollisionModel, bodies: Bodies) -> "PairDistances":
+        """Return the same of a model in which obstacles stand elsewhere, and its bodies."""
+        twin = copy(self)
+        twin._put(model, bodies)
+        return twin
 
     def query(self, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
         """Distance k of pair pairs[k] (K,) where `placed` has its bodies.
 
-        Meshes are queried only where a plane between their hulls proves no more than `enough`, m; of pairs of hulls
-        that stand for others (`PairTree`) nothing else is known.
+        Meshes are queried only where planes between their hulls prove no more than `enough`, m, and where they are
+        links, planes to the hulls of their parts neither; of pairs of hulls that stand for others (`PairTree`) nothing
+        else is known.
         """
         if self._no_hulls or not np.isfinite(enough):
             return self._exact(pairs, placed)
         normals, bound = self._between_hulls(pairs, placed)
+        parts = self._ask_parts(pairs, placed, enough, bound)
         hulls: Flags = (bound > enough) | (pairs >= self._bodies.tree.count)
         measured, gjk_only = bound.copy(), np.zeros(len(pairs), dtype=bool)
         asked = np.flatnonzero(~hulls)
@@ -86,7 +108,7 @@ class PairDistances:
             found = self._exact(pairs[asked], placed.take(asked))
             measured[asked], normals[asked], bound[asked] = found.measured, found.normals, found.bound
             gjk_only[asked] = found.gjk_only
-        return Distances(measured, normals, bound, gjk_only, hulls)
+        return Distances(measured, normals, bound, gjk_only, hulls, parts & hulls)
 
     def _between_hulls(self, pairs: Index, placed: PlacedBody) -> tuple[Array, Array]:
         """Normals (K, 3) of planes between hulls, and gaps (K,), m; -inf for pairs without a mesh or a cluster."""
@@ -98,6 +120,54 @@ class PairDistances:
             normals[asked] = self._measure(self._hulls, self._outline, hulls)[1]
             gap[asked] = self._gap(hulls, normals[asked])
         return normals, gap
+
+    def _ask_parts(self, pairs: Index, placed: PlacedBody, enough: float, bound: Array) -> Flags:
+        """Raise bounds (K,), m, of distances of links that are meshes, and of which `bound` is no more than `enough`.
+
+        Parts together hold the mesh, so the least of the gaps between planes that separate each from the other body is
+        a bound for the whole. Returns which were raised, (K,).
+        """
+        raised = np.zeros(len(pairs), dtype=bool)
+        for side in (0, 1):
+            near = np.flatnonzero(self._link_meshes[pairs, side] & (bound <= enough))
+            for body in np.unique(placed.bodies[near, side]).tolist():
+                items = near[placed.bodies[near, side] == body]
+                mesh_first = [side, 1 - side]
+                asked = PlacedBody(placed.bodies[items][:, mesh_first], placed.poses[items][:, mesh_first])
+                bound[items] = np.maximum(bound[items], self._to_parts(body, asked))
+                raised[items] = True
+        return raised
+
+    def _to_parts(self, body: int, placed: PlacedBody) -> Array:
+        """Lower bounds (K,), m, of the distance of a mesh, side 0, from bodies, by its parts.
+
+        Balls tell which part may be the nearest, and which may be as near as that one.
+        """
+        parts, other = parts_of_link(self._robot, body), placed.bodies[:, 1]
+        R, p = placed.poses[..., :3, :3], placed.poses[..., :3, 3]
+        centre = (R[:, 1] @ self._bodies.centre[other][..., None])[..., 0] + p[:, 1]
+        apart = ((centre - p[:, 0])[:, None] @ R[:, 0]) - np.array([part.centre for part in parts])  # (K, parts, 3)
+        radii = self._bodies.radius[other][:, None] + np.array([part.radius for part in parts])
+        gap = np.sqrt(np.einsum("kpi,kpi->kp", apart, apart)) - radii
+        first = np.zeros_like(gap, dtype=bool)
+        first[np.arange(len(gap)), gap.argmin(axis=1)] = True
+        self._to_chosen(parts, placed, first, gap)
+        self._to_chosen(parts, placed, ~first & (gap < gap[first][:, None]), gap)
+        return np.asarray(gap.min(axis=1))
+
+    def _to_chosen(self, parts: Sequence[BodyShape], placed: PlacedBody, chosen: Flags, gap: Array) -> None:
+        """Put gaps of planes, m, in the place of those `chosen` of `gap` (K, parts)."""
+        rows, which = np.nonzero(chosen)
+        asked = placed.take(rows)
+        hulls = PlacedBody(np.column_stack([len(self._hulls) + which, asked.bodies[:, 1]]), asked.poses)
+        n = self._measure([*self._hulls, *(part.shape for part in parts)], self._outline, hulls)[1]
+        X = asked.poses[:, 0]
+        local, height = (n[:, None] @ X[:, :3, :3])[:, 0], np.einsum("ki,ki->k", n, X[:, :3, 3])
+        for k, part in enumerate(parts):
+            own = which == k
+            height[own] += support(None, part.vertices, local[own])
+        found = -height - self._bodies.support(asked, np.stack([n, -n]))[1]
+        gap[chosen] = np.where(np.isnan(found), -np.inf, found)
 
     def _exact(self, pairs: Index, placed: PlacedBody) -> Distances:
         """Query the bodies themselves."""
@@ -116,7 +186,8 @@ class PairDistances:
         measured = np.where(flat, plane, measured)
         coal_says = measured - np.maximum(_MARGIN, _MARGIN * measured)
         gjk_only = ~self._convex[pairs] & (coal_says > plane)
-        return Distances(measured, normals, np.where(gjk_only, coal_says, plane), gjk_only, np.zeros_like(gjk_only))
+        none = np.zeros_like(gjk_only)
+        return Distances(measured, normals, np.where(gjk_only, coal_says, plane), gjk_only, none, none)
 
     def witness(self, poses: Array, pair: int) -> Witness:
         """Return the nearest of the pairs that one stands for, perhaps itself only, at joint poses (n + 1, 4, 4)."""
@@ -127,7 +198,7 @@ class PairDistances:
         for k in np.argsort(bounds, kind="stable").tolist():
             if best is not None and bounds[k] >= best.distance:
                 break
-            result = next(_ask(self._shapes, self._request, placed.take(np.array([k]))))
+            result = next(self._ask(self._shapes, self._request, placed.take(np.array([k]))))
             if best is None or result.min_distance < best.distance:
                 points = np.array([result.getNearestPoint1(), result.getNearestPoint2()])
                 best = Witness(float(result.min_distance), points, int(pairs[k]))
@@ -146,29 +217,31 @@ class PairDistances:
         """Measure with coal: distances (K,) and unit normals from a to b (K, 3), NaN where there is none."""
         measured, normals = np.empty(len(placed.bodies)), np.empty((len(placed.bodies), 3))
         # coal leaves the normal of two meshes unset: there it is the direction between the nearest points.
-        own = self._mesh if shapes is self._shapes else np.zeros_like(self._mesh)
-        meshes: list[bool] = np.asarray(own[placed.bodies].any(axis=1)).tolist()
-        for k, result in enumerate(_ask(shapes, request, placed)):
+        meshes = [False] * len(placed.bodies)
+        if shapes is self._shapes:
+            meshes = np.asarray(self._mesh[placed.bodies].any(axis=1)).tolist()
+        for k, result in enumerate(self._ask(shapes, request, placed)):
             measured[k] = result.min_distance
             normals[k] = result.getNearestPoint2() - result.getNearestPoint1() if meshes[k] else result.normal
         length = np.sqrt(np.einsum("ki,ki->k", normals, normals))[:, None]
         with np.errstate(invalid="ignore", divide="ignore"):
             return measured, normals / length
 
-
-def _ask(
-    shapes: list[coal.CollisionGeometry], request: coal.DistanceRequest, placed: PlacedBody
-) -> Iterator[coal.DistanceResult]:
-    """Yield coal's result for each of K pairs; the next one overwrites it."""
-    result, distance = coal.DistanceResult(), coal.distance
-    X_WA, X_WB = coal.Transform3s(), coal.Transform3s()  # set anew each time, which takes a third of making others
-    rotations, origins = placed.poses[..., :3, :3], placed.poses[..., :3, 3]
-    for (a, b), R, p in zip(placed.bodies.tolist(), rotations, origins, strict=True):
-        result.clear()
-        X_WA.setTransform(R[0], p[0])
-        X_WB.setTransform(R[1], p[1])
-        distance(shapes[a], X_WA, shapes[b], X_WB, request, result)
-        yield result
+    def _ask(
+        self, shapes: list[coal.CollisionGeometry], request: coal.DistanceRequest, placed: PlacedBody
+    ) -> Iterator[coal.DistanceResult]:
+        """Yield coal's result for each of K pairs; the next one overwrites it."""
+        result, distance, fixed = coal.DistanceResult(), coal.distance, self._fixed
+        X_WA, X_WB = coal.Transform3s(), coal.Transform3s()  # set anew each time, which takes a third of making others
+        rotations, origins = placed.poses[..., :3, :3], placed.poses[..., :3, 3]
+        for (a, b), R, p in zip(placed.bodies.tolist(), rotations, origins, strict=True):
+            result.clear()
+            if a not in fixed:
+                X_WA.setTransform(R[0], p[0])
+            if b not in fixed:
+                X_WB.setTransform(R[1], p[1])
+            distance(shapes[a], fixed.get(a, X_WA), shapes[b], fixed.get(b, X_WB), request, result)
+            yield result
 
 
 def _request(criterion: coal.GJKConvergenceCriterion, tolerance: float) -> coal.DistanceRequest:

@@ -19,6 +19,7 @@ ROUNDING = 1e-12
 """Of inverse dynamics: a share of the sum of the sizes of all moments that add up to a torque."""
 _MOST_FIRST = 20_000  # intervals of a long motion to begin with, beside one a piece
 _CHUNK = 20_000  # intervals bounded at once, to limit memory
+_TOGETHER = 4  # neighbouring intervals bounded as one at first, which costs a fourth and leaves few more open
 _MOST_PARTS = 8  # into which an interval is divided at once
 
 _bounds: WeakKeyDictionary[Robot, TorqueBounds] = WeakKeyDictionary()
@@ -79,7 +80,7 @@ class _Proof:
         rate = min(self._policy.torque_rate, _MOST_FIRST / self._trajectory.duration)
         pieces, parts = np.arange(len(h)), np.maximum(np.ceil(h * rate), 1.0).astype(np.intp)
         ends = self._torques(np.tile(pieces, 2), np.concatenate([np.zeros_like(h), h])).reshape(2, len(h), -1)
-        return self._cut(pieces, np.zeros_like(h), h, (ends, parts))
+        return self._cut(pieces, np.zeros_like(h), h, (ends, parts), _TOGETHER)
 
     def divided(self, spans: _Spans, allowed: Array) -> _Spans:
         """Every interval in as many equal parts, 2 to 8, as would prove it did the bounds only shrink with width²."""
@@ -88,8 +89,11 @@ class _Proof:
         parts = np.clip(np.ceil(np.nan_to_num(share, nan=_MOST_PARTS)), 2.0, _MOST_PARTS).astype(np.intp)
         return self._cut(spans.piece, spans.begin, spans.width, (spans.torque, parts))
 
-    def _cut(self, piece: Index, begin: Array, width: Array, into: tuple[Array, Index]) -> _Spans:
-        """Intervals cut `into` equal parts each, with torques at their ends (2, K, n): both a pair."""
+    def _cut(self, piece: Index, begin: Array, width: Array, into: tuple[Array, Index], together: int = 1) -> _Spans:
+        """Intervals cut `into` equal parts each, with torques at their ends (2, K, n): both a pair.
+
+        Bounds are of so many neighbouring parts `together`, and hold on each of them.
+        """
         ends, parts = into
         owner = np.repeat(np.arange(len(piece)), parts)
         last = np.cumsum(parts) - 1
@@ -102,16 +106,19 @@ class _Proof:
         right = np.empty_like(left)
         right[:-1] = left[1:]  # the end of a part is the beginning of the next, but for the last
         right[last] = ends[1]
-        return self._spans(piece, begin, width, np.stack([left, right]))
+        first = within % together == 0
+        group = np.cumsum(first) - 1
+        size, curvature = self._bounded(piece[first], begin[first], width[first] * np.bincount(group))
+        return _Spans(piece, begin, width, np.stack([left, right]), size[group], curvature[group])
 
-    def _spans(self, piece: Index, begin: Array, width: Array, torque: Array) -> _Spans:
-        """Intervals with the bounds that hold on them."""
-        size, curvature = np.empty((2, *torque.shape[1:]))
+    def _bounded(self, piece: Index, begin: Array, width: Array) -> Array:
+        """What `TorqueBounds.over` says of K intervals: (2, K, n)."""
+        found = np.empty((2, len(piece), self._trajectory.n))
         for k in range(0, len(piece), _CHUNK):
             part, half = slice(k, k + _CHUNK), 0.5 * width[k : k + _CHUNK, None]
             c = self._trajectory.coefficients[piece[part]]
-            size[part], curvature[part] = self._bounds.over(derivative_bounds(c, begin[part, None] + half, half, 5))
-        return _Spans(piece, begin, width, torque, size, curvature)
+            found[:, part] = self._bounds.over(derivative_bounds(c, begin[part, None] + half, half, 5))
+        return found
 
     def _torques(self, piece: Index, local: Array) -> Array:
         """Return tau (K, n) at times `local` (K,) of pieces; the largest and its time are remembered."""

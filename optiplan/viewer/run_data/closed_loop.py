@@ -1,5 +1,6 @@
 """Curves that only an executed motion has: errors of joints and tool, what was applied, limits that were given up."""
 
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ def read_log(folder: Path) -> Arrays | None:
     try:
         with np.load(file, allow_pickle=False) as stored:
             arrays = {name: np.asarray(stored[name], float) for name in stored.files if name != "joint_names"}
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise InputError([Issue(str(file), None, "file", str(error), "the log of `optiplan control`")]) from None
     lacking = [name for name in NEEDED if name not in arrays or len(arrays[name]) != len(arrays.get("t", ()))]
     if lacking:

@@ -4,7 +4,6 @@ import time
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,7 +31,7 @@ from tests.robot.robots import BARE, LINK, joint, write_robot
 @pytest.fixture(autouse=True)
 def processor_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """Budgets count this process's own time, so that a busy machine changes nothing."""
-    monkeypatch.setattr(base, "time", SimpleNamespace(perf_counter=time.process_time))
+    monkeypatch.setattr(base, "clock", time.process_time)
 
 
 def solve(problem: Problem, name: str = "trajopt", budget: float = 5.0, **options: float) -> Run:

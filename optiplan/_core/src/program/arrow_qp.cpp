@@ -11,21 +11,27 @@ constexpr double NEAR_PATH = 1.5;  // times the gap aimed at, below which it is 
 
 constexpr double TO_BOUNDARY = 0.99;  // share of the way to the nearest bound that a step may take
 
+double most(const Lanes &values) {
+    const double *first = reinterpret_cast<const double *>(&values);
+    return *std::max_element(first, first + LANES);
+}
+
 }  // namespace
 
 ArrowSolution ArrowQp::solve(const ArrowProgram &program, const ArrowSettings &settings) {
     p_ = &program;
     prepare();
     start();
+    residuals();
+    const auto near = [&] {
+        return gap_ <= NEAR_PATH * settings.gap && primal_ <= settings.residual && dual_ <= settings.stationarity;
+    };
     ArrowSolution found;
     for (int k = 0;; ++k) {
-        residuals();
+        if (near()) residuals();  // without the rounding of all steps
         found.iterations = k, found.gap = gap_, found.residual = primal_, found.stationarity = dual_;
-        if (!std::isfinite(gap_ + primal_ + dual_)) break;
-        if (gap_ <= NEAR_PATH * settings.gap && primal_ <= settings.residual && dual_ <= settings.stationarity) {
-            found.solved = true;
-            break;
-        }
+        found.solved = near();
+        if (found.solved || !std::isfinite(gap_ + primal_ + dual_)) break;
         if (k == settings.iterations || !step(settings.gap)) break;
     }
     found.x.assign(x_.begin(), x_.begin() + static_cast<std::ptrdiff_t>(size_));
@@ -46,17 +52,18 @@ void ArrowQp::prepare() {
     begin_[0] = 0;
     for (int kind = 0; kind < KINDS; ++kind) begin_[kind + 1] = begin_[kind] + counts[kind];
     total_ = begin_[KINDS];
-    matrix_.resize(size_, band_);
+    matrix_.resize(size_, band_ / LANES);
     for (Vec* rows : {&z_, &y_, &inverse_, &weight_, &shift_, &row_residual_, &moved_, &dz_, &dy_, &affine_})
-        rows->assign(total_ + LANES, 0.0);
-    x_.assign(size_ + band_ + LANES, 0.0);
-    dx_.assign(size_ + band_ + LANES, 0.0);
-    grad_.assign(size_ + band_ + LANES, 0.0);
+        rows->assign(padded(total_), 0.0);
+    for (Vec* each : {&x_, &dx_, &grad_, &bent_}) each->assign(size_ + band_, 0.0);
     const std::size_t groups = p.soft.groups.size();
     for (Vec* each : {&s_, &ds_, &grad_s_, &damping_, &mean_weight_}) each->assign(groups, 0.0);
     mean_.assign(groups * padded(band_ + 1), 0.0);
     local_.assign(padded(band_ + 1), 0.0);
-    block_.assign(padded(band_ + 1) * padded(band_ + 1), 0.0);
+    cross_.assign(p.joints, 0.0);
+    std::size_t most = 0;
+    for (const Group &group : p.soft.groups) most = std::max(most, (group.end - group.begin + 1) * p.stride(group));
+    centred_.assign(most, 0.0), weighted_.assign(most, 0.0);
 }
 
 void ArrowQp::rows(const Vec &x, double t, const Vec &s, Vec &out) {
@@ -72,9 +79,9 @@ void ArrowQp::rows(const Vec &x, double t, const Vec &s, Vec &out) {
         for (std::size_t k = 0; k < rows.stencils[r].count; ++k)
             add_vectors(above, rows.stencils[r].weights[k], x.data() + (rows.stencils[r].first + k) * n, n);
         const double relief = rows.order[r] * t;
-        for (std::size_t j = 0; j < n; ++j) {
-            const double value = above[j] * rows.weight[r * n + j];
-            above[j] = value - relief, below[j] = -value - relief;
+        for (std::size_t j = 0; j < n; j += LANES) {
+            const Lanes value = lanes(above + j) * lanes(rows.weight.data() + r * n + j);
+            lanes(above + j) = value - relief, lanes(below + j) = -value - relief;
         }
     }
     for (std::size_t g = 0; g < p.soft.groups.size(); ++g) {
@@ -172,6 +179,7 @@ void ArrowQp::start() {
         z_[i] = std::max(z_[i], START_ROOM);
         y_[i] = START_PRODUCT / z_[i];
     }
+    for (std::size_t i = total_; i < z_.size(); ++i) z_[i] = y_[i] = 1.0;  // no row: nothing is divided by zero
     for (std::size_t g = 0; g < s_.size(); ++g) {
         const Group &group = p.soft.groups[g];
         const double count = static_cast<double>(group.end - group.begin);
@@ -182,7 +190,6 @@ void ArrowQp::start() {
 
 void ArrowQp::residuals() {
     const ArrowProgram &p = *p_;
-    const std::size_t n = p.joints;
     rows(x_, t_, s_, moved_);
     room(moved_, row_residual_);
     primal_ = 0.0;
@@ -191,39 +198,74 @@ void ArrowQp::residuals() {
         primal_ = std::max(primal_, std::abs(row_residual_[i]));
     }
     gap_ = dot(z_.data(), y_.data(), total_);
-    for (std::size_t i = 0; i < size_; ++i) grad_[i] = p.gradient[i] + p.regularisation * x_[i];
-    for (std::size_t i = 0; i < p.points; ++i)
-        for (std::size_t d = 0; d < REACH && i + d < p.points; ++d)
-            for (std::size_t j = 0; j < n; ++j) {
-                const double h = p.hessian[(i * REACH + d) * n + j];
-                grad_[i * n + j] += h * x_[(i + d) * n + j];
-                if (d) grad_[(i + d) * n + j] += h * x_[i * n + j];
-            }
+    curved(x_, grad_);
+    for (std::size_t i = 0; i < size_; ++i) grad_[i] += p.gradient[i];
     grad_t_ = p.gradient_t + p.regularisation_t * t_;
     for (std::size_t g = 0; g < s_.size(); ++g) grad_s_[g] = p.soft.groups[g].price + p.regularisation_slack * s_[g];
     transposed(y_, grad_, grad_t_, grad_s_);
-    dual_ = std::abs(grad_t_);
-    for (std::size_t i = 0; i < size_; ++i) dual_ = std::max(dual_, std::abs(grad_[i]));
-    for (double value : grad_s_) dual_ = std::max(dual_, std::abs(value));
-    std::fill(grad_.begin() + static_cast<std::ptrdiff_t>(size_), grad_.end(), 0.0);
+    dual_ = largest_gradient();
+}
+
+double ArrowQp::largest_gradient() const {
+    double most = std::abs(grad_t_);
+    for (std::size_t i = 0; i < size_; ++i) most = std::max(most, std::abs(grad_[i]));
+    for (double value : grad_s_) most = std::max(most, std::abs(value));
+    return most;
+}
+
+void ArrowQp::curved(const Vec &x, Vec &out) const {
+    const ArrowProgram &p = *p_;
+    const std::size_t n = p.joints;
+    std::fill(out.begin(), out.end(), 0.0);
+    add_vectors(out.data(), p.regularisation, x.data(), size_);
+    for (std::size_t i = 0; i < p.points; ++i)
+        for (std::size_t d = 0; d < REACH && i + d < p.points; ++d)
+            for (std::size_t j = 0; j < n; j += LANES) {
+                const Lanes h = lanes(p.hessian.data() + (i * REACH + d) * n + j);
+                const std::size_t one = i * n + j, other = one + d * n;
+                lanes(out.data() + one) += h * lanes(x.data() + other);
+                if (d) lanes(out.data() + other) += h * lanes(x.data() + one);
+            }
+}
+
+// With (dx, dy) a Newton step, H dx + A' dy = -gradient and dz + A dx = -residual.
+void ArrowQp::advance(double step_z, double step_y) {
+    const ArrowProgram &p = *p_;
+    add_vectors(x_.data(), step_z, dx_.data(), size_);
+    t_ += step_z * dt_;
+    for (std::size_t g = 0; g < s_.size(); ++g) s_[g] += step_z * ds_[g];
+    add_vectors(z_.data(), step_z, dz_.data(), z_.size());
+    add_vectors(y_.data(), step_y, dy_.data(), y_.size());
+    gap_ = dot(z_.data(), y_.data(), total_);
+    for (std::size_t k = 0; k < row_residual_.size(); k += LANES) lanes(row_residual_.data() + k) *= 1.0 - step_z;
+    primal_ *= 1.0 - step_z;
+    const double left = 1.0 - step_y, bent = step_z - step_y;
+    curved(dx_, bent_);
+    for (std::size_t i = 0; i < size_; i += LANES)
+        lanes(grad_.data() + i) = left * lanes(grad_.data() + i) + bent * lanes(bent_.data() + i);
+    grad_t_ = left * grad_t_ + bent * p.regularisation_t * dt_;
+    for (std::size_t g = 0; g < s_.size(); ++g) grad_s_[g] = left * grad_s_[g] + bent * p.regularisation_slack * ds_[g];
+    dual_ = largest_gradient();
 }
 
 bool ArrowQp::factor() {
     const ArrowProgram &p = *p_;
     const std::size_t n = p.joints;
-    for (std::size_t i = 0; i < total_; ++i) {
-        inverse_[i] = 1.0 / z_[i];
-        weight_[i] = y_[i] * inverse_[i];
+    for (std::size_t k = 0; k < z_.size(); k += LANES) {
+        lanes(inverse_.data() + k) = 1.0 / lanes(z_.data() + k);
+        lanes(weight_.data() + k) = lanes(y_.data() + k) * lanes(inverse_.data() + k);
     }
     matrix_.clear();
     matrix_.corner = p.regularisation_t + weight_[begin_[LOW_T]] + weight_[begin_[HIGH_T]];
     diagonals_ = p.hessian;
     add_derivatives();
+    const std::size_t tiles = n / LANES, diagonal = LANES + 1;
     for (std::size_t i = 0; i < p.points; ++i)
         for (std::size_t d = 0; d < REACH && i + d < p.points; ++d)
-            for (std::size_t j = 0; j < n; ++j) matrix_.column(i * n + j)[d * n] = diagonals_[(i * REACH + d) * n + j];
+            for (std::size_t j = 0; j < n; ++j)
+                matrix_.tile(i * tiles + j / LANES, d * tiles)[j % LANES * diagonal] = diagonals_[(i * REACH + d) * n + j];
     for (std::size_t i = 0; i < size_; ++i)
-        matrix_.column(i)[0] += p.regularisation + weight_[begin_[LOW] + i] + weight_[begin_[HIGH] + i];
+        matrix_.tile(i / LANES, 0)[i % LANES * diagonal] += p.regularisation + weight_[begin_[LOW] + i] + weight_[begin_[HIGH] + i];
     for (std::size_t g = 0; g < s_.size(); ++g) add_group(g);
     return matrix_.factor();
 }
@@ -231,7 +273,7 @@ bool ArrowQp::factor() {
 void ArrowQp::add_derivatives() {
     const DerivativeRows &rows = p_->derivatives;
     const std::size_t n = p_->joints;
-    double *both = local_.data(), *cross = block_.data();
+    double *both = local_.data(), *cross = cross_.data();
     for (std::size_t r = 0; r < rows.order.size(); ++r) {
         const double *above = weight_.data() + begin_[ABOVE] + r * n;
         const double *below = weight_.data() + begin_[BELOW] + r * n;
@@ -256,7 +298,7 @@ void ArrowQp::add_derivatives() {
 void ArrowQp::add_group(std::size_t g) {
     const ArrowProgram &p = *p_;
     const Group &group = p.soft.groups[g];
-    const std::size_t stride = p.stride(group), width = p.width(group);
+    const std::size_t stride = p.stride(group);
     const double *entries = p.soft.entries.data() + group.offset;
     const double *weight = weight_.data() + begin_[SOFT];
     double *mean = mean_.data() + mean_at(g);
@@ -269,53 +311,73 @@ void ArrowQp::add_group(std::size_t g) {
     for (std::size_t k = 0; k < stride; ++k) mean[k] /= sum;
     const double own = weight_[begin_[SLACK] + g] + p.regularisation_slack;
     mean_weight_[g] = sum, damping_[g] = sum + own;
-    double *__restrict block = block_.data();
-    const double keep = sum * own / (sum + own);
-    // Row a is needed from the diagonal on; compact rows are needed whole.
-    const auto from = [&](std::size_t a) { return group.compact ? 0 : a / LANES * LANES; };
-    for (std::size_t a = 0; a < width; ++a)
-        for (std::size_t b = from(a); b < stride; ++b) block[a * stride + b] = keep * mean[a] * mean[b];
-    if (group.end - group.begin > 1)
-        for (std::size_t i = group.begin; i < group.end; ++i) {
-            const double *row = entries + (i - group.begin) * stride;
-            for (std::size_t b = 0; b < stride; ++b) local_[b] = row[b] - mean[b];
-            for (std::size_t a = 0; a < width; ++a)
-                add_vectors(block + a * stride + from(a), weight[i] * local_[a], local_.data() + from(a), stride - from(a));
+    const std::size_t count = group.end - group.begin;
+    std::size_t used = 0;
+    const auto take = [&](double factor, const double *row, bool about_mean) {
+        for (std::size_t k = 0; k < stride; k += LANES) {
+            const Lanes centred = about_mean ? lanes(row + k) - lanes(mean + k) : lanes(row + k);
+            lanes(centred_.data() + used * stride + k) = centred;
+            lanes(weighted_.data() + used * stride + k) = factor * centred;
         }
-    add_block(group);
+        ++used;
+    };
+    take(sum * own / (sum + own), mean, false);
+    if (count > 1)
+        for (std::size_t i = 0; i < count; ++i) take(weight[group.begin + i], entries + i * stride, true);
+    if (group.compact) add_compact(group, used);
+    else add_wide(group, used);
 }
 
-void ArrowQp::add_block(const Group &group) {
-    const std::size_t n = p_->joints, stride = p_->stride(group), width = p_->width(group);
-    const double *block = block_.data();
-    if (!group.compact) {
-        const std::size_t t = width - 1;
-        matrix_.corner += block[t * stride + t];
-        for (std::size_t a = 0; a + 1 < width; ++a) {
-            add_scaled(matrix_.column(group.over.first * n + a), 1.0, block + a * stride + a, width - 1 - a);
-            matrix_.border[group.over.first * n + a] += block[a * stride + t];
-        }
-        return;
+void ArrowQp::product(std::size_t count, std::size_t stride, std::size_t column, std::size_t row, double *tile) const {
+    const double *left = weighted_.data() + column * LANES, *right = centred_.data() + row * LANES;
+    for (std::size_t from = 0; from < LANES; from += NATIVE) {  // as many columns as there are registers for
+        Lanes sum[NATIVE] = {};
+        for (std::size_t i = 0; i < count; ++i)
+            for (std::size_t a = 0; a < NATIVE; ++a) sum[a] += left[i * stride + from + a] * lanes(right + i * stride);
+        for (std::size_t a = 0; a < NATIVE; ++a) lanes(tile + (from + a) * LANES) = sum[a];
     }
-    for (std::size_t k = 0; k < REACH; ++k) {
-        if (group.over.weights[k] == 0.0) continue;
-        const std::size_t c = (group.over.first + k) * n;
-        for (std::size_t a = 0; a < n; ++a) {
-            double *column = matrix_.column(c + a);
-            add_scaled(column, group.over.weights[k] * group.over.weights[k], block + a * stride + a, n - a);
-            for (std::size_t d = 1; k + d < REACH; ++d)
-                add_vectors(column + d * n - a, group.over.weights[k] * group.over.weights[k + d], block + a * stride, n);
+}
+
+void ArrowQp::add_compact(const Group &group, std::size_t count) {
+    const std::size_t stride = p_->stride(group), tiles = p_->joints / LANES;
+    const auto &weights = group.over.weights;
+    double tile[LANES * LANES];
+    for (std::size_t a = 0; a < tiles; ++a)
+        for (std::size_t b = 0; b < tiles; ++b) {
+            product(count, stride, a, b, tile);
+            for (std::size_t k = 0; k < REACH; ++k)
+                for (std::size_t d = b < a; k + d < REACH; ++d) {
+                    const double weight = weights[k] * weights[k + d];
+                    if (weight == 0.0) continue;
+                    add_vectors(matrix_.tile((group.over.first + k) * tiles + a, d * tiles + b - a), weight, tile, LANES * LANES);
+                }
         }
+}
+
+void ArrowQp::add_wide(const Group &group, std::size_t count) {
+    const std::size_t stride = p_->stride(group), tiles = p_->joints / LANES, t = p_->width(group) - 1;
+    const std::size_t first = group.over.first * tiles, within = std::min(REACH * tiles, p_->points * tiles - first);
+    double tile[LANES * LANES];
+    for (std::size_t a = 0; a < within; ++a)
+        for (std::size_t b = a; b < within; ++b) {
+            product(count, stride, a, b, tile);
+            add_vectors(matrix_.tile(first + a, b - a), 1.0, tile, LANES * LANES);
+        }
+    for (std::size_t i = 0; i < count; ++i) {
+        const double *row = centred_.data() + i * stride, weighted = weighted_[i * stride + t];
+        add_vectors(matrix_.border.data() + first * LANES, weighted, row, within * LANES);
+        matrix_.corner += weighted * row[t];
     }
 }
 
 void ArrowQp::newton(double target, bool second) {
     const ArrowProgram &p = *p_;
-    for (std::size_t i = 0; i < total_; ++i) {
-        const double wanted = target - (second ? affine_[i] : 0.0);
-        shift_[i] = (wanted - y_[i] * z_[i] + y_[i] * row_residual_[i]) * inverse_[i];
+    for (std::size_t k = 0; k < z_.size(); k += LANES) {
+        const Lanes y = lanes(y_.data() + k), missed = lanes(row_residual_.data() + k) - lanes(z_.data() + k);
+        const Lanes wanted = target - (second ? lanes(affine_.data() + k) : Lanes{});
+        lanes(shift_.data() + k) = (wanted + y * missed) * lanes(inverse_.data() + k);
     }
-    for (std::size_t i = 0; i < dx_.size(); ++i) dx_[i] = grad_[i];
+    dx_ = grad_;
     dt_ = grad_t_;
     for (std::size_t g = 0; g < ds_.size(); ++g) ds_[g] = grad_s_[g];
     transposed(shift_, dx_, dt_, ds_);
@@ -334,40 +396,35 @@ void ArrowQp::newton(double target, bool second) {
         ds_[g] = (ds_[g] + mean_weight_[g] * dot(mean_.data() + mean_at(g), local_.data(), p.stride(group))) / damping_[g];
     }
     rows(dx_, dt_, ds_, moved_);
-    for (std::size_t i = 0; i < total_; ++i) {
-        dz_[i] = -row_residual_[i] - moved_[i];
-        dy_[i] = shift_[i] + weight_[i] * moved_[i];
+    Lanes most_z = {}, most_y = {};
+    for (std::size_t k = 0; k < z_.size(); k += LANES) {
+        const Lanes moved = lanes(moved_.data() + k);
+        const Lanes dz = -lanes(row_residual_.data() + k) - moved, dy = lanes(shift_.data() + k) + lanes(weight_.data() + k) * moved;
+        lanes(dz_.data() + k) = dz, lanes(dy_.data() + k) = dy;
+        const Lanes ratio_z = -dz * lanes(inverse_.data() + k), ratio_y = -dy / lanes(y_.data() + k);
+        most_z = larger(most_z, ratio_z);
+        most_y = larger(most_y, ratio_y);
     }
-}
-
-double ArrowQp::longest(const Vec &value, const Vec &change, double share) const {
-    double part[LANES];
-    std::fill_n(part, LANES, share);
-    std::size_t k = 0;
-    for (; k + LANES <= total_; k += LANES)
-        for (std::size_t i = 0; i < LANES; ++i) {
-            const double ratio = -change[k + i] / value[k + i];
-            part[i] = ratio > part[i] ? ratio : part[i];
-        }
-    for (; k < total_; ++k) part[0] = std::max(part[0], -change[k] / value[k]);
-    return share / *std::max_element(part, part + LANES);
+    for (std::size_t i = total_; i < z_.size(); ++i) dz_[i] = dy_[i] = 0.0;
+    worst_z_ = most(most_z), worst_y_ = most(most_y);
 }
 
 bool ArrowQp::step(double least_gap) {
     if (!factor()) return false;
     const double count = static_cast<double>(total_), now = gap_ / count;
     newton(0.0, false);
-    const double primal = longest(z_, dz_, 1.0), dual = longest(y_, dy_, 1.0);
-    for (std::size_t i = 0; i < total_; ++i) affine_[i] = dz_[i] * dy_[i];
-    const double after = gap_ + primal * dot(dz_.data(), y_.data(), total_) + dual * dot(z_.data(), dy_.data(), total_) +
-                         primal * dual * dot(dz_.data(), dy_.data(), total_);
+    const double primal = 1.0 / std::max(worst_z_, 1.0), dual = 1.0 / std::max(worst_y_, 1.0);
+    Lanes by_z = {}, by_y = {}, by_both = {};
+    for (std::size_t k = 0; k < z_.size(); k += LANES) {
+        const Lanes dz = lanes(dz_.data() + k), dy = lanes(dy_.data() + k), both = dz * dy;
+        lanes(affine_.data() + k) = both;
+        by_z += dz * lanes(y_.data() + k), by_y += lanes(z_.data() + k) * dy, by_both += both;
+    }
+    const double after = gap_ + primal * total(by_z) + dual * total(by_y) + primal * dual * total(by_both);
     const double ratio = std::max(after, 0.0) / gap_, target = std::max(now * ratio * ratio * ratio, least_gap / count);
     newton(target, true);
-    const double step_z = longest(z_, dz_, TO_BOUNDARY), step_y = longest(y_, dy_, TO_BOUNDARY);
-    for (std::size_t i = 0; i < size_; ++i) x_[i] += step_z * dx_[i];
-    t_ += step_z * dt_;
-    for (std::size_t g = 0; g < s_.size(); ++g) s_[g] += step_z * ds_[g];
-    for (std::size_t i = 0; i < total_; ++i) z_[i] += step_z * dz_[i], y_[i] += step_y * dy_[i];
+    advance(TO_BOUNDARY / std::max(worst_z_, TO_BOUNDARY), TO_BOUNDARY / std::max(worst_y_, TO_BOUNDARY));
     return true;
 }
+
 }  // namespace optiplan

@@ -8,7 +8,7 @@ namespace optiplan {
 struct ArrowSettings {
     double gap = 1e-6;       // complementarity summed over all rows, in the objective's unit, at the point looked for
     double residual = 1e-5;  // largest violation of a row
-    double stationarity = 1e-4;
+    double stationarity = 1e-3;
     int iterations = 60;
 };
 
@@ -37,12 +37,15 @@ private:
     Vec z_, y_;               // slack and multiplier of every row
     Vec inverse_, weight_, shift_;  // 1 / z; y / z; what the step adds to the right side, row by row
     Vec row_residual_, moved_;
+    double worst_z_ = 0.0, worst_y_ = 0.0;  // most of -dz / z and of -dy / y
     Vec dx_, ds_, dz_, dy_, affine_;
     double dt_ = 0.0;
     Vec grad_, grad_s_;       // stationarity residual
+    Vec bent_;                // H dx
     double grad_t_ = 0.0;
     Vec mean_, mean_weight_, damping_;  // group by group: mean row, total weight of the rows, and with the slack's
-    Vec local_, block_, diagonals_;
+    Vec local_, cross_, diagonals_;
+    Vec centred_, weighted_;  // of a group: its mean row and its rows about that, and each times its weight
     double gap_ = 0.0, primal_ = 0.0, dual_ = 0.0;
 
     std::size_t rows_of(Kind kind) const { return begin_[kind + 1] - begin_[kind]; }
@@ -70,6 +73,14 @@ private:
 
     void residuals();
 
+    double largest_gradient() const;
+
+    // H x, with the regularisation.
+    void curved(const Vec &x, Vec &out) const;
+
+    // Take the step, and the residuals with it.
+    void advance(double step_z, double step_y);
+
     // H + A' W A with the slacks eliminated; false where it cannot be factored.
     bool factor();
 
@@ -79,15 +90,16 @@ private:
     // sum w_i a_i a_i' - (w m)(w m)' / (w + w_s) = sum w_i (a_i - m)(a_i - m)' + w w_s / (w + w_s) m m', without cancellation.
     void add_group(std::size_t g);
 
-    // Add a group's block (width + 1, stride) to the matrix; the last row of one that is not compact belongs to t.
-    void add_block(const Group &group);
+    // Tile of the sum of `weighted` `centred`' over `count` rows: its columns and its rows, in whole vectors.
+    void product(std::size_t count, std::size_t stride, std::size_t column, std::size_t row, double *tile) const;
+
+    // Add that of rows of a configuration, spread over its control points, or of rows of control points and t.
+    void add_compact(const Group &group, std::size_t count);
+    void add_wide(const Group &group, std::size_t count);
 
     // Newton step for complementarity z y = `target` (per row), into dx_, dt_, ds_, dz_, dy_.
     // `second`: whether to subtract the products of the affine step, kept in `affine_`.
     void newton(double target, bool second);
-
-    // Longest step that keeps `value` + step `change` >= 0, at most 1 / `share`.
-    double longest(const Vec &value, const Vec &change, double share) const;
 
     // Predictor and corrector towards the point of the central path with this gap, at least.
     bool step(double least_gap);

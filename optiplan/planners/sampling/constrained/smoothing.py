@@ -3,6 +3,7 @@
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.libraries import loading
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.sampling.constrained.walk import Walker
 from optiplan.planners.sampling.shortcutting import path_time
@@ -69,7 +70,8 @@ def _projected(walker: Walker, curve: Trajectory, spans: int) -> Trajectory | No
     whole = [q for q in points if q is not None]
     if len(whole) < len(points):
         return None
-    from scipy.interpolate import make_interp_spline  # takes 0.2 s, which every `optiplan plan` would pay
+    with loading():
+        from scipy.interpolate import make_interp_spline
 
     spline = make_interp_spline(s, np.vstack([curve.start, *whole, curve.end]), k=_DEGREE)
     held = Trajectory(curve.joint_names, *pieces(spline.t, spline.c, _DEGREE))

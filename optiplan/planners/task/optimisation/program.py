@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.libraries import loading
 from optiplan.planners.task.optimisation.line_part import LinePart
 from optiplan.planners.task.optimisation.move_part import MovePart
 from optiplan.planners.task.optimisation.transcription import StretchCurve, StretchTranscription
@@ -35,8 +36,9 @@ class StretchProgram:
         self, control: Array, duration: float, soft: Sequence[Penalty], radius: float, span: float
     ) -> Step | None:
         """Return one step from (y, duration); None when the solver fails; see `trajopt.program.qp.Subproblem.solve`."""
-        import qpsolvers
-        import scipy.sparse as sp
+        with loading():
+            import qpsolvers
+            import scipy.sparse as sp
 
         made = self.transcription
         curve = made.curve(control, duration)

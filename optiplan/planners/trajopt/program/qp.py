@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from optiplan.arrays import Array
+from optiplan.libraries import loading
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.term import SoftRows
 
@@ -99,8 +100,9 @@ class Subproblem:
             radius: of the trust region, in shares of v_j `span`.
             span: s.
         """
-        import qpsolvers
-        import scipy.sparse as sp
+        with loading():
+            import qpsolvers
+            import scipy.sparse as sp
 
         basis, limits = self.transcription.basis, self.transcription.limits
         moving = basis.moving(control)

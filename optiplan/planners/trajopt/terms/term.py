@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from optiplan.arrays import Array, Index, distinct
+from optiplan.libraries import loading
 from optiplan.planners.trajopt.bspline_basis import REACH, SplineBasis
 
 if TYPE_CHECKING:
@@ -203,7 +204,8 @@ class CostModel(NamedTuple):
 
     def hessian(self) -> "csc_matrix":
         """Return the second derivatives, (M n, M n), symmetric."""
-        from scipy.sparse import csc_matrix, diags  # for terms by CasADi only, and every `optiplan plan` would pay
+        with loading():
+            from scipy.sparse import csc_matrix, diags
 
         points, reach, joints = self.band.shape
         upper = [self.band[: points - d, d].ravel() for d in range(min(reach, points))]

@@ -1,0 +1,100 @@
+"""Hulls of the parts of a mesh hold it, and what they prove is no more than the distance of the mesh."""
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.convex import triangles_of, vertices_of
+from optiplan.geometry.scene import Obstacle, Scene
+from optiplan.geometry.shapes import Box, Sphere
+from optiplan.robot.robot import Robot, load_robot
+from optiplan.verify.continuous import mesh_parts
+from optiplan.verify.continuous.bodies import Bodies, support
+from optiplan.verify.continuous.separating_planes import PairDistances
+
+YAML = """version: 1
+name: horseshoe
+urdf: robot.urdf
+collision: mesh
+"""
+URDF = """<robot name="horseshoe"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><mesh filename="u.obj"/></geometry></collision></link>
+<joint name="j" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" velocity="1" effort="9"/></joint></robot>"""
+
+
+def horseshoe() -> tuple[np.ndarray, np.ndarray]:
+    """A tube bent to half a circle, radius 0.3 m: its hull fills what is between its ends."""
+    rings, corners = 24, 8
+    a, b = np.meshgrid(np.linspace(0.0, np.pi, rings), np.arange(corners) * 2 * np.pi / corners, indexing="ij")
+    radius = 0.3 + 0.03 * np.cos(b)
+    points = np.stack([radius * np.cos(a), radius * np.sin(a), 0.03 * np.sin(b)], axis=2).reshape(-1, 3)
+    index = np.arange(rings * corners).reshape(rings, corners)
+    p, q = index[:-1], index[1:]
+    p2, q2 = np.roll(p, -1, axis=1), np.roll(q, -1, axis=1)
+    sides = np.concatenate([np.stack([p, q, q2], axis=2).reshape(-1, 3), np.stack([p, q2, p2], axis=2).reshape(-1, 3)])
+    caps = [(ring[0], ring[k], ring[k + 1]) for ring in (index[0][::-1], index[-1]) for k in range(1, corners - 1)]
+    return points, np.concatenate([sides, np.array(caps)])
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    folder = tmp_path_factory.mktemp("horseshoe")
+    points, triangles = horseshoe()
+    lines = [f"v {x} {y} {z}" for x, y, z in points] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in triangles]
+    (folder / "u.obj").write_text("\n".join(lines))
+    (folder / "robot.urdf").write_text(URDF)
+    (folder / "robot.yaml").write_text(YAML)
+    return load_robot(str(folder))
+
+
+@pytest.fixture(scope="module")
+def model(robot: Robot) -> CollisionModel:
+    places = [(0.02, 0.1, 0.0), (0.1, 0.05, 0.02), (-0.1, 0.12, 0.0), (0.0, 0.2, 0.0), (0.5, 0.2, 0.1), (0.3, 0.0, 0.0)]
+    shapes = [Box((0.05, 0.08, 0.04)), Sphere(0.03)] * 3
+    poses = [pin.SE3(np.eye(3), np.array(place)) for place in places]
+    found = [Obstacle(f"o{k}", *body) for k, body in enumerate(zip(shapes, poses, strict=True))]
+    return CollisionModel(robot, Scene(tuple(found)))
+
+
+def test_parts_hold_every_triangle(model: CollisionModel) -> None:
+    parts = mesh_parts.parts_of_link(model.robot, 0)
+    assert len(parts) == mesh_parts._PARTS
+    mesh = model.geometry.geometryObjects[0].geometry
+    assert isinstance(mesh, coal.BVHModelBase)
+    n = np.random.default_rng(0).normal(size=(300, 3))
+    heights = [support(None, part.vertices, n) for part in parts]
+    for triangle in vertices_of(mesh)[triangles_of(mesh)]:
+        own = (n @ triangle.T).max(axis=1)
+        assert any((own <= height + 1e-12).all() for height in heights)
+
+
+def test_bounds_of_parts_are_below_the_distance_and_near_it(model: CollisionModel) -> None:
+    """In the bend, where the hull of all says nothing."""
+    bodies = Bodies(model)
+    distances = PairDistances(model, bodies)
+    Q = np.linspace(-1.5, 1.5, 9)[:, None]
+    poses = bodies.kinematics.poses(Q)
+    rows, pairs = np.repeat(np.arange(len(Q)), len(bodies.pairs)), np.tile(np.arange(len(bodies.pairs)), len(Q))
+    placed = bodies.place(poses, rows, pairs)
+    true = distances.query(pairs, placed).measured
+    found = distances.query(pairs, placed, 5e-3)
+    hulls = distances._between_hulls(pairs, placed)[1]
+    assert (found.bound <= np.maximum(true, 0.0) + 1e-9).all()
+    assert found.parts.sum() > 10
+    assert (hulls[found.parts] <= 5e-3).all()
+    assert (true - found.bound)[found.parts].max() < 0.03
+    asked = ~found.hulls
+    assert np.array_equal(found.measured[asked], true[asked])  # the rest is asked as ever
+
+
+def test_a_mesh_in_a_plane_has_parts() -> None:
+    corners = np.array([[x, y, 0.0] for x in range(4) for y in range(3)], float)
+    triangles = np.array([[0, 1, 4], [0, 4, 3], [3, 4, 7], [3, 7, 6]])
+    parts = list(mesh_parts._cut(corners, triangles))
+    assert len(parts) == 4
+    for part in parts:
+        assert np.ptp(np.array(mesh_parts._hull(part).points()), axis=0).min() > 0.0
