@@ -166,6 +166,7 @@ class Attempts:
                 )
                 steps, log = optimiser.steps - before, optimiser.log
         self.patience.work(steps=steps)
+        incumbent.info["cut_short"] |= budget.over
         incumbent.info["attempts"].append(attempt_record(kind, attempt, steps, log))
         if attempt is not None and attempt.touches:
             self._touching = attempt.touches[0], attempt.trajectory
