@@ -211,23 +211,25 @@ class _Run:
         return with_bump(self.optimiser.basis, control, duration, limits, rng)
 
     def _sampled(self, path: SampledPath) -> Failure | None:
-        """Time a sampled path where that may be the best motion, and optimise from it.
+        """Optimise from a sampled path, and time the path itself where that has led to nothing.
 
         A path that lies on an optimised curve already, and that no shortcut has made shorter, is not optimised again;
         one that takes far longer than the best motion even at full speed is left.
         """
-        failure = None
+        failure, attempt = None, None
         if not self.incumbent.candidates:
             failure = self.paths.offer_first(path)
         repaired, self.repaired = self.repaired, None
         if repaired is not None and path.cost > _SHORTER * repaired[1]:
-            self.attempts.keep(repaired[0])
+            attempt = repaired[0]
+            self.attempts.keep(attempt)
         elif self.incumbent.cost_bound(path.cost) > WORSE * self.incumbent.cost:
             self.patience.record(None)
         else:
             attempt = self.attempts.attempt("sampled", self._along(path.waypoints), self.attempts.before_closer)
             self.paths.between_thinner = attempt is not None
-        if self.incumbent.cost > self.incumbent.cost_bound(path.cost) and self.paths.free(path):
+        longer = self.incumbent.cost > self.incumbent.cost_bound(path.cost)
+        if attempt is None and longer and self.paths.free(path):
             self.paths.offer_timed(path)
         return failure
 
