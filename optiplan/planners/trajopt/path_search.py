@@ -33,8 +33,11 @@ _LOCAL = 30
 """Local searches that improve a path before it is optimised."""
 
 _DEPTHS = 0.015, 0.005, 0.0
-"""Thickness, m, by which obstacles are thinner there on all sides: the optimiser moves a path out of them. Where that has
-led to nothing, the next one."""
+"""Thickness, m, by which obstacles are thinner there on all sides, of which the optimiser moves a path out; the next
+one where that has led to nothing."""
+
+_ONE = 0.3
+"""Work, s, of a search while there is a motion, and twice that for each such search in vain."""
 
 _NO_BETTER = 1.15
 """Cost of a path in bounds on all motions, at which no cheaper one is looked for: corners and rounding take as much."""
@@ -58,6 +61,7 @@ class PathSearch:
         begun: rounds that the next search leaves out, since they have just been made in vain.
         found: while a line was being optimised, and not optimised itself yet.
         depth: number of the thickness by which obstacles are thinner in the next search, once there is a motion.
+        in_vain: searches since then that found no path.
     """
 
     problem: Problem
@@ -70,6 +74,7 @@ class PathSearch:
     found: SampledPath | None = None
     begun: int = 0
     depth: int = 0
+    in_vain: int = 0
     _models: dict[float, CollisionModel] = field(default_factory=dict)
     _on_constraints: ConstrainedSeeds = field(init=False)
 
@@ -124,8 +129,9 @@ class PathSearch:
     ) -> SampledPath | Failure:
         """Return `found`, or else a path that is sampled, improved by local searches."""
         began, incumbent = self.patience.seconds, self.incumbent
-        path = found or self._sample(sampler, model, began + self._worth, None)
+        path = found or self._sample(sampler, model, began + min(self._worth, _ONE * 2.0**self.in_vain), None)
         if isinstance(path, Failure):
+            self.depth, self.in_vain = 0, self.in_vain + 1
             return path
         with self.watch.stage("sampling"):
             check = path_check(model, self.problem.limits)
