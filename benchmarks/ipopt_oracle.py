@@ -42,7 +42,7 @@ from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.program.sqp import Point, evaluate
+from optiplan.planners.trajopt.program.sqp import DescentOptions, Point, evaluate
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE, Margins
 from optiplan.planners.trajopt.terms.term import Curve
@@ -369,7 +369,7 @@ def settled(optimiser: Optimiser, seed: Array) -> Array | None:
     descender, u, control = optimiser.descender(seed), optimiser.instants(seed), seed
     for _ in range(optimiser.options.refinements + 1):
         descender.set_samples(u)
-        found = descender.optimise(control, optimiser.options.iterations, lambda: False)
+        found = descender.optimise(control, DescentOptions(optimiser.options.iterations, lambda: False))
         control, trajectory = found.control, optimiser.timed(found.control, found.duration)
         if trajectory is None:
             return None
@@ -397,7 +397,7 @@ def compared(problem: op.Problem, name: str, budget: float) -> dict[str, Any] | 
     descender = optimiser.descender(seed)
     descender.set_samples(u)
     began = time.perf_counter()
-    own = descender.optimise(seed, optimiser.options.iterations, lambda: False)
+    own = descender.optimise(seed, DescentOptions(optimiser.options.iterations, lambda: False))
     seconds, known = time.perf_counter() - began, [seed, own.control]
     ways = {
         "sqp": Answer(evaluate(transcription, own.control, own.duration, case.span), own.steps, seconds, 0),

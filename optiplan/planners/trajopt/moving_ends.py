@@ -11,7 +11,7 @@ from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis
 from optiplan.planners.trajopt.optimizer import ACTIVE, Attempt, Optimiser, around
 from optiplan.planners.trajopt.program.iteration_log import NOTHING
-from optiplan.planners.trajopt.program.sqp import MAX_VIOLATION, STUCK, Descended, Descender
+from optiplan.planners.trajopt.program.sqp import MAX_VIOLATION, STUCK, Descended, Descender, DescentOptions
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.time_scaling import speed_ratio
@@ -114,7 +114,7 @@ class MovingOptimiser:
         own, times = self.optimiser, [duration]
         for k in range(ROUNDS):
             control = self.ends.held(self.basis, control, times[-1])
-            found = descender.optimise(control, max(1, most - own.steps), stop)
+            found = descender.optimise(control, DescentOptions(max(1, most - own.steps), stop))
             own.count(found)
             control = found.control
             settled = abs(found.duration - times[-1]) <= SETTLED * found.duration

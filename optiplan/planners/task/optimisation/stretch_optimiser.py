@@ -23,7 +23,7 @@ from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, moving_
 from optiplan.planners.trajopt.moving_ends import with_reserve
 from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.program.sqp import optimise
+from optiplan.planners.trajopt.program.sqp import DescentOptions, optimise
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.paths.hermite import hermite
@@ -100,7 +100,7 @@ class StretchOptimiser:
         y = self._begin()
         program = StretchProgram(self.made)
         for _ in range(_ROUNDS):
-            y = optimise(program, y, _STEPS, lambda: budget.over)[0].control
+            y = optimise(program, y, DescentOptions(_STEPS, lambda: budget.over))[0].control
             found = self._timed(y)
             if found is None or found.ends[-1] > (1.0 - _GAIN) * self.duration:
                 return None

@@ -1,8 +1,5 @@
 """The descent of a curve in the native core: contacts, torques, programs and the loop around them in one call."""
 
-from collections.abc import Callable
-from math import inf
-
 import numpy as np
 
 from optiplan._core import core
@@ -11,7 +8,7 @@ from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.planners.trajopt.program import sqp
 from optiplan.planners.trajopt.program.iteration_log import ENDINGS, IterationLog
 from optiplan.planners.trajopt.program.native_step import GAP, native_spline
-from optiplan.planners.trajopt.program.sqp import Descended, GoOn
+from optiplan.planners.trajopt.program.sqp import Descended, DescentOptions
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE, CONTACT_PENALTY, CUTOFF
 from optiplan.planners.trajopt.terms.torques import TORQUE_PENALTY
@@ -42,18 +39,15 @@ class NativeSqp:
         samples = self.transcription.samples
         self._sqp.set_samples(samples.u, *samples.at)
 
-    def optimise(  # noqa: PLR0913
-        self,
-        control: Array,
-        iterations: int,
-        stop: Callable[[], bool],
-        best: float = inf,
-        longest: float = inf,
-        go_on: GoOn | None = None,
-    ) -> Descended:
+    def optimise(self, control: Array, options: DescentOptions) -> Descended:
         """Descend from control points (K, n); see `sqp.optimise`."""
         control, duration, _, missing, nearest, steps, rows, ended = self._sqp.optimise(
-            np.ascontiguousarray(control), iterations, stop, best, longest, go_on
+            np.ascontiguousarray(control),
+            options.iterations,
+            options.stop,
+            options.best,
+            options.longest,
+            options.go_on,
         )
         return Descended(control, duration, missing, nearest, steps, IterationLog(rows, ENDINGS[ended]))
 

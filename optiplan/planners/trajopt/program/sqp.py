@@ -44,6 +44,25 @@ GoOn = Callable[[Array, float], bool]
 one -> whether to descend from it; asked once."""
 
 
+@dataclass(frozen=True)
+class DescentOptions:
+    """What ends a descent that has not converged.
+
+    Attributes:
+        iterations: most steps.
+        stop: asked before every step.
+        best: cost of the best motion known, s: a curve that after 30 steps costs more than 1.5 times that is given up.
+        longest: s; a curve that takes longer after 30 steps is given up.
+        go_on: may end it at the first curve on which all rows hold.
+    """
+
+    iterations: int
+    stop: Callable[[], bool]
+    best: float = inf
+    longest: float = inf
+    go_on: GoOn | None = None
+
+
 class Discretised(Protocol):
     """What a descent asks of a transcription; shape and curves are its own: of one move, or of several parts."""
 
@@ -104,15 +123,7 @@ class Descender(Protocol):
     def set_samples(self, u: Array) -> None:
         """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
 
-    def optimise(  # noqa: PLR0913
-        self,
-        control: Array,
-        iterations: int,
-        stop: Callable[[], bool],
-        best: float = inf,
-        longest: float = inf,
-        go_on: GoOn | None = None,
-    ) -> Descended:
+    def optimise(self, control: Array, options: DescentOptions) -> Descended:
         """Descend from control points (K, n); see the function `optimise`."""
 
 
@@ -126,17 +137,9 @@ class Sqp:
         """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
         self.subproblem.transcription.set_samples(u)
 
-    def optimise(  # noqa: PLR0913
-        self,
-        control: Array,
-        iterations: int,
-        stop: Callable[[], bool],
-        best: float = inf,
-        longest: float = inf,
-        go_on: GoOn | None = None,
-    ) -> Descended:
+    def optimise(self, control: Array, options: DescentOptions) -> Descended:
         """Descend from control points (K, n); see the function `optimise`."""
-        point, steps, log = optimise(self.subproblem, control, iterations, stop, best, longest, go_on)
+        point, steps, log = optimise(self.subproblem, control, options)
         return Descended(point.control, point.duration, point.missing, point.nearest, steps, log)
 
 
@@ -198,14 +201,8 @@ def evaluate(transcription: Discretised, control: Array, duration: float, span: 
     return Point(control, duration, terms, rows, merit, span)
 
 
-def optimise(  # noqa: C901, PLR0913
-    subproblem: Stepper,
-    control: Array,
-    iterations: int,
-    stop: Callable[[], bool],
-    best: float = inf,
-    longest: float = inf,
-    go_on: GoOn | None = None,
+def optimise(  # noqa: C901
+    subproblem: Stepper, control: Array, options: DescentOptions
 ) -> tuple[Point, int, IterationLog]:
     """Descend from control points (K, n) until two steps in a row gain less than 0.2 %; return point, steps and log.
 
@@ -213,18 +210,17 @@ def optimise(  # noqa: C901, PLR0913
     where it fell by more than 70 %. A rejected step is followed by a second one from its end (the watchdog of
     Chamberlain et al., Mathematical Programming Study 16, 1982): curved constraints make good steps look bad, and the
     second step often repairs it. Where it does not, both are undone and the trust region shrinks to 35 %. A curve
-    whose clearance violation has hardly decreased in several steps is given up, and so is one that after 30 steps takes
-    longer than `longest`, s, or costs more than 1.5 times the `best` motion known, s. `go_on` may end it at the first
-    curve on which all rows hold.
+    whose clearance violation has hardly decreased in several steps is given up; what else ends it is in the options.
     """
+    iterations, stop = options.iterations, options.stop
     transcription = subproblem.transcription
     point, taken, settled, radius = evaluate(transcription, control, 0.0), 0, 0, FIRST_RADIUS
     missing: list[float] = []
     log: list[tuple[float, ...]] = []
     ended: Ending | None = None
-    ask = None if point.feasible else go_on
+    ask = None if point.feasible else options.go_on
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
-        if taken >= SLOW and (point.merit > WORSE * best or point.duration > longest):
+        if taken >= SLOW and (point.merit > WORSE * options.best or point.duration > options.longest):
             ended = "too slow"
             break
         missing.append(point.missing)
