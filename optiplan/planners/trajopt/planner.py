@@ -58,8 +58,8 @@ class TrajOpt(Planner[TrajOptOptions]):
 
     Everything that is proved free on the way is a candidate: straight lines timed exactly, sampled paths timed, every
     optimised curve; the best of them is the answer. Attempts go on while they can be expected to gain (`Patience`),
-    in turn from a path sampled anew, from a straight line with a bump and from the best curve with a bump; in the end
-    the best curve is optimised once more with twice the spans. Vias: see `through_vias`.
+    in turn from a path sampled anew and improved, from a straight line with a bump and from the best curve with a bump;
+    in the end the best curve is optimised once more with twice the spans. Vias: see `through_vias`.
     """
 
     Options = TrajOptOptions
