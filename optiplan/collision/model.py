@@ -109,7 +109,7 @@ class CollisionModel:
         self.kinematics = BatchKinematics(self.model) if self.motions else robot.kinematics
         self.bounds = PairBounds(self.kinematics, self.geometry, [(p.a, p.b) for p in self.pairs], self._boxes)
         self._data = self.model.createData()
-        self.outline = Outline(self.model, self.geometry)
+        self.outline = Outline(self.model, self.geometry, self.bounds.pairs)
 
     def _take(self, known: "CollisionModel", scene: Scene) -> None:
         """Become a model of the bodies and pairs of another one, of the same content, with a work space of its own."""
@@ -133,7 +133,9 @@ class CollisionModel:
         model = CollisionModel.__new__(CollisionModel)
         model._take(self, scene)
         model.geometry, model.bounds = geometry, self.bounds.with_placements(geometry)
-        model.outline = Outline(model.model, geometry)
+        model.outline = Outline(model.model, geometry, model.bounds.pairs)
+        if "containment" in vars(self):
+            model.containment = self.containment
         return model
 
     @cached_property
@@ -178,7 +180,7 @@ class CollisionModel:
     def touches(self, q: Array) -> bool:
         """As `collides`, pair by pair where bounding volumes and hulls meet: makes nothing for the other pairs."""
         self.place(q)
-        possible = np.flatnonzero(self.lower_bounds(q[None])[0] <= DISTANCE_ERROR).tolist()
+        possible = np.flatnonzero(self.lower_bounds(q[None], DISTANCE_ERROR)[0] <= DISTANCE_ERROR).tolist()
         meshes = self.outline.pairs
         near = (pair for pair in possible if pair not in meshes or self.outline.distance(pair) <= DISTANCE_ERROR)
         return any(self._queries.touches(pair) for pair in near)
@@ -248,7 +250,7 @@ class CollisionModel:
 
     def contacts(self, q: Array, cutoff: float) -> list[Contact]:
         """Every pair nearer than `cutoff` (m) at q (n,)."""
-        possible = np.flatnonzero(self.lower_bounds(q[None])[0] < cutoff)
+        possible = np.flatnonzero(self.lower_bounds(q[None], cutoff)[0] < cutoff)
         self.place(q)
         meshes = self.outline.pairs
         near = [pair for pair in possible.tolist() if pair not in meshes or self.outline.distance(pair) < cutoff]
@@ -261,7 +263,7 @@ class CollisionModel:
         Where a body is a mesh, distance and points are the hulls' if these are farther apart than `SETTLED`, and if the
         bodies touch: triangles do not tell how deep, or which way is out.
         """
-        candidates = self.lower_bounds(Q) < cutoff
+        candidates = self.lower_bounds(Q, cutoff) < cutoff
         queries, outline, meshes = self._queries, self.outline, self.outline.pairs
         found: list[tuple[int, int, float]] = []
         vectors: list[Array] = []
@@ -309,9 +311,12 @@ class CollisionModel:
             vectors[:, 2] = _normals(np.array([result.min_distance for result in results]), vectors)
         return vectors
 
-    def lower_bounds(self, Q: Array) -> Array:
-        """Lower bounds, m, of the distance of every pair at Q (N, n), from bounding volumes alone: (N, P)."""
-        return self.bounds.distances(self.full(Q))
+    def lower_bounds(self, Q: Array, enough: float = np.inf) -> Array:
+        """Lower bounds, m, of the distance of every pair at Q (N, n), from bounding volumes alone: (N, P).
+
+        Bounds above `enough`, m, may be those of balls, which are found sooner.
+        """
+        return self.bounds.distances(self.full(Q), enough)
 
     def travel(self, Q: Array, D: Array) -> Array:
         """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j: Q and D (N, n), result (N, P)."""

@@ -93,9 +93,9 @@ class NativeCollisionModel(CollisionModel):
         rows, pairs, distances, vectors, _ = self.world.near(_packed(self.full(Q)), cutoff)
         return Contacts(rows, pairs, distances, vectors[:, :2], vectors[:, 2])
 
-    def lower_bounds(self, Q: Array) -> Array:
+    def lower_bounds(self, Q: Array, enough: float = np.inf) -> Array:
         """See `CollisionModel.lower_bounds`."""
-        return super().lower_bounds(Q) if self.world is None else self.world.lower_bounds(_packed(self.full(Q)))
+        return super().lower_bounds(Q, enough) if self.world is None else self.world.lower_bounds(_packed(self.full(Q)))
 
     def travel(self, Q: Array, D: Array) -> Array:
         """See `CollisionModel.travel`."""

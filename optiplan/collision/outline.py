@@ -3,9 +3,10 @@
 from functools import cached_property
 
 import coal
+import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.collision.pair_queries import PairQueries
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.geometry.mesh_hulls import hull_of_mesh
@@ -22,16 +23,18 @@ class Outline:
         pairs: indices of the pairs with a mesh that is not bounded by a half-space.
     """
 
-    def __init__(self, model: pin.Model, geometry: pin.GeometryModel) -> None:
-        """Take the bodies and pairs of `geometry`; those very ones where no pair has a mesh."""
+    def __init__(self, model: pin.Model, geometry: pin.GeometryModel, pairs: Index) -> None:
+        """Take the bodies and pairs (P, 2) of `geometry`; those very ones where no pair has a mesh."""
         self._model = model
-        meshes = [isinstance(body.geometry, coal.BVHModelBase) for body in geometry.geometryObjects]
-        planes = [isinstance(body.geometry, coal.Halfspace) for body in geometry.geometryObjects]
-        found = [(p.first, p.second) for p in geometry.collisionPairs]
-        asked = [k for k, (a, b) in enumerate(found) if (meshes[a] or meshes[b]) and not (planes[a] or planes[b])]
-        self.pairs = frozenset(asked)
-        self.geometry = geometry.copy() if asked else geometry
-        for body in {body for k in asked for body in found[k] if meshes[body]}:
+        meshes, planes = (
+            np.array([isinstance(body.geometry, kind) for body in geometry.geometryObjects], dtype=bool)
+            for kind in (coal.BVHModelBase, coal.Halfspace)
+        )
+        asked = np.flatnonzero(meshes[pairs].any(axis=1) & ~planes[pairs].any(axis=1))
+        self.pairs = frozenset(asked.tolist())
+        self.geometry = geometry.copy() if len(asked) else geometry
+        bodies = np.unique(pairs[asked])
+        for body in bodies[meshes[bodies]].tolist():
             item = self.geometry.geometryObjects[body]
             item.geometry = hull_of_mesh(item.geometry)
 

@@ -26,7 +26,8 @@ class Selection:
         trajectory: the shortest motion that is verified; where none is, the planner's own choice.
         slowed: factor on the planner's duration; above 1 where only that satisfied the limits.
         improvements: (seconds of planning and proving, duration in s) of every verified answer on the way, in order of
-            both; one whose proof would have ended after that of a better one is left out.
+            both; one whose proof would have ended after that of a better one is left out. Each is counted with its own
+            proof, of which the last answer's is made first: what a first proof in a scene sets up is counted there.
     """
 
     trajectory: Trajectory

@@ -27,7 +27,7 @@ _WORTH_CLOSE = 0.01
 """Share of the cost to the bound below which no margin is in the way."""
 
 _FAR = 1.1
-"""Factor to the bound beyond which the margin waits: another way may be better, and then its margin counts."""
+"""Factor to the bound beyond which the margin waits for another attempt: its way may be better."""
 
 _CLOSE_STEPS = 60
 """Steps that the budget is to leave for it."""
@@ -53,7 +53,7 @@ class Attempts:
         watch: of the run.
         patient: whether a curve may take any time, see `Optimiser.run`.
         ahead: attempts that other threads make.
-        waiting: the best attempt, if it is to be optimised again with a smaller margin once no further one is made.
+        waiting: the best attempt, if it is to be optimised again with a smaller margin.
     """
 
     optimiser: Optimiser
@@ -81,17 +81,16 @@ class Attempts:
     def keep(self, attempt: Attempt | None) -> None:
         """Keep the result of an attempt; if it is the best so far, optimise it again with a smaller margin.
 
-        That waits until no further attempts are made where the bound is far below it.
+        Where the bound is far below it, that waits for another attempt, which may find a better way.
         """
         incumbent = self.incumbent
         if attempt is not None:
             incumbent.offer(attempt.trajectory, attempt)
             if incumbent.is_best(attempt):
-                incumbent.curve, self.waiting = attempt, None
-                if attempt.close and incumbent.bound < (1.0 - _WORTH_CLOSE) * incumbent.cost:
-                    self.waiting = attempt
-                    if incumbent.within(_FAR):
-                        self.closer()
+                held_up = attempt.close and incumbent.bound < (1.0 - _WORTH_CLOSE) * incumbent.cost
+                incumbent.curve, self.waiting = attempt, attempt if held_up else None
+        if attempt is None or incumbent.curve is not attempt or incumbent.within(_FAR):
+            self.closer()
         self.patience.record(None if attempt is None else incumbent.cost_of(attempt.trajectory))
 
     def closer(self) -> None:
@@ -167,6 +166,7 @@ class Attempts:
                 )
                 steps, log = optimiser.steps - before, optimiser.log
         self.patience.work(steps=steps)
+        incumbent.info["cut_short"] |= budget.over
         incumbent.info["attempts"].append(attempt_record(kind, attempt, steps, log))
         if attempt is not None and attempt.touches:
             self._touching = attempt.touches[0], attempt.trajectory

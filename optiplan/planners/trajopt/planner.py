@@ -43,6 +43,9 @@ _EARLY = 1.0 / 3.0
 _SHORTER = 0.95
 """Share of its cost to which shortcuts must bring a path on an optimised curve to be optimised again."""
 
+_BUMPS = 2
+"""Rounds of attempts of which the last has the best curve with a bump."""
+
 _DENSE = 300
 """Waypoints on a curve whose chords are proved free in its place."""
 
@@ -177,7 +180,7 @@ class _Run:
                 self._expect(self._coming(sampler, number, rng))
                 control = self._with_bump(self._line(sampler, number), rng)
                 self.direct = self.attempts.attempt("line", control, self.attempts.before_closer) is not None
-            if number % 2 == 1 and self.incumbent.curve is not None and self._worth():
+            if number % _BUMPS and self.incumbent.curve is not None and self._worth():
                 self._expect(self._coming(sampler, number, rng, line=False))
                 control = self._with_bump(self.incumbent.curve.control, rng)
                 self.attempts.attempt("bump", control, self.attempts.before_closer)
@@ -193,7 +196,7 @@ class _Run:
         for k in count(number) if self.direct or self.incumbent.curve is not None else ():
             if self.direct and (line or k > number):
                 yield self._with_bump(self._line(sampler, k), rng)
-            if self.incumbent.curve is not None:
+            if k % _BUMPS and self.incumbent.curve is not None:
                 yield self._with_bump(self.incumbent.curve.control, rng)
 
     def _line(self, sampler: GoalSampler, number: int) -> Array:
@@ -258,5 +261,6 @@ class _Run:
     def _worth(self) -> bool:
         """Return whether the budget and `Patience` allow another attempt."""
         if self.attempts.before_closer.over:
+            self.info["cut_short"] = True
             return False
         return not self.incumbent.candidates or self.patience.worth_another(self.incumbent.cost, self.incumbent.bound)

@@ -69,12 +69,13 @@ class PairBounds:
         twin.placement = _placements(list(geometry.geometryObjects))
         return twin
 
-    def distances(self, Q: Array) -> Array:
+    def distances(self, Q: Array, enough: float = np.inf) -> Array:
         """Lower bound, m, of every pair's distance at Q (N, n): (N, P).
 
-        The larger of the distances from the ball of one body to the box of the other, both ways.
+        The larger of the distances from the ball of one body to the box of the other, both ways; that of both balls
+        where it is more than `enough`, m.
         """
-        return self._distances(self.kinematics.poses(Q), np.full((len(Q), len(self.pairs)), np.inf))
+        return self._distances(self.kinematics.poses(Q), np.full((len(Q), len(self.pairs)), enough))
 
     def apart(self, Q: Array, D: Array, enough: float) -> Array:
         """Lower bound, m, of every pair's distance while |q_j - Q_j| <= D_j; Q, D (N, n), result (N, P).

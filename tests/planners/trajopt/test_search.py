@@ -13,7 +13,7 @@ from optiplan.planners import base
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_time
-from optiplan.planners.trajopt import optimizer, path_search, planner, stopping_rule
+from optiplan.planners.trajopt import attempts, optimizer, path_search, planner, stopping_rule
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
@@ -50,6 +50,17 @@ def near_a_board(gap: float) -> Problem:
     model = CollisionModel(low.robot, low.scene)
     pairs = [k for k, pair in enumerate(model.pairs) if "board" in (pair.name_a, pair.name_b)]
     return made(-0.2 + min(model.distance(low.start, k).distance for k in pairs) - gap)
+
+
+def test_a_search_that_the_clock_ends_for_the_smaller_margin_says_so(
+    problems: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = load_problem(problems / "02_shelf.yaml")
+    assert not solve(problem).info["cut_short"]
+    monkeypatch.setattr(attempts, "_CLOSE_STEPS", 1e9)  # all that is left of the budget
+    cut = solve(problem)
+    assert cut.info["cut_short"]
+    assert [attempt["seed"] for attempt in cut.info["attempts"]][:2] == ["straight", "close"]
 
 
 @pytest.mark.parametrize("name", ["02_shelf", "04_box"])
