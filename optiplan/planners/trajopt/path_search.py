@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -33,8 +32,12 @@ motion, not for a hard problem."""
 _LOCAL = 30
 """Local searches that improve a path before it is optimised."""
 
-_DEPTH = 0.015
-"""Thickness, m, by which obstacles are thinner there on all sides: the optimiser moves a path out of them."""
+_DEPTHS = 0.015, 0.005, 0.0
+"""Thickness, m, by which obstacles are thinner there on all sides, of which the optimiser moves a path out; the next
+one where that has led to nothing."""
+
+_ONE = 0.3
+"""Work, s, of a search while there is a motion, and twice that for each such search in vain."""
 
 _NO_BETTER = 1.15
 """Cost of a path in bounds on all motions, at which no cheaper one is looked for: corners and rounding take as much."""
@@ -57,7 +60,8 @@ class PathSearch:
         searches: begun so far.
         begun: rounds that the next search leaves out, since they have just been made in vain.
         found: while a line was being optimised, and not optimised itself yet.
-        between_thinner: whether paths are looked for between thinner obstacles once there is a motion.
+        depth: number of the thickness by which obstacles are thinner in the next search, once there is a motion.
+        in_vain: searches since then that found no path.
     """
 
     problem: Problem
@@ -69,7 +73,9 @@ class PathSearch:
     searches: int = 0
     found: SampledPath | None = None
     begun: int = 0
-    between_thinner: bool = True
+    depth: int = 0
+    in_vain: int = 0
+    _models: dict[float, CollisionModel] = field(default_factory=dict)
     _on_constraints: ConstrainedSeeds = field(init=False)
 
     def __post_init__(self) -> None:
@@ -98,7 +104,7 @@ class PathSearch:
 
         It is improved by local searches first, since a path's cost tells much of what it can be optimised to, and they
         take less time than a descent from a long path. Once there is a motion they look between thinner obstacles,
-        where there are more ways and searches are shorter; in the real ones where that has just led to nothing.
+        where there are more ways and searches are shorter; between thicker ones where that has just led to nothing.
         Searches end where they stop being worth their work.
         """
         found, self.found = self.found, None
@@ -107,20 +113,25 @@ class PathSearch:
             if isinstance(path, Failure) or not self.incumbent.candidates or self._on_constraints.apply:
                 return path
             found = path
-        if self.between_thinner:
-            path = self._improved(sampler, self._thinner, found)
+        while _DEPTHS[self.depth]:
+            path = self._improved(sampler, self._thinner(_DEPTHS[self.depth]), found)
             if isinstance(path, Failure) or len(path.waypoints) > 2:
                 return path
-            self.between_thinner = False
+            self.depth += 1
         return self._improved(sampler, self.model, found)
+
+    def tell(self, free: bool) -> None:
+        """Take to account whether the last path was optimised to one that is free."""
+        self.depth = 0 if free else (self.depth + 1) % len(_DEPTHS)
 
     def _improved(
         self, sampler: GoalSampler, model: CollisionModel, found: SampledPath | None
     ) -> SampledPath | Failure:
         """Return `found`, or else a path that is sampled, improved by local searches."""
         began, incumbent = self.patience.seconds, self.incumbent
-        path = found or self._sample(sampler, model, began + self._worth, None)
+        path = found or self._sample(sampler, model, began + min(self._worth, _ONE * 2.0**self.in_vain), None)
         if isinstance(path, Failure):
+            self.depth, self.in_vain = 0, self.in_vain + 1
             return path
         with self.watch.stage("sampling"):
             check = path_check(model, self.problem.limits)
@@ -137,9 +148,10 @@ class PathSearch:
         incumbent = self.incumbent
         return self.patience.worth(incumbent.cost, incumbent.bound) if incumbent.candidates else np.inf
 
-    @cached_property
-    def _thinner(self) -> CollisionModel:
-        return planning_model(self.problem.robot, thinned(self.problem.scene, _DEPTH))
+    def _thinner(self, depth: float) -> CollisionModel:
+        if depth not in self._models:
+            self._models[depth] = planning_model(self.problem.robot, thinned(self.problem.scene, depth))
+        return self._models[depth]
 
     def _sample(
         self, sampler: GoalSampler, model: CollisionModel, most: float, repair: Callable[[Array], Array | None] | None

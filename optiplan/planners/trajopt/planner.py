@@ -43,6 +43,9 @@ _EARLY = 1.0 / 3.0
 _SHORTER = 0.95
 """Share of its cost to which shortcuts must bring a path on an optimised curve to be optimised again."""
 
+_IN_VAIN = 3
+"""Attempts in vain after which a sampled path is timed with its corners rounded, which takes as long as an attempt."""
+
 _BUMPS = 2
 """Rounds of attempts of which the last has the best curve with a bump."""
 
@@ -211,23 +214,25 @@ class _Run:
         return with_bump(self.optimiser.basis, control, duration, limits, rng)
 
     def _sampled(self, path: SampledPath) -> Failure | None:
-        """Time a sampled path where that may be the best motion, and optimise from it.
+        """Optimise from a sampled path, and time the path itself where several attempts have led to nothing.
 
         A path that lies on an optimised curve already, and that no shortcut has made shorter, is not optimised again;
         one that takes far longer than the best motion even at full speed is left.
         """
-        failure = None
+        failure, attempt = None, None
         if not self.incumbent.candidates:
             failure = self.paths.offer_first(path)
         repaired, self.repaired = self.repaired, None
         if repaired is not None and path.cost > _SHORTER * repaired[1]:
-            self.attempts.keep(repaired[0])
+            attempt = repaired[0]
+            self.attempts.keep(attempt)
         elif self.incumbent.cost_bound(path.cost) > WORSE * self.incumbent.cost:
             self.patience.record(None)
         else:
             attempt = self.attempts.attempt("sampled", self._along(path.waypoints), self.attempts.before_closer)
-            self.paths.between_thinner = attempt is not None
-        if self.incumbent.cost > self.incumbent.cost_bound(path.cost) and self.paths.free(path):
+            self.paths.tell(attempt is not None)
+        longer = self.incumbent.cost > self.incumbent.cost_bound(path.cost)
+        if attempt is None and longer and self.patience.in_vain >= _IN_VAIN and self.paths.free(path):
             self.paths.offer_timed(path)
         return failure
 

@@ -282,6 +282,8 @@ class _Search:
         if not len(still):
             return self.limit(items.take(still))
         halvings = _halvings(found, near, still, self.target())
+        if unsure.any():  # what these hold may be nearer than all so far: then less is to be proved of the others
+            halvings[(margin[still] > self.policy.clearance) & ~several[still]] = 0
         opened = unsure[still] | (several[still] & (halvings > _MOST_OF_HULLS))
         divided = items.take(still[~opened]).split(halvings[~opened])
         parts = self.open(items.take(still[opened]), poses[rows[still[opened]]], near.travel[still[opened]])

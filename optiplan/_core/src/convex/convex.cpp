@@ -52,11 +52,10 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 template <class A, class B>
-Witness iterative(const A &a, const B &b, const Pose &X_AB, double cutoff, Features *features) {
+Witness iterative(const A &a, const B &b, const Pose &X_AB, double cutoff, Features *features, double gap) {
     const auto difference = difference_of(a, b, X_AB);
-    if (difference.curved) features = nullptr;
-    const GjkResult found = gjk(difference, cutoff, kTouching, features);
-    if (features) *features = found.status == GjkResult::Status::apart ? features_of(difference, found.simplex) : Features{};
+    const GjkResult found = gjk(difference, cutoff, kTouching, features, difference.curved ? gap : kDistanceGap);
+    if (features) *features = features_of(difference, found);
     switch (found.status) {
         case GjkResult::Status::beyond_cutoff: return {found.lower, {}, {}, {}};
         case GjkResult::Status::touching: return penetration(difference, found.simplex);
@@ -69,7 +68,8 @@ Vec3 along_axis(const Pose &X, double length) {
 }
 
 // Cores of A and B, a.kind <= b.kind, both bounded; in the frame of A.
-Witness cores(const Shape &a, const Shape &b, const Pose &X_AB, double cutoff, Features *features = nullptr) {
+Witness cores(const Shape &a, const Shape &b, const Pose &X_AB, double cutoff, Features *features = nullptr,
+              double gap = kDistanceGap) {
     if (a.kind == Kind::sphere) {
         const Pose X_BA = X_AB.inverse();
         switch (b.kind) {
@@ -83,7 +83,7 @@ Witness cores(const Shape &a, const Shape &b, const Pose &X_AB, double cutoff, F
     if (a.kind == Kind::capsule && b.kind == Kind::capsule)
         return segments({}, {0.0, 0.0, a.half_length}, X_AB.p, along_axis(X_AB, b.half_length));
     return with_core(a, [&](const auto &core_a) {
-        return with_core(b, [&](const auto &core_b) { return iterative(core_a, core_b, X_AB, cutoff, features); });
+        return with_core(b, [&](const auto &core_b) { return iterative(core_a, core_b, X_AB, cutoff, features, gap); });
     });
 }
 
@@ -103,21 +103,22 @@ Witness between_meshes(const Shape &a, const Shape &b, const Pose &X_AB, double 
 
 }  // namespace
 
-Witness distance(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB, double cutoff, Features *features) {
-    if (a.kind > b.kind) return flipped(distance(b, X_WB, a, X_WA, cutoff, features));
+Witness distance(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB, double cutoff, Features *features,
+                 double gap) {
+    if (a.kind > b.kind) return flipped(distance(b, X_WB, a, X_WA, cutoff, features, gap));
     const Pose X_AB = relative(X_WA, X_WB);
     const double radius_a = rounding_radius(a), radius_b = rounding_radius(b), radii = radius_a + radius_b;
     const Witness found = b.kind == Kind::half_space ? above(a, b, X_AB)
                           : b.kind == Kind::mesh     ? between_meshes(a, b, X_AB, cutoff + radii, 0.0)
-                                                     : cores(a, b, X_AB, cutoff + radii, features);
+                                                     : cores(a, b, X_AB, cutoff + radii, features, gap);
     const double distance = found.distance - radii;
     if (distance > cutoff) return {distance, {}, {}, {}};
     const Vec3 normal = X_WA.R * found.normal;
     return {distance, X_WA * found.a + radius_a * normal, X_WA * found.b - radius_b * normal, normal};
 }
 
-bool overlap_within(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB, double margin) {
-    if (a.kind > b.kind) return overlap_within(b, X_WB, a, X_WA, margin);
+bool overlap_within(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB, double margin, Features *features) {
+    if (a.kind > b.kind) return overlap_within(b, X_WB, a, X_WA, margin, features);
     const Pose X_AB = relative(X_WA, X_WB);
     const double within = margin + rounding_radius(a) + rounding_radius(b);
     if (b.kind == Kind::half_space) return above(a, b, X_AB).distance <= within;
@@ -126,7 +127,10 @@ bool overlap_within(const Shape &a, const Pose &X_WA, const Shape &b, const Pose
         return cores(a, b, X_AB, within).distance <= within;
     return with_core(a, [&](const auto &core_a) {
         return with_core(b, [&](const auto &core_b) {
-            return gjk(difference_of(core_a, core_b, X_AB), within, within).status != GjkResult::Status::beyond_cutoff;
+            const GjkResult found = gjk(difference_of(core_a, core_b, X_AB), within, within, features);
+            const bool apart = found.status == GjkResult::Status::beyond_cutoff;
+            if (features) features->direction = apart ? found.direction : Vec3{};
+            return !apart;
         });
     });
 }

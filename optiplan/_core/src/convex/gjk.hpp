@@ -10,7 +10,6 @@
 
 namespace optiplan {
 
-constexpr double kDistanceGap = 1e-11;  // m; between the two bounds, where the search ends
 constexpr double kTouching = 1e-7;      // m; nearer than this the points tell no normal: penetration is asked for
 constexpr double kNormalGap = 1e-8;     // m; the latest direction is taken unless another one proves this much more
 constexpr double kSureGap = 5e-8;       // m; where rounding ends the search with a wider gap, the lower bound is returned
@@ -41,24 +40,28 @@ Simplex simplex_of(const Difference<A, B> &difference, const Features *before, d
     return simplex.squared() > enough * enough ? simplex : Simplex{};
 }
 
-// The points of A and B that a result that is apart rests on.
+// The points of A and B that a result that is apart rests on, or the direction that proves it to be beyond the cutoff.
 template <class A, class B>
-Features features_of(const Difference<A, B> &difference, const Simplex &simplex) {
+Features features_of(const Difference<A, B> &difference, const GjkResult &found) {
     Features features;
-    features.size = std::min(simplex.size(), 3);
+    if (found.status == GjkResult::Status::touching) return features;
+    features.direction = found.direction;
+    if (found.status == GjkResult::Status::beyond_cutoff) return features;
+    features.size = std::min(found.simplex.size(), 3);
     for (int k = 0; k < features.size; ++k)
-        features.a[k] = simplex.point(k).a, features.b[k] = difference.on_b(simplex.point(k));
+        features.a[k] = found.simplex.point(k).a, features.b[k] = difference.on_b(found.simplex.point(k));
     return features;
 }
 
-// Stops early with a lower bound above `cutoff` (m), or as soon as the distance is at most `enough` (status touching).
+// Stops early with a lower bound above `cutoff` (m), or as soon as the distance is at most `enough` (status touching); else
+// where the bounds of the distance are within `gap`, m.
 template <class A, class B>
 GjkResult gjk(const Difference<A, B> &difference, double cutoff, double enough = kTouching,
-              const Features *before = nullptr) {
+              const Features *before = nullptr, double gap = kDistanceGap) {
     GjkResult result{GjkResult::Status::apart, -HUGE_VAL, {}, simplex_of(difference, before, enough)};
     Simplex &simplex = result.simplex;
-    const bool known = simplex.size() > 0;
-    Vec3 v = known ? simplex.v() : difference.first_guess();
+    const bool known = simplex.size() > 0, apart = before && squared_norm(before->direction) > 0.0;
+    Vec3 v = known ? simplex.v() : apart ? before->direction : difference.first_guess();
     double length = norm(v);
     for (int step = 0; step < kGjkSteps; ++step) {
         const DifferencePoint next = difference.support(-v);
@@ -71,7 +74,7 @@ GjkResult gjk(const Difference<A, B> &difference, double cutoff, double enough =
                 return result;
             }
         }
-        if ((known || step > 0) && length - result.lower <= kDistanceGap) return result;
+        if ((known || step > 0) && length - result.lower <= gap) return result;
         if (!simplex.add(next)) return result;  // rounding leaves no step
         if (simplex.origin_within() || simplex.squared() <= enough * enough) {
             result.status = GjkResult::Status::touching;

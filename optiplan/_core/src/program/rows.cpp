@@ -11,6 +11,13 @@ namespace {
 // Share of a pair's clearance at an end that is aimed at near this end, where the pair is nearer than the margin.
 constexpr double KEPT = 0.6;
 
+// Of the pieces of a hand near one body those get rows that are at most this much farther than the nearest, m: what a step
+// turns the hand by seldom makes another one the nearest, and rows of pieces that all penetrate push every way at once.
+constexpr double WINDOW = 0.015;
+
+// Digits of distances, m: steps are far coarser.
+constexpr double GAP = 1e-8;
+
 // Torques above this share of their limit get a row.
 constexpr double TORQUE_SHARE = 0.6;
 
@@ -51,7 +58,7 @@ NearRows near_rows(const World &world, const Margins &margins, const Vec &u, con
     Trail trail;
     for (std::size_t i = 0; i < u.size(); ++i) {
         world.place_outside(Q.data() + i * n, places[i]);
-        world.near(places[i], static_cast<int>(i), cutoff, found, trail);
+        world.near(places[i], static_cast<int>(i), cutoff, found, trail, {WINDOW, GAP});
     }
     push_one_way(found);
     NearRows rows;

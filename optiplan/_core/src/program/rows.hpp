@@ -28,8 +28,9 @@ struct NearRows {
 // At u (N,), Q (N, n).
 using NearBodies = std::function<NearRows(const Vec &u, const Vec &Q)>;
 
-// Pairs nearer than `cutoff`; those that penetrate at consecutive samples get the mean of their normals, for in deep
-// penetration the nearest way out changes sides, and pushing a curve both ways at once leaves it in place.
+// Pairs nearer than `cutoff`, of a cluster's only the nearest ones to each body; those that penetrate at consecutive samples
+// get the mean of their normals, for in deep penetration the nearest way out changes sides, and pushing a curve both ways at
+// once leaves it in place.
 NearRows near_rows(const World &world, const Margins &margins, const Vec &u, const Vec &Q, double cutoff);
 
 // Where a torque is above its limit, or was when a step was refused: (samples, limited joints).

@@ -54,9 +54,11 @@ void World::gather() {
     group_of_.assign(pairs_.size(), -1);
     for (std::size_t pair = 0; pair < pairs_.size(); ++pair) {
         const auto [a, b, by_outline] = pairs_[pair];
-        if ((cluster_of_[a] < 0) == (cluster_of_[b] < 0)) continue;
         const int other = cluster_of_[a] < 0 ? a : b, cluster = cluster_of_[a] < 0 ? cluster_of_[b] : cluster_of_[a];
-        if (bodies_[other].half_space) continue;
+        if ((cluster_of_[a] < 0) == (cluster_of_[b] < 0) || bodies_[other].half_space) {
+            alone_.push_back(static_cast<int>(pair));
+            continue;
+        }
         const auto [at, fresh] = known.try_emplace({cluster, other}, static_cast<int>(groups_.size()));
         if (fresh) groups_.push_back({first + cluster, other, common_joint(first + cluster, other), {}});
         groups_[at->second].pairs.push_back(static_cast<int>(pair));
@@ -64,12 +66,12 @@ void World::gather() {
     }
 }
 
-bool World::group_apart(const Placement &at, int group, double gap) const {
+bool World::group_apart(const Placement &at, int group, double gap, Features *features) const {
     const int hull = groups_[group].hull, other = groups_[group].other;
     if (balls_apart_of(at, hull, other, gap)) return true;
     if (std::max(ball_to_box(at, hull, other), ball_to_box(at, other, hull)) > gap) return true;
     return !overlap_within(bodies_[hull].outline(), at.bodies[hull], bodies_[other].outline(), at.bodies[other],
-                           gap + ROUNDING);
+                           gap + ROUNDING, features);
 }
 
 Placement World::placement() const {
@@ -154,31 +156,50 @@ Witness World::distance(const Placement &at, int pair, double cutoff) const {
     return optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], cutoff);
 }
 
-Witness World::nearest_points(const Placement &at, int pair, double cutoff, Features *features) const {
+Witness World::nearest_points(const Placement &at, int pair, double cutoff, Features *features, double gap) const {
     const auto [a, b, by_outline] = pairs_[pair];
     const Witness outer = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
-                                             cutoff, features);
+                                             cutoff, features, gap);
     if (!by_outline || outer.distance > SETTLED) return outer;
     const Witness nearer = distance(at, pair, cutoff);
     return nearer.distance > 0.0 ? nearer : outer;
 }
 
-void World::near(Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail) const {
-    std::vector<char> known(groups_.size());
-    std::vector<Trail::Near> now;
-    auto before = trail.before.cbegin();
-    for (int pair = 0; pair < static_cast<int>(pairs_.size()); ++pair) {
-        if (settled(at, pair, known, [cutoff](int) { return cutoff; })) continue;
-        if (balls_apart(at, pair, cutoff) || !(lower_bound(at, pair) < cutoff)) continue;
-        while (before != trail.before.cend() && before->pair < pair) ++before;
-        Features features;
-        if (before != trail.before.cend() && before->pair == pair) features = before->features;
-        const Witness witness = nearest_points(at, pair, cutoff, &features);
-        if (!(witness.distance < cutoff)) continue;
-        found.push_back({row, pair, witness});
-        if (features.size > 0) now.push_back({pair, features});
+void World::near(Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail,
+                 const Sketch &sketch) const {
+    const std::size_t begin = found.size();
+    trail.pairs.resize(pairs_.size()), trail.groups.resize(groups_.size());
+    const auto ask = [&](int pair, double limit) {
+        const Witness witness = nearest_points(at, pair, limit, &trail.pairs[pair], sketch.gap);
+        if (witness.distance < limit) found.push_back({row, pair, witness});
+        return witness.distance;
+    };
+    for (int pair : alone_) {
+        open(at, pair);
+        if (!balls_apart(at, pair, cutoff) && lower_bound(at, pair) < cutoff) ask(pair, cutoff);
     }
-    trail.before.swap(now);
+    for (std::size_t k = 0; k < groups_.size(); ++k) {
+        if (group_apart(at, static_cast<int>(k), cutoff, &trail.groups[k])) continue;
+        trail.asked.clear();
+        for (int pair : groups_[k].pairs) {
+            open(at, pair);
+            if (balls_apart(at, pair, cutoff)) continue;
+            const double bound = lower_bound(at, pair);
+            if (bound < cutoff) trail.asked.push_back({bound, pair});
+        }
+        std::sort(trail.asked.begin(), trail.asked.end());
+        double least = cutoff;
+        const std::size_t first = found.size();
+        for (const auto &[bound, pair] : trail.asked) {
+            const double limit = std::min(cutoff, least + sketch.window);
+            if (!(bound < limit)) break;
+            least = std::min(least, ask(pair, limit));
+        }
+        const auto far = [&](const Contact &contact) { return contact.witness.distance > least + sketch.window; };
+        found.erase(std::remove_if(found.begin() + static_cast<std::ptrdiff_t>(first), found.end(), far), found.end());
+    }
+    std::sort(found.begin() + static_cast<std::ptrdiff_t>(begin), found.end(),
+              [](const Contact &a, const Contact &b) { return a.pair < b.pair; });
 }
 
 Contact World::nearest(const Placement &at) const {

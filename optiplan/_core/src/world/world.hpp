@@ -49,14 +49,16 @@ struct Contact {
     Witness witness;
 };
 
-// Along configurations that are asked one after another: which pairs were near at the one before, and where. What was not
-// near is not remembered, whichever test has told so.
+// Along configurations that are asked one after another: where bodies were nearest, or apart, when they were last asked.
 struct Trail {
-    struct Near {
-        int pair;
-        Features features;
-    };
-    std::vector<Near> before;  // rising pairs
+    std::vector<Features> pairs, groups;        // of each pair, and of the hull of each group
+    std::vector<std::pair<double, int>> asked;  // lower bound and pair, of those of a group that are asked
+};
+
+// What may be left out of the pairs that are near.
+struct Sketch {
+    double window = HUGE_VAL;   // m; pairs of a group that are farther apart than its nearest one by more than that
+    double gap = kDistanceGap;  // m; digits of the distances of curved bodies
 };
 
 // Where everything is at one configuration.
@@ -95,7 +97,7 @@ class World {
     }
 
     // Whether all pairs of a group are apart by more than `gap`, m, because the hull of its cluster is.
-    bool group_apart(const Placement &at, int group, double gap) const;
+    bool group_apart(const Placement &at, int group, double gap, Features *features = nullptr) const;
 
     // Asks `group_apart` once a group, at one placement: whether a pair is apart by its group's `gap`, m. Where that does
     // not tell, its bodies are in place afterwards.
@@ -124,10 +126,12 @@ class World {
 
     // Every pair nearer than `cutoff`, m. Where a body is a mesh, distance and points are the hulls' if these are
     // farther apart than SETTLED, and if the bodies touch: triangles do not tell how deep, or which way is out.
-    void near(Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail) const;
+    void near(Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail,
+              const Sketch &sketch = {}) const;
 
     // Distance and points of a pair as `near` tells them; above the cutoff, only that it is.
-    Witness nearest_points(const Placement &at, int pair, double cutoff, Features *features = nullptr) const;
+    Witness nearest_points(const Placement &at, int pair, double cutoff, Features *features = nullptr,
+                           double gap = kDistanceGap) const;
 
     // The nearest pair of all; -1 where there are no pairs.
     Contact nearest(const Placement &at) const;
@@ -180,6 +184,7 @@ class World {
     std::vector<int> common_;             // of each pair: the last joint that carries both bodies
     std::vector<Together> groups_;
     std::vector<int> group_of_;           // of each pair; -1: none
+    std::vector<int> alone_;              // pairs without a group
 };
 
 }  // namespace optiplan
