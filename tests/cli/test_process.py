@@ -105,6 +105,16 @@ def test_plan_imports_only_what_it_needs(planner, budget):
     assert done.stderr == "[]\n"
 
 
+def test_a_pose_goal_imports_no_scipy():
+    code = (
+        "import sys; from optiplan.cli.main import run; "
+        "assert run(['plan', '09_ur5']) == 0; print('scipy' in sys.modules)"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "False"
+
+
 def test_no_look_for_garbage_while_importing_nor_at_the_end():
     code = (
         "import atexit, gc, sys; "
