@@ -62,12 +62,14 @@ def through_thinner(repair: Callable[[Array], Array | None]) -> Searcher:
         if found.path is None:
             return found
         rng = np.random.default_rng(seed)
-        path = shorten(thinner, found.path, check.limits.velocity, rng.uniform(size=(_ATTEMPTS, 3)), budget)
-        path = improved_path(thinner, path, rrt_connect, budget, rng, _LOCAL)
-        if check.polyline_free(path):
-            return replace(found, path=path)
-        repaired = repair(path)
-        proved = repaired is not None and check.polyline_free(repaired)
-        return replace(found, path=repaired if proved else None, impatient=not proved and not budget.over)
+        shortened = shorten(thinner, found.path, check.limits.velocity, rng.uniform(size=(_ATTEMPTS, 3)), budget)
+        improved = improved_path(thinner, shortened, rrt_connect, budget, rng, _LOCAL)
+        for path in (improved, shortened):  # a cheaper way may be too deep in the obstacles
+            if check.polyline_free(path):
+                return replace(found, path=path)
+            repaired = repair(path)
+            if repaired is not None and check.polyline_free(repaired):
+                return replace(found, path=repaired)
+        return replace(found, path=None, impatient=not budget.over)
 
     return search
