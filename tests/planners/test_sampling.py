@@ -224,6 +224,24 @@ def test_a_path_between_thinner_obstacles_is_proved_between_the_real_ones():
     assert MotionCheck(CollisionModel(problem.robot, thinned(problem.scene)), problem.limits).polyline_free(asked[0])
 
 
+def test_the_path_as_it_was_found_is_repaired_where_the_cheaper_one_cannot_be():
+    problem = cases.wall()
+    check = MotionCheck(CollisionModel(problem.robot, problem.scene), problem.limits)
+    free, asked = sample(problem).waypoints, []
+
+    def repair(waypoints):
+        asked.append(float(path_time(waypoints, problem.limits.velocity).sum()))
+        return free if len(asked) > 1 else None
+
+    seeds = iter(range(1, 30))
+    while len(asked) < 2:
+        asked.clear()
+        ends = (problem.start, cases.LEFT[None])
+        found = through_thinner(repair)(check, ends, Budget(20.0), next(seeds), patience=1e5)
+    assert asked[0] < asked[1]
+    assert np.array_equal(found.path, free)
+
+
 def test_the_optimiser_repairs_a_path_between_thinner_obstacles():
     problem = cases.wall()
     run = trajopt._Run(problem, Budget(20.0), lambda stage, share: None, TrajOptOptions())

@@ -64,7 +64,10 @@ def through_thinner(repair: Callable[[Array], Array | None]) -> Searcher:
         rng = np.random.default_rng(seed)
         shortened = shorten(thinner, found.path, check.limits.velocity, rng.uniform(size=(_ATTEMPTS, 3)), budget)
         improved = improved_path(thinner, shortened, rrt_connect, budget, rng, _LOCAL)
-        for path in (improved, shortened):  # a cheaper way may be too deep in the obstacles
+        cheaper = not np.array_equal(improved, shortened)
+        for path in (
+            (improved, shortened) if cheaper else (shortened,)
+        ):  # a cheaper way may be too deep in the obstacles
             if check.polyline_free(path):
                 return replace(found, path=path)
             repaired = repair(path)
