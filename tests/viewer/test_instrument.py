@@ -79,7 +79,9 @@ def settled(page, selector: str) -> dict[str, float]:
 
 
 def drag(page, selector: str, share: float) -> None:
-    box = settled(page, selector)
+    target = page.locator(selector)
+    target.hover()  # waits until it stands still: a new size of the window draws curves anew
+    box = target.bounding_box()
     page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.5 * box["height"])
     page.mouse.down()
     page.mouse.move(box["x"] + share * box["width"], box["y"] + 0.5 * box["height"], steps=3)
