@@ -71,17 +71,16 @@ def lines(page) -> list[float]:
 
 
 def settled(page, selector: str) -> dict[str, float]:
-    """Where something is once the page has found its layout: the same twice, a few frames apart."""
-    last = None
-    while last != (last := page.locator(selector).bounding_box()):
+    """Where something is once the page has found its layout: there, and the same twice, a few frames apart."""
+    before = last = None
+    while last is None or last != before:
+        before, last = last, page.locator(selector).bounding_box()
         page.wait_for_timeout(150)
     return last
 
 
 def drag(page, selector: str, share: float) -> None:
-    target = page.locator(selector)
-    target.hover()  # waits until it stands still: a new size of the window draws curves anew
-    box = target.bounding_box()
+    box = settled(page, selector)
     page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.5 * box["height"])
     page.mouse.down()
     page.mouse.move(box["x"] + share * box["width"], box["y"] + 0.5 * box["height"], steps=3)
