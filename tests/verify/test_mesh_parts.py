@@ -91,6 +91,32 @@ def test_bounds_of_parts_are_below_the_distance_and_near_it(model: CollisionMode
     assert np.array_equal(found.measured[asked], true[asked])  # the rest is asked as ever
 
 
+def test_pairs_asked_alone_have_the_bounds_that_they_have_together(model: CollisionModel) -> None:
+    """Alone, a pair often has no second part that could be as near as the first."""
+    bodies = Bodies(model)
+    distances, chosen = PairDistances(model, bodies), []
+    Q = np.linspace(-1.5, 1.5, 9)[:, None]
+    rows, pairs = np.repeat(np.arange(len(Q)), len(bodies.pairs)), np.tile(np.arange(len(bodies.pairs)), len(Q))
+    placed = bodies.place(bodies.kinematics.poses(Q), rows, pairs)
+    ask = distances._to_chosen
+    distances._to_chosen = lambda parts, placed, which, gap: (
+        chosen.append(which.sum()) or ask(parts, placed, which, gap)
+    )
+    together = distances.query(pairs, placed, 5e-3)
+    for k in range(len(pairs)):
+        alone = distances.query(pairs[k : k + 1], placed.take(np.array([k])), 5e-3)
+        assert alone.bound[0] == pytest.approx(together.bound[k], abs=1e-12)
+    assert 0 in chosen
+
+
+def test_no_pairs_have_no_support(model: CollisionModel) -> None:
+    bodies = Bodies(model)
+    none = np.zeros(0, dtype=np.intp)
+    placed = bodies.place(bodies.kinematics.poses(np.zeros((1, 1))), none, none)
+    assert bodies.support(placed, np.zeros((2, 0, 3))).shape == (2, 0)
+    assert bodies.support(placed, np.zeros((4, 2, 0, 3))).shape == (4, 2, 0)
+
+
 def test_a_mesh_in_a_plane_has_parts() -> None:
     corners = np.array([[x, y, 0.0] for x in range(4) for y in range(3)], float)
     triangles = np.array([[0, 1, 4], [0, 4, 3], [3, 4, 7], [3, 7, 6]])

@@ -1,5 +1,6 @@
 """Bodies as arrays: poses at many configurations, support functions, and the joints that move them."""
 
+import math
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -188,8 +189,8 @@ class Bodies:
         result = np.einsum("ski,...ski->...sk", poses[..., :3, 3], directions)
         result += np.einsum("ski,...ski->...sk", size[..., :3], np.abs(local))
         result += size[..., 3] * np.sqrt(flat) + size[..., 4] * np.sqrt(flat + local[..., 2] ** 2)
-        several = local.reshape(-1, bodies.size, 3)
-        found = result.reshape(-1, bodies.size)
+        several = local.reshape(math.prod(local.shape[:-3]), bodies.size, 3)
+        found = result.reshape(len(several), bodies.size)
         for body, chosen in placed.groups:
             known = self._known[body]
             if len(known.vertices) or not _is_round(known.solid):

@@ -158,6 +158,8 @@ class PairDistances:
     def _to_chosen(self, parts: Sequence[BodyShape], placed: PlacedBody, chosen: Flags, gap: Array) -> None:
         """Put gaps of planes, m, in the place of those `chosen` of `gap` (K, parts)."""
         rows, which = np.nonzero(chosen)
+        if not len(rows):
+            return
         asked = placed.take(rows)
         hulls = PlacedBody(np.column_stack([len(self._hulls) + which, asked.bodies[:, 1]]), asked.poses)
         n = self._measure([*self._hulls, *(part.shape for part in parts)], self._outline, hulls)[1]
