@@ -26,22 +26,27 @@ class PairQueries:
 
     def __init__(self, model: pin.Model, geometry: pin.GeometryModel) -> None:
         self._model, self._geometry = model, geometry
-        self._shapes = [body.geometry for body in geometry.geometryObjects]
-        self._bodies = geometry.copy()
-        self._bodies.removeAllCollisionPairs()
-        self._placed = self._bodies.createData()
+        bodies = geometry.geometryObjects
+        self._shapes, self._placements = (
+            [body.geometry for body in bodies],
+            [pin.SE3(body.placement) for body in bodies],
+        )
+        self._joints_of = [body.parentJoint for body in bodies]
+        self._joints: list[pin.SE3] = []
         self._distance_request, self._collision_request = exact_requests()
         self._transforms: dict[int, coal.Transform3s] = {}
         self.many = len(geometry.collisionPairs) > MANY
 
     def place(self, joints: pin.Data) -> None:
         """Move the bodies to where the joints are in `joints`."""
-        pin.updateGeometryPlacements(self._model, joints, self._bodies, self._placed)
+        self._joints = [pin.SE3(pose) for pose in joints.oMi]
         self._transforms.clear()
 
     def poses(self) -> Array:
         """Poses X_WB (B, 4, 4) of all bodies where `place` put them."""
-        return np.array([pose.homogeneous for pose in self._placed.oMg]).reshape(-1, 4, 4)
+        X_WJ = np.array([pose.homogeneous for pose in self._joints])
+        X_JB = np.array([pose.homogeneous for pose in self._placements]).reshape(-1, 4, 4)
+        return np.asarray(X_WJ[self._joints_of] @ X_JB)
 
     def distance(self, pair: int) -> coal.DistanceResult:
         """Nearest points of a pair where `place` put the bodies."""
@@ -79,6 +84,6 @@ class PairQueries:
 
     def _transform(self, body: int) -> coal.Transform3s:
         if body not in self._transforms:
-            pose = self._placed.oMg[body]
+            pose = self._joints[self._joints_of[body]] * self._placements[body]
             self._transforms[body] = coal.Transform3s(pose.rotation, pose.translation)
         return self._transforms[body]
