@@ -45,8 +45,7 @@ class PairQueries:
     def poses(self) -> Array:
         """Poses X_WB (B, 4, 4) of all bodies where `place` put them."""
         X_WJ = np.array([pose.homogeneous for pose in self._joints])
-        X_JB = np.array([pose.homogeneous for pose in self._placements]).reshape(-1, 4, 4)
-        return np.asarray(X_WJ[self._joints_of] @ X_JB)
+        return np.asarray(X_WJ[self._joints_of] @ self._X_JB)
 
     def distance(self, pair: int) -> coal.DistanceResult:
         """Nearest points of a pair where `place` put the bodies."""
@@ -71,6 +70,10 @@ class PairQueries:
         """Return the nearest pair at q (n,), and its nearest points; moves `joints`. Only of few pairs."""
         pair = int(pin.computeDistances(self._model, joints, self._geometry, self._solvers, q))
         return pair, self._solvers.distanceResults[pair]
+
+    @cached_property
+    def _X_JB(self) -> Array:
+        return np.array([pose.homogeneous for pose in self._placements]).reshape(-1, 4, 4)
 
     @cached_property
     def _solvers(self) -> pin.GeometryData:

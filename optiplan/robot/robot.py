@@ -225,10 +225,15 @@ class Robot:
 
     def mounted(self, mounting: Mounting) -> "Robot":
         """Return the same robot standing and loaded as `mounting` says, whatever it was before."""
-        bare = self.unmounted
-        if bare.tool_frame != self.tool_frame or bare.limits is not self.limits:
-            bare = replace(bare, tool_frame=self.tool_frame, limits=self.limits)
+        bare = self._dismounted()
         return bare if mounting.usual else bare._mounted.get(mounting.key, lambda: bare._standing(mounting))
+
+    def _dismounted(self) -> "Robot":
+        """Return `unmounted` with the tool frame and the limits that this one has."""
+        bare = self.unmounted
+        if bare.tool_frame == self.tool_frame and bare.limits is self.limits:
+            return bare
+        return replace(bare, tool_frame=self.tool_frame, limits=self.limits)
 
     @cached_property
     def _mounted(self) -> "MountedRobots[Robot]":
@@ -257,7 +262,7 @@ class Robot:
                 raise UnknownChoiceError("joint", name, self.joint_names)
         if not values:
             return self
-        bare = replace(self.unmounted, tool_frame=self.tool_frame, limits=self.limits)
+        bare = self._dismounted()
         model, geometry = held_model(bare.model, bare.geometry, bare.followers, values)
         kept = [j for j, name in enumerate(bare.joint_names) if name not in values]
         names = tuple(bare.joint_names[j] for j in kept)
