@@ -80,7 +80,7 @@ def measure(planners: list[Any], repetitions: int) -> dict[str, float]:
             wall = moments[-1] - began
             rows = [json.loads(row["timings"]) for row in store.query("SELECT timings FROM runs")]
         warm = sum(row.get("warm_up", 0.0) for row in rows)
-        busy = sum(row.get(stage, 0.0) for row in rows for stage in ("plan", "verify", "measure"))
+        busy = sum(row.get(stage, 0.0) for row in rows for stage in ("plan", "verify", "other proofs", "measure"))
         load = sum(row.get("load", 0.0) for row in rows)
         overhead = wall - warm - busy - pool.starting
     shown = {

@@ -38,7 +38,7 @@ from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.common.goal_ranking import goal_sampler
-from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
+from optiplan.planners.sampling.sample_path import SamplingOptions, path_check, sample_path
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
@@ -357,8 +357,8 @@ def posed(problem: op.Problem, budget: float) -> tuple[Optimiser, Array] | None:
     if isinstance(sampler, Failure):
         return None
     optimiser = Optimiser(problem, model, options)
-    goal = sampler.configurations[0]
-    path = sample_path(model, problem.start, [goal], problem.limits, SamplingOptions(within, seed=problem.seed))
+    goal, check = sampler.configurations[0], path_check(model, problem.limits)
+    path = sample_path(check, problem.start, [goal], SamplingOptions(within, seed=problem.seed))
     if isinstance(path, Failure):
         return None
     return optimiser, along_path(optimiser.basis, path.waypoints, problem.limits.velocity)

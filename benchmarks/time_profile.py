@@ -49,7 +49,8 @@ def main() -> None:
             done = run(problem, "trajopt", {}, Budget(arguments.budget), silent)
             parts = dict(done.stages)
             rest = max(done.timings["plan"] - sum(parts.values()), 0.0)
-            ends = {"proof": done.timings.get("verify", 0.0), "metrics": done.timings.get("measure", 0.0)}
+            ends = {"proof": done.timings.get("verify", 0.0), "other proofs": done.timings.get("other proofs", 0.0)}
+            ends["metrics"] = done.timings.get("measure", 0.0)
             rows.append({"load": loaded, **parts, "rest of planning": rest, **ends})
     if arguments.picture is not None:
         draw(rows, arguments.picture)
@@ -60,26 +61,25 @@ def main() -> None:
 
 def draw(rows: list[dict[str, float]], path: Path) -> None:
     """A stacked bar a problem, the quickest first."""
+    from matplotlib import colormaps
     from matplotlib.figure import Figure
 
     rows = sorted(rows, key=lambda row: sum(row.values()))
-    last = ("rest of planning", "proof", "metrics")
+    last = ("rest of planning", "proof", "other proofs", "metrics")
     names = [name for name in dict.fromkeys(name for row in rows for name in row) if name not in last] + [*last]
     figure = Figure(figsize=(8.0, 4.0), layout="constrained")
     ax: Any = figure.subplots()
     base = [0.0] * len(rows)
     for k, name in enumerate(names):
         heights = [row.get(name, 0.0) for row in rows]
-        ax.bar(range(len(rows)), heights, bottom=base, width=1.0, color=f"C{k}", label=name)
+        ax.bar(range(len(rows)), heights, bottom=base, width=1.0, color=colormaps["tab20"](k), label=name)
         base = [low + height for low, height in zip(base, heights, strict=True)]
     ax.set(xlabel="problems, the quickest first", ylabel="s", xlim=(-0.5, len(rows) - 0.5))
     top = 1.05 * sorted(base)[int(0.85 * (len(base) - 1))]  # the slowest are cut off, and say how long they are
     ax.set_ylim(0.0, top)
     for k, total in enumerate(base):
         if total > top:
-            ax.text(
-                k, 0.97 * top, f"{total:.1f} s", rotation=90, ha="center", va="top", color="white", fontsize="small"
-            )
+            ax.text(k, 0.97 * top, f"{total:.1f} s", rotation=90, ha="center", va="top", fontsize="small")
     ax.legend(fontsize="small", ncols=2)
     figure.savefig(path)
 

@@ -143,7 +143,7 @@ def replacing(path: Path) -> Iterator[Path]:
     folders are made.
 
     Raises:
-        OSError: `path` is a folder, or it cannot be written.
+        OSError: `path` is a folder, or it cannot be written; it names `path`.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_dir():
@@ -154,6 +154,10 @@ def replacing(path: Path) -> Iterator[Path]:
         yield temporary
         flush(temporary)  # else a crash of the machine can leave the name with nothing behind it
         temporary.replace(path)
+    except OSError as error:
+        if error.filename == str(temporary):
+            error.filename = str(path)
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

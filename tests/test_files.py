@@ -141,3 +141,8 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path):
     assert path.read_text() == "old"
     with pytest.raises(IsADirectoryError):
         write_text(tmp_path, "a folder")
+
+
+def test_what_cannot_be_written_is_named_by_its_own_name():
+    with pytest.raises(OSError, match=r"'/proc/file\.txt'"):
+        write_text(Path("/proc/file.txt"), "text")

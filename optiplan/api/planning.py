@@ -17,6 +17,7 @@ from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.registry import planner_object
 from optiplan.problem.problem import JointGoal, Problem, Via
 from optiplan.runs import pipeline
+from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import load_run
 from optiplan.runs.stored_verdict import judged
@@ -55,8 +56,10 @@ def plan(
         seed: of what is random; None: the problem's own. The same problem, planner, options and seed give the same
             motion, as long as the budget does not cut the work short.
         progress: called with the name of a stage and the fraction (0 to 1) of it that is done. If it has a method
-            `found(trajectory, bound)`, that is called with each better motion, not verified yet, and a lower bound on
-            durations, s (0: none known).
+            `found(motion, bound)`, that is called with each better motion, not verified yet, and a lower bound on
+            durations, s (0: none known); if it has `proved(motion, seconds)`, that is called with verified ones and the
+            seconds since planning began: at once with the first one, with later ones as far as proofs take no more than
+            a tenth of the time, with the others in the end.
         warm_start: an earlier run, or a motion, of a problem not far from this one (another scene, goal or start, a
             robot that is on its way by now). `trajopt` begins at it and mostly needs no search. Where it costs less
             (see `Objective`) than what is found, it is verified on *this* problem, after the planning, and is the
@@ -175,11 +178,11 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
         raise _of_waypoints(error, len(points)) from None
     if deviation > 0.0:
         return plan(task, "rounded", {"deviation": float(deviation)})
-    began = time.perf_counter()
+    began, proofs = time.perf_counter(), ProofsOnTheWay(task, _silent)
     fastest = stop_at_corners(_corners(points), task.limits, task.robot.joint_names)
     motion = within_torque(task.robot, task.limits, fastest) or fastest  # which the verifier refuses for its torque
     timings = {"plan": time.perf_counter() - began}
-    return pipeline.proved(task, "retime", {}, PlanResult(motion, None, {}), (Budget(BUDGET), _silent, timings))
+    return pipeline.proved(task, "retime", {}, PlanResult(motion, None, {}), (Budget(BUDGET), proofs, timings))
 
 
 def _check(problem: Any, function: str) -> None:

@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Sequence
 
 import typer
+from typer.core import TyperGroup
 
 from optiplan.cli.output import Exit, print_error, print_json, report_error
 from optiplan.cli.program import program
@@ -27,6 +28,9 @@ USAGE = {
     "Input should be less than or equal to ": "expected a number ≤ ",
 }
 """What typer says of the value of an option, and what we say."""
+
+NO_COMMAND = re.compile(r"No such command '.*'\.")
+"""Of typer, where no name is near the one that was given."""
 
 COMPLETION = ("--install-completion", "--show-completion")
 """Typer's own: they work for the shell that calls, and end with 1 where there is none."""
@@ -124,6 +128,8 @@ def _usage(error: typer.TyperException, as_json: bool) -> int:
     text = error.format_message()
     for theirs, ours in USAGE.items():
         text = re.sub(theirs, ours, text)
+    if context is not None and isinstance(context.command, TyperGroup) and NO_COMMAND.fullmatch(text):
+        text += f" Choose from: {', '.join(context.command.list_commands(context))}."
     if as_json:
         print_json({"error": text, "issues": [], "exit_code": int(Exit.BAD_INPUT)})
     else:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import coal
 import numpy as np
@@ -10,6 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.convex_hulls import Hull, kept_hull
+from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
 
 _MANY = 8
@@ -17,8 +17,6 @@ _MANY = 8
 
 _SEVERAL = 4
 """Bodies of one link from which on, within such a joint, a hull of theirs is asked next."""
-
-_kept: "WeakKeyDictionary[Robot, Clusters]" = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,18 +41,12 @@ class Clusters:
     by_link: tuple[Cluster, ...]
 
 
+@once_for_each_robot
 def clusters_of(robot: Robot) -> Clusters:
     """Clusters of the polyhedra that each joint carries, where there are many.
 
     What no joint moves has none: its pairs are with each body that moves, not with many at once.
     """
-    bare = robot.unmounted
-    if bare not in _kept:
-        _kept[bare] = _found(bare)
-    return _kept[bare]
-
-
-def _found(robot: Robot) -> Clusters:
     bodies = list(robot.geometry.geometryObjects)
     joints = [int(body.parentJoint) for body in bodies]
     corners = {k: _corners(body) for k, body in enumerate(bodies) if joints[k]}

@@ -1,6 +1,5 @@
 """Collision queries of a robot in a scene: contacts, clearance, its gradient, and bounds that need no query."""
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import coal
@@ -8,6 +7,8 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Index
+from optiplan.collision.bodies_and_pairs import bodies_of, only_moved, pairs_of
+from optiplan.collision.contacts import Contact, Contacts, Pair, unit_normals
 from optiplan.collision.containment import Containment
 from optiplan.collision.geometry_model import geometry_of
 from optiplan.collision.moving_obstacles import displacements, with_obstacle_joints
@@ -18,57 +19,9 @@ from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before th
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.geometry.mesh_hulls import SETTLED, is_flat
 from optiplan.geometry.scene import Scene
-from optiplan.geometry.shapes import build_geometry
 from optiplan.robot.batch_fk import BatchKinematics
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_bounds import PairBounds, local_box
-
-
-@dataclass(frozen=True, slots=True)
-class Pair:
-    """Two bodies whose distance matters: indices into `CollisionModel.geometry`, and their names."""
-
-    index: int
-    a: int
-    b: int
-    name_a: str
-    name_b: str
-
-
-@dataclass(frozen=True, eq=False)
-class Contact:
-    """The nearest points of a pair, world frame.
-
-    Attributes:
-        distance: m; negative is the depth of penetration.
-        point_a: (3,) on body a; `point_b`: on body b; m.
-        normal: (3,) unit vector from a to b, so that distance = normal . (point_b - point_a).
-    """
-
-    pair: Pair
-    distance: float
-    point_a: Array
-    point_b: Array
-    normal: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Contacts:
-    """K near pairs at N configurations, as arrays.
-
-    Attributes:
-        rows: (K,) which configuration.
-        pairs: (K,) index of the pair.
-        distance: (K,) m, negative when penetrating.
-        points: (K, 2, 3) nearest points on bodies a and b, m, world.
-        normals: (K, 3) unit vectors from a to b, world.
-    """
-
-    rows: Index
-    pairs: Index
-    distance: Array
-    points: Array
-    normals: Array
 
 
 class SameBodies:
@@ -98,7 +51,7 @@ class CollisionModel:
         self.motions = tuple(body.motion for body in scene.obstacles if body.motion is not None)
         self.model, self._carriers = with_obstacle_joints(robot.model, scene.moving)
         self._moved = displacements(self.motions, np.zeros(1))[0]
-        bodies = self._bodies()
+        bodies = bodies_of(robot, scene, self._carriers)
         self.names = tuple(name for name, _ in bodies)
         self.geometry = geometry_of([body for _, body in bodies])
         others = list(self.geometry.geometryObjects)[len(robot.link_boxes) :]
@@ -123,7 +76,7 @@ class CollisionModel:
         Its answers are those of a new one, to the last bit; pairs, bounding volumes and solvers are taken over. None
         where the bodies or the pairs are not the same, or something is attached or moves.
         """
-        if not _same_bodies(self.scene, scene):
+        if not only_moved(self.scene, scene):
             return None
         geometry, first = self.geometry.copy(), len(self.names) - len(scene.obstacles)
         for k, obstacle in enumerate(scene.obstacles, first):
@@ -282,7 +235,7 @@ class CollisionModel:
         rows, pairs = (np.array([entry[k] for entry in found], dtype=np.intp) for k in (0, 1))
         distances = np.array([entry[2] for entry in found])
         points = np.array(vectors).reshape(-1, 3, 3)
-        return Contacts(rows, pairs, distances, points[:, :2], _normals(distances, points))
+        return Contacts(rows, pairs, distances, points[:, :2], unit_normals(distances, points))
 
     def distances_at(self, placed: pin.Data, which: Index) -> Array:
         """Distances (K,), m, of chosen pairs where `placed` has the joints; meshes as in `near`."""
@@ -308,7 +261,7 @@ class CollisionModel:
         results = self._answers
         vectors = np.array([(r.getNearestPoint1(), r.getNearestPoint2(), r.normal) for r in results]).reshape(-1, 3, 3)
         if self.outline.pairs:  # between meshes coal leaves the normal unset
-            vectors[:, 2] = _normals(np.array([result.min_distance for result in results]), vectors)
+            vectors[:, 2] = unit_normals(np.array([result.min_distance for result in results]), vectors)
         return vectors
 
     def lower_bounds(self, Q: Array, enough: float = np.inf) -> Array:
@@ -336,73 +289,11 @@ class CollisionModel:
     def _read(self, pair: int, result: coal.DistanceResult) -> Contact:
         a, b = np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
         distance = float(result.min_distance)
-        normal = _normals(np.array([distance]), np.array([[a, b, result.normal]]))[0]
+        normal = unit_normals(np.array([distance]), np.array([[a, b, result.normal]]))[0]
         return Contact(self.pairs[pair], distance, a, b, normal)
 
-    def _bodies(self) -> list[tuple[str, pin.GeometryObject]]:
-        robot = self.robot
-        found = [(robot.link_of(k), body.copy()) for k, body in enumerate(robot.geometry.geometryObjects)]
-        for held in self.scene.attached:
-            frame = robot.model.frames[robot.model.getFrameId(held.link)]
-            place = (frame.parentJoint, frame.placement * held.X_LO)
-            found.append((held.name, _body(f"{held.name}#{len(found)}", *place, build_geometry(held.shape))))
-        for obstacle in self.scene.obstacles:
-            place = (self._carriers.get(obstacle.name, 0), obstacle.X_WO)
-            found.append(
-                (obstacle.name, _body(f"{obstacle.name}#{len(found)}", *place, build_geometry(obstacle.shape)))
-            )
-        return found
-
     def _list_pairs(self) -> tuple[Pair, ...]:
-        links = len(self.robot.geometry.geometryObjects)
-        held = range(links, links + len(self.scene.attached))
-        moving = range(links + len(self.scene.attached))
-        obstacles = range(moving.stop, len(self.names))
-        found = [(int(p.first), int(p.second)) for p in self.robot.geometry.collisionPairs]
-        touch = {index: item.touch | {item.link} for index, item in zip(held, self.scene.attached, strict=True)}
-        found += [(a, b) for b in held for a in range(links) if self.names[a] not in touch[b]]
-        found += [(a, b) for b in held for a in held if a < b]
         parents = [int(body.parentJoint) for body in self.geometry.geometryObjects]
-        still = [a for a in moving if parents[a] == 0 and a not in held]
-        found += [(a, b) for a in moving if a not in still for b in obstacles]
-        excused = {name for pair in self.scene.allowed for name in pair}
-        kept = [(a, b) for a, b in found if not self._allowed(a, b, excused)]
-        standing = [(a, b) for a in still for b in obstacles if not self._allowed(a, b, excused)]
-        kept += [(a, b) for a, b in standing if parents[b] != 0]
-        standing = [(a, b) for a, b in standing if parents[b] == 0]
-        self._standing: Index = np.array(standing, dtype=np.intp).reshape(-1, 2)
+        kept, self._standing = pairs_of(self.robot, self.scene, self.names, parents)
         self._sunk = overlapping(self.geometry, self._standing, self._boxes)
-        kept += self._sunk
-        return tuple(Pair(k, a, b, self.names[a], self.names[b]) for k, (a, b) in enumerate(kept))
-
-    def _allowed(self, a: int, b: int, excused: set[str]) -> bool:
-        """Whether the scene allows these bodies to touch; `excused` are all names in its allowed pairs."""
-        if not excused:
-            return False
-        names = self.names[a], self.names[b]
-        return names[0] in excused and names[1] in excused and frozenset(names) in self.scene.allowed
-
-
-def _same_bodies(a: Scene, b: Scene) -> bool:
-    """Whether two scenes hold the same obstacles, perhaps at other places, and nothing that is attached or moves."""
-    if a.attached or b.attached or a.allowed != b.allowed or len(a.obstacles) != len(b.obstacles):
-        return False
-    return all(
-        one.name == other.name and one.shape == other.shape and one.motion is None and other.motion is None
-        for one, other in zip(a.obstacles, b.obstacles, strict=True)
-    )
-
-
-def _body(name: str, joint: int, placement: pin.SE3, geometry: coal.CollisionGeometry) -> pin.GeometryObject:
-    return pin.GeometryObject(name, joint, 0, placement, geometry)
-
-
-def _normals(distances: Array, vectors: Array) -> Array:
-    """Unit normals (K, 3) from a to b; vectors (K, 3, 3) hold witness points a and b and coal's normal.
-
-    coal leaves the normal of two triangle meshes unset; where bodies are apart, the points give it.
-    """
-    gap = vectors[:, 1] - vectors[:, 0]
-    length = np.linalg.norm(gap, axis=1, keepdims=True)
-    apart = (distances > DISTANCE_ERROR)[:, None] & (length > 0.0)
-    return np.where(apart, gap / np.where(apart, length, 1.0), vectors[:, 2])
+        return tuple(Pair(k, a, b, self.names[a], self.names[b]) for k, (a, b) in enumerate([*kept, *self._sunk]))

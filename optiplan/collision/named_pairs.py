@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from optiplan.collision.model import CollisionModel, Pair
+from optiplan.collision.contacts import Pair
+from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
 

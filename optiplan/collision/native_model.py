@@ -9,19 +9,19 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.clusters import Cluster, clusters_of
-from optiplan.collision.model import CollisionModel, Contact, Contacts
+from optiplan.collision.contacts import Contact, Contacts
+from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_shapes import native_shape
 from optiplan.geometry.mesh_hulls import hull_of_mesh
 from optiplan.geometry.scene import Scene
+from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import Body, Shape, World
 
-_shapes: "WeakKeyDictionary[Robot, list[list[Shape]]]" = WeakKeyDictionary()
 _links: "WeakKeyDictionary[Robot, list[Body | None]]" = WeakKeyDictionary()
-_hulls: "WeakKeyDictionary[Robot, list[tuple[Body, list[int]]]]" = WeakKeyDictionary()
 
 _SLACK = 1e-9
 """m, by which the box and the ball around a hull are larger than its vertices."""
@@ -121,15 +121,14 @@ def _links_of(model: CollisionModel) -> "list[Body | None]":
     """The robot's own bodies in the core, made once for each robot."""
     robot = model.robot
     if robot not in _links:
-        _links[robot] = [_body(model, k, shapes) for k, shapes in enumerate(_link_shapes(robot.unmounted))]
+        _links[robot] = [_body(model, k, shapes) for k, shapes in enumerate(_link_shapes(robot))]
     return _links[robot]
 
 
+@once_for_each_robot
 def _link_shapes(robot: Robot) -> "list[list[Shape]]":
     """What `_shapes_of` says of each body of a robot, wherever that stands."""
-    if robot not in _shapes:
-        _shapes[robot] = [_shapes_of(body.geometry) for body in robot.geometry.geometryObjects]
-    return _shapes[robot]
+    return [_shapes_of(body.geometry) for body in robot.geometry.geometryObjects]
 
 
 def _shapes_of(solid: coal.CollisionGeometry) -> "list[Shape]":
@@ -153,12 +152,10 @@ def _world(model: CollisionModel, bodies: "list[Body]") -> "World":
     return core.World.of(native_tree(model.model), bodies, pairs, _clusters(model.robot))
 
 
+@once_for_each_robot
 def _clusters(robot: Robot) -> "list[tuple[Body, list[int]]]":
-    """Hulls of many bodies of the robot as bodies of the core, made once for each robot, with the bodies they hold."""
-    bare = robot.unmounted
-    if bare not in _hulls:
-        _hulls[bare] = [(_hull(cluster), list(cluster.bodies)) for cluster in clusters_of(bare).by_joint]
-    return _hulls[bare]
+    """Hulls of many bodies of the robot as bodies of the core, with the bodies they hold."""
+    return [(_hull(cluster), list(cluster.bodies)) for cluster in clusters_of(robot).by_joint]
 
 
 def _hull(cluster: Cluster) -> "Body":

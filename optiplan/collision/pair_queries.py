@@ -27,10 +27,8 @@ class PairQueries:
     def __init__(self, model: pin.Model, geometry: pin.GeometryModel) -> None:
         self._model, self._geometry = model, geometry
         bodies = geometry.geometryObjects
-        self._shapes, self._placements = (
-            [body.geometry for body in bodies],
-            [pin.SE3(body.placement) for body in bodies],
-        )
+        self._shapes = [body.geometry for body in bodies]
+        self._placements = [pin.SE3(body.placement) for body in bodies]
         self._joints_of = [body.parentJoint for body in bodies]
         self._joints: list[pin.SE3] = []
         self._distance_request, self._collision_request = exact_requests()

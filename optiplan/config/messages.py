@@ -11,6 +11,9 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 EXPECTED = {
+    "missing": "this key, which is required",
+    "extra_forbidden": "no such key",
+    "json_invalid": "JSON",
     "float_type": "a number",
     "float_parsing": "a number",
     "int_type": "a whole number",
@@ -31,6 +34,7 @@ EXPECTED = {
     "less_than_equal": "a number ≤ {le}",
     "too_short": "at least {min_length} values",
     "too_long": "at most {max_length} values",
+    "string_pattern_mismatch": "text that matches {pattern}",
     "string_too_short": "text that is not empty",
     "string_too_long": "text of at most {max_length} characters",
     "literal_error": "{expected}",
@@ -38,6 +42,9 @@ EXPECTED = {
 }
 """What pydantic's error types mean by "expected"; the braces are filled from the error's context."""
 
+
+OWN = ("value_error", "assertion_error")
+"""Error types of validators of ours, which have words of their own."""
 
 FILES = (
     ("a problem file", {"robot", "start"}),
@@ -91,24 +98,31 @@ def choices(found: str, valid: Sequence[str]) -> str:
 
 def words_for(model_class: type[BaseModel], error: ErrorDetails) -> tuple[str, str]:
     """Return what was found and what was expected, for one error of pydantic on a `model_class`."""
-    kind, loc, context = error["type"], error["loc"], error.get("ctx", {})
+    kind, loc = error["type"], error["loc"]
     if kind == "extra_forbidden":
         return f"unknown key '{loc[-1]}'", choices(str(loc[-1]), _keys_at(model_class, loc[:-1]))
     if kind == "missing":
-        return "nothing", "this key, which is required"
-    if kind in ("value_error", "assertion_error"):
-        return _own_words(str(context.get("error", error["msg"])), error["input"])
-    found = describe(error["input"])
-    if kind in EXPECTED:
-        return found, EXPECTED[kind].format_map({"expected": "", **context})
+        return "nothing", expected_by(error)
+    if kind in OWN:
+        return _own_words(error)
+    return describe(error["input"]), expected_by(error)
+
+
+def expected_by(error: ErrorDetails) -> str:
+    """Return what was expected, for one error of pydantic, which need not be of a schema of ours."""
+    if error["type"] in OWN:
+        return _own_words(error)[1]
+    if error["type"] in EXPECTED:
+        return EXPECTED[error["type"]].format_map({"expected": "", **error.get("ctx", {})})
     message = error["msg"].removeprefix("Input should be ")
-    return found, message[:1].lower() + message[1:]
+    return message[:1].lower() + message[1:]
 
 
-def _own_words(message: str, value: Any) -> tuple[str, str]:
+def _own_words(error: ErrorDetails) -> tuple[str, str]:
     """A validator of ours raises ValueError("found …; expected …") or just ValueError("what is expected")."""
+    message = str(error.get("ctx", {}).get("error", error["msg"]))
     found, separator, expected = message.partition("; expected ")
-    return (found.removeprefix("found "), expected) if separator else (describe(value), message)
+    return (found.removeprefix("found "), expected) if separator else (describe(error["input"]), message)
 
 
 def _keys_at(model_class: type[BaseModel], loc: Iterable[str | int]) -> list[str]:

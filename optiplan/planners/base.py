@@ -165,6 +165,11 @@ def announce(progress: Progress, trajectory: Trajectory, bound: float = 0.0) -> 
         found(trajectory, bound)
 
 
+def stages_of(progress: Progress) -> Progress:
+    """Return the progress of a part of the work: it is told of stages, but of no motions, which are no answers."""
+    return lambda stage, fraction: progress(stage, fraction)
+
+
 OptionsT = TypeVar("OptionsT")
 
 

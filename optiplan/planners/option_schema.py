@@ -85,8 +85,9 @@ class PlannerOptions:
     """
 
     def __post_init__(self) -> None:
+        known = meanings(type(self))
         for name, value in vars(self).items():
-            meaning = meanings(type(self))[name]
+            meaning = known[name]
             if not meaning.holds(value):
                 raise OptionError(name, _shown(value), str(meaning))
 
@@ -123,7 +124,8 @@ def make_options(planner: str, cls: type[Any], given: Mapping[str, Any]) -> Any:
         UnknownChoiceError: no such option; lists the valid ones with their types.
         InputError: values of the wrong type or out of range; holds all of the wrong type.
     """
-    valid, types = {one.name: one for one in options_of(cls)}, get_type_hints(cls)
+    valid = {one.name: one for one in options_of(cls)} if given else {}
+    types = get_type_hints(cls) if given else {}
     values: dict[str, Any] = {}
     issues = []
     for key, value in given.items():

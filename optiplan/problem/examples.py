@@ -28,7 +28,9 @@ def find_problem(name: str) -> Path:
         return examples[path.stem]
     if path.is_file() and other is not None:
         raise InputError([Issue(name, None, "file", other, "a problem file (YAML)")])
-    expected = f"a problem file, or one of the examples: {', '.join(examples)}{_hint(path.stem, examples)}"
+    expected = f"a problem file, or one of the examples: {', '.join(examples)}"
+    if not path.exists():
+        expected += _hint(path.stem, examples)
     raise InputError([Issue(name or "''", None, "file", _found(path) if name else "an empty name", expected)])
 
 

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.arrays import Array
+from optiplan.collision.contacts import Contact
 from optiplan.collision.kept_models import collision_model
-from optiplan.collision.model import CollisionModel, Contact
+from optiplan.collision.model import CollisionModel
 from optiplan.config.document import Document, Place, validate
 from optiplan.config.messages import field_name
 from optiplan.errors import InputError, Issue

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.robot.mimic_joints import coupling, screws
 
 
@@ -31,6 +31,9 @@ class BatchKinematics:
         self.coupling, self.offset = coupling(model)
         self.follows = model.njoints - 1 > model.nv
         self.revolute: Array = (np.linalg.norm(self._screws[:, 3:], axis=1) > 0.5).astype(np.float64)
+        self._axis = np.where(self.revolute[:, None] > 0.5, self._screws[:, 3:], self._screws[:, :3])
+        self._along = _columns(self._axis)
+        self._across = np.linalg.svd(self._axis[:, None])[2][:, 1:].swapaxes(1, 2)  # (J, 3, 2) at right angles to them
 
     def joint_rates(self, V: Array) -> Array:
         """Rates (..., J) of all joints, of those of the planned ones V (..., n): A V."""
@@ -66,8 +69,21 @@ class BatchKinematics:
 
     def axes(self, poses: Array) -> tuple[Array, Array]:
         """Axis direction and a point on it, in the world, of each joint: two arrays (N, J, 3)."""
-        axis = np.where(self.revolute[:, None] > 0.5, self._screws[:, 3:], self._screws[:, :3])
-        return (poses[:, 1:, :3, :3] @ axis[:, :, None])[..., 0], poses[:, 1:, :3, 3].copy()
+        point = poses[:, 1:, :3, 3].copy()
+        if self._along is None:
+            return (poses[:, 1:, :3, :3] @ self._axis[:, :, None])[..., 0], point
+        joints = np.arange(1, poses.shape[1])
+        return np.ascontiguousarray(poses[:, joints, :3, self._along].swapaxes(0, 1)), point
+
+    def across_axes(self, poses: Array) -> Array:
+        """Rows a_1 and a_2 (N, 2 J, 4), first of all joints, then second, that map points to planes across their axes.
+
+        The distance of a point p from the axis of a joint is the length of (a_1 (p, 1), a_2 (p, 1)), m.
+        """
+        rows = np.empty((len(poses), 2, poses.shape[1] - 1, 4))
+        rows[..., :3] = (poses[:, 1:, :3, :3] @ self._across).transpose(0, 3, 1, 2)
+        rows[..., 3] = -np.einsum("nsji,nji->nsj", rows[..., :3], poses[:, 1:, :3, 3])
+        return rows.reshape(len(poses), -1, 4)
 
     def moment_arms(self, joint: int, points: Array, stroke: Array) -> Array:
         """Bounds, m, on how far points (…, K, 3) fixed to a joint travel for each rad or m of each joint: (…, J).
@@ -82,8 +98,7 @@ class BatchKinematics:
         ball = np.zeros(points.shape[:-2])
         while joint > 0:
             if self.revolute[joint - 1]:
-                arms = np.linalg.norm(np.cross(points, self._screws[joint - 1, 3:]), axis=-1)
-                result[..., joint - 1] = arms.max(axis=-1) + ball
+                result[..., joint - 1] = _from_axis(points, self._screws[joint - 1, 3:]).max(axis=-1) + ball
             else:
                 result[..., joint - 1] = 1.0
                 ball = ball + float(reach[joint - 1])
@@ -91,6 +106,13 @@ class BatchKinematics:
             points = self._placements[joint][None, :3, 3]
             joint = self._parents[joint]
         return result
+
+
+def _from_axis(points: Array, axis: Array) -> Array:
+    """Distances (…) of points (…, 3) from the line along an axis (3,), a unit vector, through the origin."""
+    x, y, z = np.moveaxis(points, -1, 0)
+    u, v, w = axis.tolist()
+    return np.asarray(np.sqrt((y * w - z * v) ** 2 + (z * u - x * w) ** 2 + (x * v - y * u) ** 2))
 
 
 def carrying_joints(model: pin.Model) -> npt.NDArray[np.bool_]:
@@ -115,3 +137,9 @@ def _motion_terms(placements: list[Array], screws: Array) -> Array:
         slide[:3, 3] = linear
         terms[j] = placements[j] @ np.stack([np.eye(4), skew, skew @ skew, slide])
     return terms.reshape(-1, 4, 16)
+
+
+def _columns(axes: Array) -> Index | None:
+    """Which coordinate axis each of `axes` (J, 3) is: (J,), its products being columns; None where one is none."""
+    column = np.abs(axes).argmax(axis=1)
+    return column if np.array_equal(axes, np.eye(3)[column]) else None

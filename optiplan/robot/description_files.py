@@ -1,6 +1,8 @@
 """A robot's URDF and SRDF: beside its robot.yaml, from the table in it, or in the data package example-robot-data."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from optiplan.config.document import Document
@@ -25,9 +27,26 @@ def read_sources(spec: RobotSpec, document: Document) -> tuple[UrdfSource, Srdf 
 
         urdf = read_urdf(document.path, folder, urdf_text(spec.name, spec.dh, document))
     else:
-        urdf = read_urdf(_urdf_path(spec, document), folder)
-    path = None if spec.srdf is None else folder / spec.srdf
-    return urdf, None if path is None else read_srdf(path, urdf.renamed), path
+        with _named_by("urdf", spec.urdf, document):
+            urdf = read_urdf(_urdf_path(spec, document), folder)
+    if spec.srdf is None:
+        return urdf, None, None
+    path = folder / spec.srdf
+    with _named_by("srdf", spec.srdf, document):
+        return urdf, read_srdf(path, urdf.renamed), path
+
+
+@contextmanager
+def _named_by(key: str, value: object, document: Document) -> Iterator[None]:
+    """Tell of a file that is not there where it is named."""
+    try:
+        yield
+    except InputError as error:
+        if not isinstance(error.__cause__, FileNotFoundError):
+            raise
+        (issue,) = error.issues
+        found = f"{value!r}, but there is no file {issue.file}"
+        raise InputError([document.issue((key,), found, issue.expected)]) from None
 
 
 def _urdf_path(spec: RobotSpec, document: Document) -> Path:

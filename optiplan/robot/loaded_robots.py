@@ -1,12 +1,14 @@
-"""Robots kept in memory: one whose files have not changed is not read again, one that stands as before not made."""
+"""Kept in memory: robots whose files have not changed, those that stand as before, and what is made of one once."""
 
 import json
 import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from functools import wraps
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, Self, TypeVar
+from weakref import WeakKeyDictionary
 
 from optiplan.files import Signature, allowed_folders, signature
 from optiplan.robot.reference import robot_file, robot_names
@@ -29,7 +31,17 @@ class ReadFromFiles(Protocol):
         """Absolute paths."""
 
 
+class Mountable(Protocol):
+    """What stands on a base and carries a load."""
+
+    @property
+    def unmounted(self) -> Self:
+        """The same without base and load."""
+
+
 Loaded = TypeVar("Loaded", bound=ReadFromFiles)
+OfRobot = TypeVar("OfRobot", bound=Mountable)
+Made = TypeVar("Made")
 
 
 class LoadedRobots(Generic[Loaded]):
@@ -95,6 +107,23 @@ class MountedRobots(Generic[Loaded]):
             while len(self._robots) > _MOST_MOUNTED:
                 self._robots.popitem(last=False)
         return robot
+
+
+def once_for_each_robot(make: Callable[[OfRobot], Made]) -> Callable[[OfRobot], Made]:
+    """Decorate what is made of a robot alone, wherever it stands and whatever it carries: it is made once.
+
+    `make` is given the robot without base and load; what it returns is kept as long as that robot is.
+    """
+    kept: WeakKeyDictionary[OfRobot, Made] = WeakKeyDictionary()
+
+    @wraps(make)
+    def made_of(robot: OfRobot) -> Made:
+        bare = robot.unmounted
+        if bare not in kept:
+            kept[bare] = make(bare)
+        return kept[bare]
+
+    return made_of
 
 
 def _signatures(paths: tuple[Path, ...]) -> tuple[Signature, ...] | None:

@@ -1,7 +1,7 @@
 """The robot: kinematics, collision geometry and limits of the planned joints, loaded once and never changed."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,43 +11,27 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from optiplan import cache
-from optiplan.arrays import Array
-from optiplan.config.document import Document, plain, read_yaml, validate
+from optiplan.config.document import plain
 from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_argument
-from optiplan.files import bound, read_bytes, reading, write_text
+from optiplan.files import reading, write_text
 from optiplan.robot.batch_fk import BatchKinematics
-from optiplan.robot.description_files import read_sources
-from optiplan.robot.dh.table import DhTable
 from optiplan.robot.held_joints import held_model
-from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to
-from optiplan.robot.limits import Limits, build_limits
-from optiplan.robot.link_geometry import LinkGeometry, treat
+from optiplan.robot.limits import Limits
 from optiplan.robot.loaded_robots import LoadedRobots, MountedRobots
-from optiplan.robot.mimic_joints import Mimic, screws
+from optiplan.robot.mimic_joints import screws
 from optiplan.robot.mounting import Mounting
-from optiplan.robot.named_configurations import configurations, tool_frame
-from optiplan.robot.reference import (
-    DESCRIPTION,
-    UNKNOWN,
-    Reference,
-    description,
-    referred,
-    robot_file,
-    robot_names,
-    said,
-)
+from optiplan.robot.read_robot import RobotParts, read_robot
+from optiplan.robot.reference import DESCRIPTION, Reference, robot_file, robot_names
 from optiplan.robot.self_collision.pair_bounds import LocalBox, local_box
 from optiplan.robot.self_collision.pair_survey import PairSurvey, survey_pairs
-from optiplan.robot.self_collision.pairs import PROVED, declared_pairs, set_pairs, srdf_words, unchecked_pairs
-from optiplan.robot.spec import MecanumSpec, RobotSpec
-from optiplan.robot.urdf.srdf import LinkPair, srdf_text
+from optiplan.robot.self_collision.pairs import PROVED, set_pairs, srdf_words
+from optiplan.robot.urdf.srdf import srdf_text
 
 __all__ = ["DESCRIPTION", "Limits", "Reference", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Robot:
+class Robot(RobotParts):
     """A robot reduced to its planned joints; a configuration q is of shape (n,), in the order of `joint_names`.
 
     `link_geometry` says what is checked for each link: hull, mesh, convex_pieces or primitive, and `over_cover` how
@@ -69,29 +53,6 @@ class Robot:
         Robot: panda, 7 joints, tool frame panda_hand_tcp, configurations: ready, extended
     """
 
-    name: str
-    source: Path
-    model: pin.Model
-    geometry: pin.GeometryModel
-    limits: Limits
-    joint_names: tuple[str, ...]
-    tool_frame: str
-    configurations: Mapping[str, Array]
-    link_geometry: Mapping[str, str]
-    build_visual: Callable[[], pin.GeometryModel]
-    notes: tuple[str, ...] = ()
-    locked: Mapping[str, float] = field(default_factory=dict)
-    allowed: Mapping[LinkPair, str] = field(default_factory=dict)
-    files: tuple[Path, ...] = ()
-    fingerprint: str = ""
-    dh: DhTable | None = None
-    group: str | None = None
-    groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    urdf: str = ""
-    followers: Mapping[str, Mimic] = field(default_factory=dict)
-    over_cover: Mapping[str, float] = field(default_factory=dict)
-    mecanum: MecanumSpec | None = None
-    reference: Reference = UNKNOWN
     mounting: Mounting = field(default_factory=Mounting)
     bare: "Robot | None" = None
     held: Mapping[str, float] = field(default_factory=dict)
@@ -346,74 +307,11 @@ def load_robot(
     key, began = _loaded.key(ref, base, locked, group), _loaded.now()
     robot = _loaded.get(key)
     if robot is None:
-        robot = _read_robot(ref, base, locked, group)
+        robot = Robot(**vars(read_robot(ref, base, locked, group)))
         _loaded.keep(key, robot, began)
     return robot
-
-
-def _read_robot(
-    ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
-) -> Robot:
-    """Read the files of a robot and build it; see `load_robot`."""
-    document = description(ref, base) if isinstance(ref, Mapping) else read_yaml(robot_file(ref, base).resolve())
-    spec = validate(RobotSpec, document)
-    urdf, srdf, srdf_path = read_sources(spec, document)
-    planned = planned_joints(spec, document, urdf, group)
-    reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
-    limits, limit_notes = build_limits(spec.limits, document, reduced, planned)
-    treated = _bodies(reduced, spec, document)
-    tool, choices = tool_frame(spec, document, reduced, urdf, planned)
-    read = (document.path, urdf.path, srdf_path, *urdf.meshes)
-    files = tuple(dict.fromkeys(path for path in read if path is not None and path.name != DESCRIPTION))
-    declared = declared_pairs(spec, document, reduced.model, srdf)
-    allowed, pair_notes = unchecked_pairs(
-        reduced.model, treated.geometry, (limits.lower, limits.upper), declared, srdf is None
-    )
-    set_pairs(reduced.model, treated.geometry, allowed)
-    return Robot(
-        name=spec.name,
-        source=document.path,
-        model=reduced.model,
-        geometry=treated.geometry,
-        limits=limits,
-        joint_names=planned.joints,
-        tool_frame=tool,
-        configurations=configurations(spec, document, srdf, planned),
-        link_geometry=treated.kinds,
-        over_cover=treated.over_cover,
-        build_visual=bound(reduced.build_visual),
-        notes=(*choices, *urdf.notes, *reduced.notes, *limit_notes, *treated.notes, *pair_notes),
-        locked=reduced.locked,
-        allowed=allowed,
-        files=files,
-        fingerprint=cache.digest([*map(read_bytes, files), *said(document, ref)]),
-        dh=None if spec.dh is None else spec.dh.table(),
-        group=planned.name,
-        groups=spec.groups,
-        urdf=urdf.xml,
-        followers=reduced.followers,
-        mecanum=mecanum_base(spec, document, planned.joints, urdf),
-        reference=Reference(referred(document, ref), group, dict(locked or {}), tool),
-    )
-
-
-def _wanted(spec: RobotSpec, planned: Group, locked: Mapping[str, float]) -> dict[str, float]:
-    """Return the positions of joints that are not planned; a file of several groups locks what another group plans."""
-    own = {joint: q for joint, q in spec.locked.items() if not (spec.groups and joint in planned.joints)}
-    return {**own, **locked}
 
 
 def write_srdf(robot: Robot, path: Path) -> None:
     """Write the pairs of links that are not checked as an SRDF."""
     write_text(path, srdf_text(robot.name, srdf_words(robot.allowed)))
-
-
-def _bodies(reduced: Reduced, spec: RobotSpec, document: Document) -> LinkGeometry:
-    """Collision geometry as the robot.yaml wants it; a robot without any says so itself."""
-    if spec.collision == "none":
-        return LinkGeometry(notes=["collision: none: the robot has no bodies, and no contact of it is checked"])
-    if not reduced.geometry.ngeoms:
-        found = "a robot without any collision geometry"
-        expected = "bodies for at least one link, or `collision: none` to have limits checked and no contact"
-        raise InputError([document.issue(("urdf",) if spec.dh is None else ("dh",), found, expected)])
-    return treat(reduced.model, reduced.geometry, spec.collision, document)

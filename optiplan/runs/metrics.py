@@ -130,7 +130,7 @@ def objective_of(problem: Problem, trajectory: Trajectory) -> dict[str, dict[str
 class _Instant:
     """At times t (N,): |v_WT| (m/s), |w_WT| (rad/s), |dq/dt| and tau_j^2 of every joint, as an array (N, 3 + n).
 
-    Keeps the manipulability of every instant that was asked for.
+    Keeps the manipulability of every instant that was asked for, and of both ends.
     """
 
     def __init__(self, robot: Robot, trajectory: Trajectory) -> None:
@@ -138,29 +138,24 @@ class _Instant:
         self._tool, self._trajectory = ToolKinematics(robot), trajectory
         self._rows: JacobianRows = "full" if robot.n >= 6 else "translation"
         self._seen: list[tuple[Array, Array]] = []
+        self._ends = np.array([0.0, trajectory.duration])  # to be looked at with the first instants
 
     def __call__(self, t: Array) -> Array:
-        Q, V, A = (self._trajectory(t, order) for order in range(3))
-        J = self._see(t, Q)
+        asked, self._ends = np.concatenate([t, self._ends]), self._ends[:0]
+        Q, V, A = self._trajectory.states(asked)
+        J = self._tool.evaluate(Q)[1]
+        self._seen.append((asked, yoshikawa(scaled(J, self._rows))))
         twist = np.einsum("kij,kj->ki", J, V)
         tau = np.empty_like(Q)
         pin.rneaInParallel(1, self._pool, Q.T, V.T, A.T, tau.T)
         speeds = [np.sqrt(np.einsum("ki,ki->k", part, part)) for part in (twist[:, :3], twist[:, 3:], V)]
-        return np.column_stack([*speeds, tau**2])
-
-    def _see(self, t: Array, Q: Array) -> Array:
-        """Return the Jacobians (N, 6, n) at times t and configurations Q (N, n), and keep their manipulability."""
-        J = self._tool.evaluate(Q)[1]
-        self._seen.append((t, yoshikawa(scaled(J, self._rows))))
-        return J
+        return np.column_stack([*speeds, tau**2])[: len(t)]
 
     def least_manipulability(self) -> float:
         """Return the smallest Yoshikawa measure along the motion.
 
         Holds at: both ends and the instants kept, then up to 9 times 17 between the neighbours of the smallest.
         """
-        ends = np.array([0.0, self._trajectory.duration])
-        self._see(ends, self._trajectory(ends))
         times, values = (np.concatenate(column) for column in zip(*self._seen, strict=True))
         t, first = np.unique(times, return_index=True)
         value = values[first]
@@ -206,7 +201,7 @@ def integral(f: Callable[[Array], Array], trajectory: Trajectory) -> Array:
 
 def _panels(trajectory: Trajectory) -> tuple[Array, Array]:
     """Beginnings and ends of the first panels: the pieces, cut into parts of at most a 16th of the motion."""
-    h = np.diff(trajectory.breakpoints)
+    h = trajectory.widths
     parts = np.maximum(np.ceil(h * (_PANELS / trajectory.duration) - 1e-9), 1.0).astype(np.intp)
     piece = np.repeat(np.arange(len(h)), parts)
     within = np.arange(len(piece)) - (np.cumsum(parts) - parts)[piece]

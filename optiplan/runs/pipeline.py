@@ -15,13 +15,14 @@ from optiplan.planners.registry import make_planner, options_set
 from optiplan.problem.problem import Problem
 from optiplan.runs.common_bound import bound_of
 from optiplan.runs.metrics import measure
+from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import verify as verifier
 
 _NOTHING = 1e-3
-"""s; import statements of what is there already take less."""
+"""s; import statements of what is there already take less, and so does looking through no other motions."""
 
 _KEPT = 20.0
 """s in which an earlier motion that is the answer is proved and measured."""
@@ -48,7 +49,7 @@ def run(  # noqa: PLR0913
         options: of the planner of that name; a planner itself has its own.
         budget: counted from the planner's start; loading libraries is no part of it, and its time, s, is `libraries` in
             the timings, not in `plan`.
-        progress: called with the planner's stages, then `verify`.
+        progress: called with the planner's stages, then `verify`; see `ProofsOnTheWay` for what else it may be told.
         earlier: a motion that planners may begin at, of a problem not far from this one.
 
     Raises:
@@ -61,17 +62,18 @@ def run(  # noqa: PLR0913
         name, chosen, options = type(planner).__name__, planner, options_set(planner)
     budget.start()
     began, spent, loaded = clock(), processor_time(), time_loading()
-    within = budget.leaving(reserve(budget.seconds))
+    within, proofs = budget.leaving(reserve(budget.seconds)), ProofsOnTheWay(problem, progress)
     if problem.task:
         from optiplan.planners.task.planner import plan_task
 
-        result = plan_task(chosen, problem, within, progress)
+        result = plan_task(chosen, problem, within, proofs)
     else:
-        result = plan_through(chosen, problem, within, progress, earlier)
-    timings, spent = {"plan": clock() - began}, processor_time() - spent
+        result = plan_through(chosen, problem, within, proofs, earlier)
+    timings = {"plan": clock() - began - proofs.seconds}
+    spent = processor_time() - spent - proofs.processor
     if time_loading() - loaded > _NOTHING:
         timings["libraries"] = time_loading() - loaded
-    return replace(proved(problem, name, options, result, (budget, progress, timings)), plan_cpu=spent)
+    return replace(proved(problem, name, options, result, (budget, proofs, timings)), plan_cpu=spent)
 
 
 def run_from(  # noqa: PLR0913
@@ -112,7 +114,7 @@ def proved(
     planner: str,
     options: Mapping[str, Any],
     result: PlanResult,
-    within: tuple[Budget, Progress, Mapping[str, float]],
+    within: tuple[Budget, ProofsOnTheWay, Mapping[str, float]],
 ) -> Run:
     """Verify and measure a planner's result.
 
@@ -121,16 +123,21 @@ def proved(
         planner: its name.
         options: its options.
         result: the planner's result.
-        within: the remaining budget, the progress callback, and the seconds that `plan` took.
+        within: the remaining budget, the progress with what it proved on the way, and the seconds that `plan` took.
     """
-    budget, progress, timings = within[0], within[1], dict(within[2])
+    budget, proofs, timings = within[0], within[1], dict(within[2])
     selection = bound = metrics = None
     if result.trajectory is not None:
-        progress("verify", 0.0)
-        seconds = timings["plan"] if result.seconds is None else result.seconds
+        proofs("verify", 0.0)
+        seconds = timings["plan"] + proofs.seconds if result.seconds is None else result.seconds
         began = time.perf_counter()
-        selection = best_verified(problem, [*result.earlier, Candidate(result.trajectory, seconds)], budget)
-        timings["verify"] = time.perf_counter() - began
+        selection = best_verified(problem, [*result.earlier, Candidate(result.trajectory, seconds)], budget, proofs)
+        timings["verify"] = selection.proof
+        others = time.perf_counter() - began + proofs.seconds - selection.proof
+        if others > _NOTHING:
+            timings["other proofs"] = others
+        for seconds, motion in selection.answers:
+            proofs.proved(motion, seconds)
         bound = bound_of(problem, selection.trajectory)
         began = time.perf_counter()
         metrics = measure(problem, selection.trajectory, selection.report)
@@ -223,5 +230,5 @@ def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
         return replace(run, info={**run.info, "warm_start": "refused"})
     info = {**run.info, "warm_start": "kept"}
     result = PlanResult(known, None, run.stages, info, seconds=0.0)
-    within = (Budget(_KEPT), progress, run.timings)
+    within = (Budget(_KEPT), ProofsOnTheWay(run.problem, progress), run.timings)
     return replace(proved(run.problem, run.planner, run.options, result, within), plan_cpu=run.plan_cpu)

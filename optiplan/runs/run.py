@@ -42,11 +42,12 @@ class Run:
         lower_bound: s; no motion from the start to the end that was reached is shorter. None without a trajectory.
             Whether that is a bound of the whole problem, `lower_bound_of` says.
         metrics: metrics of the trajectory, verified or not; None without one that moves the robot's joints.
-        timings: seconds of wall time: `plan`, `verify` and `measure`.
+        timings: seconds of wall time: `plan`, `verify` (the proof of the trajectory), `other proofs` (of motions on the
+            way, and of those refused) and `measure`.
         stages: seconds of wall time of the planner's own stages.
         info: the planner's record of its work, JSON-ready; `slowed`, the factor on the planner's duration that
             verification required, if any.
-        improvements: (seconds of planning and proving, duration in s) of every verified incumbent.
+        improvements: (seconds of planning and proving, duration in s) of every verified motion on the way.
         plan_cpu: seconds of processor time of planning alone, with that of processes that the planner waited for.
     """
 

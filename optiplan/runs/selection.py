@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Candidate
 from optiplan.problem.problem import Problem
+from optiplan.runs.proofs_on_the_way import ProofsOnTheWay, Verdict
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check, Report
 from optiplan.verify.verify import verify
@@ -24,20 +25,27 @@ class Selection:
 
     Attributes:
         trajectory: the shortest motion that is verified; where none is, the planner's own choice.
+        proof: seconds that its proof took, s.
         slowed: factor on the planner's duration; above 1 where only that satisfied the limits.
-        improvements: (seconds of planning and proving, duration in s) of every verified answer on the way, in order of
-            both; one whose proof would have ended after that of a better one is left out. Each is counted with its own
-            proof, of which the last answer's is made first: what a first proof in a scene sets up is counted there.
+        answers: (seconds of planning and proving, motion) of every verified answer on the way, in order of seconds and
+            of durations; one whose proof would have ended after that of a better one is left out. The first one was
+            proved when it was found (`ProofsOnTheWay`); one proved at the end is counted with its own proof alone.
     """
 
     trajectory: Trajectory
     report: Report
+    proof: float
     slowed: float = 1.0
-    improvements: tuple[tuple[float, float], ...] = ()
+    answers: tuple[tuple[float, Trajectory], ...] = ()
+
+    @property
+    def improvements(self) -> tuple[tuple[float, float], ...]:
+        """Return (seconds, duration in s) of the answers."""
+        return tuple((seconds, motion.duration) for seconds, motion in self.answers)
 
 
-def best_verified(problem: Problem, candidates: list[Candidate], budget: Budget) -> Selection:
-    """Verify candidates, the planner's own choice last, and select the best.
+def best_verified(problem: Problem, candidates: list[Candidate], budget: Budget, proofs: ProofsOnTheWay) -> Selection:
+    """Verify candidates, the planner's own choice last, but for those proved on the way, and select the best.
 
     One refused for a rate or a torque alone is tried again slightly slower, unless another candidate is as fast
     as that. The planner's own choice is always verified, the others while the budget lasts.
@@ -45,10 +53,10 @@ def best_verified(problem: Problem, candidates: list[Candidate], budget: Budget)
     refused: Selection | None = None
     for place in reversed(range(len(candidates))):
         other = candidates[place - 1].trajectory.duration if place else float("inf")
-        for tried, seconds in _slower_and_slower(problem, candidates[place], other):
+        for tried, seconds in _slower_and_slower(problem, candidates[place], other, proofs):
             if tried.report.verified:
-                before = _verified(problem, candidates[:place], budget)
-                return replace(tried, improvements=_in_turn([*before, (seconds, tried.trajectory.duration)]))
+                before = _verified(problem, candidates[:place], budget, proofs)
+                return replace(tried, answers=_in_turn([*before, (seconds, tried.trajectory)]))
             refused = refused or tried
             if budget.over:
                 return refused
@@ -57,7 +65,9 @@ def best_verified(problem: Problem, candidates: list[Candidate], budget: Budget)
     return refused
 
 
-def _slower_and_slower(problem: Problem, candidate: Candidate, other: float) -> Iterator[tuple[Selection, float]]:
+def _slower_and_slower(
+    problem: Problem, candidate: Candidate, other: float, proofs: ProofsOnTheWay
+) -> Iterator[tuple[Selection, float]]:
     """Yield the verdict on a candidate, then on slower ones shorter than `other`, s, while that may satisfy the checks.
 
     With each come the seconds of planning and proving. Where the problem limits the pace of the tool or the wheels, the
@@ -71,13 +81,12 @@ def _slower_and_slower(problem: Problem, candidate: Candidate, other: float) -> 
             trajectory = trajectory.scaled(trajectory.duration * factor)
             if trajectory.duration >= other:
                 return
-        began = clock()
-        report = verify(problem, trajectory)
-        yield Selection(trajectory, report, factor), candidate.seconds + clock() - began
-        if not {check.name for check in report.failures} <= _CURED_BY_TIME | set(_RATES_ASKED):
+        found = _verdict(problem, Candidate(trajectory, candidate.seconds), proofs)
+        yield Selection(trajectory, found.report, found.proof, factor), found.seconds
+        if not {check.name for check in found.report.failures} <= _CURED_BY_TIME | set(_RATES_ASKED):
             return
         if step == 1.0:
-            asked = max((_pace(check) for check in report.failures), default=1.0)
+            asked = max((_pace(check) for check in found.report.failures), default=1.0)
 
 
 def _pace(check: Check) -> float:
@@ -88,21 +97,33 @@ def _pace(check: Check) -> float:
     return float(max(1.0, check.worst / check.limit) ** power)
 
 
-def _verified(problem: Problem, earlier: list[Candidate], budget: Budget) -> list[tuple[float, float]]:
-    """Return time and duration of the earlier candidates that are verified."""
+def _verdict(problem: Problem, candidate: Candidate, proofs: ProofsOnTheWay) -> Verdict:
+    """Return the verdict on a candidate, proved now if it was not on the way."""
+    known = proofs.verdict(candidate.trajectory)
+    if known is not None:
+        return known
+    began = clock()
+    report = verify(problem, candidate.trajectory)
+    proof = clock() - began
+    return Verdict(candidate.trajectory, report, candidate.seconds + proof, proof)
+
+
+def _verified(
+    problem: Problem, earlier: list[Candidate], budget: Budget, proofs: ProofsOnTheWay
+) -> list[tuple[float, Trajectory]]:
+    """Return seconds and motion of the earlier candidates that are verified; new proofs are made within the budget."""
     found = []
     for candidate in earlier:
-        if budget.over:
-            break
-        began = clock()
-        if verify(problem, candidate.trajectory).verified:
-            found.append((candidate.seconds + clock() - began, candidate.trajectory.duration))
+        if not budget.over or proofs.verdict(candidate.trajectory):
+            verdict = _verdict(problem, candidate, proofs)
+            if verdict.report.verified:
+                found.append((verdict.seconds, candidate.trajectory))
     return found
 
 
-def _in_turn(answers: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """Keep those of (seconds, duration) that were not proved after a better one, in order."""
-    kept: list[tuple[float, float]] = []
+def _in_turn(answers: list[tuple[float, Trajectory]]) -> tuple[tuple[float, Trajectory], ...]:
+    """Keep those that were not proved after a better one, in order."""
+    kept: list[tuple[float, Trajectory]] = []
     for answer in reversed(answers):
         if not kept or answer[0] < kept[-1][0]:
             kept.append(answer)

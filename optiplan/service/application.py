@@ -13,6 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp
 
 import optiplan
+from optiplan.config.messages import expected_by
 from optiplan.errors import OptiPlanError
 from optiplan.service.guard.gate import Gate
 from optiplan.service.guard.metrics import RequestCounts
@@ -105,10 +106,10 @@ def _invalid(request: Request, error: Any) -> Json:
     for item in error.errors():
         place = ".".join(str(part) for part in item["loc"])
         issues.append(
-            {"file": "request", "line": None, "field": place, "found": _found(item), "expected": str(item["msg"])}
+            {"file": "request", "line": None, "field": place, "found": _found(item), "expected": expected_by(item)}
         )
     broken = any(item["type"] == "json_invalid" for item in error.errors())
-    text = "; ".join(f"{one['field']}: found {one['found']}; {one['expected']}" for one in issues[:5])
+    text = "; ".join(f"{one['field']}: {one['found']}; expected {one['expected']}" for one in issues[:5])
     return Json({"error": text, "issues": issues}, 400 if broken else 422)
 
 

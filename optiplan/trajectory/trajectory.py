@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.errors import InputError, Issue, described
 from optiplan.trajectory import bspline, polynomial
 from optiplan.trajectory.curves_svg import joint_curves
@@ -120,6 +120,13 @@ class Trajectory:
         return int(self.coefficients.shape[2])
 
     @cached_property
+    def widths(self) -> Array:
+        """Lengths of the pieces, (m,), s."""
+        found = np.diff(self.breakpoints)
+        found.flags.writeable = False
+        return found
+
+    @cached_property
     def start(self) -> Array:
         """Configuration q(0), shape (n,), rad or m."""
         return np.asarray(self(np.zeros(1))[0])
@@ -180,6 +187,21 @@ class Trajectory:
             value += c[piece, k]
         return value if order == 0 or everywhere else np.where(inside[:, None], value, 0.0)
 
+    def states(self, t: Array) -> tuple[Array, Array, Array]:
+        """Position, velocity and acceleration at times t (k,) in [0, duration], s: (k, n) each."""
+        piece = np.searchsorted(self.breakpoints[1:-1], t, side="right")
+        return self.states_in(piece, t - self.breakpoints[piece])
+
+    def states_in(self, piece: Index, local: Array) -> tuple[Array, Array, Array]:
+        """Return the same at times `local` (k,) since the beginning of pieces (k,)."""
+        c, x = self._side_by_side, local[:, None]
+        value = c[-1, piece]
+        for k in range(len(c) - 2, -1, -1):
+            value *= x
+            value += c[k, piece]
+        q, v, a = (np.ascontiguousarray(value[:, order * self.n : (order + 1) * self.n]) for order in range(3))
+        return q, v, a
+
     def state(self, t: float) -> State:
         """Position, velocity and acceleration at a time t, s: where a new motion may begin.
 
@@ -203,10 +225,8 @@ class Trajectory:
         return self._extrema[order]
 
     def _find_extrema(self, order: int) -> Extrema:
-        c = np.swapaxes(self.derivatives(order), 1, 2)  # (m, n, d + 1)
-        m, n, size = c.shape
-        h = np.diff(self.breakpoints)
-        unit = c * h[:, None, None] ** np.arange(size)
+        unit, h = self.unit_pieces(order), self.widths
+        m, n, _ = unit.shape
         low, high, x_low, x_high = np.full((m, n), np.inf), np.full((m, n), -np.inf), *np.zeros((2, m, n))
         asked = polynomial.may_hold_extrema(unit)
         low[asked], high[asked], x_low[asked], x_high[asked] = polynomial.unit_extrema(unit[asked])
@@ -217,10 +237,12 @@ class Trajectory:
 
     def jumps(self, order: int) -> Array:
         """Discontinuity of a derivative at the m - 1 inner breakpoints, right minus left: (m - 1, n)."""
-        c = self.derivatives(order)
-        h = np.diff(self.breakpoints)[:-1, None]
-        left = polynomial.evaluate(np.swapaxes(c[:-1], 1, 2), h)
-        return np.asarray(c[1:, 0] - left)
+        if order not in self._jumps:
+            c = self.derivatives(order)
+            left = polynomial.evaluate(np.swapaxes(c[:-1], 1, 2), self.widths[:-1, None])
+            self._jumps[order] = np.asarray(c[1:, 0] - left)
+            self._jumps[order].flags.writeable = False
+        return self._jumps[order]
 
     def squared_jerk(self) -> float:
         """The integral of sum_j (d³q_j/dt³)² over the motion, exact for its pieces; (rad/s³)² s, prismatic joints m.
@@ -230,7 +252,7 @@ class Trajectory:
         jerk = self.derivatives(3)  # (m, k, n)
         order = np.arange(jerk.shape[1])
         power = order[:, None] + order + 1.0
-        widths = np.diff(self.breakpoints)[:, None, None] ** power / power  # (m, k, k)
+        widths = self.widths[:, None, None] ** power / power  # (m, k, k)
         return float(np.einsum("mkj,mkl,mlj->", jerk, widths, jerk))
 
     def scaled(self, duration: float) -> "Trajectory":
@@ -290,6 +312,31 @@ class Trajectory:
             field = problem[0] if problem[0] == "joint_names" else f"pieces.{problem[0]}"
             raise InputError([Issue(file, None, field, *problem[1:])])
         return cls(tuple(names), breakpoints, coefficients, read_segments(data, file))
+
+    def unit_pieces(self, order: int) -> Array:
+        """Coefficients of a derivative on pieces stretched to [0, 1]: (m, n, max(degree - order, 0) + 1)."""
+        if order not in self._units:
+            c = np.swapaxes(self.derivatives(order), 1, 2)
+            self._units[order] = c * self.widths[:, None, None] ** np.arange(c.shape[2])
+        return self._units[order]
+
+    @cached_property
+    def _side_by_side(self) -> Array:
+        """Coefficients of positions, velocities and accelerations of all pieces, (degree + 1, m, 3 n)."""
+        m, size, n = self.coefficients.shape
+        found = np.zeros((size, m, 3 * n))
+        for order in range(3):
+            c = self.derivatives(order).swapaxes(0, 1)
+            found[: len(c), :, order * n : (order + 1) * n] = c
+        return found
+
+    @cached_property
+    def _jumps(self) -> dict[int, Array]:
+        return {}
+
+    @cached_property
+    def _units(self) -> dict[int, Array]:
+        return {}
 
     @cached_property
     def _extrema(self) -> dict[int, Extrema]:

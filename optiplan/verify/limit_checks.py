@@ -213,9 +213,7 @@ def _proved(check: Check, problem: Problem, trajectory: Trajectory, asked: _Betw
     Where no extremum shows it, because the terms of a polynomial cancel beyond the digits of their sum, its piece is
     named.
     """
-    h = np.diff(trajectory.breakpoints)
-    c = np.swapaxes(trajectory.derivatives(asked.order), 1, 2)
-    c = c * h[:, None, None] ** np.arange(c.shape[2])
+    c = trajectory.unit_pieces(asked.order)
     m, n, size = c.shape
     found = prove_bounds(c.reshape(-1, size), np.tile(asked.low, m), np.tile(asked.high, m))
     rounding, within = found.rounding.reshape(m, n), found.within.reshape(m, n)
@@ -226,12 +224,12 @@ def _proved(check: Check, problem: Problem, trajectory: Trajectory, asked: _Betw
     if (extrema.low < asked.low).any() or (extrema.high > asked.high).any():
         return replace(check, passed=False)
     piece, j = divmod(int(np.argmax(np.where(sound, -1.0, rounding))), n)
-    degree, time = trajectory.coefficients.shape[1] - 1, float(trajectory.breakpoints[piece])
+    degree, time, width = trajectory.coefficients.shape[1] - 1, trajectory.breakpoints[piece], trajectory.widths[piece]
     detail = (
-        f"not proved: in piece {piece + 1}, of degree {degree} and {h[piece]:.3g} s, large terms cancel: "
+        f"not proved: in piece {piece + 1}, of degree {degree} and {width:.3g} s, large terms cancel: "
         f"their sum is known to {rounding[piece, j]:.2g} {check.unit} only"
     )
-    return replace(check, passed=False, time=time, place=problem.robot.joint_names[j], detail=detail)
+    return replace(check, passed=False, time=float(time), place=problem.robot.joint_names[j], detail=detail)
 
 
 def _largest(problem: Problem, blank: Check, value: Array, allowed: Array, time: Array) -> Check:

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -13,27 +14,34 @@ from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pairs import FILE, count_reasons, reasons_in_words
 from optiplan.verify.report import Check
 
+_told: WeakKeyDictionary[Robot, tuple[str, ...]] = WeakKeyDictionary()
+"""What is the same of every motion of a robot."""
+
 
 def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str, ...]:
     """One statement a subject: pairs, shapes, torque, contacts that robot file and problem allow.
 
     `robot` is the problem's as it was checked: with other pairs where some of its proofs do not hold.
     """
+    if robot not in _told:
+        _told[robot] = (*_unchecked(robot), *_shapes(robot), *_mounting(robot))
     return (
-        *_pairs(robot, checks),
-        *_shapes(robot),
-        *_mounting(robot),
+        *_pairs(checks),
+        *_told[robot],
         *_moving(problem),
         *_torque(problem, checks),
         *_allowed(problem),
     )
 
 
-def _pairs(robot: Robot, checks: Sequence[Check]) -> list[str]:
+def _pairs(checks: Sequence[Check]) -> list[str]:
     counts = [check.witness["pairs"] for check in checks if check.name == "collision"]
-    found = [f"collision: {count} {'pair' if count == 1 else 'pairs'} of bodies" for count in counts]
+    return [f"collision: {count} {'pair' if count == 1 else 'pairs'} of bodies" for count in counts]
+
+
+def _unchecked(robot: Robot) -> list[str]:
     bare = [f"links without geometry, not checked: {', '.join(robot.bare_links)}"] if robot.bare_links else []
-    return [*found, reasons_in_words(count_reasons(robot.allowed)), *bare]
+    return [reasons_in_words(count_reasons(robot.allowed)), *bare]
 
 
 def _shapes(robot: Robot) -> list[str]:

@@ -67,6 +67,13 @@ def test_the_beginning_of_an_example_is_enough_for_a_hint():
         find_problem("28")
 
 
+def test_a_folder_is_not_taken_for_a_slip_of_the_pen(tmp_path):
+    (tmp_path / "01_raech.yaml").mkdir()
+    with pytest.raises(InputError, match="is a folder") as caught:
+        find_problem(str(tmp_path / "01_raech.yaml"))
+    assert "did you mean" not in str(caught.value)
+
+
 def test_an_empty_name_is_not_the_folder_one_stands_in(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("run.json").write_text("{}")

@@ -3,9 +3,11 @@ import re
 from pathlib import Path
 
 import pytest
+from typer.main import get_command
 
 from optiplan import __version__
 from optiplan.cli import main
+from optiplan.cli.program import COMMANDS, program
 from optiplan.errors import InputError, Issue
 from optiplan.planners.registry import PLANNERS
 
@@ -52,6 +54,26 @@ def test_values_of_options_that_do_not_fit(optiplan, arguments, words):
     code, out, err = optiplan(*arguments)
     assert (code, out) == (2, "")
     assert words in err
+
+
+def test_unknown_commands_are_answered_with_the_near_or_with_all(optiplan):
+    assert "Did you mean 'plan'?" in optiplan("plna")[2]
+    assert all(name in optiplan("fly")[2] for name in COMMANDS)
+    assert "Choose from: init, show, srdf, export." in optiplan("robots", "fly")[2]
+
+
+def helps(command):
+    yield command.help or ""
+    yield from (option.help or "" for option in command.params if hasattr(option, "help"))
+    for inner in getattr(command, "commands", {}).values():
+        yield from helps(inner)
+
+
+def test_no_word_of_the_help_is_taken_for_a_style():
+    """Rich leaves out what stands in square brackets where it takes it for one."""
+    for text in helps(get_command(program())):
+        tags = re.findall(r"(?<!\\)\[/?([a-z_]*)\]", text)
+        assert set(tags) <= {"", "bold", "cyan", "dim"}, text
 
 
 def test_what_is_wrong_is_told_once():

@@ -53,7 +53,7 @@ def models(robot) -> tuple[NativeCollisionModel, NativeCollisionModel]:
     scene = Scene(tuple(Obstacle(f"o{k}", s, X) for k, (s, X) in enumerate(zip(shapes, places, strict=True))))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(native_model, "clusters_of", lambda robot: Clusters((), ()))
-        patch.setattr(native_model, "_hulls", {})
+        patch.setattr(native_model, "_clusters", native_model._clusters.__wrapped__)
         plain = NativeCollisionModel(robot, scene)
     return NativeCollisionModel(robot, scene), plain
 

@@ -18,6 +18,7 @@ from optiplan.collision.native_model import NativeCollisionModel, not_in_core, p
 from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot, load_robot
 
@@ -175,13 +176,14 @@ def test_configurations_asked_in_turn_get_the_answers_of_each_alone(models) -> N
 def test_all_builds_give_the_same_bits(models, monkeypatch) -> None:
     _, native = models
     Q, answers = configurations(native, 30, seed=7), []
-    for name in variants()[:-1]:
-        built = import_module(f"optiplan._core._core_{name}")
+    for variant in variants()[:-1]:
+        built = import_module(f"optiplan._core._core_{variant}")
         for module in ("collision.native_model", "collision.native_shapes", "robot.native_tree"):
             monkeypatch.setattr(import_module(f"optiplan.{module}"), "core", built)
         monkeypatch.setattr(import_module("optiplan.collision.native_shapes"), "_made", {})
-        for kept in ("_shapes", "_links", "_hulls"):
-            monkeypatch.setattr(import_module("optiplan.collision.native_model"), kept, {})
+        monkeypatch.setattr(native_model, "_links", {})
+        for name in ("_link_shapes", "_clusters"):  # anew, by this build
+            monkeypatch.setattr(native_model, name, once_for_each_robot(getattr(native_model, name).__wrapped__))
         world = planning_model(native.robot, native.scene)
         assert isinstance(world, NativeCollisionModel)
         assert world.world is not None

@@ -12,7 +12,7 @@ from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler, ranked_goals
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
+from optiplan.planners.sampling.sample_path import SamplingOptions, path_check, sample_path
 from optiplan.problem.goals import GoalOptions, goal_residual
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.robot import load_robot
@@ -162,5 +162,5 @@ def test_many_joints_of_which_few_need_move(two_arms):
     around = replace(free, scene=Scene((post,)), goal=(JointGoal(bent),))
     model = CollisionModel(two_arms, around.scene)
     assert not MotionCheck(model, around.limits).free(around.start, bent)
-    path = sample_path(model, around.start, [bent], around.limits, SamplingOptions(Budget(20.0)))
+    path = sample_path(path_check(model, around.limits), around.start, [bent], SamplingOptions(Budget(20.0)))
     assert not path.waypoints[:, 20:].any()

@@ -32,8 +32,8 @@ def _cost(path):
     return float(path_time(path, _post()[0].limits.velocity).sum())
 
 
-def _improved(path, searches=30, seed=0, **more):
-    return improved_path(_post()[2], path, rrt_connect, Budget(20.0), np.random.default_rng(seed), searches, **more)
+def _improved(path, searches=30, seed=0):
+    return improved_path(_post()[2], path, rrt_connect, Budget(20.0), np.random.default_rng(seed), searches)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -58,12 +58,9 @@ def test_each_search_makes_a_path_no_dearer_and_the_seed_decides():
     assert not np.array_equal(_improved(AROUND, 8), _improved(AROUND, 8, seed=1))
 
 
-def test_nothing_is_searched_where_a_path_is_short_enough_or_the_budget_is_over():
-    assert np.array_equal(_improved(AROUND, enough=_cost(AROUND)), AROUND)
+def test_nothing_is_searched_where_the_budget_is_over():
     spent = improved_path(_post()[2], AROUND, rrt_connect, Budget(0.0), np.random.default_rng(0), 30)
     assert np.array_equal(spent, AROUND)
-    half = 0.5 * _cost(AROUND)
-    assert _cost(_improved(AROUND)) < _cost(_improved(AROUND, enough=half)) <= half
 
 
 def test_the_box_holds_what_a_path_in_that_time_can_pass():

@@ -13,7 +13,7 @@ from optiplan.planners.common.path_timing import timed_path
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import rrt_connect
-from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
+from optiplan.planners.sampling.sample_path import SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.search import Search
 from optiplan.planners.sampling.shortcutting import path_time, shorten
 from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
@@ -27,7 +27,7 @@ def sample(problem, goals=None, **options):
     model = CollisionModel(problem.robot, problem.scene)
     options = {"budget": Budget(20.0)} | options
     goals = [goal.q for goal in problem.goal] if goals is None else goals
-    return sample_path(model, problem.start, goals, problem.limits, SamplingOptions(**options))
+    return sample_path(path_check(model, problem.limits), problem.start, goals, SamplingOptions(**options))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -260,3 +260,11 @@ def test_a_stage_within_another_counts_for_itself_alone():
         time.sleep(0.05)
     assert watch.seconds["inner"] >= 0.05
     assert sum(watch.seconds.values()) <= time.perf_counter() - began
+
+
+def test_what_is_done_aside_counts_for_no_stage():
+    watch = Stopwatch()
+    with watch.stage("outer"), watch.aside():
+        time.sleep(0.05)
+    assert list(watch.seconds) == ["outer"]
+    assert watch.seconds["outer"] < 0.05

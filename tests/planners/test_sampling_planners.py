@@ -19,7 +19,7 @@ from optiplan.planners.sampling.ompl_search import search
 from optiplan.planners.sampling.ompl_space import SearchSpace, search_bounds
 from optiplan.planners.sampling.prm import Prm, PrmOptions, world_key
 from optiplan.planners.sampling.roadmap import Roadmap
-from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
+from optiplan.planners.sampling.sample_path import SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.search import SearchOptions
 from optiplan.planners.sampling.shortcutting import path_time, path_times
 from optiplan.planners.sampling.smoothing import smooth_path, spline_along
@@ -126,18 +126,30 @@ def test_more_effort_gives_a_shorter_path(kind):
 def test_anytime_planners_improve_on_the_first_path(kind, problems):
     """Among them `rrtstar` on the SRRA, whose wide joints leave a uniform sample little chance to help."""
     problem = load_problem(problems / "15_srra.yaml")
-    model, _ = checked(problem)
+    _, check = checked(problem)
     improving = partial(search, options=SEARCHES[kind])
     goals = [problem.goal[0].q]
     first, last = (
-        sample_path(
-            model, problem.start, goals, problem.limits, SamplingOptions(Budget(60.0), attempts=30, improve=how)
-        )
+        sample_path(check, problem.start, goals, SamplingOptions(Budget(60.0), attempts=30, improve=how))
         for how in (None, improving)
     )
     assert last.cost < 0.97 * first.cost
     assert last.info["states"] > first.info["states"]
     assert not last.info["cut_short"]
+
+
+def test_a_round_that_the_clock_ended_is_told_of():
+    """Though later rounds have time enough to end by themselves: in a second run the first may have it, too."""
+    problem, rounds = bar(), []
+
+    def improving(*arguments, patience):
+        rounds.append(search(*arguments, SEARCHES["bitstar"], patience=patience))
+        return replace(rounds[-1], cut_short=len(rounds) == 1)
+
+    _, check = checked(problem)
+    path = sample_path(check, problem.start, [problem.goal[0].q], SamplingOptions(Budget(60.0), improve=improving))
+    assert len(rounds) > 1
+    assert path.info["cut_short"]
 
 
 def test_most_of_the_budget_goes_to_improving_and_the_answer_says_so():
@@ -261,7 +273,9 @@ def test_smooth_path_is_free_keeps_its_ends_and_straight_lines():
     problem = cases.wall()
     model = CollisionModel(problem.robot, problem.scene)
     velocity = problem.limits.velocity
-    path = sample_path(model, problem.start, [cases.LEFT], problem.limits, SamplingOptions(Budget(30.0), seed=1))
+    path = sample_path(
+        path_check(model, problem.limits), problem.start, [cases.LEFT], SamplingOptions(Budget(30.0), seed=1)
+    )
     curve = smooth_path(model, path.waypoints, velocity, Budget(30.0))
     assert curve.start == pytest.approx(path.waypoints[0], abs=1e-12)
     assert curve.end == pytest.approx(path.waypoints[-1], abs=1e-12)
@@ -292,5 +306,5 @@ def test_any_search_serves_as_the_first_path():
     model = CollisionModel(problem.robot, problem.scene)
     for kind, how in SEARCHES.items():
         options = SamplingOptions(Budget(30.0), searcher=partial(search, options=how))
-        path = sample_path(model, problem.start, [problem.goal[0].q], problem.limits, options)
+        path = sample_path(path_check(model, problem.limits), problem.start, [problem.goal[0].q], options)
         assert polyline_contact(model, path.waypoints) is None, kind

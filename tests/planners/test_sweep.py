@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from optiplan._core import core
 from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.geometry.scene import Obstacle, Scene, Sphere
 from optiplan.planners.common.continuous_collision import contacts_along, first_contact, trajectory_curve
 from optiplan.trajectory.timing.stops import stop_at_corners
@@ -107,6 +109,27 @@ def test_agrees_with_dense_sampling():
         touching += seen
     assert free > 3
     assert touching > 3
+
+
+@pytest.mark.skipif(core is None, reason="the native core is not built")
+def test_the_core_finds_the_touches_that_coal_finds():
+    """It leaves out what is far all along some intervals, and stops at the first touch for who wants no more."""
+    robot, scene = cases.robot("panda"), cases.wall().scene
+    reference, native = CollisionModel(robot, scene), NativeCollisionModel(robot, scene)
+    rng = np.random.default_rng(4)
+    limits = robot.limits
+    stretches = []
+    for _ in range(30):
+        ends = rng.uniform(limits.lower, limits.upper, (3, 7))
+        ends[1:] = ends[0] + 0.4 * (ends[1:] - ends[0])
+        curve = stop_at_corners(ends, limits, robot.joint_names)
+        expected, found = (list(contacts_along(model, curve)) for model in (reference, native))
+        first = first_contact(native, curve)
+        assert [touch.t for touch in found] == pytest.approx([touch.t for touch in expected], abs=1e-9)
+        assert (first.t if first else None) == (found[0].t if found else None)
+        stretches.append(len(found))
+    assert 0 in stretches
+    assert max(stretches) > 1
 
 
 def test_curve_bounds_hold_within_each_interval():

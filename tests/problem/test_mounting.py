@@ -1,6 +1,8 @@
 """Where a robot stands, what pulls at it, and what it carries."""
 
+import gc
 import pickle
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +13,7 @@ import optiplan as op
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
 from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.mounting import Mounting
 from optiplan.robot.robot import load_robot
 from optiplan.verify.continuous.bodies import Bodies
@@ -176,9 +179,13 @@ def test_bodies_looked_at_once_are_placed_anew_for_another_base(name):
         one, other = Bodies(CollisionModel(mounted, wall)), Bodies(fresh)
         pairs = np.repeat(np.arange(len(one.pairs))[None], 3, axis=0).ravel()
         rows = np.repeat(np.arange(3), len(one.pairs))
-        along = rng.normal(size=(2, len(pairs), 3))
-        found = one.support(one.place(poses, rows, pairs), along)
-        assert found == pytest.approx(other.support(other.place(poses, rows, pairs), along), abs=1e-12)
+        along = rng.normal(size=(2 * len(pairs), 3))
+        found, expected = (
+            known.support(placed.bodies.ravel(), placed.poses.reshape(-1, 4, 4), along)
+            for known in (one, other)
+            for placed in [known.place(poses, rows, pairs)]
+        )
+        assert found == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -217,3 +224,27 @@ def test_what_was_put_together_by_hand_has_no_base_to_change():
     problem = replace(op.Problem(**UR5))
     with pytest.raises(op.InputError, match="put together by hand"):
         problem.with_gravity((0, 0, 0))
+
+
+def test_what_is_made_of_a_robot_alone_is_made_once_for_all_places():
+    made = []
+
+    @once_for_each_robot
+    def names(robot):
+        made.append(robot)
+        return list(robot.joint_names)
+
+    arm = load_robot("planar2r")
+    high = arm.mounted(Mounting(pin.SE3(np.eye(3), np.array([0.0, 0.0, 1.0]))))
+    assert names(high) is names(arm) is names(high.mounted(Mounting()))
+    assert made == [arm]
+    assert names(load_robot("ur5")) != names(arm)
+
+
+def test_what_is_made_of_a_robot_goes_with_it():
+    arm, numbers = replace(load_robot("planar2r")), once_for_each_robot(lambda robot: np.zeros(robot.n))
+    kept = weakref.ref(numbers(arm))
+    assert kept() is numbers(arm)
+    del arm
+    gc.collect()
+    assert kept() is None

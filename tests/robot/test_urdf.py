@@ -150,5 +150,15 @@ def test_broken_urdfs(tmp_path, content, words):
 def test_a_missing_urdf(tmp_path):
     path = write_robot(tmp_path, [])
     (tmp_path / "robot.urdf").unlink()
-    with pytest.raises(InputError, match="expected a readable URDF file"):
+    with pytest.raises(
+        InputError, match=r"robot\.yaml:\d+: urdf: 'robot\.urdf', but there is no file .*a readable URDF"
+    ):
+        load_robot(str(path))
+
+
+def test_a_missing_srdf(tmp_path):
+    path = write_robot(tmp_path, chain(joint("j", "a", "b")), "srdf: pairs.srdf\n")
+    with pytest.raises(
+        InputError, match=r"robot\.yaml:\d+: srdf: 'pairs\.srdf', but there is no file .*a readable SRDF"
+    ):
         load_robot(str(path))

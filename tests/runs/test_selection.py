@@ -12,7 +12,8 @@ from optiplan.planners.base import Budget, Candidate, Failure, PlanResult
 from optiplan.problem.problem import Problem
 from optiplan.runs import selection
 from optiplan.runs.pipeline import run
-from optiplan.runs.selection import best_verified
+from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
+from optiplan.runs.selection import Selection, best_verified
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
@@ -44,6 +45,15 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return durations
 
 
+def selected(problem: Problem, candidates: list[Candidate], budget: Budget) -> Selection:
+    """The selection where nothing was proved on the way."""
+    return best_verified(problem, candidates, budget, ProofsOnTheWay(problem, silent))
+
+
+def silent(stage: str, fraction: float) -> None:
+    """Progress that nobody wants to know."""
+
+
 def answers(trajectory: Trajectory, *factors: float) -> list[Candidate]:
     """The same path in several durations, a tenth of a second apart."""
     scaled = [trajectory.scaled(factor * trajectory.duration) for factor in factors]
@@ -52,7 +62,7 @@ def answers(trajectory: Trajectory, *factors: float) -> list[Candidate]:
 
 def test_the_favourite_is_the_answer_where_it_is_verified(problem: Problem, fastest: Trajectory) -> None:
     candidates = answers(fastest, 2.0, 1.5, 1.1)
-    chosen = best_verified(problem, candidates, Budget(60.0))
+    chosen = selected(problem, candidates, Budget(60.0))
     assert chosen.trajectory is candidates[-1].trajectory
     assert chosen.report.verified
     assert chosen.slowed == 1.0
@@ -63,7 +73,7 @@ def test_the_favourite_is_the_answer_where_it_is_verified(problem: Problem, fast
 def test_an_earlier_answer_stands_in_for_one_that_is_refused(problem: Problem, fastest: Trajectory) -> None:
     """Twice too fast: a tenth slower does not mend it."""
     candidates = answers(fastest, 1.5, 1.2, 0.5)
-    chosen = best_verified(problem, candidates, Budget(60.0))
+    chosen = selected(problem, candidates, Budget(60.0))
     assert chosen.trajectory is candidates[1].trajectory
     assert chosen.report.verified
     assert chosen.slowed == 1.0
@@ -74,7 +84,7 @@ def test_an_earlier_answer_stands_in_for_one_that_is_refused(problem: Problem, f
 def test_what_is_a_little_too_fast_is_slowed_as_little_as_does(
     problem: Problem, fastest: Trajectory, share: float, factor: float
 ) -> None:
-    chosen = best_verified(problem, answers(fastest, 2.0, share), Budget(60.0))
+    chosen = selected(problem, answers(fastest, 2.0, share), Budget(60.0))
     assert chosen.report.verified
     assert chosen.slowed == factor
     assert chosen.trajectory.duration == pytest.approx(share * factor * fastest.duration)
@@ -83,7 +93,7 @@ def test_what_is_a_little_too_fast_is_slowed_as_little_as_does(
 
 def test_slowing_stops_where_another_answer_is_as_fast(problem: Problem, fastest: Trajectory) -> None:
     candidates = answers(fastest, 1.001, 0.98)
-    chosen = best_verified(problem, candidates, Budget(60.0))
+    chosen = selected(problem, candidates, Budget(60.0))
     assert chosen.trajectory is candidates[0].trajectory
     assert chosen.slowed == 1.0
 
@@ -99,7 +109,7 @@ def test_too_much_torque_alone_is_slowed() -> None:
     weak = replace(free, limits=replace(free.limits, torque=limit))
     failed = {check.name for check in verify(weak, motion).checks if not check.passed}
     assert failed == {"torque"}
-    chosen = best_verified(weak, [Candidate(motion, 0.1)], Budget(60.0))
+    chosen = selected(weak, [Candidate(motion, 0.1)], Budget(60.0))
     assert chosen.report.verified
     assert 1.0 < chosen.slowed <= 1.1
 
@@ -117,7 +127,7 @@ def test_what_touches_is_not_slowed(asked: list[float]) -> None:
     ends = np.array([wall.start, wall.goal[0].q])
     through = stop_at_corners(ends, wall.limits, wall.robot.joint_names)
     fast = through.scaled(0.999 * through.duration)  # too fast as well: time alone would not mend it
-    chosen = best_verified(wall, [Candidate(through, 0.1), Candidate(fast, 0.2)], Budget(60.0))
+    chosen = selected(wall, [Candidate(through, 0.1), Candidate(fast, 0.2)], Budget(60.0))
     assert asked == [fast.duration, through.duration]
     assert not chosen.report.verified
     assert chosen.slowed == 1.0
@@ -128,7 +138,7 @@ def test_where_nothing_is_verified_the_favourite_and_its_report_are_the_answer(
     problem: Problem, fastest: Trajectory
 ) -> None:
     candidates = answers(fastest, 0.6, 0.5)
-    chosen = best_verified(problem, candidates, Budget(60.0))
+    chosen = selected(problem, candidates, Budget(60.0))
     assert chosen.trajectory is candidates[-1].trajectory
     assert not chosen.report.verified
     assert chosen.slowed == 1.0
@@ -138,24 +148,24 @@ def test_where_nothing_is_verified_the_favourite_and_its_report_are_the_answer(
 def test_without_time_only_the_favourite_is_looked_at(
     problem: Problem, fastest: Trajectory, asked: list[float]
 ) -> None:
-    best_verified(problem, answers(fastest, 1.2, 0.5), Budget(0.0))
+    selected(problem, answers(fastest, 1.2, 0.5), Budget(0.0))
     assert asked == [pytest.approx(0.5 * fastest.duration)]
     asked.clear()
-    chosen = best_verified(problem, answers(fastest, 1.5, 1.2), Budget(0.0))
+    chosen = selected(problem, answers(fastest, 1.5, 1.2), Budget(0.0))
     assert asked == [pytest.approx(1.2 * fastest.duration)]
     assert [duration for _, duration in chosen.improvements] == asked
 
 
 def test_without_candidates_there_is_no_selection(problem: Problem) -> None:
     with pytest.raises(ValueError, match="no candidates"):
-        best_verified(problem, [], Budget(1.0))
+        selected(problem, [], Budget(1.0))
 
 
 def test_improvements_come_later_and_later(problem: Problem, fastest: Trajectory) -> None:
     """Three answers at practically the same time: the proof of each takes longer than the next one was in coming."""
     scaled = [fastest.scaled(factor * fastest.duration) for factor in (2.0, 1.5, 1.1)]
     candidates = [Candidate(one, 0.1 + 1e-9 * place) for place, one in enumerate(scaled)]
-    chosen = best_verified(problem, candidates, Budget(60.0))
+    chosen = selected(problem, candidates, Budget(60.0))
     seconds = [when for when, _ in chosen.improvements]
     assert all(a < b for a, b in pairwise(seconds)), seconds
     assert chosen.improvements[-1][1] == candidates[-1].trajectory.duration
@@ -213,7 +223,7 @@ def test_what_is_too_fast_for_the_tool_is_slowed_as_far_as_the_constraint_asks(
     slow = reach.with_constraints({key: bound})
     fastest = stop_at_corners(np.array([reach.start, [-1.0, 0.3]]), reach.limits, reach.robot.joint_names)
     assert not verify(slow, fastest).verified
-    chosen = best_verified(slow, answers(fastest, 1.0), Budget(60.0))
+    chosen = selected(slow, answers(fastest, 1.0), Budget(60.0))
     assert chosen.report.verified
     (check,) = [check for check in chosen.report.checks if check.name.endswith("constraint")]
     assert check.worst > 0.9 * check.limit

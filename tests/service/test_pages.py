@@ -96,6 +96,27 @@ def test_the_goal_is_dragged_with_all_branches_as_ghosts(page, server):
         first = pose
 
 
+COVERED = """() => {
+  const [hint, joints] = ["hint", "joints"].map((id) => document.getElementById(id).getBoundingClientRect());
+  return hint.right > joints.left && hint.bottom > joints.top;
+}"""
+
+
+def test_the_hint_is_beside_the_joints(page, server):
+    open_studio(page, server)
+    page.wait_for_selector("#joints summary")
+    page.evaluate("document.getElementById('joints').open = true")
+    assert not page.evaluate(COVERED)
+
+
+def test_every_page_leads_to_the_others(page, server):
+    pages = {"/", "/studio", "/live", "/benches"}
+    for path in sorted(pages):
+        page.goto(server.url + path)
+        found = page.eval_on_selector_all("header nav a", "links => links.map((link) => new URL(link.href).pathname)")
+        assert pages - {path} <= set(found)
+
+
 STATED = """before => {
   const at = optiplanStudio.state.problem.scene.obstacles.find((one) => one.name === "ball").pose.position;
   return Math.hypot(...at.map((x, k) => x - before[k])) > 0.01;

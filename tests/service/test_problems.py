@@ -100,6 +100,21 @@ def test_broken_bodies_are_refused(server, body):
     assert answer.json()["error"]
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"problem": 5}, "body.problem.str: 5; expected text"),
+        ({}, "body.problem: nothing; expected this key, which is required"),
+        ({"problem": QUICK, "budget": "soon"}, "body.budget: 'soon'; expected a number"),
+        ({"problem": QUICK, "speed": 5}, "body.speed: 5; expected no such key"),
+    ],
+)
+def test_what_does_not_fit_is_told_in_our_words(server, given, words):
+    answer = server.http.post("/api/runs", json=given)
+    assert answer.status_code == 422
+    assert words in answer.json()["error"]
+
+
 @pytest.mark.parametrize("text", ["NaN", "Infinity", '"\\ud800"', '"\\u0000"', '{"a": 1e999}'])
 def test_values_that_are_no_json_are_refused(server, text):
     body = f'{{"problem": {{"robot": {text}}}}}'

@@ -5,17 +5,14 @@ import io
 import json
 import time
 import zipfile
-from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from optiplan.api.planning import plan
 from optiplan.problem.load import load_problem
 from optiplan.runs.run_folder import load_run
 from optiplan.runs.stored_verdict import judged
-from optiplan.service.execution.incumbents import ProvedIncumbents
 from tests.service.conftest import NO_WAY, QUICK
 
 
@@ -110,18 +107,6 @@ def test_best_so_far_is_verified_and_ends_with_the_answer(server, problems, plan
     assert [event["duration"] for event in again if event["type"] == "best"] == best, "who comes late sees it too"
     assert again[-1] == {"type": "end", "status": "done", "verified": True}
     assert sum(event["type"] == "end" for event in again) == 1
-
-
-def test_motions_that_the_verifier_refuses_are_not_told(problems):
-    problem = load_problem(problems / "01_reach.yaml")
-    trajectory, heard = plan(problem, planner="rrtconnect").trajectory, []
-    told = ProvedIncumbents(problem, SimpleNamespace(best=lambda seconds, duration: heard.append(duration)))
-    told.found(trajectory.scaled(0.1), 0.0)
-    assert heard == []
-    told = ProvedIncumbents(problem, SimpleNamespace(best=lambda seconds, duration: heard.append(duration)))
-    told.found(trajectory, 0.0)
-    told.rest([(1e3, trajectory.duration), (2e3, 0.5)])
-    assert heard == [trajectory.duration, 0.5]
 
 
 def test_a_running_run_is_cancelled_within_a_second(server):

@@ -71,10 +71,12 @@ def test_approach_bounds_the_gap_over_the_whole_interval(model, panda, seed, wid
     placed = bodies.place(poses, rows, pairs)
     asked_of = PairDistances(model, bodies)
     found = asked_of.query(pairs, placed)
-    near = Motion(bodies).separation_rate(
-        b, DistanceQuery(rows, pairs, placed, *bodies.kinematics.axes(poses)), found.normals
-    )
-    low = np.maximum(found.bound - near.travel, near.linear - near.curvature_loss)
+    motion, query = Motion(bodies), DistanceQuery(rows, pairs, placed, *bodies.kinematics.axes(poses))
+    travel = motion.travel(b, query)
+    chosen = np.flatnonzero(rng.random(len(pairs)) < 0.7)
+    near = motion.along_normals(b, query, travel, found.normals, chosen)
+    low = found.bound - travel.total
+    low[chosen] = np.maximum(low[chosen], near.linear - near.curvature_loss)
     for t in np.linspace(0.0, trajectory.breakpoints[1], 9):
         q = trajectory(np.array([t]))
         later = bodies.place(bodies.kinematics.poses(q), rows, pairs)

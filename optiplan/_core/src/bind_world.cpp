@@ -63,7 +63,7 @@ static World make_world(const Tree &tree, const std::vector<Body> &bodies, const
             expect(body >= 0 && body < count && bodies[body].joint == hull.joint, "members are bodies on their hull's joint");
         together.push_back({hull, members});
     }
-    return World(tree, bodies, found, std::move(together));
+    return World(tree, bodies, found, together);
 }
 
 static nb::ndarray<nb::numpy, double> poses(const Tree &tree, const Matrix &Q) {
@@ -122,13 +122,13 @@ static nb::tuple near(const World &world, const Matrix &Q, double cutoff) {
     {
         nb::gil_scoped_release release;
         Placement at = world.placement();
-        Trail trail;
+        Trail trail = world.trail();
         for (std::size_t row = 0; row < Q.shape(0); ++row) {
             world.place_outside(Q.data() + row * n, at);
             const std::size_t before = found.size();
             world.near(at, static_cast<int>(row), cutoff, found, trail);
             slopes.resize(found.size() * n);
-            for (std::size_t k = before; k < found.size(); ++k) world.gradient(at, found[k], slopes.data() + k * n);
+            for (std::size_t k = before; k < found.size(); ++k) world.gradient(at.joints.data(), found[k], slopes.data() + k * n);
         }
     }
     return contacts_as_arrays(world, found, std::move(slopes));
@@ -141,7 +141,7 @@ static nb::object nearest(const World &world, const Matrix &Q) {
     const Contact contact = world.nearest(at);
     if (contact.pair < 0) return nb::none();
     std::vector<double> slope(Q.shape(1));
-    world.gradient(at, contact, slope.data());
+    world.gradient(at.joints.data(), contact, slope.data());
     return contacts_as_arrays(world, {contact}, std::move(slope));
 }
 
@@ -163,7 +163,7 @@ static nb::ndarray<nb::numpy, double> gradients(const World &world, const Matrix
         placed = row;
         const double *p = points.data() + 6 * k;
         const Contact contact{0, static_cast<int>(pair), {0.0, vec3_at(p), vec3_at(p + 3), vec3_at(normals.data() + 3 * k)}};
-        world.gradient(at, contact, out.data() + k * n);
+        world.gradient(at.joints.data(), contact, out.data() + k * n);
     }
     return to_numpy(std::move(out), {count, n});
 }

@@ -29,7 +29,7 @@ def export(
     The motion is verified again first; one that is not is written with --unverified only. Told is how far a controller
     is from the proved motion that puts straight lines, cubic or quintic polynomials between the samples.
     A picture (png) is of the page half-way, a film (mp4) of the scene; they need chromium and the extra
-    `optiplan[pictures]`, a film also ffmpeg.
+    `pictures`, a film also ffmpeg.
 
     [bold]Examples[/]
 
@@ -65,7 +65,10 @@ def export(
         _draw(run, path, to, stored.trajectory.duration)
         results().print(f"written: {path}", markup=False, soft_wrap=True)
         return Exit.VERIFIED if stored.verified else Exit.NOT_VERIFIED
-    written = stored.export(out or folder / f"motion{FORMATS[to].suffixes[0]}", to, rate, cyclic=cyclic)
+    try:
+        written = stored.export(out or folder / f"motion{FORMATS[to].suffixes[0]}", to, rate, cyclic=cyclic)
+    except InputError as error:
+        raise error.about("op.Run.export", "optiplan export") from None
     errors = ", ".join(f"{key} {error:.2g}" for key, error in written.errors.items())
     verdict = "verified" if stored.verified else "NOT verified"
     told = [

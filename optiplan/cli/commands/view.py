@@ -30,7 +30,7 @@ def view(
     Several runs play together, in turn or side by side; of different problems each with its own obstacles.
 
     An exported page needs no network and no OptiPlan; `#t=0.6&paused` behind its address shows one instant.
-    Pictures and films need chromium and the extra `optiplan[pictures]`, FILE.mp4 also ffmpeg.
+    Pictures and films need chromium and the extra `pictures`, FILE.mp4 also ffmpeg.
 
     [bold]Examples[/]
 

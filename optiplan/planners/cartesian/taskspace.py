@@ -31,7 +31,7 @@ from optiplan.planners.common.limit_violations import beyond_limits, excess
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.common.region_poses import single_ends, with_poses
 from optiplan.planners.option_schema import PlannerOptions, option
-from optiplan.planners.sampling.sample_path import SamplingOptions, sample_path
+from optiplan.planners.sampling.sample_path import SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.shrunk_obstacles import thinned
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.robot.limits import ORDERS
@@ -149,7 +149,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         problem = work.problem
         model = planning_model(problem.robot, thinned(problem.scene, -room)) if room > 0.0 else work.model
         options = SamplingOptions(work.budget.share(_SEARCH), seed=seed)
-        found = sample_path(model, problem.start, goals, problem.limits, options)
+        found = sample_path(path_check(model, problem.limits), problem.start, goals, options)
         return found if isinstance(found, Failure) else found.waypoints
 
     def _attempt(self, work: Work, goal: JointGoal | PoseGoal, lead: "_Lead | None" = None) -> Trajectory | Failure:

@@ -12,7 +12,8 @@ import numpy as np
 
 from optiplan._core import core
 from optiplan.arrays import Array, Index
-from optiplan.collision.model import CollisionModel, Contact
+from optiplan.collision.contacts import Contact
+from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.planners.common.failures import contact_witness
@@ -31,6 +32,7 @@ _MOST_CUTS = 12
 _FIRST_STEP = 0.1  # rad or m, summed over joints: length of the initial intervals
 _RESOLUTION = 1e-6  # s
 _CHUNK = 256  # intervals proved together: bounds the memory
+_LOOK = 24  # intervals looked at together: who asks for the first contact only need not wait for the others
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +104,13 @@ def _natively(
     rules = np.array([_FIRST_STEP, _MARGIN, _RESOLUTION, _MOST_CUTS])
     edges, coefficients = trajectory.breakpoints, np.ascontiguousarray(trajectory.coefficients)
     sweep = core.Sweep(world, np.ascontiguousarray(edges), coefficients, rules)
-    parts = [(k, min(k + _CHUNK, sweep.intervals)) for k in range(0, sweep.intervals, _CHUNK)]
-    seen = False
-    for look in (sweep.look, sweep.prove):
-        for part in parts:
+    count, seen = sweep.intervals, False
+    for look, step in ((sweep.look, _LOOK), (sweep.prove, _CHUNK)):
+        for begin in range(0, count, step):
             if stop():
                 yield from _touches(model, trajectory, float(edges[0]), None, stopped=True)
                 return
-            for found in look(*part):
+            for found in look(begin, min(begin + step, count)):
                 t, pair = found if isinstance(found, tuple) else (found, None)
                 for touch in _touches(model, trajectory, t, pair):
                     seen = True

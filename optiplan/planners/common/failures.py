@@ -6,7 +6,8 @@ from typing import Any, Literal
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.model import CollisionModel, Contact
+from optiplan.collision.contacts import Contact
+from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, FailureKind
 from optiplan.planners.common.gravity import Gravity
 from optiplan.robot.robot import Limits, Robot

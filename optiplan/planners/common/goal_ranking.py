@@ -58,7 +58,7 @@ def goal_sampler(
     if gravity.too_much(problem.start):
         return end_too_heavy(gravity, problem.start[None], "start")
     options = GoalOptions(count, stop=lambda: budget.over)
-    sampler = GoalSampler(problem, model, problem.seed, options, nearer)
+    sampler = GoalSampler(problem, model, problem.seed, options, nearer, gravity)
     looking = budget.share(_LOOKING)
     while not sampler.configurations and sampler.reachable and not sampler.complete and not looking.over:
         sampler.more(1, lambda: looking.over)
@@ -80,18 +80,19 @@ class GoalSampler:
         failure: why no initial configuration was found; None if one was.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         problem: Problem,
         model: CollisionModel,
         seed: int,
         options: GoalOptions | None = None,
         nearer: bool = True,
+        gravity: Gravity | None = None,
     ) -> None:
         """Find the first configurations; with `nearer` also those moved towards the start."""
         options = options or GoalOptions()
         self._problem, self._model = problem, model
-        self._gravity = Gravity(problem.robot, problem.limits.torque)
+        self._gravity = gravity or Gravity(problem.robot, problem.limits.torque)
         self._rng = np.random.default_rng(seed)
         poses = [goal for goal in problem.goal if not isinstance(goal, JointGoal)]
         self._nearer = [NearerEnds(problem, goal) for goal in poses] if nearer else []

@@ -9,7 +9,7 @@ import numpy as np
 
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.problem.problem import Problem
@@ -39,7 +39,7 @@ def among_moving(planner: Planner[Any], problem: Problem, budget: Budget, progre
 
     A robot that moves at the start cannot wait, nor one that moves at either end be slowed down.
     """
-    found = planner.plan(without_moving(problem), budget.share(_STATIC), progress)
+    found = planner.plan(without_moving(problem), budget.share(_STATIC), stages_of(progress))
     if found.trajectory is None:
         return found
     motions = [*(one.trajectory for one in reversed(found.earlier)), found.trajectory][::-1]

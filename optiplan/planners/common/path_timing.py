@@ -47,6 +47,8 @@ def stopping(robot: Robot, limits: Limits, waypoints: Array) -> Trajectory | Non
 def within_torque(robot: Robot, limits: Limits, trajectory: Trajectory) -> Trajectory | None:
     """Return the trajectory, slowed down where its torques require it; None where gravity alone exceeds the limits."""
     slower = torque_scale(robot, limits.torque, trajectory)
+    if slower == 1.0:
+        return trajectory
     return trajectory.scaled(trajectory.duration * slower) if np.isfinite(slower) else None
 
 

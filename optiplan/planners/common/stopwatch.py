@@ -11,13 +11,24 @@ class Stopwatch:
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
+        self._counted = 0.0
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Add the time spent inside to `name`, without that of nested stages, which is added to theirs."""
-        begin, before = clock(), sum(self.seconds.values())
+        begin, before = clock(), self._counted
         try:
             yield
         finally:
-            within = sum(self.seconds.values()) - before
-            self.seconds[name] = self.seconds.get(name, 0.0) + clock() - begin - within
+            own = clock() - begin - (self._counted - before)
+            self.seconds[name] = self.seconds.get(name, 0.0) + own
+            self._counted += own
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Add the time spent inside to no stage."""
+        begin = clock()
+        try:
+            yield
+        finally:
+            self._counted += clock() - begin

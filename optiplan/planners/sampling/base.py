@@ -13,7 +13,7 @@ from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.planners.sampling.constrained.planner import ConstrainedSearch, plan_constrained
 from optiplan.planners.sampling.ompl_search import rrt_connect
-from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, sample_path
+from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.search import Searcher
 from optiplan.planners.sampling.smoothing import smooth_path
 from optiplan.problem.problem import Problem
@@ -83,7 +83,7 @@ def plan_sampled(task: PlanTask, options: SampledOptions, how: How) -> PlanResul
         more_goals=sampler.more,
     )
     with watch.stage("sampling"):
-        path = sample_path(model, problem.start, goals, problem.limits, sampling)
+        path = sample_path(path_check(model, problem.limits), problem.start, goals, sampling)
     if isinstance(path, Failure):
         return PlanResult(None, path, watch.seconds)
     task.progress("timing", 0.7)

@@ -23,7 +23,6 @@ def improved_path(  # noqa: PLR0913
     budget: Budget,
     rng: np.random.Generator,
     searches: int,
-    enough: float = 0.0,
 ) -> Array:
     """Return a path (m, n) with the same ends as `waypoints` (k, n), at no higher cost.
 
@@ -39,12 +38,11 @@ def improved_path(  # noqa: PLR0913
         budget: once it is over, the path so far is returned.
         rng: of the points and searches.
         searches: made at most.
-        enough: cost of a path, s, at which it is short enough.
     """
     path, velocity, stale = waypoints, check.limits.velocity, 0
     cost = float(path_time(path, velocity).sum())
     for _ in range(searches):
-        if len(path) == 2 or stale >= _STALE or cost <= enough or budget.over:
+        if len(path) == 2 or stale >= _STALE or budget.over:
             break
         path = _with_new_piece(check, path, searcher, budget, rng)
         before, cost = cost, float(path_time(path, velocity).sum())

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.model import CollisionModel, Contact
+from optiplan.collision.contacts import Contact
+from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import contact_witness, end_collides, out_of_time
 from optiplan.planners.common.gravity import Gravity
@@ -46,6 +47,8 @@ class SamplingOptions:
             is the native core's there is no such turn: the first searcher gets out of narrow places by itself there.
         detour: the first round samples only configurations through which a path can take at most this factor of
             the straight line's time; infinite: everywhere.
+        longest: time at full speed, s, that paths of later rounds may take: they sample only configurations through
+            which such a one can pass.
         improve: searcher for shorter paths, each time where only such can pass, until it gains nothing more.
         more_goals: returns up to this many new goals between rounds; polls its second argument.
         relaxed: third searcher, in later rounds; None: none.
@@ -59,6 +62,7 @@ class SamplingOptions:
     searcher: Searcher = rrt_connect
     alternate: Searcher | None = kpiece
     detour: float = 2.0
+    longest: float = np.inf
     improve: Searcher | None = None
     more_goals: Callable[[int, Callable[[], bool]], list[Array]] = field(default=lambda count, stop: [])
     relaxed: Searcher | None = None
@@ -84,22 +88,23 @@ class SampledPath:
 
 
 def sample_path(
-    model: CollisionModel, start: Array, goals: list[Array], limits: Limits, options: SamplingOptions
+    check: MotionCheck, start: Array, goals: list[Array], options: SamplingOptions
 ) -> SampledPath | Failure:
     """Connect start (n,) with one of the goals (n,): straight ahead with the first where that is free, else by search.
 
     A straight line to another goal that is free is the answer unless the search, for which it leaves a third of the
-    budget, finds a shorter path. Same arguments give the same path, unless the budget cut the work short.
+    budget, finds a shorter path. Same arguments give the same path, unless the budget cut the work short. `check` is
+    made by `path_check`, once for all searches among the same obstacles.
 
     Failure kinds: `start-in-collision`, `goal-in-collision`, `no-path`, `cancelled`; the witness of `no-path` is where
     the two trees came nearest.
     """
+    model, limits = check.model, check.limits
     free_goals = np.array([q for q in goals if not model.collides(q)])
     if model.collides(start):
         return end_collides(model, start, "start")
     if not len(free_goals):
         return end_collides(model, goals[0], "goal")
-    check = path_check(model, limits)
     straight = next((np.array([start, q]) for q in free_goals if check.free(start, q)), None)
     if straight is not None and np.array_equal(straight[-1], free_goals[0]):
         path, info = straight, {"states": 0, "cut_short": False}
@@ -126,7 +131,7 @@ def sample_path(
 
 
 def path_check(model: CollisionModel, limits: Limits) -> MotionCheck:
-    """Return what proves the edges of paths."""
+    """Return what proves the edges of paths for `sample_path`."""
     return MotionCheck(model, limits, Gravity(model.robot, limits.torque, _RESERVE))
 
 
@@ -153,6 +158,9 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
             found = _near_the_ends(check, (start, goals), options.detour * straight, options, seed)
         else:
             searcher, measure, patience = next(schedule)
+            if np.isfinite(options.longest):
+                box = box_of_paths(start, goals, np.full(len(goals), options.longest), measure.limits)
+                measure = PartialCheck(measure, start, np.ones(len(start), dtype=bool), box)
             found = searcher(measure, (start, goals), options.budget, seed, patience=patience)
         if not found.impatient or options.budget.over:
             return found
@@ -192,7 +200,7 @@ def _improved(
     They end when `_STALE` of them in a row have gained less than 1 %, or most of the budget is gone.
     """
     velocity, (start, goals) = check.limits.velocity, ends
-    late, stale, states = options.budget.share(_IMPROVING), 0, 0
+    late, stale, states, cut_short = options.budget.share(_IMPROVING), 0, 0, False
     cost = float(path_time(path, velocity).sum())
     while stale < _STALE and not late.over:
         within = goals[path_times(np.broadcast_to(start, goals.shape), goals, velocity) <= cost]
@@ -201,12 +209,12 @@ def _improved(
             break
         each = np.full(len(within), cost)
         found = _near_the_ends(check, (start, within), each, replace(options, budget=late), seed)
-        states += sum(found.sizes)
+        states, cut_short = states + sum(found.sizes), cut_short or found.cut_short
         shorter = _shorter(check, [path, found.path], draws, options.budget)
         gained = cost - float(path_time(shorter, velocity).sum())
         stale = stale + 1 if gained < _GAIN * cost else 0
         path, cost = shorter, cost - gained
-    return path, {"states": states, "cut_short": late.over}
+    return path, {"states": states, "cut_short": cut_short or late.over}
 
 
 def _near_the_ends(check: MotionCheck, ends: Ends, longest: Array, options: SamplingOptions, seed: int) -> Search:

@@ -46,6 +46,16 @@ def bunched_basis(spans: int, bunching: float, open_end: bool) -> "SplineBasis":
     return SplineBasis(bunched_breakpoints(spans, bunching), open_end)
 
 
+@lru_cache(maxsize=48)
+def _matrix(basis: "SplineBasis", order: int, instants: bytes) -> Array:
+    """Return the matrix of `SplineBasis.at` at instants, as bytes of an array of float64."""
+    knots = basis.knots[order : len(basis.knots) - order]
+    u = np.clip(np.frombuffer(instants), 0.0, 1.0)
+    matrix = np.asarray(basis_functions(u, knots, DEGREE - order) @ basis.derivative[order])
+    matrix.flags.writeable = False
+    return matrix
+
+
 class SplineBasis:
     """Matrices that take control points C (K, n) to samples and to derivative control points.
 
@@ -109,10 +119,11 @@ class SplineBasis:
         return np.asarray((sums[0] + sums[1] + 0.5 * (sums[2] + sums[2].T)) / 3.0)
 
     def at(self, u: Array, order: int = 0) -> Array:
-        """Matrix (N, K) that takes C to the derivative of an order (0 to 2) with respect to u, at u (N,)."""
-        degree = DEGREE - order
-        knots = self.knots[order : len(self.knots) - order]
-        return np.asarray(basis_functions(np.clip(u, 0.0, 1.0), knots, degree) @ self.derivative[order])
+        """Matrix (N, K), read-only, that takes C to the derivative of an order (0 to 2) by u, at u (N,).
+
+        The latest are kept: every curve is asked at the same instants.
+        """
+        return _matrix(self, order, np.asarray(u, float).tobytes())
 
     def ends(self, start: Array, end: Array) -> Array:
         """Control points (6, n), three at each end, of q, dq/du and d²q/du² there: `start` and `end`, (3, n) each."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from optiplan.libraries import clock
 from optiplan.planners.base import Candidate, Progress, announce
+from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.trajopt.optimizer import Attempt
 from optiplan.problem.problem import Problem
@@ -26,6 +27,7 @@ class Incumbent:
         progress: is told of each better motion.
         info: record of the run; says in `fallback` that the best motion was not optimised.
         began: of the run, by `libraries.clock`, s.
+        watch: of its stages; being told of a motion is part of none.
         candidates: the best motion and those before it, the best last.
         cost: of the best one; infinite where there is none.
         curve: the best optimised one; None where there is none.
@@ -38,6 +40,7 @@ class Incumbent:
     progress: Progress
     info: dict[str, Any]
     began: float
+    watch: Stopwatch
     candidates: list[Candidate] = field(default_factory=list)
     cost: float = np.inf
     curve: Attempt | None = None
@@ -55,6 +58,12 @@ class Incumbent:
         """Return a lower bound on the cost of motions of at least this duration, s."""
         return self.problem.objective.time * duration
 
+    @property
+    def longest(self) -> float:
+        """Return the duration, s, from which on a motion costs more than the best one; infinite without one."""
+        time = self.problem.objective.time
+        return self.cost / time if time > 0.0 else np.inf
+
     def bounded(self, soonest: float) -> None:
         """Take a lower bound on the durations of all motions, s."""
         self.bound, self.soonest = self.cost_bound(soonest), soonest
@@ -71,7 +80,8 @@ class Incumbent:
         self.cost = cost
         self.info.pop("fallback", None)
         self.candidates.append(Candidate(trajectory, clock() - self.began))
-        announce(self.progress, trajectory, self.soonest)
+        with self.watch.aside():
+            announce(self.progress, trajectory, self.soonest)
         if attempt is not None:
             self.curve = attempt
         return True

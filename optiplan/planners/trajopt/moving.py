@@ -8,7 +8,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.libraries import clock
-from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce
+from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce, stages_of
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import ranked_goals
@@ -139,7 +139,7 @@ class _MovingRun:
             return replace(failure, detail=f"no curve was found, and a run-up is no way in: {failure.detail}")
         still = replace(problem, goal=tuple(goals)).with_start(problem.start if stop is None else stop.end)
         with self.watch.stage("from rest to rest"):
-            found = self.planner.plan(still, self.budget.share(_DETOUR), self.progress)
+            found = self.planner.plan(still, self.budget.share(_DETOUR), stages_of(self.progress))
         if found.trajectory is None:
             return found.failure
         run_up = next((one for q, one in run_ups if np.abs(q - found.trajectory.end).max() < 1e-6), None)
@@ -190,7 +190,8 @@ class _MovingRun:
             return False
         self.best = cost
         self.candidates.append(Candidate(trajectory, clock() - self.began))
-        announce(self.progress, trajectory)
+        with self.watch.aside():
+            announce(self.progress, trajectory)
         return True
 
     def _worth(self) -> bool:

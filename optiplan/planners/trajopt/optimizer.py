@@ -135,7 +135,7 @@ class Optimiser:
             first: called with the first curve that is free.
             late: called once, between two steps, where no curve is free after the first few of them.
         """
-        control = self._within_limits(control)
+        control = self.within_limits(control)
         terms = self.constraint_terms.begin() + (() if self.end is None else self.end.terms)
         descender, u = self.descender(control, margin, terms), self.instants(control)
         iterations, attempt, self.log = 0, None, NOTHING
@@ -183,7 +183,7 @@ class Optimiser:
             u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
         return attempt
 
-    def _within_limits(self, control: Array) -> Array:
+    def within_limits(self, control: Array) -> Array:
         """Return control points (K, n) within the position limits, which a curve fitted to a path may exceed."""
         held, free = control.copy(), self.basis.free
         held[free] = np.clip(control[free], self.problem.limits.lower, self.problem.limits.upper)
@@ -202,9 +202,9 @@ class Optimiser:
         touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
         return Attempt(control, trajectory, touches, tuple(self.constraints.broken(trajectory)))
 
-    def instants(self, control: Array) -> Array:
-        """Return the samples of a curve to begin with."""
-        u = _instants(self.basis, max(self.options.samples, int(self._length(control) / SPACING)))
+    def instants(self, control: Array, spacing: float = SPACING) -> Array:
+        """Return the samples of a curve to begin with, at most about `spacing`, m, from one to the next."""
+        u = _instants(self.basis, max(self.options.samples, int(self._length(control) / spacing)))
         return np.concatenate([u, self.constraints.instants, [] if self.end is None else [1.0]])
 
     def descender(self, control: Array, margin: float | None = None, terms: Sequence[Term] = ()) -> Descender:

@@ -1,7 +1,7 @@
 """Sampled paths for `trajopt`: the searches, and the motions along a path that is not optimised."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,11 +14,11 @@ from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.common.path_timing import stopping, timed_path
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.constrained.seeds import ConstrainedSeeds
-from optiplan.planners.sampling.local_searches import improved_path
+from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
-from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
+from optiplan.planners.trajopt.coarse_descents import CoarseDescents, Way
 from optiplan.planners.trajopt.incumbent import Incumbent
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
@@ -29,18 +29,24 @@ _QUICK, _ROUNDS = 0.065, 2
 """Work, s, that a search may take that a late straight line waits for, and rounds that it makes in it: for a first
 motion, not for a hard problem."""
 
-_LOCAL = 30
-"""Local searches that improve a path before it is optimised."""
+_COMPARED = 3
+"""Paths that are compared before one of them is optimised."""
+
+_SHORTCUTS, _FIRST_SHORTCUTS = 60, 120
+"""Shortcuts of a path that a coarse curve descends from, and of one that is itself a motion."""
 
 _DEPTHS = 0.015, 0.005, 0.0
 """Thickness, m, by which obstacles are thinner there on all sides, of which the optimiser moves a path out; the next
 one where that has led to nothing."""
 
+_HARD = 2
+"""Attempts between thinner obstacles after which a first motion is looked for between the real ones."""
+
+_FIRST = 0.15
+"""Work, s, of a search between thinner obstacles for a first motion."""
+
 _ONE = 0.3
 """Work, s, of a search while there is a motion, and twice that for each such search in vain."""
-
-_NO_BETTER = 1.15
-"""Cost of a path in bounds on all motions, at which no cheaper one is looked for: corners and rounding take as much."""
 
 _SEARCH, _FIRST_SEARCH = 0.5, 0.8
 """Share of what is left of the budget that one search for a path may take; while there is no motion at all."""
@@ -57,10 +63,11 @@ class PathSearch:
         patience: counts the work of searches, and says when they stop being worth it.
         incumbent: takes the motions along paths.
         watch: of the run.
+        coarse: descents that tell what paths lead to.
         searches: begun so far.
         begun: rounds that the next search leaves out, since they have just been made in vain.
         found: while a line was being optimised, and not optimised itself yet.
-        depth: number of the thickness by which obstacles are thinner in the next search, once there is a motion.
+        depth: number of the thickness by which obstacles are thinner in the next search between thinner ones.
         in_vain: searches since then that found no path.
     """
 
@@ -70,12 +77,14 @@ class PathSearch:
     patience: Patience
     incumbent: Incumbent
     watch: Stopwatch
+    coarse: CoarseDescents
     searches: int = 0
     found: SampledPath | None = None
     begun: int = 0
     depth: int = 0
     in_vain: int = 0
-    _models: dict[float, CollisionModel] = field(default_factory=dict)
+    _ways: list[Way] = field(default_factory=list)
+    _checks: dict[float, MotionCheck] = field(default_factory=dict)
     _on_constraints: ConstrainedSeeds = field(init=False)
 
     def __post_init__(self) -> None:
@@ -93,54 +102,68 @@ class PathSearch:
         """Look for a path for a short while if there is no motion, and offer it with a stop at every corner."""
         if self.incumbent.candidates or self.searches or self._on_constraints.apply:
             return
-        path = self._sample(sampler, self.model, self.patience.seconds + _QUICK, None)
+        path = self._sample(sampler, self._check(), self.patience.seconds + _QUICK, None)
         if isinstance(path, SampledPath):
             self.found = path
         else:
             self.begun = _ROUNDS
 
-    def next(self, sampler: GoalSampler, repair: Callable[[Array], Array | None]) -> SampledPath | Failure:
-        """Return the next path to optimise; `repair` as in `through_thinner`.
+    def next(self, sampler: GoalSampler, repair: Callable[[Array], Array | None]) -> Way | Failure:
+        """Return the next way to optimise; `repair` as in `through_thinner`.
 
-        It is improved by local searches first, since a path's cost tells much of what it can be optimised to, and they
-        take less time than a descent from a long path. Once there is a motion they look between thinner obstacles,
-        where there are more ways and searches are shorter; between thicker ones where that has just led to nothing.
-        Searches end where they stop being worth their work.
+        Once there is a motion, several paths are sampled between thinner obstacles, where there are more ways and
+        searches are shorter, and between thicker ones where that has just led to nothing. A coarse curve descends from
+        each, and the way that promises the shortest motion comes first; the others wait for their turn. Where a short
+        search for a first motion was in vain, it is looked for there, too, a path at a time, before a longer one is
+        made. Searches end where they stop being worth their work.
         """
         found, self.found = self.found, None
-        if found is None and (self._on_constraints.apply or not self.incumbent.candidates):
-            path = self._sample(sampler, self.model, self.patience.seconds + self._worth, repair)
-            if isinstance(path, Failure) or not self.incumbent.candidates or self._on_constraints.apply:
+        constrained, none = self._on_constraints.apply, not self.incumbent.candidates
+        if found is None and none and not constrained and self.searches and self.depth < _HARD:
+            way = self._compared(sampler, None, 1)
+            if isinstance(way, Way):
+                return way
+            self.depth = _HARD
+        if found is None and (constrained or none):
+            path = self._sample(sampler, self._check(), self.patience.seconds + self._worth, repair)
+            if isinstance(path, Failure):
                 return path
+            if constrained or self.incumbent.curve is not None or not self.incumbent.candidates:
+                return Way(path)
             found = path
-        while _DEPTHS[self.depth]:
-            path = self._improved(sampler, self._thinner(_DEPTHS[self.depth]), found)
-            if isinstance(path, Failure) or len(path.waypoints) > 2:
-                return path
-            self.depth += 1
-        return self._improved(sampler, self.model, found)
+        return self._compared(sampler, found, _COMPARED)
 
     def tell(self, free: bool) -> None:
-        """Take to account whether the last path was optimised to one that is free."""
+        """Take to account whether the last way was optimised to one that is free."""
         self.depth = 0 if free else (self.depth + 1) % len(_DEPTHS)
+        if not free:
+            self._ways.clear()
 
-    def _improved(
-        self, sampler: GoalSampler, model: CollisionModel, found: SampledPath | None
-    ) -> SampledPath | Failure:
-        """Return `found`, or else a path that is sampled, improved by local searches."""
-        began, incumbent = self.patience.seconds, self.incumbent
-        path = found or self._sample(sampler, model, began + min(self._worth, _ONE * 2.0**self.in_vain), None)
-        if isinstance(path, Failure):
-            self.depth, self.in_vain = 0, self.in_vain + 1
-            return path
-        with self.watch.stage("sampling"):
-            check = path_check(model, self.problem.limits)
-            searcher = counted(rrt_connect, self.patience, began + self._worth)
-            rng = np.random.default_rng(self.problem.seed + 1000 * self.searches)
-            enough = _NO_BETTER * incumbent.soonest
-            waypoints = improved_path(check, path.waypoints, searcher, self.budget, rng, _LOCAL, enough)
-        cost = float(path_time(waypoints, self.problem.limits.velocity).sum())
-        return replace(path, waypoints=waypoints, cost=cost)
+    def _compared(self, sampler: GoalSampler, found: SampledPath | None, count: int) -> Way | Failure:
+        """Compare `found` and paths sampled anew by coarse descents; return the best way not optimised yet."""
+        best = self.incumbent.cost if self.incumbent.curve is not None else np.inf
+        failure = Failure("no-path", "the curves along all paths stay in obstacles")
+        for _ in range(count):
+            path, found = found or self._another(sampler), None
+            if isinstance(path, Failure):
+                failure, self.depth, self.in_vain = path, 0, self.in_vain + 1
+                break
+            way = self.coarse.descend(self._check(_DEPTHS[self.depth]).model, path, best)
+            if way is not None:
+                self._ways.append(way)
+                best = min(best, way.duration)
+        self._ways.sort(key=lambda way: way.duration)
+        return self._ways.pop(0) if self._ways else failure
+
+    def _another(self, sampler: GoalSampler) -> SampledPath | Failure:
+        """Return a path between obstacles that are thin enough, but not so thin that the straight line is free."""
+        while True:
+            one = _ONE * 2.0**self.in_vain if self.incumbent.candidates else _FIRST
+            most = self.patience.seconds + min(self._worth, one)
+            path = self._sample(sampler, self._check(_DEPTHS[self.depth]), most, None)
+            if isinstance(path, Failure) or len(path.waypoints) > 2 or not _DEPTHS[self.depth]:
+                return path
+            self.depth += 1
 
     @property
     def _worth(self) -> float:
@@ -148,17 +171,25 @@ class PathSearch:
         incumbent = self.incumbent
         return self.patience.worth(incumbent.cost, incumbent.bound) if incumbent.candidates else np.inf
 
-    def _thinner(self, depth: float) -> CollisionModel:
-        if depth not in self._models:
-            self._models[depth] = planning_model(self.problem.robot, thinned(self.problem.scene, depth))
-        return self._models[depth]
+    def _check(self, depth: float = 0.0) -> MotionCheck:
+        """Return what proves paths free between obstacles that are thinner by `depth`, m."""
+        if depth not in self._checks:
+            robot, scene = self.problem.robot, self.problem.scene
+            model = planning_model(robot, thinned(scene, depth)) if depth else self.model
+            self._checks[depth] = path_check(model, self.problem.limits)
+        return self._checks[depth]
 
     def _sample(
-        self, sampler: GoalSampler, model: CollisionModel, most: float, repair: Callable[[Array], Array | None] | None
+        self, sampler: GoalSampler, check: MotionCheck, most: float, repair: Callable[[Array], Array | None] | None
     ) -> SampledPath | Failure:
-        """Return a path of the next seed to any of the promising goals, sampled within `most` of work in all, s."""
-        number, begun = self.searches, self.begun
-        self.searches, self.begun = number + 1, 0
+        """Return a path of the next seed to any of the promising goals, sampled within `most` of work in all, s.
+
+        Between thinner obstacles the short rounds that others begin with are left out: a long one finds a path sooner.
+        """
+        number, begun = self.searches, _ROUNDS
+        if real := check is self._check():
+            begun, self.begun = self.begun, 0
+        self.searches = number + 1
         share = _SEARCH if self.incumbent.candidates else _FIRST_SEARCH
         budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
         with self.watch.stage("sampling"):
@@ -169,21 +200,23 @@ class PathSearch:
             options = SamplingOptions(
                 budget,
                 seed=self.problem.seed + 1000 * number,
+                attempts=_SHORTCUTS if self.incumbent.candidates else _FIRST_SHORTCUTS,
                 searcher=counted(rrt_connect, self.patience, most),
                 alternate=counted(kpiece, self.patience, most, STATE / ALTERNATE_RATIO),
                 relaxed=counted(relaxed, self.patience, most, STATE / ALTERNATE_RATIO) if relaxed else None,
+                longest=np.inf if real else self.incumbent.longest,
                 more_goals=sampler.more,
                 begun=begun,
-                early=None if self.incumbent.candidates else self._stopping,
+                early=self._stopping if real and not self.incumbent.candidates else None,
             )
-            path = sample_path(model, self.problem.start, goals, self.problem.limits, options)
+            path = sample_path(check, self.problem.start, goals, options)
         self.patience.work(shortcuts=options.attempts if isinstance(path, SampledPath) else 0)
         self.incumbent.info["cut_short"] |= isinstance(path, Failure) and budget.over
         return path
 
     def free(self, path: SampledPath) -> bool:
         """Return whether a path is free between the obstacles as they are."""
-        return path_check(self.model, self.problem.limits).polyline_free(path.waypoints)
+        return self._check().polyline_free(path.waypoints)
 
     def offer_first(self, path: SampledPath) -> Failure | None:
         """Offer the motion along a path that is to be had soonest."""

@@ -19,10 +19,10 @@ from optiplan.planners.common.moving_scene import among_moving
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.path_constraints.goal_projection import hold_goals
-from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt.among_moving import plan_among_moving
 from optiplan.planners.trajopt.attempts import Attempts
+from optiplan.planners.trajopt.coarse_descents import CoarseDescents, Way
 from optiplan.planners.trajopt.incumbent import Incumbent
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.moving import plan_moving
@@ -46,7 +46,7 @@ _SHORTER = 0.95
 _IN_VAIN = 3
 """Attempts in vain after which a sampled path is timed with its corners rounded, which takes as long as an attempt."""
 
-_BUMPS = 2
+_BUMPS = 4
 """Rounds of attempts of which the last has the best curve with a bump."""
 
 _DENSE = 300
@@ -106,8 +106,9 @@ class _Run:
             self.model = kept_planning_model(problem.robot, problem.scene)
             self.info.update(not_in_core(self.model))
             self.optimiser = Optimiser(problem, self.model, options)
-        self.incumbent = Incumbent(problem, self.optimiser.constraints, progress, self.info, began)
-        self.paths = PathSearch(problem, self.model, budget, self.patience, self.incumbent, self.watch)
+        self.incumbent = Incumbent(problem, self.optimiser.constraints, progress, self.info, began, self.watch)
+        self.coarse = CoarseDescents(self.optimiser, budget, self.patience, self.watch)
+        self.paths = PathSearch(problem, self.model, budget, self.patience, self.incumbent, self.watch, self.coarse)
         self.attempts = Attempts(self.optimiser, budget, self.incumbent, self.patience, self.watch)
 
     def result(self) -> PlanResult:
@@ -172,18 +173,18 @@ class _Run:
                 break
             self._expect(self._coming(sampler, number, rng))
             self.repaired = None
-            path = self.paths.next(sampler, self._repaired)
-            if isinstance(path, Failure):
-                failure = path
+            way = self.paths.next(sampler, self._repaired)
+            if isinstance(way, Failure):
+                failure = way
                 self.direct = self.attempts.patient = True
                 self.patience.record(None)
-            elif len(path.waypoints) > 2 or self.incumbent.curve is None:
-                failure = self._sampled(path) or failure
+            elif len(way.path.waypoints) > 2 or self.incumbent.curve is None:
+                failure = self._sampled(way) or failure
             if self.direct and self._worth():
                 self._expect(self._coming(sampler, number, rng))
                 control = self._with_bump(self._line(sampler, number), rng)
                 self.direct = self.attempts.attempt("line", control, self.attempts.before_closer) is not None
-            if number % _BUMPS and self.incumbent.curve is not None and self._worth():
+            if number % _BUMPS == _BUMPS - 1 and self.incumbent.curve is not None and self._worth():
                 self._expect(self._coming(sampler, number, rng, line=False))
                 control = self._with_bump(self.incumbent.curve.control, rng)
                 self.attempts.attempt("bump", control, self.attempts.before_closer)
@@ -199,7 +200,7 @@ class _Run:
         for k in count(number) if self.direct or self.incumbent.curve is not None else ():
             if self.direct and (line or k > number):
                 yield self._with_bump(self._line(sampler, k), rng)
-            if k % _BUMPS and self.incumbent.curve is not None:
+            if k % _BUMPS == _BUMPS - 1 and self.incumbent.curve is not None:
                 yield self._with_bump(self.incumbent.curve.control, rng)
 
     def _line(self, sampler: GoalSampler, number: int) -> Array:
@@ -213,28 +214,36 @@ class _Run:
         duration = self.optimiser.basis.shortest_duration(control, limits.rates)
         return with_bump(self.optimiser.basis, control, duration, limits, rng)
 
-    def _sampled(self, path: SampledPath) -> Failure | None:
+    def _sampled(self, way: Way) -> Failure | None:
         """Optimise from a sampled path, and time the path itself where several attempts have led to nothing.
 
         A path that lies on an optimised curve already, and that no shortcut has made shorter, is not optimised again;
         one that takes far longer than the best motion even at full speed is left.
         """
-        failure, attempt = None, None
-        if not self.incumbent.candidates:
+        path, failure, attempt = way.path, None, None
+        if not self.incumbent.candidates and (way.control is None or self.paths.free(path)):
             failure = self.paths.offer_first(path)
         repaired, self.repaired = self.repaired, None
         if repaired is not None and path.cost > _SHORTER * repaired[1]:
             attempt = repaired[0]
             self.attempts.keep(attempt)
-        elif self.incumbent.cost_bound(path.cost) > WORSE * self.incumbent.cost:
+        elif self._hopeless(way):
             self.patience.record(None)
         else:
-            attempt = self.attempts.attempt("sampled", self._along(path.waypoints), self.attempts.before_closer)
+            control = self._along(path.waypoints) if way.control is None else way.control
+            attempt = self.attempts.attempt("sampled", control, self.attempts.before_closer)
             self.paths.tell(attempt is not None)
         longer = self.incumbent.cost > self.incumbent.cost_bound(path.cost)
         if attempt is None and longer and self.patience.in_vain >= _IN_VAIN and self.paths.free(path):
             self.paths.offer_timed(path)
         return failure
+
+    def _hopeless(self, way: Way) -> bool:
+        """Return whether a way promises nothing better than the best motion."""
+        incumbent = self.incumbent
+        if way.control is None or incumbent.curve is None:
+            return incumbent.cost_bound(way.path.cost) > WORSE * incumbent.cost
+        return incumbent.cost_bound(way.duration) > incumbent.cost
 
     def _repaired(self, waypoints: Array) -> Array | None:
         """Waypoints on the curve that a path which touches is optimised to, if it is free."""
@@ -252,9 +261,10 @@ class _Run:
         with self.watch.stage("straight line"):
             problem = self.problem
             line = stop_at_corners(ends, problem.limits, problem.robot.joint_names)
-            timed = within_torque(problem.robot, problem.limits, line)
-            if timed is not None and first_contact(self.model, timed, lambda: self.budget.over) is None:
-                self.incumbent.offer(timed)
+            if first_contact(self.model, line, lambda: self.budget.over) is None:
+                timed = within_torque(problem.robot, problem.limits, line)
+                if timed is not None:
+                    self.incumbent.offer(timed)
 
     def _along(self, waypoints: Array) -> Array:
         return along_path(self.optimiser.basis, waypoints, self.problem.limits.velocity)

@@ -43,7 +43,7 @@ class Patience:
     in_vain: int = 0
     seconds: float = 0.0
 
-    def work(self, steps: int = 0, states: int = 0, shortcuts: int = 0) -> None:
+    def work(self, steps: float = 0, states: int = 0, shortcuts: int = 0) -> None:
         """Count work done on the attempt: steps of the optimiser, states of a search, shortcuts of its path."""
         self.seconds += STEP * steps + STATE * states + SHORTCUT * shortcuts
 

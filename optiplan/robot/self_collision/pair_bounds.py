@@ -46,7 +46,8 @@ class PairBounds:
         self.radius = np.array([box[2] for box in boxes])
         signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
         edges = np.where(np.isfinite(self.half), self.half, 0.0)
-        self._corners = self.centre[:, None] + edges[:, None] * signs  # (G, 8, 3)
+        self._corners = np.ones((len(bodies), 4, 8))
+        self._corners[:, :3] = (self.centre[:, None] + edges[:, None] * signs).swapaxes(1, 2)
         self.pairs: Index = np.array(pairs, dtype=np.intp).reshape(-1, 2)
         moves = kinematics.carries[self.joint[self.pairs]]  # (P, 2, J)
         # A joint that carries both bodies of a pair does not change their distance.
@@ -217,7 +218,7 @@ class PairBounds:
         Holds at: every configuration with |q_j| <= stroke_j (n,), so that along a straight motion by d the distance of
         pair p changes by at most sum_j moment_arms[p, j] |d_j|.
         """
-        corners = np.einsum("gij,gkj->gki", self.placement[:, :3, :3], self._corners) + self.placement[:, None, :3, 3]
+        corners = (self.placement @ self._corners)[:, :3].swapaxes(1, 2)
         bodies = np.zeros((len(corners), len(self.kinematics.revolute)))
         for joint in np.unique(self.joint).tolist():
             own = self.joint == joint
@@ -227,7 +228,7 @@ class PairBounds:
 
     def body_reaches(self) -> Array:
         """Distance, m, of the farthest corner of every body's box from the origin of its joint, (G,)."""
-        corners = np.einsum("gij,gkj->gki", self.placement[:, :3, :3], self._corners) + self.placement[:, None, :3, 3]
+        corners = (self.placement @ self._corners)[:, :3].swapaxes(1, 2)
         return np.asarray(np.linalg.norm(corners, axis=2).max(axis=1, initial=0.0))
 
     def _axis_distances(self, poses: Array) -> Array:
@@ -235,23 +236,20 @@ class PairBounds:
 
         `poses` (N, J + 1, 4, 4) are those of the joints. A body that no joint moves counts as 0.
         """
-        direction, point = self.kinematics.axes(poses)  # (N, J, 3)
         moving = self._mover_joints.any(axis=1)
         bodies, which = np.unique(self._mover[moving], return_inverse=True)
-        placed = poses[:, self.joint[bodies]] @ self.placement[bodies]
-        corners = self._corners[bodies] @ placed[..., :3, :3].swapaxes(2, 3) + placed[:, :, None, :3, 3]
-        flat = corners.transpose(0, 3, 2, 1).reshape(len(poses), 3, -1)  # (N, 3, 8 bodies)
-        joints = direction.shape[1]
-        along, squared = np.split(np.concatenate([direction, point], axis=1) @ flat, [joints], axis=1)
-        along -= np.einsum("nji,nji->nj", point, direction)[:, :, None]
-        squared *= -2.0
-        squared += np.einsum("nik,nik->nk", flat, flat)[:, None]
-        squared += np.einsum("nji,nji->nj", point, point)[:, :, None]
-        squared -= np.square(along, out=along)
-        # The difference of squares loses half the digits near the axis: 1e-6 m covers it within 10 m of the origin.
-        most = squared.reshape(len(poses), joints, 8, len(bodies)).max(axis=2)
-        reach = np.zeros((*direction.shape[:2], len(self._mover)))
-        reach[:, :, moving] = (np.sqrt(np.maximum(most, 0.0)) + 1e-6)[:, :, which]
+        corners = poses[:, self.joint[bodies]] @ (self.placement[bodies] @ self._corners[bodies])
+        flat = corners.transpose(0, 2, 3, 1).reshape(len(poses), 4, -1)  # (N, 4, 8 bodies)
+        across = self.kinematics.across_axes(poses)
+        joints = across.shape[1] // 2
+        squared = across @ flat
+        np.square(squared, out=squared)
+        squared = squared[:, :joints] + squared[:, joints:]
+        for _ in range(3):  # the largest of the eight
+            half = squared.shape[2] // 2
+            squared = np.maximum(squared[..., :half], squared[..., half:])
+        reach = np.zeros((len(poses), joints, len(self._mover)))
+        reach[:, :, moving] = (np.sqrt(squared) + 1e-6)[:, :, which]  # rounding is far less within 10 m of the origin
         return reach
 
     def witness_gradients(self, Q: Array, pairs: Index, points: Array, normals: Array) -> Array:

@@ -14,9 +14,12 @@ import traceback
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from optiplan.bench.execution.keeper import keep_a_child
+
+if TYPE_CHECKING:
+    from optiplan.trajectory.trajectory import Trajectory
 
 EVERY = 0.1
 """s between two words about the same stage."""
@@ -110,9 +113,9 @@ class Progress:
         self._stage, self._told = stage, now
         self._send({"phase": "stage", "stage": stage, "fraction": float(fraction)}, {})
 
-    def best(self, seconds: float, duration: float) -> None:
-        """Tell of a verified motion of this duration, s, proved so many seconds after the beginning."""
-        self._send({"phase": "best", "seconds": seconds, "duration": duration}, {})
+    def proved(self, motion: "Trajectory", seconds: float) -> None:
+        """Tell of a verified motion, proved so many seconds after the beginning."""
+        self._send({"phase": "best", "seconds": seconds, "duration": motion.duration}, {})
 
     def state(self, state: Message) -> None:
         """Tell the state of something that runs."""

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic_core import to_json
 
 from optiplan.files import reading
-from optiplan.planners.base import Budget
+from optiplan.planners.base import Budget, stages_of
 from optiplan.planners.registry import load_libraries
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
@@ -17,7 +17,6 @@ from optiplan.resources import problems_dir
 from optiplan.runs import pipeline
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RATE, RUN, TRAJECTORY
-from optiplan.service.execution.incumbents import ProvedIncumbents
 from optiplan.service.execution.problem_reader import PlannerChoice, ProblemReader
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
@@ -56,14 +55,12 @@ class Tasks:
             detail = "the files that the problem names were changed after it was submitted"
             return {"failure": {"kind": "input", "detail": detail, "witness": {}}, "timings": {}}, {}
         budget, given = Budget(request["budget"]), problem.with_seed(choice.seed)
-        told = progress if request.get("early") else ProvedIncumbents(given, progress)
+        told = stages_of(progress) if request.get("early") else progress
         earlier = Trajectory.from_dict(request["earlier"]) if request.get("earlier") else None
         run = pipeline.attempt(given, choice.planner, choice.options, budget, told, earlier)
         about, rate = _about(run) | _identity(problem, choice), request.get("rate")
         if request.get("early"):
             progress.answered(about, motion_file(run, RATE if rate is None else rate or None))
-        else:
-            told.rest(run.improvements)
         return about, {**motion_file(run), **record_file(run)}
 
     def page(self, request: Mapping[str, Any], progress: Any) -> Answer:

@@ -20,5 +20,5 @@ def find_control(name: str) -> Path:
     if path.parent in (Path(), Path("control")) and path.suffix in ("", ".yaml") and path.stem in examples:
         return examples[path.stem]
     found = "is a folder" if path.is_dir() else "no such file" if name else "an empty name"
-    expected = f"a control file, or one of the examples: {choices(path.stem, list(examples))}"
+    expected = f"a control file, or an example, {choices(path.stem, list(examples))}"
     raise InputError([Issue(name or "''", None, "file", found, expected)])

@@ -1,9 +1,10 @@
 """Bodies as arrays: poses at many configurations, support functions, and the joints that move them."""
 
-import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from weakref import WeakKeyDictionary
 
 import coal
@@ -79,19 +80,14 @@ class PlacedBody:
     bodies: Index
     poses: Array
 
+    @classmethod
+    def join(cls, parts: "Sequence[PlacedBody]") -> "PlacedBody":
+        """Concatenate."""
+        return cls(np.concatenate([part.bodies for part in parts]), np.concatenate([part.poses for part in parts]))
+
     def take(self, chosen: Index) -> "PlacedBody":
         """The bodies at these positions."""
         return PlacedBody(self.bodies[chosen], self.poses[chosen])
-
-    @cached_property
-    def groups(self) -> list[tuple[int, Index]]:
-        """Each body and where it stands among the 2 K, all of side a before all of side b."""
-        every = self.bodies.T.ravel()
-        order = np.argsort(every, kind="stable")
-        found = every[order]
-        first = np.flatnonzero(found[1:] != found[:-1]) + 1
-        parts = np.split(order, first) if len(order) else []
-        return [(int(every[part[0]]), part) for part in parts]
 
 
 class Bodies:
@@ -120,6 +116,7 @@ class Bodies:
         self.centre = np.array([known.centre for known in self._known]).reshape(-1, 3)
         self.radius = np.array([known.radius for known in self._known])
         self._round = np.array([known.round for known in self._known]).reshape(-1, 5)
+        self._others = np.array([len(known.vertices) > 0 or not _is_round(known.solid) for known in self._known], bool)
         planes = [abs(shape.d) if isinstance(shape, coal.Halfspace) else 0.0 for shape in self.shapes]
         self._reach = np.where(np.isinf(self.radius), planes, self.radius) + np.linalg.norm(self.centre, axis=1)
         self._put(model)
@@ -172,31 +169,39 @@ class Bodies:
             result = np.maximum(result, far)
         return np.asarray(result)
 
-    def support(self, placed: PlacedBody, directions: Array) -> Array:
-        """h(n) = max of n . x over both bodies of K pairs, in the world, m.
+    def centres(self, bodies: Index, poses: Array) -> Array:
+        """Centres, world, m, of the balls about M bodies at poses (M, 4, 4): (M, 3)."""
+        return np.asarray((poses[:, :3, :3] @ self.centre[bodies][..., None])[..., 0] + poses[:, :3, 3])
+
+    def support(self, bodies: Index, poses: Array, directions: Array) -> Array:
+        """h(n) = max of n . x over the points x of each of M bodies (M,) in the world, m: (M,).
 
         Args:
-            placed: the pairs.
-            directions: n (…, 2, K, 3) for sides a and b, world, of any length; several for each body with more axes.
-
-        Returns:
-            (…, 2, K).
+            bodies: (M,).
+            poses: X_WB of each, (M, 4, 4).
+            directions: n (M, 3), world, of any length.
         """
-        poses, bodies = placed.poses.swapaxes(0, 1), placed.bodies.T
-        local = (directions[..., None, :] @ poses[..., :3, :3])[..., 0, :]  # n^T R = (R^T n)^T, in the body's frame
-        size = self._round[bodies]
-        flat = local[..., 0] ** 2 + local[..., 1] ** 2
-        result = np.einsum("ski,...ski->...sk", poses[..., :3, 3], directions)
-        result += np.einsum("ski,...ski->...sk", size[..., :3], np.abs(local))
-        result += size[..., 3] * np.sqrt(flat) + size[..., 4] * np.sqrt(flat + local[..., 2] ** 2)
-        several = local.reshape(math.prod(local.shape[:-3]), bodies.size, 3)
-        found = result.reshape(len(several), bodies.size)
-        for body, chosen in placed.groups:
-            known = self._known[body]
-            if len(known.vertices) or not _is_round(known.solid):
-                n = several[:, chosen]
-                found[:, chosen] += support(known.solid, known.vertices, n.reshape(-1, 3)).reshape(n.shape[:2])
-        return np.asarray(found.reshape(result.shape))
+        local = (directions[:, None] @ poses[:, :3, :3])[:, 0]  # n^T R = (R^T n)^T, in the body's frame
+        size, x, y, z = self._round[bodies], *local.T
+        flat = x * x + y * y
+        result = np.einsum("mi,mi->m", poses[:, :3, 3], directions)
+        result += np.einsum("mi,mi->m", size[:, :3], np.abs(local))
+        result += size[:, 3] * np.sqrt(flat) + size[:, 4] * np.sqrt(flat + z * z)
+        others = np.flatnonzero(self._others[bodies])
+        for body, chosen in _groups(bodies[others]):
+            own, known = others[chosen], self._known[body]
+            result[own] += support(known.solid, known.vertices, local[own])
+        return np.asarray(result)
+
+
+def _groups(bodies: Index) -> list[tuple[int, Index]]:
+    """Each of the bodies (M,) and where it stands among them."""
+    if not len(bodies):
+        return []
+    order = bodies.argsort(kind="stable")
+    found = bodies[order]
+    first = [0, *((found[1:] != found[:-1]).nonzero()[0] + 1).tolist(), len(order)]
+    return [(int(found[k]), order[k:end]) for k, end in pairwise(first)]
 
 
 def support(shape: Shape | None, vertices: Array, n: Array) -> Array:

@@ -10,12 +10,12 @@ from optiplan.collision.model import CollisionModel, SameBodies
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
+from optiplan.verify.continuous.interval_queries import ROUNDING, Asked, Middles, Nearness
 from optiplan.verify.continuous.intervals import Intervals, blocks, boxes, middles, spans, step_sizes
-from optiplan.verify.continuous.motion_bounds import Boxes, DistanceQuery, Motion, SeparationRate
-from optiplan.verify.continuous.separating_planes import Distances, PairDistances
+from optiplan.verify.continuous.motion_bounds import Boxes, Motion
+from optiplan.verify.continuous.separating_planes import PairDistances
 from optiplan.verify.report import VerifyPolicy
 
-ROUNDING = 1e-9  # m, subtracted from every proved clearance
 _EASY = 5e-3  # m, margin by which bounding volumes must clear a pair at first
 _TOLD = 0.8  # share of the smallest distance measured that is proved as clearance
 _FAR = 0.1  # m: a larger clearance is not refined
@@ -27,6 +27,7 @@ _FIRST_TRAVEL = 0.2  # rad or m, summed over joints: travel within the first int
 _LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up ROUNDING
 _MOST_HALVINGS = 12  # of a piece before the first query
 _MOST_ITEMS = 20_000  # items processed at once, to bound memory
+_NONE = np.empty(0, dtype=np.intp)
 _CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memory
 
 _Tools = tuple[Bodies, PairDistances, Motion]
@@ -61,9 +62,9 @@ class Moment:
     q: Array
 
 
-@dataclass(frozen=True)
+@dataclass
 class Proof:
-    """Result of the certificate.
+    """Result of the certificate, and its books on the way.
 
     Attributes:
         proved: every pair stays farther apart than the policy's clearance at all times.
@@ -95,7 +96,7 @@ def certify(
     pair is clear if the larger of two lower bounds of its distance exceeds the clearance asked for by 1e-9 m:
         g - travel              how far the bodies can move in any direction;
         linear - curvature_loss the gap along w to first order in time, less what acceleration can take from it,
-    see `motion_bounds.SeparationRate`. Where that fails the interval is divided for this pair alone. Bounding volumes
+    see `motion_bounds.Motion`. Where that fails the interval is divided for this pair alone. Bounding volumes
     answer most pairs, exact queries confirmed by separating planes the rest.
 
     A `record` is filled with what was proved of which pair and when; its least is the proof's `clearance`.
@@ -152,17 +153,6 @@ class _Coarse:
         return replace(items, pair=np.repeat(self.pairs[pairs], many))
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """Distances (K,), m, at times (K,), s, of a query, on intervals with middles q (N, n), and poses of joints."""
-
-    distance: Array
-    times: Array
-    q: Array
-    poses: Array
-    query: DistanceQuery
-
-
 @dataclass(eq=False)
 class _Search:
     """Branch and bound over intervals: `advance` processes many open items and returns those still open, divided."""
@@ -181,15 +171,21 @@ class _Search:
         """Return bounds of the joints' motion on these intervals."""
         return boxes(self.trajectory, items, self.jump)
 
+    def middles(self, intervals: Intervals) -> Middles:
+        """Return where the joints are in the middles of these intervals, and bounds of their motion there."""
+        b, kinematics = self.boxes(intervals), self.bodies.kinematics
+        poses, times = kinematics.poses(b.q), middles(self.trajectory, intervals)
+        return Middles(times, b.q, poses, *kinematics.axes(poses), self.motion.of_all_joints(b))
+
     def look_first(self) -> None:
         """Refuse at once what cannot be proved: huge numbers, bodies without bounds, bodies inside a mesh."""
         absurd = self.absurd()
         if absurd:
-            self.proof = replace(self.proof, reason=f"{absurd} beyond {_LARGEST:g} leaves no digits for a proof")
+            self.proof.reason = f"{absurd} beyond {_LARGEST:g} leaves no digits for a proof"
             return
         if self.bodies.unsupported is not None:
             name = self.model.names[self.bodies.unsupported]
-            self.proof = replace(self.proof, reason=f"'{name}' has a shape of which no motion can be bounded")
+            self.proof.reason = f"'{name}' has a shape of which no motion can be bounded"
             return
         q = self.trajectory.start
         poses = self.bodies.kinematics.poses(q[None])[0][self.bodies.joints] @ self.bodies.placements
@@ -197,12 +193,12 @@ class _Search:
         if found is not None:
             pair = self.model.pairs[found.pair]
             where = Moment(0.0, 0.0, (pair.name_a, pair.name_b), np.array([found.point, found.point]), q)
-            self.proof = replace(self.proof, reason="one body lies inside the other", nearest=where, contact=True)
+            self.proof = Proof(False, "one body lies inside the other", nearest=where, contact=True)
 
     def absurd(self) -> str:
         """Return what is too large for a proof in floating point, or nothing: terms |c_k| h^k of positions, bodies."""
         c = self.trajectory.coefficients
-        powers = np.diff(self.trajectory.breakpoints)[:, None, None] ** np.arange(c.shape[1])[:, None]
+        powers = self.trajectory.widths[:, None, None] ** np.arange(c.shape[1])[:, None]
         if not (np.abs(c) * powers).max() <= _LARGEST:
             return "a trajectory with terms"
         far = np.flatnonzero(~(self.bodies.extent <= _LARGEST))
@@ -222,7 +218,7 @@ class _Search:
                 break
             intervals = intervals.split(halvings.astype(np.intp))
             b = self.boxes(intervals)
-        self.proof = replace(self.proof, intervals=len(intervals.piece))
+        self.proof.intervals = len(intervals.piece)
         first, last = blocks(b.reach.sum(axis=1), _FIRST_TRAVEL)
         low, high = np.minimum.reduceat(b.q - b.reach, first), np.maximum.reduceat(b.q + b.reach, first)
         tree, margins = self.bodies.tree, []
@@ -250,69 +246,96 @@ class _Search:
     def work_off(self, items: Intervals) -> None:
         """Process these items and their parts until none is open or there is a reason to stop."""
         while len(items.pair) and not self.proof.reason:
+            if len(items.pair) <= _MOST_ITEMS:
+                items = self.advance(items)
+                continue
             head, tail = np.split(np.arange(len(items.pair)), [_MOST_ITEMS])
             items = Intervals.join([self.advance(items.take(head)), items.take(tail)])
 
     def advance(self, items: Intervals) -> Intervals:
         """Query the exact distance of every item; stop at a contact, divide items not proved."""
         items, unique, rows = items.grouped()
-        b = self.boxes(unique)
-        poses = self.bodies.kinematics.poses(b.q)
-        placed = self.bodies.place(poses, rows, items.pair)
-        enough = max(_HULLS, _ROOM * self.target())
-        found = self.distances.query(items.pair, placed, enough)
-        query = DistanceQuery(rows, items.pair, placed, *self.bodies.kinematics.axes(poses))
-        near = self.motion.separation_rate(b, query, found.normals)
-        margin = np.maximum(found.bound - near.travel, near.linear - near.curvature_loss) - ROUNDING
-        best = np.maximum(found.bound, found.measured)
-        times = middles(self.trajectory, unique)[rows]
-        several = items.pair >= self.bodies.tree.count
-        unsure = several & (found.bound <= enough)  # hulls of clusters that are too near to tell
-        seen = _Seen(best, times, b.q, poses, query)
-        self.see(seen, np.flatnonzero(~found.hulls))
-        self.see(seen, np.flatnonzero(found.parts), measure=True)  # what hulls answered is not measured
-        self.see(seen, np.flatnonzero(found.hulls & ~found.parts & ~unsure), measure=True)
-        self.count(unique, found)
-        if (best[~several] <= self.policy.clearance + ROUNDING).any():
-            reason = "bodies touch" if self.policy.clearance <= 0 else "bodies come too near"
-            return self.stop(items, reason, contact=True)
-        clear = (margin > self.target()) & ~unsure
-        self.prove(items.take(np.flatnonzero(clear)), margin[clear])
+        at = self.middles(unique)
+        self.proof.intervals += len(unique.piece)
+        asked = self.ask(items, rows, at)
+        if self.proof.reason:
+            return items.take(_NONE)
+        items, near = asked.items, self.bounded(asked, at)
+        target = self.target()
+        clear = near.margin > target
+        self.prove(items, clear, near.margin)
         still = np.flatnonzero(~clear)
         if not len(still):
-            return self.limit(items.take(still))
-        halvings = _halvings(found, near, still, self.target())
-        if unsure.any():  # what these hold may be nearer than all so far: then less is to be proved of the others
-            halvings[(margin[still] > self.policy.clearance) & ~several[still]] = 0
-        opened = unsure[still] | (several[still] & (halvings > _MOST_OF_HULLS))
-        divided = items.take(still[~opened]).split(halvings[~opened])
-        parts = self.open(items.take(still[opened]), poses[rows[still[opened]]], near.travel[still[opened]])
-        return self.limit(Intervals.join([divided, parts]))
+            return items.take(still)
+        halvings = near.halvings(still, target)
+        opened = (items.pair[still] >= self.bodies.tree.count) & (halvings > _MOST_OF_HULLS)
+        left = items.take(still[~opened]).split(halvings[~opened])
+        if opened.any():
+            parts, _ = self.open(asked.take(still[opened]), at)
+            left = Intervals.join([left, parts])
+        return self.limit(left)
 
-    def open(self, items: Intervals, poses: Array, travel: Array) -> Intervals:
-        """The pairs that pairs of hulls stand for, but those that bounding volumes prove clear.
+    def ask(self, items: Intervals, rows: Index, at: Middles) -> Asked:
+        """Query distances in the middles of intervals; nothing of use is returned where bodies touch.
 
-        Args:
-            items: (K,).
-            poses: of the joints in the middle of each, (K, n + 1, 4, 4).
-            travel: bounds on how far any points of the two hulls can approach each other there, (K,), m.
+        Pairs of hulls that are too near to tell are opened, and what they stand for is asked.
         """
-        if not len(items.pair):
-            return items
-        parts = [self.bodies.tree.parts[pair] for pair in items.pair.tolist()]
-        parent = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-        inner = replace(items.take(parent), pair=np.concatenate(parts))
-        margin = self.bodies.lower_bound(self.bodies.place(poses, parent, inner.pair)) - travel[parent] - ROUNDING
-        clear = margin > max(self.target(), self.policy.clearance + _EASY)
-        self.prove(inner.take(np.flatnonzero(clear)), margin[clear])
-        return inner.take(np.flatnonzero(~clear))
+        answers: list[Asked] = []
+        while True:
+            placed, enough = self.bodies.place(at.poses, rows, items.pair), max(_HULLS, _ROOM * self.target())
+            asked = Asked(items, rows, placed, self.distances.query(items.pair, placed, enough))
+            found, several = asked.found, items.pair >= self.bodies.tree.count
+            unsure = several & (found.bound <= enough)
+            self.see(asked, at, np.flatnonzero(~found.hulls))
+            if found.hulls.any():  # what hulls answered is not measured
+                self.see(asked, at, np.flatnonzero(found.parts), measure=True)
+                self.see(asked, at, np.flatnonzero(found.hulls & ~found.parts & ~unsure), measure=True)
+            self.proof.queries += len(found.bound)
+            self.proof.gjk_only += int(found.gjk_only.sum())
+            if (found.best[~several] <= self.policy.clearance + ROUNDING).any():
+                self.stop(items, "bodies touch" if self.policy.clearance <= 0 else "bodies come too near", contact=True)
+                return asked
+            if not unsure.any():
+                return Asked.join([*answers, asked])
+            answers.append(asked.take(np.flatnonzero(~unsure)))
+            items, rows = self.open(asked.take(np.flatnonzero(unsure)), at)
+            if not len(rows):
+                return Asked.join(answers)
 
-    def prove(self, items: Intervals, margin: Array) -> None:
-        """Remember the clearance proved of items, m."""
-        self.keep(margin)
+    def bounded(self, asked: Asked, at: Middles) -> Nearness:
+        """Lower bounds of the distances over the intervals.
+
+        Along normals only of those that travel could bring nearer than the nearest pair measured: no more is proved of
+        all pairs anyway. A record has them of all.
+        """
+        query, found = asked.query(at), asked.found
+        travel = self.motion.travel(at.joints, query)
+        flat = found.bound - travel.total
+        nearest = np.inf if self.proof.nearest is None or self.record is not None else self.proof.nearest.distance
+        close = np.flatnonzero(~(flat - ROUNDING > nearest))
+        along = self.motion.along_normals(at.joints, query, travel, found.normals, close)
+        linear, loss = np.full(len(flat), -np.inf), np.zeros(len(flat))
+        linear[close], loss[close] = along.linear, along.curvature_loss
+        return Nearness(found.bound, travel.total, linear, loss)
+
+    def open(self, asked: Asked, at: Middles) -> tuple[Intervals, Index]:
+        """The pairs that pairs of hulls stand for, but those that bounding volumes prove clear, and their intervals."""
+        travel = self.motion.travel(at.joints, asked.query(at)).total
+        parts = [self.bodies.tree.parts[pair] for pair in asked.items.pair.tolist()]
+        parent = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        inner, rows = replace(asked.items.take(parent), pair=np.concatenate(parts)), asked.rows[parent]
+        margin = self.bodies.lower_bound(self.bodies.place(at.poses, rows, inner.pair)) - travel[parent] - ROUNDING
+        clear = margin > max(self.target(), self.policy.clearance + _EASY)
+        self.prove(inner, clear, margin)
+        return inner.take(np.flatnonzero(~clear)), rows[~clear]
+
+    def prove(self, items: Intervals, clear: Flags, margin: Array) -> None:
+        """Remember the clearance `margin` (K,), m, proved of the items that are clear."""
+        self.keep(margin[clear])
         if self.record is not None:
-            begin, end = spans(self.trajectory, items)
-            self.note(begin, end, items.pair, margin)
+            proved = items.take(np.flatnonzero(clear))
+            begin, end = spans(self.trajectory, proved)
+            self.note(begin, end, proved.pair, margin[clear])
 
     def note(self, begin: Array, end: Array, pairs: Index, clearance: Array) -> None:
         """Record what was proved from `begin` to `end` (K,), s, of the pairs that these (K,) stand for."""
@@ -328,16 +351,6 @@ class _Search:
         clearance = self.policy.clearance
         return clearance if nearest is None else clearance + _TOLD * max(nearest.distance - clearance, 0.0)
 
-    def count(self, unique: Intervals, found: Distances) -> None:
-        """Keep the books."""
-        proof = self.proof
-        self.proof = replace(
-            proof,
-            intervals=proof.intervals + len(unique.piece),
-            queries=proof.queries + len(found.bound),
-            gjk_only=proof.gjk_only + int(found.gjk_only.sum()),
-        )
-
     def limit(self, items: Intervals) -> Intervals:
         """Give up where intervals become shorter than the policy's or the queries too many."""
         if len(items.pair) and items.widths(self.trajectory).min() < self.policy.min_interval:
@@ -348,13 +361,13 @@ class _Search:
 
     def stop(self, items: Intervals, reason: str, contact: bool = False) -> Intervals:
         """End the search with a reason."""
-        self.proof = replace(self.proof, reason=reason, contact=contact)
-        return items.take(np.empty(0, dtype=np.intp))
+        self.proof.reason, self.proof.contact = reason, contact
+        return items.take(_NONE)
 
     def keep(self, margins: Array) -> None:
         """Remember the smallest clearance proved."""
         if len(margins):
-            self.proof = replace(self.proof, clearance=min(self.proof.clearance, float(margins.min())))
+            self.proof.clearance = min(self.proof.clearance, float(margins.min()))
 
     def tell(self, chosen: Flags) -> None:
         """Record what bounding volumes proved of these pairs of the blocks, (B, T)."""
@@ -366,26 +379,17 @@ class _Search:
         end = spans(self.trajectory, coarse.intervals.take(coarse.last[rows] - 1))[1]
         self.note(begin, end, coarse.pairs[pairs], coarse.margin[rows, pairs])
 
-    def see(self, seen: "_Seen", among: Index, measure: bool = False) -> None:
+    def see(self, asked: Asked, at: Middles, among: Index, measure: bool = False) -> None:
         """Remember the smallest distance of these, with its witness; with `measure` those given are lower bounds."""
         known = np.inf if self.proof.nearest is None else self.proof.nearest.distance
-        distance = seen.distance[among]
+        distance = asked.found.best[among]
         if distance.min(initial=np.inf) >= known:
             return
         k = int(among[np.argmin(distance)])
-        row = seen.query.rows[k]
-        found = self.distances.witness(seen.poses[row], int(seen.query.pairs[k]))
-        least = found.distance if measure else float(seen.distance[k])
+        row = asked.rows[k]
+        found = self.distances.witness(at.poses[row], int(asked.items.pair[k]))
+        least = found.distance if measure else float(asked.found.best[k])
         if least < known:
             pair = self.model.pairs[found.pair]
-            nearest = Moment(least, float(seen.times[k]), (pair.name_a, pair.name_b), found.points, seen.q[row].copy())
-            self.proof = replace(self.proof, nearest=nearest)
-
-
-def _halvings(found: Distances, near: SeparationRate, still: Index, target: float) -> Index:
-    """Return how often to halve each item: the least of 1 to 4 times after which the bounds, scaled, would prove it."""
-    parts = 2.0 ** np.arange(1, 4)[:, None]
-    bound, linear = found.bound[still], np.maximum(near.linear[still], -1e9)
-    plane = bound + (linear - bound) / parts - near.curvature_loss[still] / parts**2
-    enough: Flags = np.maximum(bound - near.travel[still] / parts, plane) > 1.1 * target + ROUNDING
-    return np.asarray(4 - enough.sum(axis=0), dtype=np.intp)
+            names = pair.name_a, pair.name_b
+            self.proof.nearest = Moment(least, float(at.times[row]), names, found.points, at.q[row].copy())

@@ -55,11 +55,11 @@ class Intervals:
         for key in (items.piece, items.level, items.index):
             new[1:] &= key[1:] == key[:-1]
         new[1:] = ~new[1:]
-        return items, items.take(np.flatnonzero(new)), np.cumsum(new) - 1
+        return items, items.take(np.flatnonzero(new)), new.cumsum() - 1
 
     def widths(self, trajectory: Trajectory) -> Array:
         """Lengths, s."""
-        return np.asarray(np.diff(trajectory.breakpoints)[self.piece] * 0.5**self.level)
+        return np.asarray(trajectory.widths[self.piece] * 0.5**self.level)
 
 
 def middles(trajectory: Trajectory, items: Intervals) -> Array:

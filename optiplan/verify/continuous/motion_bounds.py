@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Flags, Index
 from optiplan.verify.continuous.bodies import Bodies, PlacedBody
 
 
@@ -43,31 +43,48 @@ class DistanceQuery:
 
 
 @dataclass(frozen=True, eq=False)
-class SeparationRate:
-    """Bounds for K pairs on their intervals, all (K,), m.
+class Travel:
+    """How far the bodies of K pairs can move against each other on their intervals.
+
+    Of a pair's two sides only those are looked at that some joint moves against the other: M of all.
 
     Attributes:
-        travel: change of distance, whatever the direction.
+        total: (K,) bound on the change of distance, whatever the direction, m.
+        item: (M,) of which of the K pairs a side is; `side` (M,): 0 for body a, 1 for b.
+        lever: (J, M) the farthest that a point of the body gets from each joint's axis, m; 1 where a joint slides.
+    """
+
+    total: Array
+    item: Index
+    side: Index
+    lever: Array
+
+
+@dataclass(frozen=True, eq=False)
+class GapMotion:
+    """Bounds for C pairs on their intervals, (C,) each, m.
+
+    Attributes:
         linear: lower bound of the gap along the normal, were every point to keep its velocity of the middle.
         curvature_loss: how far acceleration can take the gap below that.
     """
 
-    travel: Array
     linear: Array
     curvature_loss: Array
 
 
 class Motion:
-    """Bounds on the relative motion of the pairs of bodies; joints that carry both bodies of a pair do not count."""
+    """Bounds on the relative motion of the pairs of bodies; joints that carry both bodies of a pair do not count.
+
+    Arrays of vectors and of joints have these axes first, (3, J, M), and pairs, which are many, last.
+    """
 
     def __init__(self, bodies: Bodies) -> None:
         self._bodies = bodies
-        self._revolute = bodies.kinematics.revolute > 0.5
-        self._turns, self._slides = bodies.kinematics.revolute, 1.0 - bodies.kinematics.revolute
-        self._moves = np.ascontiguousarray(bodies.moves.swapaxes(0, 1), float)  # (2, P, J), 1 or 0
-        self._centre = bodies.centre[bodies.pairs.T]  # (2, P, 3)
-        # A half-space has no farthest point, and must not move: then its levers are multiplied by zero.
-        self._radius = np.where(self._moves.any(axis=2), bodies.radius[bodies.pairs.T], 0.0)  # (2, P)
+        self._slides = np.flatnonzero(bodies.kinematics.revolute < 0.5)
+        self._moved: Flags = np.array(bodies.moves.any(axis=2)).T.copy()  # (2, P)
+        self._moves = bodies.moves.transpose(2, 1, 0).astype(float)  # (J, 2, P), 1 or 0
+        self._moves = self._moves.reshape(len(self._moves), -1)
 
     def with_obstacles_of(self, bodies: Bodies) -> "Motion":
         """Return the same of bodies of which obstacles stand elsewhere."""
@@ -75,8 +92,44 @@ class Motion:
         twin._bodies = bodies
         return twin
 
-    def separation_rate(self, boxes: Boxes, query: DistanceQuery, normals: Array) -> SeparationRate:
-        """Bounds for K pairs on their intervals, with unit normals w (K, 3) from a to b at the middle.
+    def of_all_joints(self, boxes: Boxes) -> Boxes:
+        """Return the bounds of all J joints: a follower moves by its multiplier times what its leader does.
+
+        `q` stays that of the planned joints.
+        """
+        kinematics = self._bodies.kinematics
+        if not kinematics.follows:
+            return boxes
+        bounds = (boxes.reach, boxes.speed, boxes.acceleration, boxes.jump)
+        reach, speed, acceleration, jump = map(kinematics.joint_reach, bounds)
+        return Boxes(boxes.half, boxes.q, kinematics.joint_rates(boxes.v), reach, speed, acceleration, jump)
+
+    def travel(self, boxes: Boxes, query: DistanceQuery) -> Travel:
+        """Bound how far the bodies of K pairs can move against each other; `boxes` are those of all joints.
+
+        Joints are moved one after another, from the tip to the base. When joint j turns, about its axis at the middle,
+        the body has travelled t already: its points are within R_j + t of the axis and move by at most D_j (R_j + t).
+        """
+        side, item = np.nonzero(self._moved[:, query.pairs])
+        rows, bodies = query.rows[item], query.placed.bodies[item, side]
+        step = _at(boxes.reach, rows) * self._moving(query, item, side)
+        centre = self._bodies.centres(bodies, query.placed.poses[item, side]).T.copy()
+        arm = _cross(_at(query.direction, rows), centre[:, None] - _at(query.point, rows))
+        lever = np.sqrt(np.einsum("ijm,ijm->jm", arm, arm))
+        lever += self._bodies.radius[bodies]
+        slides = self._slides.tolist()
+        lever[slides] = 1.0
+        travelled = np.zeros(len(item))
+        for j in reversed(range(len(lever))):
+            if j not in slides:
+                lever[j] += travelled
+            travelled += step[j] * lever[j]
+        return Travel(_sums(item, travelled, len(query.pairs)), item, side, lever)
+
+    def along_normals(
+        self, boxes: Boxes, query: DistanceQuery, travel: Travel, normals: Array, chosen: Index
+    ) -> GapMotion:
+        """Bounds for C of the K pairs, at the positions `chosen`, with unit normals w (K, 3) from a to b at the middle.
 
         For a point x of a body let f(s) = w . x(middle + s). Then |f(s) - f(0) - f'(0) s| <= F s^2 / 2 with
             F = sum_j A_j L_j + sum_k L_k V_k (V_k + 2 sum_{j<k} V_j) >= |x''|,
@@ -85,71 +138,61 @@ class Motion:
         tip. With Omega, u the body's twist at the middle, f(0) + f'(0) s = x . (w + s w x Omega) + s w . u, whose
         maximum over the body is a support function, convex in s: so its maximum for |s| <= h is at s = h or -h.
         """
-        boxes = self._of_all_joints(boxes)
-        rows, half = query.rows, boxes.half[query.rows]
-        moves = self._moves[:, query.pairs]  # (2, K, J), as all that follows
-        axes = query.direction[rows], query.point[rows]
-        lever, travel = self._moment_arms(boxes.reach[rows] * moves, query, axes)
-        speed, acceleration = boxes.speed[rows] * moves, boxes.acceleration[rows] * moves
-        before = np.cumsum(speed, axis=2) - speed
-        curve = np.einsum("skj,skj->sk", lever, acceleration + speed * (speed + 2.0 * before))
-        jump = np.einsum("skj,skj->sk", boxes.jump[rows] * moves, lever)
-        omega, u = self._twist(boxes.v[rows] * moves, *axes)
-        sign = np.array([1.0, -1.0])[:, None, None]  # of side a and b
-        turn, shift = _cross(normals, omega), np.einsum("ski,ki->sk", u, normals)
-        s = np.array([1.0, -1.0])[:, None, None] * half  # at both ends
-        direction = sign * (normals + s[..., None] * turn)  # (2 ends, 2 sides, K, 3)
-        height = self._bodies.support(query.placed, direction) + sign[..., 0] * s * shift
-        linear = np.minimum(*-(height[:, 0] + height[:, 1]))
+        place = np.full(len(query.pairs), -1)
+        place[chosen] = np.arange(len(chosen))
+        kept = (place[travel.item] >= 0).nonzero()[0]
+        item, side, lever = travel.item[kept], travel.side[kept], travel.lever[:, kept]
+        rows, at = query.rows[item], place[item]
+        moves, half = self._moving(query, item, side), boxes.half[rows]
+        speed, acceleration = _at(boxes.speed, rows) * moves, _at(boxes.acceleration, rows) * moves
+        before = np.cumsum(speed, axis=0) - speed
+        loss = 0.5 * half**2 * np.einsum("jm,jm->m", lever, acceleration + speed * (speed + 2.0 * before))
+        loss += np.einsum("jm,jm->m", lever, _at(boxes.jump, rows) * moves)
+        omega, u = self._twist(_at(boxes.v, rows) * moves, _at(query.direction, rows), _at(query.point, rows))
+        w = normals[item].T * (1.0 - 2.0 * side)  # out of either body
+        turn, shift = half * _cross(w, omega), half * np.einsum("im,im->m", w, u)
+        still = np.ones((2, len(chosen)), dtype=bool)
+        still[side, at] = False
+        other, fixed = np.nonzero(still)
+        asked = np.concatenate([item, item, chosen[fixed]]), np.concatenate([side, side, other])
+        outward = normals[chosen[fixed]] * (1.0 - 2.0 * other)[:, None]
+        bodies, poses = query.placed.bodies[asked], query.placed.poses[asked]
+        height = self._bodies.support(bodies, poses, np.concatenate([(w + turn).T, (w - turn).T, outward]))
+        count = len(item)
+        after, before, standing = height[:count], height[count : 2 * count], height[2 * count :]
+        moved = np.maximum(*(_sums(at, end, len(chosen)) for end in (after + shift, before - shift)))
+        linear = -(moved + _sums(fixed, standing, len(chosen)))
         linear[np.isnan(linear)] = -np.inf
-        loss = 0.5 * half**2 * curve + jump
-        return SeparationRate(travel[0] + travel[1], linear, loss[0] + loss[1])
+        return GapMotion(linear, _sums(at, loss, len(chosen)))
 
-    def _of_all_joints(self, boxes: Boxes) -> Boxes:
-        """Return the bounds of all J joints: a follower moves by its multiplier times what its leader does."""
-        kinematics = self._bodies.kinematics
-        if not kinematics.follows:
-            return boxes
-        bounds = (boxes.reach, boxes.speed, boxes.acceleration, boxes.jump)
-        reach, speed, acceleration, jump = map(kinematics.joint_reach, bounds)
-        q, v = kinematics.joint_rates(boxes.q) + kinematics.offset, kinematics.joint_rates(boxes.v)
-        return Boxes(boxes.half, q, v, reach, speed, acceleration, jump)
-
-    def _moment_arms(self, step: Array, query: DistanceQuery, axes: tuple[Array, Array]) -> tuple[Array, Array]:
-        """L (2, K, J), the farthest any point of the body gets from each axis on the interval, and its travel (2, K).
-
-        Both in m, of sides a and b. Joints are moved one after another, from the tip to the base. When joint j turns,
-        about its axis at the middle, the body has travelled t already: its points are within R_j + t of the axis and
-        move by at most D_j (R_j + t).
-
-        Args:
-            step: (2, K, J) D, the bounds on how far each joint that moves the side goes, rad or m.
-            query: the pairs, and where they are.
-            axes: direction and a point of all joints' axes, (K, J, 3) each.
-        """
-        direction, point = axes
-        poses, pairs = query.placed.poses.swapaxes(0, 1), query.pairs
-        centre = (poses[..., :3, :3] @ self._centre[:, pairs, :, None])[..., 0] + poses[..., :3, 3]
-        arm = _cross(direction, centre[:, :, None] - point)
-        lever = np.sqrt(np.einsum("skji,skji->skj", arm, arm)) + self._radius[:, pairs, None]
-        lever[..., ~self._revolute] = 1.0
-        travelled = np.zeros(step.shape[:2])
-        for j in reversed(range(lever.shape[2])):
-            if self._revolute[j]:
-                lever[..., j] += travelled
-            travelled += step[..., j] * lever[..., j]
-        return lever, travelled
+    def _moving(self, query: DistanceQuery, item: Index, side: Index) -> Array:
+        """Which joints move sides of pairs: (J, M), 1 or 0."""
+        return np.asarray(self._moves.take(side * self._moved.shape[1] + query.pairs[item], axis=1))
 
     def _twist(self, v: Array, direction: Array, point: Array) -> tuple[Array, Array]:
-        """Angular velocity (2, K, 3), rad/s, and velocity (2, K, 3), m/s, of the body's point at the world's origin."""
-        turning = (v * self._turns)[..., None, :]
-        slide = (v * self._slides)[..., None, :] @ direction
-        return (turning @ direction)[..., 0, :], (turning @ _cross(point, direction) + slide)[..., 0, :]
+        """Angular velocity (3, M), rad/s, and velocity (3, M), m/s, of the body's point at the world's origin."""
+        slide = v[self._slides]
+        v[self._slides] = 0.0
+        omega, u = (np.einsum("jm,ijm->im", v, part) for part in (direction, _cross(point, direction)))
+        if len(slide):
+            u += np.einsum("jm,ijm->im", slide, direction[:, self._slides])
+        return omega, u
+
+
+def _at(values: Array, rows: Index) -> Array:
+    """Values (N, J) or (N, J, 3) of intervals `rows` (M,), with the axes turned round: (J, M) or (3, J, M)."""
+    return np.asarray(values.T.take(rows, axis=-1))
+
+
+def _sums(item: Index, values: Array, count: int) -> Array:
+    """Sums of values (M,) of the same item: (count,)."""
+    return np.asarray(np.bincount(item, values, count).astype(float))
 
 
 def _cross(a: Array, b: Array) -> Array:
+    """Vector products along the first axis."""
     result = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    result[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    result[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    result[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.multiply(a[j], b[k], out=result[i])
+        result[i] -= a[k] * b[j]
     return result

@@ -2,7 +2,6 @@
 
 from copy import copy
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import coal
 import numpy as np
@@ -12,6 +11,7 @@ from optiplan.arrays import Flags, Index
 from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.geometry_model import geometry_of
 from optiplan.collision.model import CollisionModel
+from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_bounds import LocalBox, PairBounds, local_box
 
@@ -34,16 +34,11 @@ class ClusterHull:
         return cls(cluster, shape, local_box(shape))
 
 
-_hulls: "WeakKeyDictionary[Robot, tuple[tuple[ClusterHull, ...], ...]]" = WeakKeyDictionary()
-
-
+@once_for_each_robot
 def _levels(robot: Robot) -> tuple[tuple[ClusterHull, ...], ...]:
-    """Hulls of a robot's clusters, of few bodies first; built once for each robot."""
-    bare = robot.unmounted
-    if bare not in _hulls:
-        found = clusters_of(bare)
-        _hulls[bare] = tuple(tuple(map(ClusterHull.of, level)) for level in (found.by_link, found.by_joint))
-    return _hulls[bare]
+    """Hulls of a robot's clusters, of few bodies first."""
+    found = clusters_of(robot)
+    return tuple(tuple(map(ClusterHull.of, level)) for level in (found.by_link, found.by_joint))
 
 
 class PairTree:

@@ -55,6 +55,8 @@ def prove_bounds(coefficients: Array, low: Array, high: Array) -> Bounded:
     for r in range(_MOST_HALVINGS):
         doubt = (r + 4) * rounding[owner]
         held = (b.max(axis=1) + doubt <= high[owner]) & (b.min(axis=1) - doubt >= low[owner])  # NaN never is
+        if held.all():
+            return Bounded(within & (beyond <= 0.0), beyond, rounding)
         b, owner, doubt = b[~held], owner[~held], doubt[~held]  # what holds is not beyond
         passed = np.maximum(b[:, [0, -1]].max(axis=1) - high[owner], low[owner] - b[:, [0, -1]].min(axis=1)) - doubt
         np.maximum.at(beyond, owner, passed)

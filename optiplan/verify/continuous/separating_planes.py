@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import coal
 import numpy as np
@@ -37,6 +38,20 @@ class Distances:
     hulls: Flags
     parts: Flags
 
+    @cached_property
+    def best(self) -> Array:
+        """The larger of what was measured and its bound, (K,), m."""
+        return np.maximum(self.bound, self.measured)
+
+    @classmethod
+    def join(cls, parts: "Sequence[Distances]") -> "Distances":
+        """Concatenate."""
+        return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
+
+    def take(self, chosen: Index) -> "Distances":
+        """Those at these positions."""
+        return Distances(*(getattr(self, f.name)[chosen] for f in fields(self)))
+
 
 @dataclass(frozen=True, eq=False)
 class Witness:
@@ -69,16 +84,18 @@ class PairDistances:
         self._outline = _request(coal.GJKConvergenceCriterion.Default, 1e-9)
         self._convex: Flags = np.logical_and(*bodies.kind(coal.ShapeBase).T)
         self._planes: Flags = bodies.kind(coal.Halfspace)
+        self._flat: Flags = np.asarray(self._planes.any(axis=1))
         self._mesh: Flags = np.array([not isinstance(shape, coal.ShapeBase) for shape in self._shapes], dtype=bool)
         self._no_hulls = bool(self._convex.all()) and not bodies.tree.hulls
-        self._any_plane = bool(self._planes.any())
+        self._any_plane = bool(self._flat.any())
         links: Flags = self._mesh & (np.arange(len(self._mesh)) < len(model.robot.link_boxes))
-        self._link_meshes: Flags = links[bodies.pairs] & ~self._planes.any(axis=1, keepdims=True)  # (P, 2)
+        self._link_meshes: Flags = links[bodies.pairs] & ~self._flat[:, None]  # (P, 2)
         self._put(model, bodies)
 
     def _put(self, model: CollisionModel, bodies: Bodies) -> None:
         self._robot, self._bodies = model.robot, bodies
         still = np.flatnonzero(bodies.joints == 0)
+        self._stands = np.append(bodies.joints == 0, False)  # the last is of all parts of links
         self._fixed = {
             k: coal.Transform3s(X[:3, :3], X[:3, 3])
             for k, X in zip(still.tolist(), bodies.placements[still], strict=True)
@@ -114,7 +131,7 @@ class PairDistances:
         """Normals (K, 3) of planes between hulls, and gaps (K,), m; -inf for pairs without a mesh or a cluster."""
         normals, gap = np.full((len(pairs), 3), np.nan), np.full(len(pairs), -np.inf)
         outer = ~self._convex[pairs] | (pairs >= self._bodies.tree.count)
-        asked = np.flatnonzero(outer & ~self._planes[pairs].any(axis=1))
+        asked = np.flatnonzero(outer & ~self._flat[pairs])
         if len(asked):
             hulls = placed.take(asked)
             normals[asked] = self._measure(self._hulls, self._outline, hulls)[1]
@@ -168,7 +185,7 @@ class PairDistances:
         for k, part in enumerate(parts):
             own = which == k
             height[own] += support(None, part.vertices, local[own])
-        found = -height - self._bodies.support(asked, np.stack([n, -n]))[1]
+        found = -height - self._bodies.support(asked.bodies[:, 1], asked.poses[:, 1], -n)
         gap[chosen] = np.where(np.isnan(found), -np.inf, found)
 
     def _exact(self, pairs: Index, placed: PlacedBody) -> Distances:
@@ -178,8 +195,8 @@ class PairDistances:
             for k in np.flatnonzero(self._planes[pairs, side]):  # the half-space itself is the plane
                 own = np.array(self._bodies.shapes[placed.bodies[k, side]].n)
                 normals[k] = sign * placed.poses[k, side, :3, :3] @ own
-        plane, flat = self._gap(placed, normals), self._planes[pairs].any(axis=1)
-        loose = np.flatnonzero(self._convex[pairs] & ~flat & (plane < measured - _LOOSE))
+        plane, flat, convex = self._gap(placed, normals), self._flat[pairs], self._convex[pairs]
+        loose = np.flatnonzero(convex & ~flat & (plane < measured - _LOOSE))
         if len(loose):
             other = self._measure(self._shapes, self._again, placed.take(loose))[1]
             gap = self._gap(placed.take(loose), other)
@@ -187,7 +204,7 @@ class PairDistances:
             normals[loose[better]], plane[loose[better]] = other[better], gap[better]
         measured = np.where(flat, plane, measured)
         coal_says = measured - np.maximum(_MARGIN, _MARGIN * measured)
-        gjk_only = ~self._convex[pairs] & (coal_says > plane)
+        gjk_only = ~convex & (coal_says > plane)
         none = np.zeros_like(gjk_only)
         return Distances(measured, normals, np.where(gjk_only, coal_says, plane), gjk_only, none, none)
 
@@ -197,19 +214,25 @@ class PairDistances:
         placed = self._bodies.place(poses[None], np.zeros(len(pairs), dtype=np.intp), pairs)
         bounds = self._bodies.lower_bound(placed) if len(pairs) > 1 else np.zeros(1)
         best: Witness | None = None
+        result = coal.DistanceResult()
         for k in np.argsort(bounds, kind="stable").tolist():
             if best is not None and bounds[k] >= best.distance:
                 break
-            result = next(self._ask(self._shapes, self._request, placed.take(np.array([k]))))
-            if best is None or result.min_distance < best.distance:
+            a, b = placed.bodies[k].tolist()
+            X_WA, X_WB = (coal.Transform3s(X[:3, :3], X[:3, 3]) for X in placed.poses[k])
+            result.clear()
+            distance = coal.distance(self._shapes[a], X_WA, self._shapes[b], X_WB, self._request, result)
+            if best is None or distance < best.distance:
                 points = np.array([result.getNearestPoint1(), result.getNearestPoint2()])
-                best = Witness(float(result.min_distance), points, int(pairs[k]))
+                best = Witness(float(distance), points, int(pairs[k]))
         assert best is not None
         return best
 
     def _gap(self, placed: PlacedBody, normals: Array) -> Array:
         """-h_b(-n) - h_a(n), m: a lower bound of the distance for each unit normal (K, 3); -inf where it is NaN."""
-        gap = -self._bodies.support(placed, np.stack([normals, -normals])).sum(axis=0)
+        bodies, poses = placed.bodies.T.ravel(), np.concatenate([placed.poses[:, 0], placed.poses[:, 1]])
+        height = self._bodies.support(bodies, poses, np.concatenate([normals, -normals]))
+        gap = -(height[: len(normals)] + height[len(normals) :])
         gap[np.isnan(gap)] = -np.inf
         return np.asarray(gap)
 
@@ -222,28 +245,29 @@ class PairDistances:
         meshes = [False] * len(placed.bodies)
         if shapes is self._shapes:
             meshes = np.asarray(self._mesh[placed.bodies].any(axis=1)).tolist()
-        for k, result in enumerate(self._ask(shapes, request, placed)):
-            measured[k] = result.min_distance
+        result, distance, known = coal.DistanceResult(), coal.distance, self._fixed.get
+        X_WA, X_WB = coal.Transform3s(), coal.Transform3s()  # set anew each time, which takes a third of making others
+        moving_a, moving_b = (self._moving_poses(placed, side) for side in (0, 1))
+        for k, (a, b) in enumerate(placed.bodies.tolist()):
+            result.clear()
+            X_a, X_b = known(a), known(b)
+            if X_a is None:
+                X_a = X_WA
+                X_a.setTransform(*next(moving_a))
+            if X_b is None:
+                X_b = X_WB
+                X_b.setTransform(*next(moving_b))
+            measured[k] = distance(shapes[a], X_a, shapes[b], X_b, request, result)
             normals[k] = result.getNearestPoint2() - result.getNearestPoint1() if meshes[k] else result.normal
         length = np.sqrt(np.einsum("ki,ki->k", normals, normals))[:, None]
         with np.errstate(invalid="ignore", divide="ignore"):
             return measured, normals / length
 
-    def _ask(
-        self, shapes: list[coal.CollisionGeometry], request: coal.DistanceRequest, placed: PlacedBody
-    ) -> Iterator[coal.DistanceResult]:
-        """Yield coal's result for each of K pairs; the next one overwrites it."""
-        result, distance, fixed = coal.DistanceResult(), coal.distance, self._fixed
-        X_WA, X_WB = coal.Transform3s(), coal.Transform3s()  # set anew each time, which takes a third of making others
-        rotations, origins = placed.poses[..., :3, :3], placed.poses[..., :3, 3]
-        for (a, b), R, p in zip(placed.bodies.tolist(), rotations, origins, strict=True):
-            result.clear()
-            if a not in fixed:
-                X_WA.setTransform(R[0], p[0])
-            if b not in fixed:
-                X_WB.setTransform(R[1], p[1])
-            distance(shapes[a], fixed.get(a, X_WA), shapes[b], fixed.get(b, X_WB), request, result)
-            yield result
+    def _moving_poses(self, placed: PlacedBody, side: int) -> Iterator[tuple[Array, Array]]:
+        """Rotations and origins of those of K bodies of a side that do not stand still: of the rest it is known."""
+        stands = self._stands.take(placed.bodies[:, side], mode="clip")
+        poses = placed.poses[~stands, side]
+        return zip(np.ascontiguousarray(poses[:, :3, :3]), np.ascontiguousarray(poses[:, :3, 3]), strict=True)
 
 
 def _request(criterion: coal.GJKConvergenceCriterion, tolerance: float) -> coal.DistanceRequest:

@@ -70,13 +70,13 @@ class _Proof:
     def __init__(self, problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> None:
         self._policy, self._bounds = policy, _bounds_of(problem.robot)
         self._pool = pin.ModelPool(problem.robot.model, 1)  # many torques in one call, on this thread alone
-        self._trajectory, self._pieces = trajectory, [trajectory.derivatives(order) for order in range(3)]
+        self._trajectory = trajectory
         self.evaluated = 0
         self.peak, self.time = np.zeros(trajectory.n), np.zeros(trajectory.n)
 
     def first(self) -> _Spans:
         """Every piece in equal intervals, `torque_rate` a second."""
-        h = np.diff(self._trajectory.breakpoints)
+        h = self._trajectory.widths
         rate = min(self._policy.torque_rate, _MOST_FIRST / self._trajectory.duration)
         pieces, parts = np.arange(len(h)), np.maximum(np.ceil(h * rate), 1.0).astype(np.intp)
         ends = self._torques(np.tile(pieces, 2), np.concatenate([np.zeros_like(h), h])).reshape(2, len(h), -1)
@@ -122,16 +122,11 @@ class _Proof:
 
     def _torques(self, piece: Index, local: Array) -> Array:
         """Return tau (K, n) at times `local` (K,) of pieces; the largest and its time are remembered."""
-        state = []
-        for c in self._pieces:
-            value = c[piece, -1]
-            for k in range(c.shape[1] - 2, -1, -1):
-                value = value * local[:, None] + c[piece, k]
-            state.append(value)
         tau = np.empty((len(piece), self._trajectory.n))
         if not len(tau):
             return tau
-        pin.rneaInParallel(1, self._pool, *(np.ascontiguousarray(value).T for value in state), tau.T)
+        state = self._trajectory.states_in(piece, local)
+        pin.rneaInParallel(1, self._pool, *(values.T for values in state), tau.T)
         self.evaluated += len(tau)
         size, columns = np.abs(tau), np.arange(tau.shape[1])
         at = size.argmax(axis=0)

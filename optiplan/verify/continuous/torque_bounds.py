@@ -32,9 +32,13 @@ def rotated(turn: Array, rate: float, orders: int) -> Array:
     """
     found = np.ones((orders, *turn.shape[1:]))
     for k in range(orders - 1):
-        np.einsum("k...,k...->...", turn[: k + 1], found[k::-1], out=found[k + 1])
-        found[k + 1] *= rate / (k + 1)
+        found[k + 1] = rate / (k + 1) * _coefficient(turn, found, k)
     return found
+
+
+def _coefficient(x: Array, y: Array, k: int) -> Array:
+    """Coefficient k of `product`."""
+    return np.asarray((x[: k + 1] * y[k::-1]).sum(axis=0))
 
 
 class TorqueBounds:
@@ -63,6 +67,10 @@ class TorqueBounds:
         self._inertia = np.array([float(np.linalg.norm(body.inertia, 2)) for body in model.inertias])[:, None]
         self._armature = np.array(model.armature)[self._columns, None]
         self._gravity = float(np.linalg.norm(model.gravity.linear))
+        # Row j: what body j stands on, itself included; its transpose sums over what stands on a body.
+        self._carried = np.eye(model.njoints)
+        for j in range(1, model.njoints):
+            self._carried[j] += self._carried[self._parents[j]]
 
     def over(self, motion: Array) -> tuple[Array, Array]:
         """Bounds over K intervals on the sum of all that adds up to tau_j, N·m (N), and on |tau_j''|: (K, n) each.
@@ -79,13 +87,11 @@ class TorqueBounds:
         axis = fixed[:3, self._parents]
         # What a joint transmits to the body before it: f, and n + (o_j - o_before) x f.
         arm = self._offset * axis
-        arm[:, self._slides] += product(axis[:, self._slides], q[:, self._slides], 3)
-        last_to_first = range(len(self._parents) - 1, 0, -1)
-        for j in last_to_first:
-            force[:, self._parents[j]] += force[:, j]
+        if self._slides.any():
+            arm[:, self._slides] += product(axis[:, self._slides], q[:, self._slides], 3)
+        force = self._carried.T @ force
         moved = product(arm, force, 3)
-        for j in last_to_first:
-            moment[:, self._parents[j]] += moment[:, j] + moved[:, j]
+        moment = self._carried.T @ (moment + moved) - moved
         carried = moment
         carried[:, self._slides] = force[:, self._slides]
         size = carried[0] + 2.0 * self._armature * q[2]
@@ -101,24 +107,19 @@ class TorqueBounds:
             Angular velocity (4, B, K), rad/s; a unit vector that the body carries (5, B, K); position of its joint, of
             which derivatives 2 to 4 count (5, B, K), m.
         """
-        turn, fixed = np.zeros((_ORDERS - 1, *q.shape[1:])), np.zeros_like(q)
-        fixed[0, 0] = 1.0
+        turn, fixed = np.empty((_ORDERS - 1, *q.shape[1:])), np.ones_like(q)
         rates = q[1:] * np.arange(1.0, _ORDERS)[:, None, None]  # of joint velocities
-        for j in range(1, len(self._parents)):
-            parent = self._parents[j]
-            turn[:, j] = turn[:, parent]
-            if self._slides[j]:
-                fixed[:, j] = fixed[:, parent]
-                continue
-            turn[:, j] += product(fixed[:, parent], rates[:, j], _ORDERS - 1)
-            fixed[:, j] = rotated(turn[:, j], 1.0, _ORDERS)
-        axis = fixed[:, self._parents]
+        rates[:, 0] = rates[:, self._slides] = 0.0  # of those that turn
+        axis = np.ones_like(q)
+        for k in range(_ORDERS - 1):  # of a product only lower orders count
+            turn[k] = self._carried @ _coefficient(axis, rates, k)
+            fixed[k + 1] = _coefficient(turn, fixed, k) / (k + 1)
+            axis[k + 1] = fixed[k + 1, self._parents]
         origin = self._offset * axis
+        if self._slides.any():
+            origin[:, self._slides] += product(axis[:, self._slides], q[:, self._slides], _ORDERS)
         origin[:, 0] = 0.0
-        origin[:, self._slides] += product(axis[:, self._slides], q[:, self._slides], _ORDERS)
-        for j in range(1, len(self._parents)):
-            origin[:, j] += origin[:, self._parents[j]]
-        return turn, fixed, origin
+        return turn, fixed, self._carried @ origin
 
     def _own(self, turn: Array, fixed: Array, origin: Array) -> tuple[Array, Array]:
         """Force, N, and moment about its joint, N·m, that accelerate each body, and two derivatives: (3, B, K) each."""

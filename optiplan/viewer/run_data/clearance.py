@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.collision.contacts import Contact
 from optiplan.collision.kept_models import collision_model
-from optiplan.collision.model import CollisionModel, Contact
+from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
 from optiplan.trajectory.obstacle_columns import with_obstacles

@@ -58,7 +58,7 @@ def test_a_motion_that_is_not_verified_is_not_written(optiplan, run):
     ("arguments", "words"),
     [
         (["--to", "krl"], "expected one of: csv, json, npz, ros, urscript, png, mp4"),
-        (["--to", "csv", "--rate", "0"], "a number of samples a second"),
+        (["--to", "csv", "--rate", "0"], "optiplan export: rate: found the float 0.0; expected a number of samples"),
         (["--to", "urscript"], "of urscript: one of the six joints"),
         (["--to", "png", "--rate", "100"], "pictures have no samples"),
         (["--to", "png", "--out", "motion.jpg"], "a file that ends with .png"),

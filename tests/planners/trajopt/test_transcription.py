@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.collision.model import CollisionModel, Contacts
+from optiplan.collision.contacts import Contacts
+from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Box, Obstacle, Scene, Sphere
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path

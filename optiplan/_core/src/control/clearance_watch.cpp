@@ -48,7 +48,7 @@ View ClearanceWatch::look(const double *q, const View *before) {
         view.near.push_back(contact.pair);
         view.distance.push_back(distance);
         view.gradient.resize(view.gradient.size() + n);
-        world_.gradient(at, contact, view.gradient.data() + view.gradient.size() - n);
+        world_.gradient(at.joints.data(), contact, view.gradient.data() + view.gradient.size() - n);
     }
     return view;
 }

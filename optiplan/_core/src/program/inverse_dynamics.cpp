@@ -53,7 +53,7 @@ constexpr std::size_t SQUARE = 36;
 InverseDynamics::InverseDynamics(const Tree &tree) : tree_(tree) {
     const std::size_t count = tree.joints.size();
     pose_.resize(count), inertia_.resize(count), composite_.resize(count);
-    for (auto *each : {&axis_, &twist_, &acceleration_, &force_, &axis_rate_, &carried_}) each->resize(count);
+    for (auto *each : {&axis_, &twist_, &acceleration_, &force_, &axis_rate_, &carried_, &held_}) each->resize(count);
     coriolis_.resize(count * SQUARE);
 }
 
@@ -73,11 +73,20 @@ void InverseDynamics::torques(const double *q, const double *v, const double *a,
         force_[j] = inertia_[j] * acceleration_[j] + cross_force(twist_[j], inertia_[j] * twist_[j]);
         carried_[j] = force_[j];
     }
+    pass_down(carried_, tau);
+}
+
+void InverseDynamics::at_rest(double *tau) {
+    for (int j = 1; j < tree_.count(); ++j) held_[j] = inertia_[j] * Spatial{{}, -tree_.gravity};
+    pass_down(held_, tau);
+}
+
+void InverseDynamics::pass_down(std::vector<Spatial> &wrenches, double *tau) const {
     std::fill_n(tau, tree_.planned, 0.0);
     for (int j = tree_.count() - 1; j > 0; --j) {
         const Joint &joint = tree_.joints[j];
-        tau[joint.leader] += joint.multiplier * dot(axis_[j], carried_[j]);
-        if (joint.parent) carried_[joint.parent] += carried_[j];
+        tau[joint.leader] += joint.multiplier * dot(axis_[j], wrenches[j]);
+        if (joint.parent) wrenches[joint.parent] += wrenches[j];
     }
 }
 

@@ -33,15 +33,19 @@ public:
     // tau (n,) at q, v, a (n,): N m or N.
     void torques(const double *q, const double *v, const double *a, double *tau);
 
+    // tau (n,) that holds the robot still where it was in the last call of `torques`.
+    void at_rest(double *tau);
+
     // Derivatives (n, n) by q, v and a at the state of the last call of `torques`.
     void derivatives(double *by_q, double *by_v, double *by_a);
 
 private:
+    void pass_down(std::vector<Spatial> &wrenches, double *tau) const;  // from each link to those that carry it
     Spatial coriolis_row(int joint, const Spatial &x) const;
 
     Tree tree_;
     std::vector<Pose> pose_;
-    std::vector<Spatial> axis_, twist_, acceleration_, force_, axis_rate_, carried_;
+    std::vector<Spatial> axis_, twist_, acceleration_, force_, axis_rate_, carried_, held_;
     std::vector<SpatialInertia> inertia_, composite_;
     Vec coriolis_;  // (joints, 6, 6) of all that a joint carries
 };

@@ -54,11 +54,13 @@ double Margins::at(double u, int pair) const {
 NearRows near_rows(const World &world, const Margins &margins, const Vec &u, const Vec &Q, double cutoff) {
     const std::size_t n = static_cast<std::size_t>(world.tree().planned);
     std::vector<Contact> found;
-    std::vector<Placement> places(u.size(), world.placement());
-    Trail trail;
+    Placement at = world.placement();
+    std::vector<Pose> joints;  // at all samples, one after another
+    Trail trail = world.trail();
     for (std::size_t i = 0; i < u.size(); ++i) {
-        world.place_outside(Q.data() + i * n, places[i]);
-        world.near(places[i], static_cast<int>(i), cutoff, found, trail, {WINDOW, GAP});
+        world.place_outside(Q.data() + i * n, at);
+        world.near(at, static_cast<int>(i), cutoff, found, trail, {WINDOW, GAP});
+        joints.insert(joints.end(), at.joints.begin(), at.joints.end());
     }
     push_one_way(found);
     NearRows rows;
@@ -67,7 +69,7 @@ NearRows near_rows(const World &world, const Margins &margins, const Vec &u, con
         const Contact &contact = found[k];
         rows.sample.push_back(contact.row);
         rows.value.push_back(contact.witness.distance - margins.at(u[contact.row], contact.pair));
-        world.gradient(places[contact.row], contact, rows.gradient.data() + k * n);
+        world.gradient(joints.data() + contact.row * at.joints.size(), contact, rows.gradient.data() + k * n);
     }
     return rows;
 }

@@ -28,13 +28,13 @@ void state(const Curve &curve, std::size_t piece, double local, double *out) {
 std::vector<double> torque_demand(InverseDynamics &dynamics, const Curve &curve, const std::vector<double> &allowed,
                                   const double *times, std::size_t count) {
     const std::size_t n = dynamics.joints();
-    std::vector<double> found(count, 0.0), motion(3 * n), rest(2 * n, 0.0), tau(n), gravity(n);
+    std::vector<double> found(count, 0.0), motion(3 * n), tau(n), gravity(n);
     std::size_t piece = 0;
     for (std::size_t i = 0; i < count; ++i) {
         while (piece + 2 < curve.breakpoints.size() && curve.breakpoints[piece + 1] <= times[i]) ++piece;
         state(curve, piece, times[i] - curve.breakpoints[piece], motion.data());
         dynamics.torques(motion.data(), motion.data() + n, motion.data() + 2 * n, tau.data());
-        dynamics.torques(motion.data(), rest.data(), rest.data() + n, gravity.data());
+        dynamics.at_rest(gravity.data());
         for (std::size_t j = 0; j < n; ++j) {
             if (std::fabs(gravity[j]) > allowed[j]) return std::vector<double>(count, INF);
             const double moving = tau[j] - gravity[j];

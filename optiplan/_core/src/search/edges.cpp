@@ -6,8 +6,16 @@
 namespace optiplan {
 
 EdgeChecker::EdgeChecker(const World &world, std::vector<double> arms, std::vector<double> torque, EdgeRules rules)
-    : world_(world), arms_(std::move(arms)), torque_(std::move(torque)), rules_(rules), at_(world.placement()) {
-    const std::size_t n = joints();
+    : world_(world),
+      arms_(arms.size()),
+      torque_(std::move(torque)),
+      rules_(rules),
+      at_(world.placement()),
+      trail_(world.trail()) {
+    const std::size_t n = joints(), count = world.pairs().size();
+    for (std::size_t p = 0; p < count; ++p)
+        for (std::size_t j = 0; j < n; ++j) arms_[j * count + p] = arms[p * n + j];
+    together_.resize(world.groups().size());
     q_.resize(n), d_.resize(n), held_.resize(n), travel_.resize(world.pairs().size());
     half_d_.resize(n), reaches_.resize(world.bodies().size() * world.tree().joints.size());
 }
@@ -22,7 +30,7 @@ bool EdgeChecker::too_heavy() {
 
 bool EdgeChecker::blocked(const double *q) {
     world_.place_outside(q, at_);
-    return world_.collides(at_) || too_heavy();
+    return world_.collides(at_, &trail_) || too_heavy();
 }
 
 bool EdgeChecker::heavy_along(const double *a, const double *d) {
@@ -72,57 +80,77 @@ void EdgeChecker::reach(int a, int b) {
     }
 }
 
+// The travel of each pair, of each group the farthest of its pairs; returns the farthest of all.
+double EdgeChecker::measure_travel(const double *d) {
+    const std::size_t count = travel_.size();
+    std::fill(travel_.begin(), travel_.end(), 0.0);
+    for (int j = 0; j < joints(); ++j) {
+        const double *arms = arms_.data() + static_cast<std::size_t>(j) * count, length = std::fabs(d[j]);
+        for (std::size_t p = 0; p < count; ++p) travel_[p] += arms[p] * length;
+    }
+    for (std::size_t g = 0; g < together_.size(); ++g) {
+        together_[g] = 0.0;
+        for (const Member &member : world_.groups()[g].members) together_[g] = std::max(together_[g], travel_[member.pair]);
+    }
+    double farthest = 0.0;
+    for (int p : world_.alone()) farthest = std::max(farthest, travel_[p]);
+    for (double travel : together_) farthest = std::max(farthest, travel);
+    return farthest;
+}
+
 bool EdgeChecker::apart(const double *a, const double *d) {
     const int n = joints();
-    double farthest = 0.0;
-    std::vector<int> pairs, left;  // to be proved, of the parts one after another
-    for (int p = 0; p < static_cast<int>(travel_.size()); ++p) {
-        double travel = 0.0;
-        for (int j = 0; j < n; ++j) travel += arms_[static_cast<std::size_t>(p) * n + j] * std::fabs(d[j]);
-        travel_[p] = travel;
-        farthest = std::max(farthest, travel);
-        if (travel > 0.0) pairs.push_back(p);
-    }
-    if (pairs.empty()) return true;
-    std::vector<double> together(world_.groups().size(), 0.0);  // the farthest travel of each group's pairs
-    for (std::size_t g = 0; g < together.size(); ++g)
-        for (int p : world_.groups()[g].pairs) together[g] = std::max(together[g], travel_[p]);
-    std::vector<char> known(together.size());
+    const double farthest = measure_travel(d);
+    if (farthest == 0.0) return true;
     const double wanted = std::ceil(0.5 * farthest / rules_.first);
     if (wanted > rules_.most) return false;
     const int count = std::max(1, static_cast<int>(wanted));
+    std::vector<int> pairs, left;  // to be proved, of the parts one after another
+    std::vector<char> known(together_.size());
     std::vector<Part> parts, next;
-    for (double middle : middles(count)) parts.push_back({middle, 0, pairs.size()});
+    for (double middle : middles(count)) parts.push_back({middle, 0, 0});
     double half = 0.5 / count;
+    const auto group_gap = [&](int g) {
+        reach(world_.groups()[g].hull, world_.groups()[g].other);
+        return std::min(together_[g] * half, world_.group_travel(reaches_, half_d_.data(), g)) + rules_.margin;
+    };
+    bool touches = false;
+    const auto ask = [&](int p) {
+        if (touches || !(travel_[p] > 0.0)) return;
+        const double most = travel_[p] * half + rules_.margin;
+        if (world_.boxes_apart(at_, p, most)) return;
+        reach(world_.pairs()[p].a, world_.pairs()[p].b);
+        const double margin = std::min(most, world_.travel(reaches_, half_d_.data(), p) + rules_.margin);
+        if (!world_.within(at_, p, margin, &trail_.pairs[p])) return;
+        touches = world_.within(at_, p, 0.0, &trail_.pairs[p]);
+        if (touches) at_.touching = p;
+        left.push_back(p);
+    };
+    const auto ask_all = [&] {
+        for (int p : world_.alone()) {
+            world_.open(at_, p);
+            ask(p);
+        }
+        for (int g = 0; g < static_cast<int>(together_.size()) && !touches; ++g) {
+            if (!(together_[g] > 0.0) || world_.group_apart(at_, g, group_gap(g), &trail_.groups[g])) continue;
+            world_.visit_near(at_, world_.groups()[g], together_[g] * half + rules_.margin, ask);
+        }
+    };
     for (int asked = 0; !parts.empty(); half *= 0.5) {
         asked += static_cast<int>(parts.size());
         if (asked > rules_.most || (farthest * half < rules_.least && rules_.least < farthest)) return false;
         left.clear(), next.clear();
         for (int j = 0; j < n; ++j) half_d_[j] = half * std::fabs(d[j]);
-        const auto group_gap = [&](int g) {
-            reach(world_.groups()[g].hull, world_.groups()[g].other);
-            return std::min(together[g] * half, world_.group_travel(reaches_, half_d_.data(), g)) + rules_.margin;
-        };
         for (const Part &part : parts) {
             for (int j = 0; j < n; ++j) q_[j] = a[j] + part.middle * d[j];
             world_.place_outside(q_.data(), at_);
             const std::size_t first = left.size();
             std::fill(known.begin(), known.end(), 0);
             reached_.assign(world_.bodies().size(), 0);
-            for (std::size_t k = part.begin; k < part.end; ++k) {
-                const int p = pairs[k];
-                if (world_.settled(at_, p, known, group_gap)) continue;
-                const double most = travel_[p] * half + rules_.margin;
-                if (world_.balls_apart(at_, p, most) || world_.lower_bound(at_, p) > most) continue;
-                reach(world_.pairs()[p].a, world_.pairs()[p].b);
-                const double margin = std::min(most, world_.travel(reaches_, half_d_.data(), p) + rules_.margin);
-                if (!world_.within(at_, p, margin)) continue;
-                if (world_.within(at_, p, 0.0)) {
-                    at_.touching = p;
-                    return false;
-                }
-                left.push_back(p);
-            }
+            if (part.end == 0) ask_all();
+            for (std::size_t k = part.begin; k < part.end; ++k)
+                if (!world_.settled(at_, pairs[k], known, group_gap, trail_.groups.data())) ask(pairs[k]);
+            if (touches) return false;
             if (left.size() == first) continue;
             for (double side : {-0.5, 0.5}) next.push_back({part.middle + side * half, first, left.size()});
         }

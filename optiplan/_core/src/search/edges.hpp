@@ -40,19 +40,21 @@ class EdgeChecker {
   private:
     struct Part {
         double middle;
-        std::size_t begin, end;  // of the pairs that are still to be proved
+        std::size_t begin, end;  // of the pairs that are still to be proved; of none: all pairs
     };
 
     bool too_heavy();
     bool heavy_along(const double *a, const double *d);
     bool apart(const double *a, const double *d);
+    double measure_travel(const double *d);
     void reach(int a, int b);
 
     const World &world_;
-    std::vector<double> arms_, torque_;
+    std::vector<double> arms_, torque_;  // arms by joint: (n, P)
     EdgeRules rules_;
     Placement at_;
-    std::vector<double> q_, d_, travel_, held_, half_d_, reaches_;
+    Trail trail_;
+    std::vector<double> q_, d_, travel_, together_, held_, half_d_, reaches_;
     std::vector<char> reached_;  // of each body, whether `reaches_` holds it
 };
 

@@ -7,6 +7,7 @@
 namespace optiplan {
 
 static constexpr double SPARE = 1.05;  // parts that an interval is cut into, times this
+static constexpr int BLOCK = 6;        // intervals in a row of which far pairs are found at once
 
 void Curve::around(int piece, double middle, double half, double *q, double *reach) const {
     const double local = middle - breakpoints[piece];
@@ -24,11 +25,9 @@ void Curve::around(int piece, double middle, double half, double *q, double *rea
 }
 
 Sweep::Sweep(const World &world, Curve curve, SweepRules rules)
-    : world_(world), curve_(std::move(curve)), rules_(rules), at_(world.placement()) {
+    : world_(world), curve_(std::move(curve)), rules_(rules), at_(world.placement()), trail_(world.trail()) {
     q_.resize(curve_.joints), reach_.resize(curve_.joints);
     reaches_.resize(world.bodies().size() * world.tree().joints.size());
-    everything_.resize(world.pairs().size());
-    std::iota(everything_.begin(), everything_.end(), 0);
     for (int piece = 0; piece + 1 < static_cast<int>(curve_.breakpoints.size()); ++piece) {
         const double low = curve_.breakpoints[piece], length = curve_.breakpoints[piece + 1] - low;
         curve_.around(piece, low + 0.5 * length, 0.5 * length, q_.data(), reach_.data());
@@ -37,15 +36,23 @@ Sweep::Sweep(const World &world, Curve curve, SweepRules rules)
         const double half = 0.5 * length / parts;
         for (int k = 0; k < parts; ++k) intervals_.push_back({piece, low + (2 * k + 1) * half, half});
     }
+    suspects_.resize(intervals_.size());
+    narrowed_.assign(intervals_.size(), 0);
 }
 
 void Sweep::look(int begin, int end, std::vector<double> &touching) {
     for (int k = begin; k < end; ++k) {
-        const Interval &interval = intervals_[k];
-        curve_.around(interval.piece, interval.middle, interval.half, q_.data(), reach_.data());
-        world_.place_outside(q_.data(), at_);
-        const bool touches = world_.collides(at_);
-        if (touches && !before_) touching.push_back(interval.middle);
+        const bool all = touched_ && !narrowed_[k];  // nobody proves what touches somewhere
+        const std::vector<int> &pairs = all ? suspects_[k] : suspects(k);
+        bool touches = false;
+        if (all || !pairs.empty()) {
+            const Interval &interval = intervals_[k];
+            curve_.around(interval.piece, interval.middle, interval.half, q_.data(), reach_.data());
+            world_.place_outside(q_.data(), at_);
+            touches = all ? world_.collides(at_, &trail_) : world_.collides(at_, pairs, trail_);
+        }
+        touched_ |= touches;
+        if (touches && !before_) touching.push_back(intervals_[k].middle);
         before_ = touches;
     }
 }
@@ -53,10 +60,70 @@ void Sweep::look(int begin, int end, std::vector<double> &touching) {
 void Sweep::prove(int begin, int end, std::vector<Touched> &found) {
     for (int k = begin; k < end; ++k) {
         Touched touched{};
-        const bool failed = !free(intervals_[k], everything_, touched);
+        const std::vector<int> &pairs = suspects(k);
+        const bool failed = !pairs.empty() && !free(intervals_[k], pairs, touched);
         if (failed && !failed_before_) found.push_back(touched);
         failed_before_ = failed;
     }
+}
+
+const std::vector<int> &Sweep::suspects(int interval) {
+    if (!narrowed_[interval]) {
+        int end = interval;
+        while (end < intervals() && end < interval + BLOCK && intervals_[end].piece == intervals_[interval].piece)
+            narrowed_[end++] = 1;
+        const std::vector<int> near = near_along(joined(interval, end));
+        for (int k = interval; k < end && !near.empty(); ++k) suspects_[k] = near_along(intervals_[k], near);
+    }
+    return suspects_[interval];
+}
+
+Sweep::Interval Sweep::joined(int begin, int end) const {
+    const Interval &first = intervals_[begin], &last = intervals_[end - 1];
+    const double low = first.middle - first.half, high = last.middle + last.half;
+    return {first.piece, 0.5 * (low + high), 0.5 * (high - low)};
+}
+
+void Sweep::stand_at(const Interval &interval) {
+    curve_.around(interval.piece, interval.middle, interval.half, q_.data(), reach_.data());
+    world_.place_outside(q_.data(), at_);
+    reached_.assign(world_.bodies().size(), 0);
+}
+
+std::vector<int> Sweep::near_along(const Interval &part) {
+    stand_at(part);
+    std::vector<int> near;
+    for (int pair : world_.alone()) {
+        world_.open(at_, pair);
+        if (!apart(pair)) near.push_back(pair);
+    }
+    for (int group = 0; group < static_cast<int>(world_.groups().size()); ++group) {
+        const double gap = group_travel(group) + rules_.margin;
+        if (world_.group_apart(at_, group, gap, &trail_.groups[group])) continue;
+        world_.visit_near(at_, world_.groups()[group], gap, [&](int pair) {
+            if (!world_.boxes_apart(at_, pair, gap)) near.push_back(pair);
+        });
+    }
+    std::sort(near.begin(), near.end());
+    return near;
+}
+
+std::vector<int> Sweep::near_along(const Interval &part, const std::vector<int> &pairs) {
+    stand_at(part);
+    std::vector<int> near;
+    std::vector<char> known(world_.groups().size());
+    const auto gap = [&](int group) { return group_travel(group) + rules_.margin; };
+    for (int pair : pairs) {
+        if (world_.settled(at_, pair, known, gap, trail_.groups.data())) continue;
+        const int group = world_.group_of(pair);
+        if (!(group < 0 ? apart(pair) : world_.boxes_apart(at_, pair, gap(group)))) near.push_back(pair);
+    }
+    return near;
+}
+
+bool Sweep::apart(int pair) {
+    const double gap = travel(pair) + rules_.margin;
+    return world_.boxes_apart(at_, pair, gap) || world_.outlines_apart(at_, pair, gap, &trail_.pairs[pair]);
 }
 
 void Sweep::reach(int a, int b) {
@@ -66,24 +133,28 @@ void Sweep::reach(int a, int b) {
     }
 }
 
+double Sweep::travel(int pair) {
+    reach(world_.pairs()[pair].a, world_.pairs()[pair].b);
+    return world_.travel(reaches_, reach_.data(), pair);
+}
+
+double Sweep::group_travel(int group) {
+    reach(world_.groups()[group].hull, world_.groups()[group].other);
+    return world_.group_travel(reaches_, reach_.data(), group);
+}
+
 bool Sweep::free(const Interval &interval, const std::vector<int> &pairs, Touched &touched) {
-    curve_.around(interval.piece, interval.middle, interval.half, q_.data(), reach_.data());
-    world_.place_outside(q_.data(), at_);
-    reached_.assign(world_.bodies().size(), 0);
+    stand_at(interval);
     std::vector<int> left;
     double ratio = 0.0, least = 0.0;
     int worst = -1;
     std::vector<char> known(world_.groups().size());
-    const auto group_gap = [&](int group) {
-        reach(world_.groups()[group].hull, world_.groups()[group].other);
-        return world_.group_travel(reaches_, reach_.data(), group) + rules_.margin;
-    };
+    const auto group_gap = [&](int group) { return group_travel(group) + rules_.margin; };
     for (int pair : pairs) {
-        if (world_.settled(at_, pair, known, group_gap)) continue;
-        reach(world_.pairs()[pair].a, world_.pairs()[pair].b);
-        const double travel = world_.travel(reaches_, reach_.data(), pair);
-        if (world_.balls_apart(at_, pair, travel) || world_.lower_bound(at_, pair) > travel) continue;
-        const double gap = world_.gap(at_, pair, travel + rules_.margin) - rules_.margin;
+        if (world_.settled(at_, pair, known, group_gap, trail_.groups.data())) continue;
+        const double travel = this->travel(pair);
+        if (world_.boxes_apart(at_, pair, travel)) continue;
+        const double gap = world_.gap(at_, pair, travel + rules_.margin, &trail_.pairs[pair]) - rules_.margin;
         if (gap > travel) continue;
         if (gap <= 0.0) {
             if (worst < 0 || gap < least) worst = pair, least = gap;

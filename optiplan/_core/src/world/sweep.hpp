@@ -32,7 +32,8 @@ struct Touched {
 
 // An interval is free of a pair when the distance in its middle exceeds the bound on how far the pair travels to both
 // ends; where it does not, it is cut into as many parts as the ratio of the two requires, and only such pairs are asked
-// again. Not for two threads at once.
+// again. Before that, the pairs that are apart all along some intervals in a row are found, and not asked about in any of
+// them. Not for two threads at once.
 class Sweep {
   public:
     Sweep(const World &world, Curve curve, SweepRules rules);
@@ -51,8 +52,23 @@ class Sweep {
         double middle, half;
     };
 
+    Interval joined(int begin, int end) const;  // of intervals in a row
+
+    // Puts the robot where it is in the middle of an interval.
+    void stand_at(const Interval &interval);
+
     // The reaches of two bodies where the robot stands, computed when they are first asked for.
     void reach(int a, int b);
+    double travel(int pair);
+    double group_travel(int group);
+
+    // The pairs that are asked in an interval.
+    const std::vector<int> &suspects(int interval);
+
+    // Pairs that are not seen to be apart all along a part of a piece: of all, or of those of `pairs`; rising.
+    std::vector<int> near_along(const Interval &part);
+    std::vector<int> near_along(const Interval &part, const std::vector<int> &pairs);
+    bool apart(int pair);
     bool free(const Interval &interval, const std::vector<int> &pairs, Touched &touched);
 
     const World &world_;
@@ -62,8 +78,10 @@ class Sweep {
     Placement at_;
     std::vector<double> q_, reach_, reaches_;
     std::vector<char> reached_;  // of each body
-    std::vector<int> everything_;
-    bool before_ = false, failed_before_ = false;
+    std::vector<std::vector<int>> suspects_;  // of each interval
+    std::vector<char> narrowed_;              // whether they are known
+    Trail trail_;
+    bool touched_ = false, before_ = false, failed_before_ = false;
 };
 
 }  // namespace optiplan

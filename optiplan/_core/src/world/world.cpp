@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numeric>
 
 namespace optiplan {
 
@@ -12,15 +11,12 @@ static constexpr double INF = std::numeric_limits<double>::infinity();
 static constexpr double ROUNDING = 2e-6;  // m; what a hull's distance may exceed that of its mesh by, rounded
 
 World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
-             std::vector<Cluster> clusters)
+             const std::vector<Cluster> &clusters)
     : tree_(std::move(tree)), bodies_(std::move(bodies)) {
-    for (const Cluster &cluster : clusters) {
-        bodies_.push_back(cluster.hull);
-        members_.push_back(cluster.members);
-    }
+    for (const Cluster &cluster : clusters) bodies_.push_back(cluster.hull);
     cluster_of_.assign(bodies_.size(), -1);
-    for (std::size_t k = 0; k < members_.size(); ++k)
-        for (int body : members_[k]) cluster_of_[body] = static_cast<int>(k);
+    for (std::size_t k = 0; k < clusters.size(); ++k)
+        for (int body : clusters[k].members) cluster_of_[body] = static_cast<int>(k);
     still_.resize(bodies_.size());
     for (std::size_t k = 0; k < bodies_.size(); ++k) {
         if (bodies_[k].joint == 0) {
@@ -30,13 +26,15 @@ World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<in
         moving_.push_back(static_cast<int>(k));
         if (cluster_of_[k] < 0) outside_.push_back(static_cast<int>(k));
     }
+    waiting_.resize(bodies_.size());
+    for (std::size_t k = 0; k < bodies_.size(); ++k) waiting_[k] = cluster_of_[k] < 0;
     for (auto [a, b] : pairs) {
         const bool plane = bodies_[a].half_space || bodies_[b].half_space;
         pairs_.push_back({a, b, (bodies_[a].mesh() || bodies_[b].mesh()) && !plane});
         common_.push_back(common_joint(a, b));
         clustered_.push_back(cluster_of_[a] >= 0 || cluster_of_[b] >= 0);
     }
-    gather();
+    gather(static_cast<int>(bodies_.size() - clusters.size()));
 }
 
 int World::common_joint(int a, int b) const {
@@ -48,8 +46,7 @@ int World::common_joint(int a, int b) const {
 }
 
 // The pairs of each cluster by their other body; a half-space has no distance from a hull that is cheaper than theirs.
-void World::gather() {
-    const int first = static_cast<int>(bodies_.size() - members_.size());
+void World::gather(int first) {
     std::map<std::pair<int, int>, int> known;
     group_of_.assign(pairs_.size(), -1);
     for (std::size_t pair = 0; pair < pairs_.size(); ++pair) {
@@ -61,9 +58,16 @@ void World::gather() {
         }
         const auto [at, fresh] = known.try_emplace({cluster, other}, static_cast<int>(groups_.size()));
         if (fresh) groups_.push_back({first + cluster, other, common_joint(first + cluster, other), {}});
-        groups_[at->second].pairs.push_back(static_cast<int>(pair));
+        const Body &member = bodies_[other == a ? b : a];
+        groups_[at->second].members.push_back(
+            {static_cast<int>(pair), member.X_JB * member.centre, member.radius + bodies_[other].radius});
         group_of_[pair] = at->second;
     }
+}
+
+bool World::outlines_apart(const Placement &at, int pair, double gap, Features *features) const {
+    const auto [a, b, by_outline] = pairs_[pair];
+    return !overlap_within(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], gap + ROUNDING, features);
 }
 
 bool World::group_apart(const Placement &at, int group, double gap, Features *features) const {
@@ -79,7 +83,7 @@ Placement World::placement() const {
     at.joints.resize(tree_.joints.size());
     at.bodies = still_;
     at.centres.resize(bodies_.size());
-    at.opened.assign(members_.size(), 0);
+    at.placed.assign(bodies_.size(), 0);
     for (std::size_t k = 0; k < bodies_.size(); ++k)
         if (bodies_[k].joint == 0) at.centres[k] = still_[k] * bodies_[k].centre;
     return at;
@@ -88,22 +92,18 @@ Placement World::placement() const {
 void World::place_body(int body, Placement &at) const {
     at.bodies[body] = at.joints[bodies_[body].joint] * bodies_[body].X_JB;
     at.centres[body] = at.bodies[body] * bodies_[body].centre;
+    at.placed[body] = 1;
 }
 
 void World::place_outside(const double *q, Placement &at) const {
     tree_.poses(q, at.joints.data());
+    std::copy(waiting_.begin(), waiting_.end(), at.placed.begin());
     for (int body : outside_) place_body(body, at);
-    std::fill(at.opened.begin(), at.opened.end(), 0);
-}
-
-void World::place_members(int cluster, Placement &at) const {
-    for (int body : members_[cluster]) place_body(body, at);
-    at.opened[cluster] = 1;
 }
 
 void World::place(const double *q, Placement &at) const {
-    place_outside(q, at);
-    for (std::size_t k = 0; k < members_.size(); ++k) place_members(static_cast<int>(k), at);
+    tree_.poses(q, at.joints.data());
+    for (int body : moving_) place_body(body, at);
 }
 
 double World::ball_to_box(const Placement &at, int ball, int box) const {
@@ -124,29 +124,40 @@ double World::lower_bound(const Placement &at, int pair) const {
     return std::max(ball_to_box(at, a, b), ball_to_box(at, b, a));
 }
 
-bool World::within(const Placement &at, int pair, double margin) const {
+bool World::within(const Placement &at, int pair, double margin, Features *features) const {
     const auto [a, b, by_outline] = pairs_[pair];
     const Pose &X_a = at.bodies[a], &X_b = at.bodies[b];
     if (by_outline) {
-        if (!overlap_within(bodies_[a].outline(), X_a, bodies_[b].outline(), X_b, margin)) return false;
+        if (!overlap_within(bodies_[a].outline(), X_a, bodies_[b].outline(), X_b, margin, features)) return false;
         if (margin > WIDE) return true;
+        features = nullptr;
     }
-    return overlap_within(bodies_[a].solid(), X_a, bodies_[b].solid(), X_b, margin);
+    return overlap_within(bodies_[a].solid(), X_a, bodies_[b].solid(), X_b, margin, features);
 }
 
-bool World::collides(Placement &at) const {
-    const int count = static_cast<int>(pairs_.size());
-    auto touches = [&](int pair) { return !(lower_bound(at, pair) > 0.0) && within(at, pair, 0.0); };
-    if (count > 0) open(at, at.touching);
-    if (count > 0 && touches(at.touching)) return true;
+bool World::collides(Placement &at, Trail *trail) const {
+    if (pairs_.empty()) return false;
+    open(at, at.touching);
+    if (touches(at, at.touching, trail)) return true;
+    int touching = -1;
+    const auto ask = [&](int pair) {
+        if (touching < 0 && pair != at.touching && touches(at, pair, trail)) touching = pair;
+    };
+    for (std::size_t k = 0; k < alone_.size() && touching < 0; ++k) {
+        open(at, alone_[k]);
+        if (!balls_apart(at, alone_[k], 0.0)) ask(alone_[k]);
+    }
+    for (std::size_t k = 0; k < groups_.size() && touching < 0; ++k)
+        if (!group_apart(at, static_cast<int>(k), 0.0, trail ? &trail->groups[k] : nullptr)) visit_near(at, groups_[k], 0.0, ask);
+    if (touching >= 0) at.touching = touching;
+    return touching >= 0;
+}
+
+bool World::collides(Placement &at, const std::vector<int> &pairs, Trail &trail) const {
     std::vector<char> known(groups_.size());
-    for (int pair = 0; pair < count; ++pair) {
-        if (settled(at, pair, known, [](int) { return 0.0; })) continue;
-        if (balls_apart(at, pair, 0.0) || pair == at.touching) continue;
-        if (touches(pair)) {
-            at.touching = pair;
-            return true;
-        }
+    for (int pair : pairs) {
+        if (settled(at, pair, known, [](int) { return 0.0; }, trail.groups.data()) || boxes_apart(at, pair, 0.0)) continue;
+        if (within(at, pair, 0.0, &trail.pairs[pair])) return true;
     }
     return false;
 }
@@ -168,7 +179,6 @@ Witness World::nearest_points(const Placement &at, int pair, double cutoff, Feat
 void World::near(Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail,
                  const Sketch &sketch) const {
     const std::size_t begin = found.size();
-    trail.pairs.resize(pairs_.size()), trail.groups.resize(groups_.size());
     const auto ask = [&](int pair, double limit) {
         const Witness witness = nearest_points(at, pair, limit, &trail.pairs[pair], sketch.gap);
         if (witness.distance < limit) found.push_back({row, pair, witness});
@@ -181,12 +191,10 @@ void World::near(Placement &at, int row, double cutoff, std::vector<Contact> &fo
     for (std::size_t k = 0; k < groups_.size(); ++k) {
         if (group_apart(at, static_cast<int>(k), cutoff, &trail.groups[k])) continue;
         trail.asked.clear();
-        for (int pair : groups_[k].pairs) {
-            open(at, pair);
-            if (balls_apart(at, pair, cutoff)) continue;
+        visit_near(at, groups_[k], cutoff, [&](int pair) {
             const double bound = lower_bound(at, pair);
             if (bound < cutoff) trail.asked.push_back({bound, pair});
-        }
+        });
         std::sort(trail.asked.begin(), trail.asked.end());
         double least = cutoff;
         const std::size_t first = found.size();
@@ -202,48 +210,56 @@ void World::near(Placement &at, int row, double cutoff, std::vector<Contact> &fo
               [](const Contact &a, const Contact &b) { return a.pair < b.pair; });
 }
 
+// Distance of a pair's outlines, whatever the triangles of meshes say; no more than theirs.
+double World::outline_bound(const Placement &at, int pair) const {
+    const double bound = lower_bound(at, pair);
+    const auto [a, b, by_outline] = pairs_[pair];
+    if (!by_outline) return bound;
+    const Shape &one = bodies_[a].outline(), &other = bodies_[b].outline();
+    return std::max(bound, optiplan::distance(one, at.bodies[a], other, at.bodies[b], INF).distance - ROUNDING);
+}
+
 Contact World::nearest(const Placement &at) const {
-    const int count = static_cast<int>(pairs_.size());
-    std::vector<double> bound(count);
-    for (int pair = 0; pair < count; ++pair) {
-        bound[pair] = lower_bound(at, pair);
-        const auto [a, b, by_outline] = pairs_[pair];
-        if (by_outline)
-            bound[pair] = std::max(bound[pair], optiplan::distance(bodies_[a].outline(), at.bodies[a],
-                                                                   bodies_[b].outline(), at.bodies[b], INF)
-                                                        .distance - ROUNDING);
-    }
-    std::vector<int> order(count);
-    std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(), [&](int i, int k) { return bound[i] < bound[k]; });
+    std::vector<std::pair<double, int>> order;
+    for (int pair = 0; pair < static_cast<int>(pairs_.size()); ++pair) order.push_back({lower_bound(at, pair), pair});
+    std::sort(order.begin(), order.end());
     Contact best{0, -1, {}};
-    best.witness.distance = INF;
-    for (int pair : order) {
-        if (best.pair >= 0 && bound[pair] >= best.witness.distance) break;
-        const Witness witness = distance(at, pair, INF);
-        if (best.pair < 0 || witness.distance < best.witness.distance) best = {0, pair, witness};
+    double least = INF, bound_of_best = INF;
+    for (const auto &[cheap, pair] : order) {
+        if (best.pair >= 0 && cheap > least) break;
+        const auto [a, b, by_outline] = pairs_[pair];
+        if (by_outline && !overlap_within(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
+                                          std::max(least + ROUNDING, 0.0)))
+            continue;
+        const Witness witness = distance(at, pair, least);
+        if (best.pair >= 0 && witness.distance > least) continue;
+        const double bound = outline_bound(at, pair);  // where several are equally near, it decides, then the number
+        const bool before = bound < bound_of_best || (bound == bound_of_best && pair < best.pair);
+        if (best.pair >= 0 && !(witness.distance < least || before)) continue;
+        best = {0, pair, witness}, least = witness.distance, bound_of_best = bound;
     }
     return best;
 }
 
-void World::push(const Placement &at, int joint, const Vec3 &point, const Vec3 &direction, double *out) const {
+void World::push(const Pose *joints, int joint, const Vec3 &point, const Vec3 &direction, double *out) const {
     const Joint &moved = tree_.joints[joint];
-    const Vec3 axis = tree_.axis(at.joints.data(), joint);
-    const Vec3 column = moved.revolute ? cross(axis, point - at.joints[joint].p) : axis;
+    const Vec3 axis = tree_.axis(joints, joint);
+    const Vec3 column = moved.revolute ? cross(axis, point - joints[joint].p) : axis;
     out[moved.leader] += moved.multiplier * dot(column, direction);
 }
 
-void World::gradient(const Placement &at, const Contact &contact, double *out) const {
+void World::gradient(const Pose *joints, const Contact &contact, double *out) const {
     const Witness &w = contact.witness;
     const Pair &pair = pairs_[contact.pair];
     const int common = common_[contact.pair];
     std::fill(out, out + tree_.planned, 0.0);
-    for (int j = bodies_[pair.a].joint; j != common; j = tree_.joints[j].parent) push(at, j, w.a, -w.normal, out);
-    for (int j = bodies_[pair.b].joint; j != common; j = tree_.joints[j].parent) push(at, j, w.b, w.normal, out);
+    for (int j = bodies_[pair.a].joint; j != common; j = tree_.joints[j].parent) push(joints, j, w.a, -w.normal, out);
+    for (int j = bodies_[pair.b].joint; j != common; j = tree_.joints[j].parent) push(joints, j, w.b, w.normal, out);
 }
 
 void World::reach(const Placement &at, int body, double *out) const {
     std::fill_n(out, tree_.joints.size(), 0.0);
+    if (bodies_[body].joint == 0) return;
     const Vec3 &half = bodies_[body].half;
     const bool bounded = std::isfinite(half.x);
     Vec3 corners[8];
@@ -290,14 +306,15 @@ double World::group_travel(const std::vector<double> &reaches, const double *D, 
     return travel_of(reaches, D, of.hull, of.common) + travel_of(reaches, D, of.other, of.common);
 }
 
-double World::gap(const Placement &at, int pair, double cutoff) const {
+double World::gap(const Placement &at, int pair, double cutoff, Features *features) const {
     const auto [a, b, by_outline] = pairs_[pair];
     if (by_outline) {
         const double outer = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
-                                                cutoff + ROUNDING).distance - ROUNDING;
+                                                cutoff + ROUNDING, features).distance - ROUNDING;
         if (outer > SETTLED || outer > cutoff) return outer;
+        return distance(at, pair, cutoff).distance;
     }
-    return distance(at, pair, cutoff).distance;
+    return optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], cutoff, features).distance;
 }
 
 }  // namespace optiplan

@@ -36,11 +36,18 @@ struct Cluster {
     std::vector<int> members;
 };
 
+// A body of a cluster as the balls about boxes tell it: what is near is found without placing all others.
+struct Member {
+    int pair;       // with the other body of the group
+    Vec3 centre;    // on the joint that carries the cluster
+    double radius;  // of its ball and that of the other body together
+};
+
 // The pairs of a cluster's bodies with one other body.
 struct Together {
-    int hull, other;           // bodies, the hull behind all others
-    int common;                // the last joint that carries both
-    std::vector<int> pairs;    // rising
+    int hull, other;              // bodies, the hull behind all others
+    int common;                   // the last joint that carries both
+    std::vector<Member> members;  // by rising pairs
 };
 
 // A pair at configuration `row`; normal . (b - a) = distance.
@@ -53,6 +60,8 @@ struct Contact {
 struct Trail {
     std::vector<Features> pairs, groups;        // of each pair, and of the hull of each group
     std::vector<std::pair<double, int>> asked;  // lower bound and pair, of those of a group that are asked
+
+    Trail(std::size_t pairs, std::size_t groups) : pairs(pairs), groups(groups) {}
 };
 
 // What may be left out of the pairs that are near.
@@ -65,27 +74,30 @@ struct Sketch {
 struct Placement {
     std::vector<Pose> joints, bodies;
     std::vector<Vec3> centres;
-    std::vector<char> opened;  // of each cluster: whether its bodies are where the joints put them
+    std::vector<char> placed;  // of each body: whether it is where the joints put it; bodies of clusters may wait
     int touching = 0;  // the pair that touched last is asked first: answers come sooner, and are the same
 };
 
 class World {
   public:
     World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
-          std::vector<Cluster> clusters = {});
+          const std::vector<Cluster> &clusters = {});
 
     const Tree &tree() const { return tree_; }
     const std::vector<Pair> &pairs() const { return pairs_; }
     const std::vector<Body> &bodies() const { return bodies_; }  // hulls of clusters last
     const std::vector<Together> &groups() const { return groups_; }
+    const std::vector<int> &alone() const { return alone_; }           // pairs without a group
+    int group_of(int pair) const { return group_of_[pair]; }           // -1: none
 
     // The last joint that carries both bodies of a pair: it does not change their distance.
     int common(int pair) const { return common_[pair]; }
 
     Placement placement() const;
+    Trail trail() const { return {pairs_.size(), groups_.size()}; }
     void place(const double *q, Placement &at) const;
 
-    // As `place`, but bodies of clusters only where `settled` finds that their hulls do not tell.
+    // As `place`, but bodies of clusters only when `open` puts them there.
     void place_outside(const double *q, Placement &at) const;
 
     // Lower bound, m, of a pair's distance: from the ball of one body to the box of the other, both ways.
@@ -102,27 +114,49 @@ class World {
     // Asks `group_apart` once a group, at one placement: whether a pair is apart by its group's `gap`, m. Where that does
     // not tell, its bodies are in place afterwards.
     template <class Gap>
-    bool settled(Placement &at, int pair, std::vector<char> &known, const Gap &gap) const {
+    bool settled(Placement &at, int pair, std::vector<char> &known, const Gap &gap, Features *features = nullptr) const {
         const int group = group_of_[pair];
         if (group >= 0) {
-            if (!known[group]) known[group] = group_apart(at, group, gap(group)) ? APART : NEAR;
+            Features *known_before = features ? features + group : nullptr;
+            if (!known[group]) known[group] = group_apart(at, group, gap(group), known_before) ? APART : NEAR;
             if (known[group] == APART) return true;
         }
         open(at, pair);
         return false;
     }
 
-    // Puts the bodies of the clusters that a pair belongs to in place, where `place_outside` has not.
-    void open(Placement &at, int pair) const {
-        if (!clustered_[pair]) return;
-        for (int cluster : {cluster_of_[pairs_[pair].a], cluster_of_[pairs_[pair].b]})
-            if (cluster >= 0 && !at.opened[cluster]) place_members(cluster, at);
+    // Visits the pairs of a group whose balls are not farther apart than `gap`, m, with their bodies in place.
+    template <class Visit>
+    void visit_near(Placement &at, const Together &group, double gap, const Visit &visit) const {
+        const Pose &X = at.joints[bodies_[group.hull].joint];
+        const Vec3 other = transposed(X.R, at.centres[group.other] - X.p);
+        for (const Member &member : group.members) {
+            const double reach = member.radius + gap;
+            if (squared_norm(other - member.centre) > reach * reach) continue;
+            open(at, member.pair);
+            visit(member.pair);
+        }
     }
 
-    // Whether a pair is nearer than a margin, m. Above WIDE the hull of a mesh is asked in its place.
-    bool within(const Placement &at, int pair, double margin) const;
+    // Puts the bodies of a pair in place, where `place_outside` has not.
+    void open(Placement &at, int pair) const {
+        if (!clustered_[pair]) return;
+        for (int body : {pairs_[pair].a, pairs_[pair].b})
+            if (!at.placed[body]) place_body(body, at);
+    }
 
-    bool collides(Placement &at) const;
+    // Whether a pair is told to be apart by more than `gap`, m: by balls and boxes, and by the outlines of the bodies.
+    bool boxes_apart(const Placement &at, int pair, double gap) const {
+        return balls_apart(at, pair, gap) || lower_bound(at, pair) > gap;
+    }
+    bool outlines_apart(const Placement &at, int pair, double gap, Features *features = nullptr) const;
+
+    // Whether a pair is nearer than a margin, m. Above WIDE the hull of a mesh is asked in its place.
+    bool within(const Placement &at, int pair, double margin, Features *features = nullptr) const;
+
+    // `trail`: of configurations not far from this one; with `pairs`, only they are asked.
+    bool collides(Placement &at, Trail *trail = nullptr) const;
+    bool collides(Placement &at, const std::vector<int> &pairs, Trail &trail) const;
 
     // Every pair nearer than `cutoff`, m. Where a body is a mesh, distance and points are the hulls' if these are
     // farther apart than SETTLED, and if the bodies touch: triangles do not tell how deep, or which way is out.
@@ -139,8 +173,9 @@ class World {
     // Distance of a pair; of meshes that of their triangles.
     Witness distance(const Placement &at, int pair, double cutoff) const;
 
-    // d(distance)/dq (n,) = n . (J_b - J_a), with J the linear Jacobian of the nearest point.
-    void gradient(const Placement &at, const Contact &contact, double *out) const;
+    // d(distance)/dq (n,) = n . (J_b - J_a), with J the linear Jacobian of the nearest point, where the joints are at
+    // `joints`.
+    void gradient(const Pose *joints, const Contact &contact, double *out) const;
 
     // Distance of the farthest corner of a body's box from the axis of each joint that carries it, m, and 0 for other
     // joints: (joints,); of all bodies: (bodies, joints).
@@ -153,7 +188,7 @@ class World {
 
     // A lower bound of a pair's distance: that itself, unless it exceeds the cutoff, or the hulls of a mesh are farther
     // apart than SETTLED.
-    double gap(const Placement &at, int pair, double cutoff) const;
+    double gap(const Placement &at, int pair, double cutoff, Features *features = nullptr) const;
 
     static constexpr double WIDE = 0.03, SETTLED = 0.01;
 
@@ -165,19 +200,22 @@ class World {
         const double reach = bodies_[a].radius + bodies_[b].radius + gap;
         return squared_norm(at.centres[b] - at.centres[a]) > reach * reach;
     }
-    void gather();
+    void gather(int first);  // the first hull of a cluster
     void place_body(int body, Placement &at) const;
-    void place_members(int cluster, Placement &at) const;
+    bool touches(const Placement &at, int pair, Trail *trail) const {
+        return !(lower_bound(at, pair) > 0.0) && within(at, pair, 0.0, trail ? &trail->pairs[pair] : nullptr);
+    }
     int common_joint(int a, int b) const;
+    double outline_bound(const Placement &at, int pair) const;
     double ball_to_box(const Placement &at, int ball, int box) const;
-    void push(const Placement &at, int joint, const Vec3 &point, const Vec3 &direction, double *out) const;
+    void push(const Pose *joints, int joint, const Vec3 &point, const Vec3 &direction, double *out) const;
 
     Tree tree_;
     std::vector<Body> bodies_;
     std::vector<Pair> pairs_;
     std::vector<int> moving_;             // bodies that a joint carries, hulls too
     std::vector<int> outside_;            // those of them that are in no cluster
-    std::vector<std::vector<int>> members_;  // of each cluster
+    std::vector<char> waiting_;           // `Placement::placed` before bodies of clusters are
     std::vector<int> cluster_of_;         // of each body; -1: none
     std::vector<char> clustered_;         // of each pair: whether a body of it is in a cluster
     std::vector<Pose> still_;             // poses of the bodies that none carries

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optiplan.arrays import Array, Index
-from optiplan.collision.model import CollisionModel, Contacts
+from optiplan.collision.contacts import Contacts
+from optiplan.collision.model import CollisionModel
 from optiplan.planners.path_constraints.clearance import PairsApart
 from optiplan.planners.trajopt.terms.term import Curve, Instants, SoftRows, within
 

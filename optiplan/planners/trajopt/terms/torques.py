@@ -1,11 +1,13 @@
 """Torque limits of the planned joints."""
 
+from functools import cached_property
+
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.terms.term import Curve, Instants, Mask, SoftRows
-from optiplan.robot.mimic_joints import unfold
+from optiplan.robot.mimic_joints import Unfolded, unfold
 from optiplan.robot.robot import Robot
 
 TORQUE_SHARE = 0.6
@@ -24,11 +26,18 @@ class TorqueTerm:
     def __init__(self, robot: Robot, limit: Array) -> None:
         self.limit = limit
         self._pin = robot.model
-        self._data = self._pin.createData()
-        self._plain = unfold(self._pin)  # pinocchio's derivatives do not support mimic joints
-        self._plain_data = self._plain.model.createData()
         self._limited = np.flatnonzero(np.isfinite(limit))
         self._watched: Mask = np.zeros((0, len(self._limited)), dtype=bool)
+
+    @cached_property
+    def _data(self) -> pin.Data:
+        return self._pin.createData()
+
+    @cached_property
+    def _plain(self) -> tuple[Unfolded, pin.Data]:
+        """The model with each joint for itself: pinocchio's derivatives do not support mimic joints."""
+        unfolded = unfold(self._pin)
+        return unfolded, unfolded.model.createData()
 
     def begin(self, samples: Instants) -> None:
         """Forget what was learnt at other samples."""
@@ -61,11 +70,12 @@ class TorqueTerm:
 
     def _derivatives(self, motion: list[Array]) -> list[Array]:
         """Return the derivatives of inverse dynamics by q, v and a, (H, n) each: three arrays (H, n, n)."""
-        A, b, data = self._plain.A, self._plain.b, self._plain_data
+        plain, data = self._plain
+        A, b = plain.A, plain.b
         by_q, by_v, mass = (np.empty((len(motion[0]), len(A), len(A))) for _ in range(3))
         states = zip(motion[0] @ A.T + b, motion[1] @ A.T, motion[2] @ A.T, strict=True)
         for row, (q, v, a) in enumerate(states):
-            pin.computeRNEADerivatives(self._plain.model, data, q, v, a)
+            pin.computeRNEADerivatives(plain.model, data, q, v, a)
             by_q[row], by_v[row], mass[row] = data.dtau_dq, data.dtau_dv, data.M
         upper = np.triu(mass)  # pinocchio fills the upper half of the mass matrix only
         mass = upper + np.triu(upper, 1).transpose(0, 2, 1)

@@ -1,0 +1,66 @@
+"""What queries answer: pairs of bodies, their nearest points, and the normals between these."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.arrays import Array, Index
+from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two bodies whose distance matters: indices into `CollisionModel.geometry`, and their names."""
+
+    index: int
+    a: int
+    b: int
+    name_a: str
+    name_b: str
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """The nearest points of a pair, world frame.
+
+    Attributes:
+        distance: m; negative is the depth of penetration.
+        point_a: (3,) on body a; `point_b`: on body b; m.
+        normal: (3,) unit vector from a to b, so that distance = normal . (point_b - point_a).
+    """
+
+    pair: Pair
+    distance: float
+    point_a: Array
+    point_b: Array
+    normal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """K near pairs at N configurations, as arrays.
+
+    Attributes:
+        rows: (K,) which configuration.
+        pairs: (K,) index of the pair.
+        distance: (K,) m, negative when penetrating.
+        points: (K, 2, 3) nearest points on bodies a and b, m, world.
+        normals: (K, 3) unit vectors from a to b, world.
+    """
+
+    rows: Index
+    pairs: Index
+    distance: Array
+    points: Array
+    normals: Array
+
+
+def unit_normals(distances: Array, vectors: Array) -> Array:
+    """Unit normals (K, 3) from a to b; vectors (K, 3, 3) hold witness points a and b and coal's normal.
+
+    coal leaves the normal of two triangle meshes unset; where bodies are apart, the points give it.
+    """
+    gap = vectors[:, 1] - vectors[:, 0]
+    length = np.linalg.norm(gap, axis=1, keepdims=True)
+    apart = (distances > DISTANCE_ERROR)[:, None] & (length > 0.0)
+    return np.where(apart, gap / np.where(apart, length, 1.0), vectors[:, 2])

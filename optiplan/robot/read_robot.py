@@ -1,0 +1,117 @@
+"""What a robot is made of, read from its files: the robot.yaml, its URDF or table, SRDF and meshes."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pinocchio as pin
+
+from optiplan import cache
+from optiplan.arrays import Array
+from optiplan.config.document import Document, read_yaml, validate
+from optiplan.errors import InputError
+from optiplan.files import bound, read_bytes
+from optiplan.robot.description_files import read_sources
+from optiplan.robot.dh.table import DhTable
+from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to
+from optiplan.robot.limits import Limits, build_limits
+from optiplan.robot.link_geometry import LinkGeometry, treat
+from optiplan.robot.mimic_joints import Mimic
+from optiplan.robot.named_configurations import configurations, tool_frame
+from optiplan.robot.reference import DESCRIPTION, UNKNOWN, Reference, description, referred, robot_file, said
+from optiplan.robot.self_collision.pairs import declared_pairs, set_pairs, unchecked_pairs
+from optiplan.robot.spec import MecanumSpec, RobotSpec
+from optiplan.robot.urdf.srdf import LinkPair
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RobotParts:
+    """What files say of a robot; `Robot` tells what each part is."""
+
+    name: str
+    source: Path
+    model: pin.Model
+    geometry: pin.GeometryModel
+    limits: Limits
+    joint_names: tuple[str, ...]
+    tool_frame: str
+    configurations: Mapping[str, Array]
+    link_geometry: Mapping[str, str]
+    build_visual: Callable[[], pin.GeometryModel]
+    notes: tuple[str, ...] = ()
+    locked: Mapping[str, float] = field(default_factory=dict)
+    allowed: Mapping[LinkPair, str] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()
+    fingerprint: str = ""
+    dh: DhTable | None = None
+    group: str | None = None
+    groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    urdf: str = ""
+    followers: Mapping[str, Mimic] = field(default_factory=dict)
+    over_cover: Mapping[str, float] = field(default_factory=dict)
+    mecanum: MecanumSpec | None = None
+    reference: Reference = UNKNOWN
+
+
+def read_robot(
+    ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
+) -> RobotParts:
+    """Read the files of a robot; see `load_robot`."""
+    document = description(ref, base) if isinstance(ref, Mapping) else read_yaml(robot_file(ref, base).resolve())
+    spec = validate(RobotSpec, document)
+    urdf, srdf, srdf_path = read_sources(spec, document)
+    planned = planned_joints(spec, document, urdf, group)
+    reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
+    limits, limit_notes = build_limits(spec.limits, document, reduced, planned)
+    treated = _bodies(reduced, spec, document)
+    tool, choices = tool_frame(spec, document, reduced, urdf, planned)
+    read = (document.path, urdf.path, srdf_path, *urdf.meshes)
+    files = tuple(dict.fromkeys(path for path in read if path is not None and path.name != DESCRIPTION))
+    declared = declared_pairs(spec, document, reduced.model, srdf)
+    allowed, pair_notes = unchecked_pairs(
+        reduced.model, treated.geometry, (limits.lower, limits.upper), declared, srdf is None
+    )
+    set_pairs(reduced.model, treated.geometry, allowed)
+    return RobotParts(
+        name=spec.name,
+        source=document.path,
+        model=reduced.model,
+        geometry=treated.geometry,
+        limits=limits,
+        joint_names=planned.joints,
+        tool_frame=tool,
+        configurations=configurations(spec, document, srdf, planned),
+        link_geometry=treated.kinds,
+        over_cover=treated.over_cover,
+        build_visual=bound(reduced.build_visual),
+        notes=(*choices, *urdf.notes, *reduced.notes, *limit_notes, *treated.notes, *pair_notes),
+        locked=reduced.locked,
+        allowed=allowed,
+        files=files,
+        fingerprint=cache.digest([*map(read_bytes, files), *said(document, ref)]),
+        dh=None if spec.dh is None else spec.dh.table(),
+        group=planned.name,
+        groups=spec.groups,
+        urdf=urdf.xml,
+        followers=reduced.followers,
+        mecanum=mecanum_base(spec, document, planned.joints, urdf),
+        reference=Reference(referred(document, ref), group, dict(locked or {}), tool),
+    )
+
+
+def _wanted(spec: RobotSpec, planned: Group, locked: Mapping[str, float]) -> dict[str, float]:
+    """Return the positions of joints that are not planned; a file of several groups locks what another group plans."""
+    own = {joint: q for joint, q in spec.locked.items() if not (spec.groups and joint in planned.joints)}
+    return {**own, **locked}
+
+
+def _bodies(reduced: Reduced, spec: RobotSpec, document: Document) -> LinkGeometry:
+    """Collision geometry as the robot.yaml wants it; a robot without any says so itself."""
+    if spec.collision == "none":
+        return LinkGeometry(notes=["collision: none: the robot has no bodies, and no contact of it is checked"])
+    if not reduced.geometry.ngeoms:
+        found = "a robot without any collision geometry"
+        expected = "bodies for at least one link, or `collision: none` to have limits checked and no contact"
+        raise InputError([document.issue(("urdf",) if spec.dh is None else ("dh",), found, expected)])
+    return treat(reduced.model, reduced.geometry, spec.collision, document)

@@ -1,0 +1,86 @@
+"""Pairs asked for their distance in the middle of an interval of time, and what follows for all of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from optiplan.arrays import Array, Flags, Index
+from optiplan.verify.continuous.bodies import PlacedBody
+from optiplan.verify.continuous.intervals import Intervals
+from optiplan.verify.continuous.motion_bounds import Boxes, DistanceQuery
+from optiplan.verify.continuous.separating_planes import Distances
+
+ROUNDING = 1e-9  # m, subtracted from every proved clearance
+
+
+@dataclass(frozen=True, eq=False)
+class Middles:
+    """N intervals: times (N,), s, configurations q (N, n) and poses of the joints (N, J + 1, 4, 4) in their middles.
+
+    Axes of the joints there, `direction` and `point` (N, J, 3), and `joints`, bounds of all joints' motion.
+    """
+
+    times: Array
+    q: Array
+    poses: Array
+    direction: Array
+    point: Array
+    joints: Boxes
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """K items, on which of N intervals each is (K,), where its bodies are in the middle, and their distance there."""
+
+    items: Intervals
+    rows: Index
+    placed: PlacedBody
+    found: Distances
+
+    @classmethod
+    def join(cls, parts: "Sequence[Asked]") -> "Asked":
+        """Concatenate."""
+        if len(parts) == 1:
+            return parts[0]
+        return cls(
+            Intervals.join([part.items for part in parts]),
+            np.concatenate([part.rows for part in parts]),
+            PlacedBody.join([part.placed for part in parts]),
+            Distances.join([part.found for part in parts]),
+        )
+
+    def take(self, chosen: Index) -> "Asked":
+        """Those at these positions."""
+        return Asked(self.items.take(chosen), self.rows[chosen], self.placed.take(chosen), self.found.take(chosen))
+
+    def query(self, at: Middles) -> DistanceQuery:
+        """What bounds of motion are asked of."""
+        return DistanceQuery(self.rows, self.items.pair, self.placed, at.direction, at.point)
+
+
+@dataclass(frozen=True, eq=False)
+class Nearness:
+    """Of K pairs on their intervals, all (K,), m: the gap at the middle, and how much nearer they may come.
+
+    `travel` as of `Travel.total`, `linear` and `loss` as of `GapMotion`; -inf and 0 where nobody asked.
+    """
+
+    bound: Array
+    travel: Array
+    linear: Array
+    loss: Array
+
+    @cached_property
+    def margin(self) -> Array:
+        """The clearance proved on the intervals, m."""
+        return np.asarray(np.maximum(self.bound - self.travel, self.linear - self.loss) - ROUNDING)
+
+    def halvings(self, still: Index, target: float) -> Index:
+        """How often to halve `still`: the least of 1 to 4 times after which the bounds, scaled, would prove it."""
+        parts = 2.0 ** np.arange(1, 4)[:, None]
+        bound, linear = self.bound[still], np.maximum(self.linear[still], -1e9)
+        plane = bound + (linear - bound) / parts - self.loss[still] / parts**2
+        enough: Flags = np.maximum(bound - self.travel[still] / parts, plane) > 1.1 * target + ROUNDING
+        return np.asarray(4 - enough.sum(axis=0), dtype=np.intp)

@@ -1,0 +1,91 @@
+"""Coarse curves tell what paths lead to, and full descents begin where they ended."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from optiplan.planners.base import Budget
+from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
+from optiplan.planners.sampling.local_searches import box_of_paths
+from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
+from optiplan.planners.sampling.search import Search
+from optiplan.planners.trajopt import planner
+from optiplan.planners.trajopt.coarse_descents import CoarseDescents, Way
+from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.stopping_rule import STEP
+from optiplan.problem.problem import Problem
+from optiplan.verify.verify import verify
+from tests.planners import cases
+
+
+def _run(problem: Problem) -> planner._Run:
+    return planner._Run(problem, Budget(20.0), lambda stage, fraction: None, TrajOptOptions())
+
+
+def _path(run: planner._Run) -> SampledPath:
+    problem = run.problem
+    path = sample_path(
+        path_check(run.model, problem.limits), problem.start, [problem.goal[0].q], SamplingOptions(Budget(20.0))
+    )
+    assert isinstance(path, SampledPath)
+    assert len(path.waypoints) > 2
+    return path
+
+
+def test_a_full_descent_from_a_coarse_one_takes_fewer_steps_to_as_short_a_motion() -> None:
+    run = _run(cases.wall())
+    path = _path(run)
+    way = run.coarse.descend(run.model, path, np.inf)
+    assert way is not None
+    assert way.control is not None
+    assert way.control.shape == run._along(path.waypoints).shape
+    assert np.allclose(way.control[[0, -1]], path.waypoints[[0, -1]])
+    direct = run.optimiser.run(run._along(path.waypoints), Budget(20.0))
+    after = run.optimiser.run(way.control, Budget(20.0))
+    assert direct is not None
+    assert after is not None
+    assert after.free
+    assert verify(run.problem, after.trajectory).verified
+    assert after.iterations < direct.iterations
+    assert after.trajectory.duration < 1.1 * direct.trajectory.duration
+    assert 0.8 < way.duration / after.trajectory.duration < 1.2
+
+
+def test_a_coarse_curve_that_stays_in_an_obstacle_tells_of_no_way() -> None:
+    run = _run(cases.barred())
+    ends = np.array([run.problem.start, run.problem.goal[0].q])
+    assert run.coarse.descend(run.model, SampledPath(ends, 0, 1.0, {}), np.inf) is None
+
+
+def test_the_work_of_coarse_descents_is_counted() -> None:
+    run = _run(cases.wall())
+    before = run.patience.seconds
+    run.coarse.descend(run.model, _path(run), np.inf)
+    assert STEP < run.patience.seconds - before < 50 * STEP
+
+
+def test_the_most_promising_way_comes_first_and_the_others_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = _run(cases.wall())
+    problem, promised = run.problem, iter((3.0, 1.0, 2.0, 9.0, 8.0, 0.5))
+    sampler = goal_sampler(problem, run.model, run.budget)
+    assert isinstance(sampler, GoalSampler)
+    run.paths.offer_first(_path(run))
+    monkeypatch.setattr(CoarseDescents, "descend", lambda self, model, path, best: Way(path, None, next(promised)))
+    seen = [run.paths.next(sampler, lambda waypoints: None) for _ in range(2)]
+    assert [way.duration for way in seen if isinstance(way, Way)] == [1.0, 0.5]
+
+
+def test_searches_stay_in_the_box_of_motions_that_are_short_enough() -> None:
+    run = _run(cases.wall())
+    problem, longest, boxes = run.problem, 3.0, []
+
+    def search(check: Any, ends: Any, *given: Any, **more: Any) -> Search:
+        boxes.append((check.limits.lower, check.limits.upper))
+        return Search(None, ends[0][None], ends[1], (1, 1))
+
+    goal = problem.goal[0].q
+    options = SamplingOptions(Budget(20.0), searcher=search, begun=1, longest=longest)
+    sample_path(path_check(run.model, problem.limits), problem.start, [goal], options)
+    within = box_of_paths(problem.start, goal[None], np.array([longest]), problem.limits)
+    assert np.allclose(boxes, [within])

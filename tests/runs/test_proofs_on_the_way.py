@@ -1,0 +1,104 @@
+"""Motions that a planner finds are proved while it goes on, and nobody is told that one is verified which is not."""
+
+from dataclasses import dataclass, field
+
+import pytest
+
+import optiplan as op
+from optiplan.planners.base import announce, stages_of
+from optiplan.runs import selection
+from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.verify import verify
+
+
+@pytest.fixture(scope="module")
+def problem() -> op.Problem:
+    return op.load_problem("01_reach")
+
+
+@pytest.fixture(scope="module")
+def motion(problem: op.Problem) -> Trajectory:
+    found = op.plan(problem, "rrtconnect").trajectory
+    assert found is not None
+    return found
+
+
+@dataclass
+class Heard:
+    """What a progress was told."""
+
+    found_: list[float] = field(default_factory=list)
+    proved_: list[tuple[float, float]] = field(default_factory=list)
+    stages: list[str] = field(default_factory=list)
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        self.stages.append(stage)
+
+    def found(self, motion: Trajectory, bound: float) -> None:
+        self.found_.append(motion.duration)
+
+    def proved(self, motion: Trajectory, seconds: float) -> None:
+        self.proved_.append((seconds, motion.duration))
+
+
+def test_a_motion_that_the_verifier_refuses_is_found_and_not_proved(problem: op.Problem, motion: Trajectory) -> None:
+    heard = Heard()
+    proofs = ProofsOnTheWay(problem, heard)
+    fast = motion.scaled(0.1 * motion.duration)
+    proofs.found(fast, 0.0)
+    assert heard.found_ == [fast.duration]
+    assert heard.proved_ == []
+    verdict = proofs.verdict(fast)
+    assert verdict is not None
+    assert not verdict.report.verified
+    assert 0.0 < verdict.proof <= verdict.seconds
+
+
+def test_the_first_motion_is_proved_at_once_and_one_right_after_it_is_left_for_the_end(
+    problem: op.Problem, motion: Trajectory
+) -> None:
+    heard = Heard()
+    proofs = ProofsOnTheWay(problem, heard)
+    slow = motion.scaled(1.1 * motion.duration)
+    proofs.found(slow, 0.0)
+    proofs.found(motion, 0.0)
+    assert heard.found_ == [slow.duration, motion.duration]
+    assert [duration for _, duration in heard.proved_] == [slow.duration]
+    assert proofs.verdict(motion) is None
+    assert proofs.seconds > 0.0
+
+
+def test_who_was_told_of_a_later_motion_is_not_told_of_an_earlier_one(problem: op.Problem, motion: Trajectory) -> None:
+    heard = Heard()
+    proofs = ProofsOnTheWay(problem, heard)
+    for seconds in (1.0, 0.5, 1.0, 2.0):
+        proofs.proved(motion, seconds)
+    assert [seconds for seconds, _ in heard.proved_] == [1.0, 2.0]
+
+
+def test_what_was_proved_on_the_way_is_not_proved_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard, again = Heard(), []
+    problem = op.load_problem("02_shelf")
+
+    def counted(problem: op.Problem, trajectory: Trajectory) -> op.Report:
+        again.append(trajectory.duration)
+        return verify(problem, trajectory)
+
+    monkeypatch.setattr(selection, "verify", counted)
+    run = op.plan(problem, budget=5.0, progress=heard)
+    assert run.verified
+    assert heard.proved_[0][1] == heard.found_[0]
+    assert heard.found_[0] not in again
+    assert len(heard.found_) > 1, "or this says nothing of those that are proved in the end"
+    assert len(again) == len(set(again))
+    assert tuple(heard.proved_) == tuple(one for one in run.improvements if one in heard.proved_)
+    assert heard.proved_[-1] == run.improvements[-1] == (run.improvements[-1][0], run.duration)
+
+
+def test_a_part_of_the_work_tells_stages_and_no_motions(motion: Trajectory) -> None:
+    heard = Heard()
+    part = stages_of(heard)
+    part("going", 0.5)
+    announce(part, motion)
+    assert (heard.stages, heard.found_) == (["going"], [])
