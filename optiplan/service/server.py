@@ -2,10 +2,10 @@
 
 import asyncio
 import logging
+import os
 import signal
 import socket
 import sys
-import threading
 from types import FrameType
 from typing import Any
 
@@ -51,14 +51,25 @@ def run_worker(settings: ServiceSettings, level: str = "info") -> int:
         OptiPlanError: the database or the folder cannot be used.
     """
     log_to_stderr(level)
-    service, stop = PlannerService(settings, serving=False), threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    service, signals = PlannerService(settings, serving=False), _pipe_of_stop_signals()
     service.start()
     print(f"working on the queue with {settings.solvers} processes (ctrl-C ends)", flush=True)
-    stop.wait()
+    os.read(signals, 1)
     service.close()
     return 0
+
+
+def _pipe_of_stop_signals() -> int:
+    """The reading end of a pipe into which SIGINT and SIGTERM write a byte each, from now on.
+
+    A handler that sets an event would not do: it runs in the main thread, which may hold the event's lock just then.
+    """
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: None)
+    return reading
 
 
 def check_token(settings: ServiceSettings) -> None:
