@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, measures, scaled
@@ -17,6 +16,7 @@ from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.objectives.objective import UNITS
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import mismatch, scene_parts
+from optiplan.robot.batch_dynamics import inverse_dynamics
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
@@ -134,8 +134,7 @@ class _Instant:
     """
 
     def __init__(self, robot: Robot, trajectory: Trajectory) -> None:
-        self._pool = pin.ModelPool(robot.model, 1)  # many torques in one call, on this thread alone
-        self._tool, self._trajectory = ToolKinematics(robot), trajectory
+        self._robot, self._tool, self._trajectory = robot, ToolKinematics(robot), trajectory
         self._rows: JacobianRows = "full" if robot.n >= 6 else "translation"
         self._seen: list[tuple[Array, Array]] = []
         self._ends = np.array([0.0, trajectory.duration])  # to be looked at with the first instants
@@ -146,8 +145,7 @@ class _Instant:
         J = self._tool.evaluate(Q)[1]
         self._seen.append((asked, yoshikawa(scaled(J, self._rows))))
         twist = np.einsum("kij,kj->ki", J, V)
-        tau = np.empty_like(Q)
-        pin.rneaInParallel(1, self._pool, Q.T, V.T, A.T, tau.T)
+        tau = inverse_dynamics(self._robot, Q, V, A)
         speeds = [np.sqrt(np.einsum("ki,ki->k", part, part)) for part in (twist[:, :3], twist[:, 3:], V)]
         return np.column_stack([*speeds, tau**2])[: len(t)]
 

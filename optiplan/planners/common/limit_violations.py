@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from math import ceil, floor, log10
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
+from optiplan.robot.batch_dynamics import inverse_dynamics
 from optiplan.robot.limits import ORDERS, UNITS
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.trajectory import Trajectory
@@ -75,9 +75,7 @@ def beyond_limits(over: Excess, trajectory: Trajectory, shortest: float | None) 
 def beyond_torque(robot: Robot, limits: Limits, trajectory: Trajectory, shortest: float | None) -> Failure:
     """Report the worst torque violation of a motion that is known to have one."""
     t = np.union1d(np.linspace(0.0, trajectory.duration, _SAMPLES), trajectory.breakpoints)
-    motion = zip(*(trajectory(t, order) for order in range(3)), strict=True)
-    data = robot.model.createData()
-    torque = np.abs([pin.rnea(robot.model, data, q, v, a) for q, v, a in motion])
+    torque = np.abs(inverse_dynamics(robot, *(trajectory(t, order) for order in range(3))))
     k, j = np.unravel_index(int(np.argmax(torque / limits.torque)), torque.shape)
     over = Excess(int(j), "torque", float(torque[k, j]), float(limits.torque[j]), float(t[k]))
     return beyond_limits(over, trajectory, shortest)

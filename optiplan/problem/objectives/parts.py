@@ -10,6 +10,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.problem.objectives.objective import PLAIN, Objective
+from optiplan.robot.batch_dynamics import inverse_dynamics
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -76,9 +77,7 @@ class ObjectiveParts:
         return float(sum(weights[name] * value for name, value in self.values(trajectory).items()))
 
     def _energy(self, states: States) -> Array:
-        model, data = self._robot.model, self._data
-        tau = np.array([pin.rnea(model, data, q, v, a).copy() for q, v, a in zip(*states, strict=True)])
-        return np.asarray((tau**2).sum(axis=1))
+        return np.asarray((inverse_dynamics(self._robot, *states) ** 2).sum(axis=1))
 
     def _tool_speed(self, states: States) -> Array:
         J = self._tool.evaluate(states[0])[1]

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.problem.problem import Problem
+from optiplan.robot.batch_dynamics import inverse_dynamics
 from optiplan.robot.mimic_joints import unfold
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
@@ -68,8 +68,7 @@ class _Proof:
     """Torques of a trajectory, at times and over intervals."""
 
     def __init__(self, problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> None:
-        self._policy, self._bounds = policy, _bounds_of(problem.robot)
-        self._pool = pin.ModelPool(problem.robot.model, 1)  # many torques in one call, on this thread alone
+        self._policy, self._robot, self._bounds = policy, problem.robot, _bounds_of(problem.robot)
         self._trajectory = trajectory
         self.evaluated = 0
         self.peak, self.time = np.zeros(trajectory.n), np.zeros(trajectory.n)
@@ -78,34 +77,39 @@ class _Proof:
         """Every piece in equal intervals, `torque_rate` a second."""
         h = self._trajectory.widths
         rate = min(self._policy.torque_rate, _MOST_FIRST / self._trajectory.duration)
-        pieces, parts = np.arange(len(h)), np.maximum(np.ceil(h * rate), 1.0).astype(np.intp)
-        ends = self._torques(np.tile(pieces, 2), np.concatenate([np.zeros_like(h), h])).reshape(2, len(h), -1)
-        return self._cut(pieces, np.zeros_like(h), h, (ends, parts), _TOGETHER)
+        parts = np.maximum(np.ceil(h * rate), 1.0).astype(np.intp)
+        return self._cut(np.arange(len(h)), np.zeros_like(h), h, parts)
 
     def divided(self, spans: _Spans, allowed: Array) -> _Spans:
         """Every interval in as many equal parts, 2 to 8, as would prove it did the bounds only shrink with width²."""
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.sqrt(spans.sagitta() / np.maximum(spans.room(allowed), 0.0)).max(axis=1)
         parts = np.clip(np.ceil(np.nan_to_num(share, nan=_MOST_PARTS)), 2.0, _MOST_PARTS).astype(np.intp)
-        return self._cut(spans.piece, spans.begin, spans.width, (spans.torque, parts))
+        return self._cut(spans.piece, spans.begin, spans.width, parts, spans.torque)
 
-    def _cut(self, piece: Index, begin: Array, width: Array, into: tuple[Array, Index], together: int = 1) -> _Spans:
-        """Intervals cut `into` equal parts each, with torques at their ends (2, K, n): both a pair.
+    def _cut(self, piece: Index, begin: Array, width: Array, parts: Index, known: Array | None = None) -> _Spans:
+        """Intervals (K,) cut into equal `parts` (K,) each, at whose ends torques may be `known`, (2, K, n), N·m (N).
 
-        Bounds are of so many neighbouring parts `together`, and hold on each of them.
+        Where they are not, it is the first look: bounds are of some neighbouring parts together.
         """
-        ends, parts = into
-        owner = np.repeat(np.arange(len(piece)), parts)
+        owner, ends, together = (
+            np.repeat(np.arange(len(piece)), parts),
+            begin + width,
+            _TOGETHER if known is None else 1,
+        )
         last = np.cumsum(parts) - 1
         within = np.arange(len(owner)) - (last - parts + 1)[owner]
-        piece, width = piece[owner], (width / parts)[owner]
+        whole, piece, width = piece, piece[owner], (width / parts)[owner]
         begin = begin[owner] + within * width
-        inner = within > 0
-        left = ends[0][owner]
-        left[inner] = self._torques(piece[inner], begin[inner])
+        if known is None:
+            found = self._torques(np.concatenate([piece, whole]), np.concatenate([begin, ends]))
+            left, final = np.split(found, [len(piece)])
+        else:
+            left, final, inner = known[0][owner], known[1], within > 0
+            left[inner] = self._torques(piece[inner], begin[inner])
         right = np.empty_like(left)
         right[:-1] = left[1:]  # the end of a part is the beginning of the next, but for the last
-        right[last] = ends[1]
+        right[last] = final
         first = within % together == 0
         group = np.cumsum(first) - 1
         size, curvature = self._bounded(piece[first], begin[first], width[first] * np.bincount(group))
@@ -122,11 +126,9 @@ class _Proof:
 
     def _torques(self, piece: Index, local: Array) -> Array:
         """Return tau (K, n) at times `local` (K,) of pieces; the largest and its time are remembered."""
-        tau = np.empty((len(piece), self._trajectory.n))
+        tau = inverse_dynamics(self._robot, *self._trajectory.states_in(piece, local))
         if not len(tau):
             return tau
-        state = self._trajectory.states_in(piece, local)
-        pin.rneaInParallel(1, self._pool, *(values.T for values in state), tau.T)
         self.evaluated += len(tau)
         size, columns = np.abs(tau), np.arange(tau.shape[1])
         at = size.argmax(axis=0)
