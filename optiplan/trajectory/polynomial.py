@@ -89,10 +89,11 @@ def may_hold_extrema(coefficients: Array) -> np.ndarray[tuple[int, int], np.dtyp
     A polynomial stays between its smallest and largest Bernstein coefficient b_i = sum_k C(i, k) / C(d, k) c_k and
     takes b_0 and b_d at the ends; so one whose coefficients lie within what others reach needs no closer look.
     """
-    b = coefficients @ bernstein_basis(coefficients.shape[-1] - 1).T
-    ends = b[..., [0, -1]]
-    lowest, highest = ends.min(axis=(0, 2)), ends.max(axis=(0, 2))
-    return np.asarray((b.min(axis=2) <= lowest) | (b.max(axis=2) >= highest))
+    pieces, columns, size = coefficients.shape
+    b = (bernstein_basis(size - 1) @ coefficients.reshape(-1, size).T).reshape(size, pieces, columns)
+    ends = b[[0, -1]]
+    lowest, highest = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
+    return np.asarray((b.min(axis=0) <= lowest) | (b.max(axis=0) >= highest))
 
 
 @cache

@@ -115,7 +115,7 @@ def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Chec
     the configuration reached, the motion is held against each, and the nearest is reported.
     """
     ends, limits = np.array([0.0, trajectory.duration]), problem.limits
-    found = np.stack([trajectory(ends, 1), trajectory(ends, 2)])  # (order, end, n)
+    found = np.stack(trajectory.states(ends)[1:])  # (order, end, n)
     checks = []
     for state in problem.end_states(trajectory.end):
         stated = np.stack([[problem.start_velocity, state.v], [problem.start_acceleration, state.a]])

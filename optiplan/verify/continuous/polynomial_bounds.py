@@ -48,23 +48,24 @@ def prove_bounds(coefficients: Array, low: Array, high: Array) -> Bounded:
     """
     count, size = coefficients.shape
     halves = _halving(size)
-    rounding = (size + 1) * _UNIT * np.abs(coefficients).sum(axis=1)
+    rounding = (size + 1) * _UNIT * np.abs(coefficients.T).sum(axis=0)
     owner: Index = np.arange(count)
-    b = coefficients @ bernstein_basis(size - 1).T
+    b = bernstein_basis(size - 1) @ coefficients.T  # (d + 1, N): sums and extrema along a short last axis are slow
     within, beyond = np.ones(count, dtype=bool), np.zeros(count)
     for r in range(_MOST_HALVINGS):
         doubt = (r + 4) * rounding[owner]
-        held = (b.max(axis=1) + doubt <= high[owner]) & (b.min(axis=1) - doubt >= low[owner])  # NaN never is
+        held = (b.max(axis=0) + doubt <= high[owner]) & (b.min(axis=0) - doubt >= low[owner])  # NaN never is
         if held.all():
             return Bounded(within & (beyond <= 0.0), beyond, rounding)
-        b, owner, doubt = b[~held], owner[~held], doubt[~held]  # what holds is not beyond
-        passed = np.maximum(b[:, [0, -1]].max(axis=1) - high[owner], low[owner] - b[:, [0, -1]].min(axis=1)) - doubt
+        b, owner, doubt = b[:, ~held], owner[~held], doubt[~held]  # what holds is not beyond
+        ends = b[[0, -1]]
+        passed = np.maximum(ends.max(axis=0) - high[owner], low[owner] - ends.min(axis=0)) - doubt
         np.maximum.at(beyond, owner, passed)
         still = beyond[owner] <= 0.0
-        b, owner = b[still], owner[still]
-        if not len(b) or len(b) > _MOST_OPEN:
+        b, owner = b[:, still], owner[still]
+        if not len(owner) or len(owner) > _MOST_OPEN:
             break
-        b, owner = np.concatenate([b @ half.T for half in halves]), np.tile(owner, 2)
+        b, owner = np.hstack([half @ b for half in halves]), np.tile(owner, 2)
     within[owner] = False
     return Bounded(within & (beyond <= 0.0), beyond, rounding)
 
