@@ -72,8 +72,8 @@ def test_a_planner_that_needs_libraries_has_its_whole_budget():
     """In a fresh process: the import of OMPL is told apart, and the budget is shorter than that takes."""
     code = (
         "import optiplan as op; run = op.plan(op.load_problem('02_shelf'), 'rrtstar', budget=0.4); "
-        "again = op.plan(op.load_problem('02_shelf'), 'rrtstar', budget=0.4); "
-        "print(run.timings['libraries'] > 0.02, run.timings['plan'] < 0.4 + 0.3, 'libraries' in again.timings)"
+        "later = [op.plan(op.load_problem('02_shelf'), 'rrtstar', budget=0.4) for _ in range(4)]; "
+        "print(run.timings['libraries'] > 0.02, run.timings['plan'] < 0.4 + 0.3, 'libraries' in later[-1].timings)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "True True False"

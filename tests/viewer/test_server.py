@@ -59,7 +59,9 @@ def test_serve_ends_on_ctrl_c(shelf, monkeypatch):
 
 def test_ctrl_c_from_the_outside_ends_the_process_with_nothing_left():
     code = """
+import signal
 import numpy as np
+signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in a shell's background ignores it
 from optiplan.robot.robot import load_robot
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem

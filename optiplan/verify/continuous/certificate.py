@@ -22,7 +22,6 @@ _FAR = 0.1  # m: a larger clearance is not refined
 _HULLS = 5e-3  # m: where hulls are proved farther apart, meshes are not queried
 _ROOM = 1.25  # factor on the clearance to prove, below which meshes are queried instead of hulls
 _MOST_OF_HULLS = 2  # halvings of an interval for hulls of clusters; else the bodies in them are asked
-_FEW_PARTS = 40  # of divided intervals, in all: to look at so many more costs less than one more round
 _MOST_AGAIN = 4_000  # items examined to refine the clearance after the proof
 _FIRST_TRAVEL = 0.2  # rad or m, summed over joints: travel within the first intervals
 _LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up ROUNDING
@@ -269,8 +268,6 @@ class _Search:
         if not len(still):
             return items.take(still)
         halvings = near.halvings(still, target)
-        if (2**halvings).sum() <= _FEW_PARTS:
-            halvings += 1
         opened = (items.pair[still] >= self.bodies.tree.count) & (halvings > _MOST_OF_HULLS)
         left = items.take(still[~opened]).split(halvings[~opened])
         if opened.any():

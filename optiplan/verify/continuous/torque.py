@@ -19,8 +19,9 @@ ROUNDING = 1e-12
 """Of inverse dynamics: a share of the sum of the sizes of all moments that add up to a torque."""
 _MOST_FIRST = 20_000  # intervals of a long motion to begin with, beside one a piece
 _CHUNK = 20_000  # intervals bounded at once, to limit memory
-_TOGETHER = 4  # neighbouring intervals bounded as one at first, which costs a fourth and leaves few more open
+_TOGETHER = 8  # neighbouring intervals bounded as one at first, which costs an eighth and leaves few more open
 _MOST_PARTS = 8  # into which an interval is divided at once
+_MORE = 1.05  # parts than would do: within an interval torques may be larger than at its ends
 
 _bounds: WeakKeyDictionary[Robot, TorqueBounds] = WeakKeyDictionary()
 
@@ -74,46 +75,37 @@ class _Proof:
         self.peak, self.time = np.zeros(trajectory.n), np.zeros(trajectory.n)
 
     def first(self) -> _Spans:
-        """Every piece in equal intervals, `torque_rate` a second."""
+        """Every piece in equal intervals, `torque_rate` a second, bounded some neighbours together."""
         h = self._trajectory.widths
         rate = min(self._policy.torque_rate, _MOST_FIRST / self._trajectory.duration)
-        parts = np.maximum(np.ceil(h * rate), 1.0).astype(np.intp)
-        return self._cut(np.arange(len(h)), np.zeros_like(h), h, parts)
-
-    def divided(self, spans: _Spans, allowed: Array) -> _Spans:
-        """Every interval in as many equal parts, 2 to 8, as would prove it did the bounds only shrink with width²."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.sqrt(spans.sagitta() / np.maximum(spans.room(allowed), 0.0)).max(axis=1)
-        parts = np.clip(np.ceil(np.nan_to_num(share, nan=_MOST_PARTS)), 2.0, _MOST_PARTS).astype(np.intp)
-        return self._cut(spans.piece, spans.begin, spans.width, parts, spans.torque)
-
-    def _cut(self, piece: Index, begin: Array, width: Array, parts: Index, known: Array | None = None) -> _Spans:
-        """Intervals (K,) cut into equal `parts` (K,) each, at whose ends torques may be `known`, (2, K, n), N·m (N).
-
-        Where they are not, it is the first look: bounds are of some neighbouring parts together.
-        """
-        owner, ends, together = (
-            np.repeat(np.arange(len(piece)), parts),
-            begin + width,
-            _TOGETHER if known is None else 1,
-        )
-        last = np.cumsum(parts) - 1
-        within = np.arange(len(owner)) - (last - parts + 1)[owner]
-        whole, piece, width = piece, piece[owner], (width / parts)[owner]
-        begin = begin[owner] + within * width
-        if known is None:
-            found = self._torques(np.concatenate([piece, whole]), np.concatenate([begin, ends]))
-            left, final = np.split(found, [len(piece)])
-        else:
-            left, final, inner = known[0][owner], known[1], within > 0
-            left[inner] = self._torques(piece[inner], begin[inner])
-        right = np.empty_like(left)
-        right[:-1] = left[1:]  # the end of a part is the beginning of the next, but for the last
-        right[last] = final
-        first = within % together == 0
+        pieces, parts = np.arange(len(h)), np.maximum(np.ceil(h * rate), 1.0).astype(np.intp)
+        piece, within, last = _parts(parts)
+        width = (h / parts)[piece]
+        begin = within * width
+        tau = self._torques(np.append(piece, pieces), np.append(begin, h))
+        torque = _at_ends(tau[: len(piece)], tau[len(piece) :], last)
+        first = within % _TOGETHER == 0
         group = np.cumsum(first) - 1
         size, curvature = self._bounded(piece[first], begin[first], width[first] * np.bincount(group))
-        return _Spans(piece, begin, width, np.stack([left, right]), size[group], curvature[group])
+        return _Spans(piece, begin, width, torque, size[group], curvature[group])
+
+    def divided(self, spans: _Spans, allowed: Array) -> _Spans:
+        """Every interval in as many equal parts, 2 to 8, as would prove it if the torque were as large as at its ends.
+
+        What bounds the whole bounds its parts. Only those that ask for the most parts are bounded anew.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = _MORE * np.sqrt(spans.sagitta() / np.maximum(spans.room(allowed), 0.0)).max(axis=1)
+        parts = np.clip(np.ceil(np.nan_to_num(share, nan=_MOST_PARTS)), 2.0, _MOST_PARTS).astype(np.intp)
+        owner, within, last = _parts(parts)
+        piece, width = spans.piece[owner], (spans.width / parts)[owner]
+        begin = spans.begin[owner] + within * width
+        left, inner = spans.torque[0][owner], within > 0
+        left[inner] = self._torques(piece[inner], begin[inner])
+        size, curvature = spans.size[owner], spans.curvature[owner]
+        loose = np.flatnonzero(parts[owner] == _MOST_PARTS)
+        size[loose], curvature[loose] = self._bounded(piece[loose], begin[loose], width[loose])
+        return _Spans(piece, begin, width, _at_ends(left, spans.torque[1], last), size, curvature)
 
     def _bounded(self, piece: Index, begin: Array, width: Array) -> Array:
         """What `TorqueBounds.over` says of K intervals: (2, K, n)."""
@@ -136,6 +128,24 @@ class _Proof:
         self.peak = np.where(larger, size[at, columns], self.peak)
         self.time = np.where(larger, (self._trajectory.breakpoints[piece] + local)[at], self.time)
         return tau
+
+
+def _parts(parts: Index) -> tuple[Index, Index, Index]:
+    """Of intervals (K,) cut into so many `parts`: the interval of each part, its place in it; the last part of each."""
+    owner = np.repeat(np.arange(len(parts)), parts)
+    last = np.cumsum(parts) - 1
+    return owner, np.arange(len(owner)) - (last - parts + 1)[owner], last
+
+
+def _at_ends(left: Array, final: Array, last: Index) -> Array:
+    """Torques at both ends of parts, (2, K, n), from those at their beginnings and at the ends of the `last` ones.
+
+    The end of a part is the beginning of the next.
+    """
+    right = np.empty_like(left)
+    right[:-1] = left[1:]
+    right[last] = final
+    return np.stack([left, right])
 
 
 def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
