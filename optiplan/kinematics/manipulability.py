@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.robot.robot import Robot
 
 JacobianRows = Literal["full", "translation", "rotation"]
@@ -28,9 +28,10 @@ class ToolKinematics:
         name = robot.tool_frame if frame is None else frame
         placed = robot.model.frames[robot.frame_id(name)]
         self.kinematics = robot.kinematics
-        self._joint, self._X_JT = int(placed.parentJoint), np.array(placed.placement.homogeneous)
-        self._moves: Array = self.kinematics.carries[self._joint].astype(np.float64)
-        self._slides = self.kinematics.revolute < 0.5
+        joint, X_JT = int(placed.parentJoint), np.array(placed.placement.homogeneous)
+        self._joints = _as_slice(np.flatnonzero(self.kinematics.carries[joint]))  # those that move T
+        self._chain = self.kinematics.chain(joint, X_JT)
+        self._slides = np.flatnonzero(self.kinematics.revolute[self._joints] < 0.5)
 
     def evaluate(self, Q: Array) -> tuple[Array, Array]:
         """X_WT (N, 4, 4), m, and J (N, 6, n) at Q (N, n).
@@ -44,17 +45,19 @@ class ToolKinematics:
 
     def _of_joints(self, Q: Array) -> tuple[Array, Array]:
         """X_WT (N, 4, 4) and the columns of all joints, those that follow others too: (N, 6, J)."""
-        poses = self.kinematics.poses(Q)
-        X_WT = poses[:, self._joint] @ self._X_JT
-        axis, point = self.kinematics.axes(poses)
-        J = np.empty((len(Q), 6, axis.shape[1]))
-        J[:, 3:] = z = axis.transpose(0, 2, 1)
-        arm = (X_WT[:, None, :3, 3] - point).transpose(0, 2, 1)
+        q = self.kinematics.positions(Q).T  # (J, N)
+        frames = self._chain.frames(q[self._joints])
+        parts = np.ascontiguousarray(frames[:, :, :3, 2:].transpose(3, 2, 0, 1))  # axes, then origins: (2, 3, L + 1, N)
+        z, arm = parts[0, :, :-1], parts[1, :, -1:] - parts[1, :, :-1]
+        columns = np.empty((6, *z.shape[1:]))
+        columns[3:] = z
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            J[:, i] = z[:, j] * arm[:, k] - z[:, k] * arm[:, j]
-        if self._slides.any():
-            J[:, :3, self._slides], J[:, 3:, self._slides] = z[:, :, self._slides], 0.0
-        return X_WT, J if self._moves.all() else J * self._moves
+            columns[i] = z[j] * arm[k] - z[k] * arm[j]
+        if len(self._slides):
+            columns[:3, self._slides], columns[3:, self._slides] = z[:, self._slides], 0.0
+        J = np.zeros((len(Q), 6, len(q)))
+        J[:, :, self._joints] = columns.transpose(2, 0, 1)
+        return frames[-1], J
 
     def hessians(self, Q: Array) -> Array:
         """H (N, 6, n, n) at Q (N, n): H[:, :, i, j] = dJ_i / dq_j, the kinematic Hessian.
@@ -72,8 +75,14 @@ class ToolKinematics:
                 H[:, :3, i, j] = np.cross(w[:, low], v[:, high])
                 if j <= i:
                     H[:, 3:, i, j] = np.cross(w[:, j], w[:, i])
-        H = self.kinematics.of_planned(H * self._moves[:, None] * self._moves)
+        H = self.kinematics.of_planned(H)
         return self.kinematics.of_planned(H.swapaxes(2, 3)).swapaxes(2, 3)
+
+
+def _as_slice(indices: Index) -> Index | slice:
+    """Rising indices as a slice, which NumPy takes without copying, where they follow each other."""
+    first, end = (int(indices[0]), int(indices[-1]) + 1) if len(indices) else (0, 0)
+    return slice(first, end) if end - first == len(indices) else indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +118,15 @@ def measures(J: Array) -> Measures:
     asada: Array = np.divide(s[:, -1], s[:, 0], out=np.zeros(len(s)), where=s[:, 0] > 0.0)
     yoshikawa: Array = np.prod(s, axis=1)
     return Measures(yoshikawa, asada, s[:, -1])
+
+
+def yoshikawa(J: Array) -> Array:
+    """Yoshikawa's measure of Jacobians J (N, m, n), as in `measures`: (N,).
+
+    With J^T = Q R, for n < m J = Q R, it is |r_11 … r_rr|: as exact as the singular values, in a third of their time.
+    """
+    R = np.linalg.qr(J if J.shape[1] > J.shape[2] else J.swapaxes(1, 2), mode="r")
+    return np.asarray(np.abs(np.diagonal(R, axis1=1, axis2=2).prod(axis=1)))
 
 
 def measure_gradients(J: Array, H: Array) -> Measures:

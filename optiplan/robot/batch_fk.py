@@ -6,6 +6,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, Index
 from optiplan.robot.mimic_joints import coupling, screws
+from optiplan.robot.serial_chain import SerialChain
 
 
 class BatchKinematics:
@@ -34,6 +35,13 @@ class BatchKinematics:
         self._axis = np.where(self.revolute[:, None] > 0.5, self._screws[:, 3:], self._screws[:, :3])
         self._along = _columns(self._axis)
         self._across = np.linalg.svd(self._axis[:, None])[2][:, 1:].swapaxes(1, 2)  # (J, 3, 2) at right angles to them
+        self._to_axis = np.concatenate([np.eye(4)[None], _rotations(self._across, self._axis)])  # takes z to each axis
+        before = self._to_axis[self._parents[1:]].swapaxes(1, 2)
+        self._between_axes = before @ np.array(self._placements[1:]).reshape(-1, 4, 4) @ self._to_axis[1:]
+
+    def positions(self, Q: Array) -> Array:
+        """Positions (..., J) of all joints, of those of the planned ones Q (..., n): A q + b."""
+        return self.joint_rates(Q) + self.offset if self.follows else Q
 
     def joint_rates(self, V: Array) -> Array:
         """Rates (..., J) of all joints, of those of the planned ones V (..., n): A V."""
@@ -57,8 +65,7 @@ class BatchKinematics:
 
     def poses(self, Q: Array) -> Array:
         """X_WJ of every joint (0 is the world) at configurations Q (N, n): array (N, J + 1, 4, 4)."""
-        positions = self.joint_rates(Q) + self.offset if self.follows else Q
-        q = positions.T  # (J, N)
+        q = self.positions(Q).T  # (J, N)
         local = np.stack([np.ones_like(q), np.sin(q), 1.0 - np.cos(q), q], axis=2) @ self._terms
         local = local.reshape(*q.shape, 4, 4)
         result = np.empty((len(Q), len(self._parents), 4, 4))
@@ -66,6 +73,12 @@ class BatchKinematics:
         for j in range(1, len(self._parents)):
             np.matmul(result[:, self._parents[j]], local[j - 1], out=result[:, j])
         return result
+
+    def chain(self, joint: int, X_JF: Array) -> SerialChain:
+        """The joints that carry joint `joint`, itself included, as `carries` has them, and a frame F fixed to it."""
+        joints = np.flatnonzero(self.carries[joint])
+        constants = [*self._between_axes[joints], self._to_axis[joint].T @ X_JF]
+        return SerialChain(constants, self.revolute[joints] > 0.5)
 
     def axes(self, poses: Array) -> tuple[Array, Array]:
         """Axis direction and a point on it, in the world, of each joint: two arrays (N, J, 3)."""
@@ -113,6 +126,14 @@ def _from_axis(points: Array, axis: Array) -> Array:
     x, y, z = np.moveaxis(points, -1, 0)
     u, v, w = axis.tolist()
     return np.asarray(np.sqrt((y * w - z * v) ** 2 + (z * u - x * w) ** 2 + (x * v - y * u) ** 2))
+
+
+def _rotations(across: Array, axis: Array) -> Array:
+    """Rotations (J, 4, 4) whose columns are two directions `across` (J, 3, 2) an axis and the axis (J, 3)."""
+    found = np.tile(np.eye(4), (len(axis), 1, 1))
+    found[:, :3, :2], found[:, :3, 2] = across, axis
+    found[:, :3, 0] *= np.sign(np.linalg.det(found))[:, None]
+    return found
 
 
 def carrying_joints(model: pin.Model) -> npt.NDArray[np.bool_]:

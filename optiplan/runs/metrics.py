@@ -1,17 +1,18 @@
 """Objective metrics of a motion: lengths, peak jerk, torque, clearance, manipulability.
 
 Lengths and torques are integrals over time, computed panel by panel by Gauss-Kronrod quadrature: a panel is halved
-until the rules of five and of eleven points differ by less than its share of 1e-6 of the whole.
+until the rules of four and of nine points differ by less than its share of 1e-6 of the whole.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, measures, scaled
+from optiplan.kinematics.manipulability import ROWS, ToolKinematics, yoshikawa
 from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.objectives.objective import UNITS
 from optiplan.problem.problem import Problem
@@ -21,32 +22,30 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
 
-_NODES, _WEIGHTS = np.array(  # of eleven points on [0, 1] (Kronrod); every second node is one of the five of Gauss
+_NODES, _WEIGHTS = np.array(  # of nine points on [0, 1] (Kronrod); every second node is one of the four of Gauss
     [
-        [0.007957319952578768, 0.021291018375540916],
-        [0.046910077030668004, 0.057616658311236697],
-        [0.122916636714575390, 0.093400398278246329],
-        [0.230765344947158454, 0.120520169614323793],
-        [0.360184793419108403, 0.136424900956279461],
-        [0.500000000000000000, 0.141493708928745607],
-        [0.639815206580891597, 0.136424900956279461],
-        [0.769234655052841546, 0.120520169614323793],
-        [0.877083363285424610, 0.093400398278246329],
-        [0.953089922969331996, 0.057616658311236697],
-        [0.992042680047421232, 0.021291018375540916],
+        [0.011719874631213444, 0.031488686832736507],
+        [0.069431844202973712, 0.085026802667861363],
+        [0.179856891251845009, 0.133399170226142224],
+        [0.330009478207571868, 0.163474594800725815],
+        [0.500000000000000000, 0.173221490945068181],
+        [0.669990521792428132, 0.163474594800725815],
+        [0.820143108748154991, 0.133399170226142224],
+        [0.930568155797026288, 0.085026802667861363],
+        [0.988280125368786556, 0.031488686832736507],
     ]
 ).T
-_GAUSS = np.array(
-    [0.11846344252809454, 0.23931433524968324, 0.28444444444444444, 0.23931433524968324, 0.11846344252809454]
-)
-_ACCURACY = 1e-6  # of an integral, relative
+_GAUSS = np.array([0.173927422568726929, 0.326072577431273071, 0.326072577431273071, 0.173927422568726929])
+_BOTH = np.zeros((2, len(_NODES)))  # the two rules' weights
+_BOTH[0, 1::2], _BOTH[1] = _GAUSS, _WEIGHTS
+_ACCURACY = 1e-6  # of an integral, and of the smallest manipulability, relative
 _NOTHING = 1e-3  # m, rad, (N m)^2 s: integrals smaller than this need no more digits than this one
-_PANELS = 16  # least number per motion: a kink between their points is negligible
+_PANELS = 22  # least number per motion: a kink between their points is negligible
 _HALVINGS = 14  # at most, of a panel: speed has kinks where the tool stands still
 _MOST_PANELS = 20_000  # panels at a time; beyond that the integral is not refined further
 _JUMP = 1e-5  # share of a velocity or acceleration limit that counts as a jump; the verifier's own tolerance
-_CLOSER = 17  # samples between the neighbours of the smallest of a measure, in each round
-_ROUNDS = 9  # at most, of looking closer
+_CLOSER = 9  # samples between the neighbours of the smallest of a measure, in each round
+_ROUNDS = 13  # at most, of looking closer
 
 
 @dataclass(frozen=True)
@@ -127,66 +126,90 @@ def objective_of(problem: Problem, trajectory: Trajectory) -> dict[str, dict[str
     }
 
 
-class _Instant:
-    """At times t (N,): |v_WT| (m/s), |w_WT| (rad/s), |dq/dt| and tau_j^2 of every joint, as an array (N, 3 + n).
+_tools: WeakKeyDictionary[Robot, ToolKinematics] = WeakKeyDictionary()
+"""Of each robot in use."""
 
-    Keeps the manipulability of every instant that was asked for, and of both ends.
+
+class _Instant:
+    """At times t (m, k) in m panels: |v_WT| (m/s), |w_WT| (rad/s), |dq/dt| and tau_j^2 of every joint: (m, k, 3 + n).
+
+    Keeps the manipulability of every instant that was asked for.
     """
 
     def __init__(self, robot: Robot, trajectory: Trajectory) -> None:
-        self._robot, self._tool, self._trajectory = robot, ToolKinematics(robot), trajectory
-        self._rows: JacobianRows = "full" if robot.n >= 6 else "translation"
+        if robot not in _tools:
+            _tools[robot] = ToolKinematics(robot)
+        self._robot, self._tool, self._trajectory = robot, _tools[robot], trajectory
+        self._rows = ROWS["full" if robot.n >= 6 else "translation"]
         self._seen: list[tuple[Array, Array]] = []
-        self._ends = np.array([0.0, trajectory.duration])  # to be looked at with the first instants
 
     def __call__(self, t: Array) -> Array:
-        asked, self._ends = np.concatenate([t, self._ends]), self._ends[:0]
-        Q, V, A = self._trajectory.states(asked)
+        Q, V, A = (x.reshape(-1, x.shape[2]) for x in self._states(t))
         J = self._tool.evaluate(Q)[1]
-        self._seen.append((asked, yoshikawa(scaled(J, self._rows))))
-        twist = np.einsum("kij,kj->ki", J, V)
-        tau = inverse_dynamics(self._robot, Q, V, A)
-        speeds = [np.sqrt(np.einsum("ki,ki->k", part, part)) for part in (twist[:, :3], twist[:, 3:], V)]
-        return np.column_stack([*speeds, tau**2])[: len(t)]
+        self._seen.append((t.ravel(), by_determinant(J[:, self._rows])))
+        twist = (J @ V[:, :, None])[:, :, 0]
+        found = np.empty((len(Q), 3 + Q.shape[1]))
+        for k, part in enumerate((twist[:, :3], twist[:, 3:], V)):
+            np.sqrt(np.einsum("ki,ki->k", part, part), out=found[:, k])
+        np.square(inverse_dynamics(self._robot, Q, V, A), out=found[:, 3:])
+        return found.reshape(*t.shape, -1)
+
+    def _states(self, t: Array) -> tuple[Array, Array, Array]:
+        """Position, velocity and acceleration at times t (m, k), those of a row in one piece: (m, k, n) each."""
+        breakpoints = self._trajectory.breakpoints
+        piece = np.searchsorted(breakpoints[1:-1], t[:, 0], side="right")
+        return self._trajectory.states_along(piece, t - breakpoints[piece, None])
 
     def least_manipulability(self) -> float:
         """Return the smallest Yoshikawa measure along the motion.
 
-        Holds at: both ends and the instants kept, then up to 9 times 17 between the neighbours of the smallest.
+        Holds at: the instants kept, then 9 between the neighbours of the smallest, up to 13 times, until the parabola
+        through the lowest three promises less than 1e-6 below.
         """
         times, values = (np.concatenate(column) for column in zip(*self._seen, strict=True))
-        t, first = np.unique(times, return_index=True)
-        value = values[first]
-        least = np.inf
+        order = np.argsort(times)
+        t = np.concatenate([[0.0], times[order], [self._trajectory.duration]])
+        value = np.concatenate([[np.inf], values[order], [np.inf]])
         for _ in range(_ROUNDS):
             k = int(np.argmin(value))
-            if value[k] >= (1.0 - _ACCURACY) * least:
-                break
-            least = float(value[k])
             t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)], _CLOSER)
-            value = measures(scaled(self._tool.evaluate(self._trajectory(t))[1], self._rows)).yoshikawa
-        return least
+            J = self._tool.evaluate(self._trajectory.states(t)[0])[1]
+            value = yoshikawa(J[:, self._rows])
+            if _fall(value) <= _ACCURACY * value.min():
+                break
+        return float(value.min())
 
 
-def yoshikawa(J: Array) -> Array:
+def _fall(value: Array) -> float:
+    """How far the parabola through the smallest of values (N,) at equal steps and its neighbours falls below it."""
+    k = int(np.argmin(value))
+    if not 0 < k < len(value) - 1:
+        return 0.0
+    before, least, after = value[k - 1 : k + 2].tolist()
+    bend = before - 2.0 * least + after
+    return float((after - before) ** 2 / (8.0 * bend)) if bend > 0.0 else 0.0
+
+
+def by_determinant(J: Array) -> Array:
     """sqrt(det(J J^T)) of J (N, m, n), for n < m sqrt(det(J^T J)): (N,).
 
-    Quicker than the product of the singular values, and off by 1e-8 of the largest possible near a singularity.
+    Quicker than `yoshikawa`, and off by 1e-8 of the largest possible near a singularity.
     """
     square = J @ J.swapaxes(1, 2) if J.shape[1] <= J.shape[2] else J.swapaxes(1, 2) @ J
     return np.asarray(np.sqrt(np.maximum(np.linalg.det(square), 0.0)))
 
 
 def integral(f: Callable[[Array], Array], trajectory: Trajectory) -> Array:
-    """Integral over the whole motion of f, which maps times (N,) to values (N, k) >= 0: array (k,).
+    """Integral over the whole motion of f, which maps times (m, s) to values (m, s, k) >= 0: array (k,).
 
-    Panels begin and end at breakpoints, where f may jump.
+    Times of a row are of one panel. Panels begin and end at breakpoints, where f may jump.
     """
     a, b = _panels(trajectory)
     total: Array = np.zeros(1)
     for halving in range(_HALVINGS + 1):
         rough_value, fine = _gauss_kronrod(f, a, b)
-        allowed = _ACCURACY * np.maximum(total + fine.sum(axis=0), _NOTHING) * ((b - a) / trajectory.duration)[:, None]
+        share = (b - a)[:, None] / trajectory.duration
+        allowed = _ACCURACY * np.maximum(total + fine.sum(axis=0), _NOTHING) * share
         rough = (np.abs(fine - rough_value) > allowed).any(axis=1)
         if not rough.any() or len(a) > _MOST_PANELS or halving == _HALVINGS:
             break
@@ -198,20 +221,22 @@ def integral(f: Callable[[Array], Array], trajectory: Trajectory) -> Array:
 
 
 def _panels(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Beginnings and ends of the first panels: the pieces, cut into parts of at most a 16th of the motion."""
-    h = trajectory.widths
+    """Beginnings and ends of the first panels: the pieces, cut into parts of at most a 22nd of the motion."""
+    h, breakpoints = trajectory.widths, trajectory.breakpoints
+    if h.max() * _PANELS <= trajectory.duration:
+        return breakpoints[:-1], breakpoints[1:]
     parts = np.maximum(np.ceil(h * (_PANELS / trajectory.duration) - 1e-9), 1.0).astype(np.intp)
     piece = np.repeat(np.arange(len(h)), parts)
     within = np.arange(len(piece)) - (np.cumsum(parts) - parts)[piece]
-    a = trajectory.breakpoints[piece] + within * (h / parts)[piece]
+    a = breakpoints[piece] + within * (h / parts)[piece]
     return a, np.append(a[1:], trajectory.duration)
 
 
 def _gauss_kronrod(f: Callable[[Array], Array], a: Array, b: Array) -> tuple[Array, Array]:
-    """Integrals of f over panels from a (m,) to b (m,), by five points and by eleven: two arrays (m, k)."""
-    t = a[:, None] + (b - a)[:, None] * _NODES
-    values = f(t.ravel()).reshape(len(a), len(_NODES), -1) * (b - a)[:, None, None]
-    return np.einsum("mik,i->mk", values[:, 1::2], _GAUSS), np.einsum("mik,i->mk", values, _WEIGHTS)
+    """Integrals of f over panels from a (m,) to b (m,), by four points and by nine: two arrays (m, k)."""
+    width = (b - a)[:, None]
+    both = _BOTH @ f(a[:, None] + width * _NODES) * width[:, None]
+    return both[:, 0], both[:, 1]
 
 
 def peak_jerk(trajectory: Trajectory, problem: Problem) -> tuple[int, float, float | None]:
@@ -223,11 +248,10 @@ def peak_jerk(trajectory: Trajectory, problem: Problem) -> tuple[int, float, flo
     limits, start, end = problem.limits, problem.start_state, problem.end_states(trajectory.end)[0]
     low, high = trajectory.extrema(3)
     jerk = np.maximum(np.abs(low), np.abs(high))
-    ends = np.array([0.0, trajectory.duration])
-    stated = {1: (limits.velocity, [start.v, end.v]), 2: (limits.acceleration, [start.a, end.a])}
-    for order, (limit, rates) in stated.items():
-        steps = np.abs(np.vstack([trajectory.jumps(order), trajectory(ends, order) - rates])).max(axis=0)
-        jerk = np.where(steps > _JUMP * limit, np.inf, jerk)
+    _, v, a = trajectory.states(np.array([0.0, trajectory.duration]))
+    for order, limit, off in (1, limits.velocity, v - [start.v, end.v]), (2, limits.acceleration, a - [start.a, end.a]):
+        steps = np.abs(np.concatenate([trajectory.jumps(order), off])).max(axis=0)
+        jerk[steps > _JUMP * limit] = np.inf
     joint, limited = int(np.argmax(jerk)), np.isfinite(limits.jerk)
     share = float((jerk[limited] / limits.jerk[limited]).max()) if limited.any() else None
     return joint, float(jerk[joint]), share

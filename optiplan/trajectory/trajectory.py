@@ -194,12 +194,17 @@ class Trajectory:
 
     def states_in(self, piece: Index, local: Array) -> tuple[Array, Array, Array]:
         """Return the same at times `local` (k,) since the beginning of pieces (k,)."""
-        c, x = self._side_by_side, local[:, None]
-        value = c[-1, piece]
-        for k in range(len(c) - 2, -1, -1):
-            value *= x
-            value += c[k, piece]
-        q, v, a = (np.ascontiguousarray(value[:, order * self.n : (order + 1) * self.n]) for order in range(3))
+        q, v, a = self.states_along(piece, local[:, None])
+        return q[:, 0], v[:, 0], a[:, 0]
+
+    def states_along(self, piece: Index, local: Array) -> tuple[Array, Array, Array]:
+        """Return the same at s times `local` (k, s) since the beginning of each of the pieces (k,): (k, s, n) each."""
+        c = self._side_by_side
+        powers = np.ones((*local.shape, c.shape[1]))
+        for k in range(1, c.shape[1]):
+            np.multiply(powers[..., k - 1], local, out=powers[..., k])
+        value = powers @ c[piece]
+        q, v, a = (np.ascontiguousarray(value[..., order * self.n : (order + 1) * self.n]) for order in range(3))
         return q, v, a
 
     def state(self, t: float) -> State:
@@ -322,12 +327,12 @@ class Trajectory:
 
     @cached_property
     def _side_by_side(self) -> Array:
-        """Coefficients of positions, velocities and accelerations of all pieces, (degree + 1, m, 3 n)."""
+        """Coefficients of positions, velocities and accelerations of all pieces, (m, degree + 1, 3 n)."""
         m, size, n = self.coefficients.shape
-        found = np.zeros((size, m, 3 * n))
+        found = np.zeros((m, size, 3 * n))
         for order in range(3):
-            c = self.derivatives(order).swapaxes(0, 1)
-            found[: len(c), :, order * n : (order + 1) * n] = c
+            c = self.derivatives(order)
+            found[:, : c.shape[1], order * n : (order + 1) * n] = c
         return found
 
     @cached_property

@@ -7,7 +7,14 @@ import pinocchio as pin
 import pytest
 
 from optiplan.errors import UnknownChoiceError
-from optiplan.kinematics.manipulability import ToolKinematics, ellipsoids, measure_gradients, measures, scaled
+from optiplan.kinematics.manipulability import (
+    ToolKinematics,
+    ellipsoids,
+    measure_gradients,
+    measures,
+    scaled,
+    yoshikawa,
+)
 from optiplan.kinematics.singularities import NAMES, singularity_model
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import chain, joint, write_robot
@@ -54,6 +61,22 @@ def test_jacobian_of_a_sliding_joint_and_of_one_that_does_not_move_the_frame(sli
     assert np.all(J[:, 3:, 1] == 0.0)
 
 
+def test_a_frame_that_no_joint_moves(sliding):
+    X, J = ToolKinematics(sliding, "a").evaluate(random_q(sliding))
+    assert np.array_equal(X, np.broadcast_to(np.eye(4), X.shape))
+    assert not J.any()
+
+
+def test_axes_need_not_be_coordinate_axes(tmp_path):
+    axes = ("0.36 -0.48 0.8", "0 -1 0", "0 0 -1")
+    along_z = [joint(f"j{k}", *pair) for k, pair in enumerate(itertools.pairwise("abcd"))]
+    parts = [part.replace('"0 0 1"', f'"{axis}"') for part, axis in zip(along_z, axes, strict=True)]
+    robot = load_robot(str(write_robot(tmp_path, chain(*parts), "tool_frame: d\n")))
+    Q = random_q(robot)
+    J = ToolKinematics(robot).evaluate(Q)[1]
+    assert max(np.abs(pinocchio_jacobian(robot, q) - J_k).max() for q, J_k in zip(Q, J, strict=True)) < 1e-12
+
+
 def test_unknown_frame_lists_the_known(sliding):
     with pytest.raises(UnknownChoiceError, match="choose from: a, b, c"):
         ToolKinematics(sliding, "nowhere")
@@ -78,6 +101,13 @@ def test_measures_are_what_their_formulas_say(arm, part):
     assert np.abs(found.yoshikawa - np.sqrt(np.linalg.det(J @ J.transpose(0, 2, 1)))).max() < 1e-9
     assert np.abs(found.asada * np.linalg.cond(J) - 1.0).max() < 1e-9
     assert np.abs(found.smallest**2 - np.linalg.eigvalsh(J @ J.transpose(0, 2, 1))[:, 0]).max() < 1e-12
+
+
+@pytest.mark.parametrize("shape", [(6, 7), (6, 6), (3, 2)])
+def test_the_product_of_singular_values_without_them(shape):
+    J = np.random.default_rng(3).normal(size=(50, *shape))
+    J[0, :, -1] = J[0, :, -2] = J[0, :, 0]
+    assert yoshikawa(J) == pytest.approx(measures(J).yoshikawa, rel=1e-9, abs=1e-14)
 
 
 def test_length_divides_the_rows_of_the_velocity():

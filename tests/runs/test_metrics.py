@@ -9,7 +9,7 @@ import pytest
 from optiplan.kinematics.manipulability import measures
 from optiplan.problem.problem import JointGoal
 from optiplan.runs import metrics
-from optiplan.runs.metrics import Metrics, integral, measure, peak_jerk, yoshikawa
+from optiplan.runs.metrics import Metrics, by_determinant, integral, measure, peak_jerk
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
 from tests.planners import cases
@@ -76,23 +76,23 @@ def test_way_there_and_back_counts_twice():
 
 def test_rules_of_gauss_and_kronrod_are_exact_as_far_as_they_should():
     nodes, weights = metrics._NODES, metrics._WEIGHTS
-    for k in range(17):
+    for k in range(14):
         assert weights @ nodes**k == pytest.approx(1.0 / (k + 1), abs=1e-15)
-    for k in range(10):
+    for k in range(8):
         assert metrics._GAUSS @ nodes[1::2] ** k == pytest.approx(1.0 / (k + 1), abs=1e-15)
 
 
 @pytest.mark.parametrize("shape", [(6, 7), (6, 6), (3, 2)])
 def test_determinant_is_the_product_of_singular_values(shape):
     J = np.random.default_rng(3).normal(size=(50, *shape))
-    assert yoshikawa(J) == pytest.approx(measures(J).yoshikawa, rel=1e-9)
+    assert by_determinant(J) == pytest.approx(measures(J).yoshikawa, rel=1e-9)
 
 
 def test_integral_finds_a_kink_anywhere():
     _, trajectory = moving([0.2, 0.7], [1.0, 0.7])
     T = trajectory.duration
     for x in np.linspace(0.05, 0.95, 300):
-        found = integral(lambda t, x=x: np.abs(t - x * T)[:, None], trajectory)
+        found = integral(lambda t, x=x: np.abs(t - x * T)[..., None], trajectory)
         assert found == pytest.approx([0.5 * T**2 * (x**2 + (1.0 - x) ** 2)], rel=1e-6)
 
 
@@ -128,7 +128,12 @@ def test_a_motion_to_nowhere_is_measured_at_once():
     """Rounding alone moves the tool: its path, of 1e-15 m, needs no digits."""
     problem, trajectory = moving([0.2, 0.7], [0.2 + 1e-15, 0.7])
     calls = []
-    found = integral(lambda t: (calls.append(t), np.abs(trajectory(t, 1))[:, :1])[1], trajectory)
+
+    def speed(t):
+        calls.append(t)
+        return np.abs(trajectory(t.ravel(), 1))[:, :1].reshape(*t.shape, 1)
+
+    found = integral(speed, trajectory)
     assert found == pytest.approx([0.0], abs=1e-12)
     assert len(calls) == 1
     assert measured(problem, trajectory).tool_path < 1e-12
