@@ -15,6 +15,9 @@ DOCS := $(VENV)/.docs-stamp
 CORE := $(VENV)/.core-stamp
 DEMO_PROBLEM ?= 02_shelf
 PORT ?= 7000
+# Without CasADi, whose libraries no sanitizer lets in, and without meshes, which a process of little memory reads.
+SANITIZED := tests/core tests/control/test_native.py $(addprefix tests/planners/,test_sweep.py test_local_searches.py \
+  test_moving_obstacles.py $(addprefix trajopt/,test_native_sqp.py test_native_step.py test_planner.py test_coarse_descents.py))
 BUILD_TOOLS := 'cmake>=3.18,<5' 'ninja>=1.11,<2' 'nanobind>=2.4,<4'
 export OMP_NUM_THREADS ?= 1
 
@@ -44,11 +47,20 @@ docs: $(DOCS) ## the documentation as a site, site/index.html; a warning is an e
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "site/index.html is the front page; $(BIN)/mkdocs serve shows changes at once"
 
-sanitize: ## distances of the native core under the sanitizers for memory and undefined behaviour (needs g++ or clang++)
-	@mkdir -p build
+sanitize: $(TEST) $(CORE) ## the native core under the sanitizers for memory and undefined behaviour (needs g++; some minutes)
+	@rm -rf build/sanitize && mkdir -p build/sanitize
 	$${CXX:-c++} -std=c++17 -O1 -g -Wall -Wextra -ffp-contract=off -fsanitize=address,undefined -fno-sanitize-recover=all \
-	  -Ioptiplan/_core/src tests/core/convex_check.cpp optiplan/_core/src/convex/*.cpp -o build/convex_check
-	build/convex_check $${ROUNDS:-20}
+	  -Ioptiplan/_core/src tests/core/convex_check.cpp optiplan/_core/src/convex/*.cpp -o build/sanitize/convex_check
+	build/sanitize/convex_check $${ROUNDS:-20}
+	cp -r CMakeLists.txt pyproject.toml optiplan tests benchmarks robots problems control build/sanitize/
+	rm -rf build/sanitize/optiplan/_core/in_place
+	PATH="$(abspath $(BIN)):$$PATH" cmake -S build/sanitize -B build/sanitize/core -G Ninja --log-level=NOTICE -DOPTIPLAN_IN_PLACE=ON \
+	  -DOPTIPLAN_VARIANTS=base -DCMAKE_CXX_FLAGS="-g -fsanitize=address,undefined -fno-sanitize-recover=all" \
+	  -DPython_EXECUTABLE="$(abspath $(BIN))/python"
+	PATH="$(abspath $(BIN)):$$PATH" cmake --build build/sanitize/core -- --quiet
+	cd build/sanitize && ASAN_OPTIONS=detect_leaks=0 OPTIPLAN_CORE=base \
+	  LD_PRELOAD="$$($${CXX:-c++} -print-file-name=libasan.so) $$($${CXX:-c++} -print-file-name=libstdc++.so)" \
+	  "$(abspath $(BIN))/python" -m pytest -q -p no:xdist -p no:cacheprovider $(SANITIZED)
 
 bench-smoke: $(RUN) $(CORE) ## how quick this machine is, as multiples of 10,000 distances of coal (a minute)
 	$(BIN)/python benchmarks/smoke.py
