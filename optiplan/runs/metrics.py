@@ -96,7 +96,7 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
         return None
     motions = [(part.problem.robot, part.motion(trajectory)) for part in scene_parts(problem, trajectory)]
     parts = [_Instant(loaded, motion) for loaded, motion in motions]
-    integrals = np.sum([integral(part, motion) for part, (_, motion) in zip(parts, motions, strict=True)], axis=0)
+    integrals = sum((integral(part, motion) for part, (_, motion) in zip(parts, motions, strict=True)), np.zeros(1))
     squared = integrals[3:] / trajectory.duration
     joint, jerk, share = peak_jerk(trajectory, problem)
     proved, lowest = _clearance(report)
