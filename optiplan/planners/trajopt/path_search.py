@@ -42,8 +42,9 @@ one where that has led to nothing."""
 _HARD = 2
 """Attempts between thinner obstacles after which a first motion is looked for between the real ones."""
 
-_FIRST = 0.15
-"""Work, s, of a search between thinner obstacles for a first motion."""
+_FIRST, _TRIED = 1.5, 4
+"""Work, s, of a search between thinner obstacles for a first motion, and paths that are tried there until a coarse
+curve gets out of the obstacles: a search between the real ones takes longer, and so does its repair."""
 
 _ONE = 0.3
 """Work, s, of a search while there is a motion, and twice that for each such search in vain."""
@@ -114,13 +115,13 @@ class PathSearch:
         Once there is a motion, several paths are sampled between thinner obstacles, where there are more ways and
         searches are shorter, and between thicker ones where that has just led to nothing. A coarse curve descends from
         each, and the way that promises the shortest motion comes first; the others wait for their turn. Where a short
-        search for a first motion was in vain, it is looked for there, too, a path at a time, before a longer one is
-        made. Searches end where they stop being worth their work.
+        search for a first motion was in vain, it is looked for there, too, until the coarse curve of one path gets out
+        of the obstacles, before a longer one is made. Searches end where they stop being worth their work.
         """
         found, self.found = self.found, None
         constrained, none = self._on_constraints.apply, not self.incumbent.candidates
         if found is None and none and not constrained and self.searches and self.depth < _HARD:
-            way = self._compared(sampler, None, 1)
+            way = self._compared(sampler, None, _TRIED, enough=1)
             if isinstance(way, Way):
                 return way
             self.depth = _HARD
@@ -139,11 +140,18 @@ class PathSearch:
         if not free:
             self._ways.clear()
 
-    def _compared(self, sampler: GoalSampler, found: SampledPath | None, count: int) -> Way | Failure:
-        """Compare `found` and paths sampled anew by coarse descents; return the best way not optimised yet."""
+    def _compared(
+        self, sampler: GoalSampler, found: SampledPath | None, count: int, enough: float = np.inf
+    ) -> Way | Failure:
+        """Compare `found` and paths sampled anew by coarse descents; return the best way not optimised yet.
+
+        At most `count` paths, and none after `enough` ways.
+        """
         best = self.incumbent.cost if self.incumbent.curve is not None else np.inf
         failure = Failure("no-path", "the curves along all paths stay in obstacles")
         for _ in range(count):
+            if len(self._ways) >= enough:
+                break
             path, found = found or self._another(sampler), None
             if isinstance(path, Failure):
                 failure, self.depth, self.in_vain = path, 0, self.in_vain + 1

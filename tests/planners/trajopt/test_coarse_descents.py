@@ -5,14 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
+from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.local_searches import box_of_paths
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.search import Search
 from optiplan.planners.trajopt import planner
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents, Way
 from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import STEP
 from optiplan.problem.problem import Problem
 from optiplan.verify.verify import verify
@@ -74,6 +77,31 @@ def test_the_most_promising_way_comes_first_and_the_others_wait(monkeypatch: pyt
     monkeypatch.setattr(CoarseDescents, "descend", lambda self, model, path, best: Way(path, None, next(promised)))
     seen = [run.paths.next(sampler, lambda waypoints: None) for _ in range(2)]
     assert [way.duration for way in seen if isinstance(way, Way)] == [1.0, 0.5]
+
+
+def test_a_first_motion_is_looked_for_along_further_paths_where_a_coarse_curve_stays_in_obstacles(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run = _run(cases.wall())
+    sampler = goal_sampler(run.problem, run.model, run.budget)
+    assert isinstance(sampler, GoalSampler)
+    path, promised, depths = _path(run), iter((None, None, 2.0, 1.0)), []
+
+    def sampled(self: PathSearch, sampler: GoalSampler, check: MotionCheck, *given: Any) -> SampledPath:
+        depths.append(check is not self._check())
+        return path
+
+    def descend(self: CoarseDescents, model: CollisionModel, path: SampledPath, best: float) -> Way | None:
+        duration = next(promised)
+        return None if duration is None else Way(path, None, duration)
+
+    monkeypatch.setattr(PathSearch, "_sample", sampled)
+    monkeypatch.setattr(CoarseDescents, "descend", descend)
+    run.paths.searches = 1  # the short one, in vain
+    way = run.paths.next(sampler, lambda waypoints: None)
+    assert isinstance(way, Way)
+    assert way.duration == 2.0
+    assert depths == [True] * 3
 
 
 def test_searches_stay_in_the_box_of_motions_that_are_short_enough() -> None:
