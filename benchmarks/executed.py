@@ -34,7 +34,7 @@ from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import ScenePart, scene_parts
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.runs.pipeline import attempt
 from optiplan.simulation.execution import ExecutionOptions, execute
 from optiplan.simulation.log import Log

@@ -37,7 +37,7 @@ from optiplan.planners.sclerp.schemes import iterate_scheme
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.planners.sclerp.screw_motion import Task, attempt
 from optiplan.problem.problem import PoseGoal, Problem
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import load_robot
 from tests.reference.entries import entry
 from tests.reference.sclerp_misprints import PRINTED, printed_scheme

@@ -19,7 +19,7 @@ from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before th
 from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
 from optiplan.geometry.mesh_hulls import SETTLED, is_flat
 from optiplan.geometry.scene import Scene
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_bounds import PairBounds, local_box
 

@@ -14,7 +14,7 @@ import pinocchio as pin
 from optiplan.config.document import plain
 from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_argument
 from optiplan.files import reading, write_text
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.held_joints import held_model
 from optiplan.robot.limits import Limits
 from optiplan.robot.loaded_robots import LoadedRobots, MountedRobots

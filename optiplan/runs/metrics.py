@@ -17,7 +17,7 @@ from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.objectives.objective import UNITS
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import mismatch, scene_parts
-from optiplan.robot.batch_dynamics import inverse_dynamics
+from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report

@@ -10,7 +10,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.geometry.convex_hulls import convex_hull
 from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
 from optiplan.geometry.shapes import build_geometry
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import Robot, load_robot
 
 SHAPES = [Box((0.2, 0.3, 0.1)), Sphere(0.12), Cylinder(0.1, 0.3), Capsule(0.08, 0.2)]

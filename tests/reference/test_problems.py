@@ -11,7 +11,7 @@ from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.load import load_problem
 from optiplan.resources import problems_dir
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
 from optiplan.runs.run import Run

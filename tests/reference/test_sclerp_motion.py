@@ -17,7 +17,7 @@ from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import REFLECTION, aim, b_matrix, iterate_scheme, reflected, spatial_J1
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.problem.problem import PoseGoal, Problem
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import load_robot
 from optiplan.verify.verify import verify
 from tests.reference.baxter import free_report_arm

@@ -11,7 +11,7 @@ import pytest
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
 from optiplan.kinematics.ik.closed_form import closed_form
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.dh.table import DhTable, forward
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.workspace.reach import Reach

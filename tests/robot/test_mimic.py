@@ -17,7 +17,7 @@ from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
 from optiplan.planners.base import Budget
 from optiplan.problem.problem import JointGoal, Problem
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.mimic_joints import coupling, unfold
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.urdf.export import export_urdf

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 
 TOLERANCE = 1e-6
 """How far axes may be from parallel or square (rad) and from meeting (m) to be taken as such."""

@@ -20,7 +20,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, Flags, Index
 from optiplan.kinematics.ik.arm_recognition import ArmGeometry, recognise
 from optiplan.kinematics.ik.closed_form_branches import SIGNS, Places, branch_names, spherical_wrist, three_parallel
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import Robot
 
 ACCURACY = 1e-9

@@ -10,7 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.kinematics.ik.null_space import Preference, improve
-from optiplan.robot.batch_fk import carrying_joints
+from optiplan.robot.batched.kinematics import carrying_joints
 from optiplan.robot.mimic_joints import coupling
 from optiplan.robot.robot import Robot
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
-from optiplan.robot.batch_dynamics import inverse_dynamics
+from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.limits import ORDERS, UNITS
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.trajectory import Trajectory

@@ -10,7 +10,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.problem.objectives.objective import PLAIN, Objective
-from optiplan.robot.batch_dynamics import inverse_dynamics
+from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 

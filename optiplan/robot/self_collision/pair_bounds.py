@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 
 LocalBox = tuple[Array, Array, float]
 """Centre (3,) and half edges (3,) of a body's box and the radius of the ball about its centre, m, in its own frame."""

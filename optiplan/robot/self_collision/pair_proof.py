@@ -10,7 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
 from optiplan.geometry.mesh_hulls import hull_of_mesh
-from optiplan.robot.batch_fk import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.self_collision.pair_bounds import PairBounds
 
 GAP = 1e-4

@@ -7,7 +7,7 @@ import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.problem.problem import Problem
-from optiplan.robot.batch_dynamics import inverse_dynamics
+from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.mimic_joints import unfold
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory

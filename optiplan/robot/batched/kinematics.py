@@ -5,8 +5,8 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan.arrays import Array, Index
+from optiplan.robot.batched.serial_chain import SerialChain
 from optiplan.robot.mimic_joints import coupling, screws
-from optiplan.robot.serial_chain import SerialChain
 
 
 class BatchKinematics:

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import optiplan as op
-from optiplan.robot.batch_dynamics import inverse_dynamics
+from optiplan.robot.batched.dynamics import inverse_dynamics
 
 
 @pytest.mark.parametrize("name", ["panda", "delbot", "srra"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
-from optiplan.robot.batch_fk import _columns
+from optiplan.robot.batched.kinematics import _columns
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5", "baxter", "delbot", "puma560", "srra"])

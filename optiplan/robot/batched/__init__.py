@@ -1,0 +1,1 @@
+"""Kinematics and dynamics of a robot for many configurations at once."""
