@@ -10,6 +10,7 @@ import tempfile
 import traceback
 import warnings
 from collections.abc import Sequence
+from importlib import import_module
 
 import typer
 from typer.core import TyperGroup
@@ -76,6 +77,8 @@ def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code; no exception leaves, unless OPTIPLAN_DEBUG is set."""
     as_json = "--json" in arguments
     try:
+        if not {"--help", "--version"}.intersection(arguments or ["--help"]):
+            import_module("numpy")  # before typer's pydantic, whose changes to `typing` would cost it 50 ms
         app = program(arguments[0] if arguments else None)
         code = int(app(list(arguments) or ["--help"], prog_name="optiplan", standalone_mode=False) or 0)
         return _without_shell() if code and set(arguments) & set(COMPLETION) else code
