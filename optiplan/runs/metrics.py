@@ -7,7 +7,6 @@ until the rules of four and of nine points differ by less than its share of 1e-6
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from optiplan.problem.objectives.objective import UNITS
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import mismatch, scene_parts
 from optiplan.robot.batched.dynamics import inverse_dynamics
+from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
@@ -126,8 +126,8 @@ def objective_of(problem: Problem, trajectory: Trajectory) -> dict[str, dict[str
     }
 
 
-_tools: WeakKeyDictionary[Robot, ToolKinematics] = WeakKeyDictionary()
-"""Of each robot in use."""
+_tool_of = once_for_each_robot(ToolKinematics)
+"""Speeds and manipulability are the same wherever the robot stands."""
 
 
 class _Instant:
@@ -137,9 +137,7 @@ class _Instant:
     """
 
     def __init__(self, robot: Robot, trajectory: Trajectory) -> None:
-        if robot not in _tools:
-            _tools[robot] = ToolKinematics(robot)
-        self._robot, self._tool, self._trajectory = robot, _tools[robot], trajectory
+        self._robot, self._tool, self._trajectory = robot, _tool_of(robot), trajectory
         self._rows = ROWS["full" if robot.n >= 6 else "translation"]
         self._seen: list[tuple[Array, Array]] = []
 

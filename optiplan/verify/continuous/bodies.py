@@ -14,6 +14,7 @@ from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
+from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
 from optiplan.verify.continuous.pair_tree import ClusterHull, PairTree
 
@@ -47,16 +48,16 @@ class BodyShape:
         return _round(self.solid)
 
 
-_links: WeakKeyDictionary[Robot, tuple[BodyShape, ...]] = WeakKeyDictionary()
+@once_for_each_robot
+def _shapes_of_links(robot: Robot) -> tuple[BodyShape, ...]:
+    return tuple(BodyShape.of(body.geometry) for body in robot.geometry.geometryObjects)
 
 
 def _shapes_of(model: CollisionModel) -> list[BodyShape]:
     """All bodies of the model; those of the robot are looked at once."""
-    bare = model.robot.unmounted
-    if bare not in _links:
-        _links[bare] = tuple(BodyShape.of(body.geometry) for body in bare.geometry.geometryObjects)
-    others = list(model.geometry.geometryObjects)[len(_links[bare]) :]
-    return [*_links[bare], *(BodyShape.of(body.geometry) for body in others)]
+    links = _shapes_of_links(model.robot)
+    others = list(model.geometry.geometryObjects)[len(links) :]
+    return [*links, *(BodyShape.of(body.geometry) for body in others)]
 
 
 _of_hulls: WeakKeyDictionary[ClusterHull, BodyShape] = WeakKeyDictionary()
