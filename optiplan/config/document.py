@@ -5,7 +5,6 @@ Every way in which a file can be unusable ends in `InputError` holding `Issue`s,
 """
 
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,16 +19,18 @@ from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent, StreamE
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from optiplan.config.messages import describe, field_name, mistaken, words_for
+from optiplan.config.usual_yaml import (
+    DEEPEST,
+    DIGITS,
+    LARGEST,
+    LONGEST,
+    TEXT_TAG,
+    Place,
+    libyaml_parser,
+    read_usual,
+)
 from optiplan.errors import InputError, Issue
 from optiplan.files import read_bytes
-
-try:
-    from _ruamel_yaml import CParser  # type: ignore[import-not-found,unused-ignore]  # libyaml, of ruamel.yaml.clib
-except ImportError:  # a platform that it has no wheel for
-    CParser = None
-
-Place = tuple[str | int, ...]
-"""Where a value stands in a document: keys and list indices from the root."""
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 """A finite number: no text such as "1.0", no true or false."""
@@ -39,27 +40,11 @@ Whole = Annotated[int, Field(strict=True)]
 
 WHOLE_TAG = "tag:yaml.org,2002:int"
 
-TEXT_TAGS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
+KEY_TAGS = (TEXT_TAG, "tag:yaml.org,2002:merge")
 """What a key can be: text, or `<<`."""
 
 MOST = 16 * 2**20
 """Largest file, bytes."""
-
-LARGEST = 1_000_000
-"""Values allowed in one document, aliases expanded: stops a file that grows without end through its aliases."""
-
-
-LONGEST = 4096
-"""Characters of one text or number: as many as a path can have."""
-
-DIGITS = 40
-"""Characters of one whole number."""
-
-_ODD = re.compile(r"[^\n\x20-\x7e\xa0-\u2027\u202a-\ud7ff]|^%|\\", re.MULTILINE)
-"""What libyaml takes for a blank, a line break or an escape where YAML 1.2 does not, or the other way round."""
-
-DEEPEST = 100
-"""Values within values."""
 
 HUGE = float(2**64)
 """Largest number: of what has a unit nothing is as large, and seeds have at most 64 bits."""
@@ -138,9 +123,7 @@ def parse_yaml(text: str, path: Path) -> Document:
     if "\0" in text:
         raise InputError([Issue(str(path), None, "file", "a binary file", "a YAML document")])
     try:
-        reader, root = _compose(text)
-        lines = _lines(root, path)
-        data = None if root is None else reader.constructor.construct_document(root)
+        data, lines = read_usual(text) or _read_any(text, path)
     except MarkedYAMLError as error:
         raise InputError([_syntax_issue(path, error)]) from error
     except (YAMLError, ValueError, RecursionError) as error:
@@ -190,6 +173,13 @@ def pydantic_issues(model_class: type[BaseModel], document: Document, error: Val
     return [issues[name] for name in deepest]
 
 
+def _read_any(text: str, path: Path) -> tuple[Any, dict[Place, int]]:
+    """Data of a document and the line of every value, whatever stands in it."""
+    reader, root = _compose(text)
+    lines = _lines(root, path)
+    return None if root is None else reader.constructor.construct_document(root), lines
+
+
 def _compose(text: str) -> tuple[YAML, Node | None]:
     """The node of a text, with the reader that makes data of it: libyaml where it is installed, ten times as quick.
 
@@ -197,7 +187,7 @@ def _compose(text: str) -> tuple[YAML, Node | None]:
     the parser in Python judges.
     """
     with suppress(YAMLError, ValueError):
-        if CParser is not None and not _ODD.search(text) and _is_shallow(CParser(text)):
+        if (parser := libyaml_parser(text)) is not None and _is_shallow(parser):
             quick = YAML(typ="safe")
             return quick, quick.compose(text)
     reader = YAML(typ="safe", pure=True)
@@ -265,7 +255,7 @@ def _key(node: Node, path: Path) -> str:
     Raises:
         InputError: a key that is a number, a list, nothing or the like, which no file of ours has.
     """
-    if isinstance(node, ScalarNode) and node.tag in TEXT_TAGS:
+    if isinstance(node, ScalarNode) and node.tag in KEY_TAGS:
         return str(node.value)
     found = f"the key {describe(node.value)}, which is no text" if isinstance(node, ScalarNode) else "a key of keys"
     raise InputError([Issue(str(path), node.start_mark.line + 1, "file", found, "keys that are text")])

@@ -9,8 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.config.document import Document, Place
+from optiplan.config.document import Document
 from optiplan.config.messages import choices, describe
+from optiplan.config.usual_yaml import Place
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import is_file
 from optiplan.geometry.file_shapes import FileShape

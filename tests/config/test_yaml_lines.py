@@ -2,9 +2,13 @@ from pathlib import Path
 
 import pytest
 from pydantic import Field
+from ruamel.yaml import YAML
 
-from optiplan.config.document import Number, Strict, Whole, read_yaml, validate
+from optiplan.config.document import Number, Strict, Whole, _lines, _read_any, parse_yaml, read_yaml, validate
+from optiplan.config.usual_yaml import libyaml_parser, read_usual
 from optiplan.errors import InputError
+
+ROOT = Path(__file__).parents[2]
 
 
 class Inner(Strict):
@@ -120,3 +124,70 @@ def test_numbers_that_nothing_has_are_refused(tmp_path, value):
 
     with pytest.raises(InputError, match=r"a.*expected a number in \[-1.84e\+19, 1.84e\+19\]"):
         validate(Any_, read_yaml(write(tmp_path, f"a: {value}\n")))
+
+
+USUAL = [
+    "a: 1\nb: [1, -2.5, +3., 1.0e5, 1.5E-3, 0, -0, -0.0]\nc: {d: true, e: False, f: null, g: ~, h: }\n",
+    "- 'one''s'\n- \"3\"\n- three words\n"
+    "- 01_reach\n- ./here.yaml\n- ../there\n- /etc/x\n- two\n  lines\n- 1.2.3\n- y\n- No\n",
+    "a: |\n  kept\n  lines\nb: >-\n  folded\n  text\n\n# a comment\nc: x # another\n",
+    "---\na:\n  b:\n  - c: 1\n    d:\n    - [[2.0, x], {}]\n...\n",
+    "é: naïve\n",
+    "true\n",
+]
+
+UNUSUAL = [
+    "a: &x [1]\nb: *x\n",
+    "a: &x {c: 1}\nb:\n  <<: *x\n  d: 2\n",
+    "a: !!str 1\n",
+    "a: !!float 1\n",
+    "- .5\n- 1e5\n- .inf\n- .nan\n- 0x1F\n- 0o17\n- 012\n- 1_000\n- 2026-11-23\n- =\n",
+    "a: 1\n---\nb: 2\n",
+    "1: a\n",
+    "a: 1\na: 2\n",
+    "a: " + "9" * 41 + "\n",
+    "a: " + "x" * 5000 + "\n",
+    "%YAML 1.1\n---\na: yes\n",
+    'a: "\\x41"\n',
+    "[" * 200 + "]" * 200,
+    "a: [1\n",
+    "? [a]\n: 1\n",
+    "",
+]
+
+
+def same(a, b) -> bool:
+    """Whether two documents are equal, types and the sign of zero included."""
+    if isinstance(a, dict):
+        return isinstance(b, dict) and list(a) == list(b) and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, list):
+        return isinstance(b, list) and len(a) == len(b) and all(map(same, a, b))
+    return type(a) is type(b) and repr(a) == repr(b)
+
+
+@pytest.mark.parametrize("text", USUAL)
+def test_usual_documents_are_read_as_the_parser_in_python_does(text):
+    assert libyaml_parser(text) is None or read_usual(text) is not None
+    document = parse_yaml(text, Path("file.yaml"))
+    reader = YAML(typ="safe", pure=True)
+    root = reader.compose(text)
+    assert same(document.data, reader.constructor.construct_document(root))
+    assert document.lines == _lines(root, Path("file.yaml"))
+
+
+def test_files_of_the_repository_are_read_as_the_parser_in_python_does():
+    files = [path for folder in ("problems", "robots") for path in sorted((ROOT / folder).rglob("*.yaml"))]
+    assert len(files) > 30
+    for path in files:
+        text = path.read_text(encoding="utf-8")
+        data, lines = read_usual(text) or (None, None)
+        assert libyaml_parser(text) is None or data is not None, path
+        if data is not None:
+            known, places = _read_any(text, path)
+            assert same(data, known), path
+            assert lines == places, path
+
+
+@pytest.mark.parametrize("text", UNUSUAL)
+def test_what_is_not_usual_is_left_to_the_parser_that_knows_all_of_yaml(text):
+    assert read_usual(text) is None
