@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -124,15 +125,20 @@ class Signature:
     changed: float
 
 
-def signature(path: Path) -> Signature:
-    """Look at a file that `read_bytes` would open.
+def signatures(paths: Iterable[Path]) -> tuple[Signature, ...]:
+    """Look at files that `read_bytes` would open.
 
     Raises:
         OSError: as `read_bytes`.
     """
-    where = _check(path)
-    found = where.stat()
-    return Signature(where, found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns * 1e-9)
+    real_folder = cache(os.path.realpath)  # the way to the folder of a robot's many files is followed once
+    found = []
+    for path in paths:
+        where = Path(os.path.realpath(path)) if path.is_symlink() else Path(real_folder(path.parent), path.name)
+        status = _look(path, where)
+        stamps = status.st_mtime_ns, status.st_ctime_ns * 1e-9
+        found.append(Signature(where, status.st_dev, status.st_ino, status.st_size, *stamps))
+    return tuple(found)
 
 
 @contextmanager
@@ -203,15 +209,25 @@ def _check(path: Path) -> Path:
         where = Path(os.path.realpath(path))
     except ValueError as error:  # a name that no file can have
         raise OSError(0, str(error), str(path)) from error
+    _look(path, where)
+    return where
+
+
+def _look(path: Path, where: Path) -> os.stat_result:
+    """What the system tells of a file, whose real path is `where`.
+
+    Raises:
+        OSError: it may not be opened; the path that the user gave is named.
+    """
     folders = allowed_folders()
     if folders is not None and not _inside(where, folders):  # said before anything is told about the file
         raise OSError(0, "outside the folders that may be read", str(path))
-    mode = where.stat().st_mode
-    if stat.S_ISDIR(mode):
+    found = where.stat()
+    if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(0, "a folder", str(path))
-    if not stat.S_ISREG(mode) or _inside(where, NEVER):
+    if not stat.S_ISREG(found.st_mode) or _inside(where, NEVER):
         raise OSError(0, "not a regular file", str(path))
-    return where
+    return found
 
 
 def _inside(path: Path, folders: Iterable[Path]) -> bool:

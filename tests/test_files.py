@@ -65,6 +65,25 @@ def test_readings_within_each_other_narrow(tmp_path):
     assert later() is False
 
 
+def test_signatures_follow_links_as_reading_does(tmp_path):
+    (tmp_path / "real").mkdir()
+    for name in ("a", "b"):
+        (tmp_path / "real" / name).write_text(name)
+    (tmp_path / "way").symlink_to("real")
+    (tmp_path / "real" / "link").symlink_to("a")
+    paths = [tmp_path / "way" / "a", tmp_path / "way" / ".." / "real" / "b", tmp_path / "way" / "link"]
+    found = files.signatures(paths)
+    assert [one.path for one in found] == [path.resolve() for path in paths]
+    assert [one.inode for one in found] == [path.stat().st_ino for path in paths]
+    (tmp_path / "real" / "link").unlink()
+    (tmp_path / "real" / "link").symlink_to("b")
+    assert files.signatures(paths[2:])[0].path.name == "b"
+    with reading([tmp_path / "way"]), pytest.raises(OSError, match="outside"):
+        files.signatures([tmp_path / "missing"])
+    with pytest.raises(IsADirectoryError):
+        files.signatures([tmp_path / "way"])
+
+
 @pytest.fixture
 def inside(tmp_path):
     """A folder that is allowed, with a problem, its robot and its mesh; beside it one that is not."""

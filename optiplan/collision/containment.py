@@ -45,6 +45,11 @@ class Containment:
         self._enclosures: dict[int, Enclosure] = {}
         self._parts: dict[int, list[Array]] = {}
 
+    @property
+    def possible(self) -> bool:
+        """Whether any pair has a mesh that a body can be inside of."""
+        return len(self._pairs) > 0
+
     def find(self, poses: Array) -> Contained | None:
         """The first body inside another one; None if there is none.
 
@@ -67,7 +72,7 @@ class Containment:
 
         Bodies of one part, whose points are all tried, are out where that point is.
         """
-        if not len(self._pairs):
+        if not self.possible:
             return np.zeros(0, dtype=bool)
         meshes, others = self._meshes, self._others
         low, high, point, several = self._table

@@ -132,17 +132,27 @@ class CollisionModel:
 
     def touches(self, q: Array) -> bool:
         """As `collides`, pair by pair where bounding volumes and hulls meet: makes nothing for the other pairs."""
-        self.place(q)
-        possible = np.flatnonzero(self.lower_bounds(q[None], DISTANCE_ERROR)[0] <= DISTANCE_ERROR).tolist()
-        meshes = self.outline.pairs
-        near = (pair for pair in possible if pair not in meshes or self.outline.distance(pair) <= DISTANCE_ERROR)
-        return any(self._queries.touches(pair) for pair in near)
+        return any(self._queries.touches(pair) for pair in self._place_near(q, DISTANCE_ERROR))
+
+    def touching(self, q: Array, cutoff: float) -> list[Contact]:
+        """Every pair nearer than `cutoff`, m, at q (n,); without one, the nearest of all if bodies touch by `touches`.
+
+        Whether bodies touch and how far apart they are are two questions to coal, a rounding apart.
+        """
+        near = self._place_near(q, max(cutoff, DISTANCE_ERROR))
+        found = [contact for contact in map(self.pair_distance, near) if contact.distance < cutoff]
+        if not found and any(map(self._queries.touches, near)):
+            nearest = self.clearance(q)
+            found += [] if nearest is None else [nearest]
+        return found
 
     def contained(self, q: Array) -> tuple[str, str] | None:
         """Names of a body and of the mesh that it is inside of, at q (n,), where nothing touches; None without one.
 
         No distance tells that; and what is free of it at one end of a motion without contact is so all along.
         """
+        if not self.containment.possible:
+            return None
         self.place(q)
         found = self.containment.find(self._queries.poses())
         return None if found is None else (self.names[found.inner], self.names[found.mesh])
@@ -203,12 +213,15 @@ class CollisionModel:
 
     def contacts(self, q: Array, cutoff: float) -> list[Contact]:
         """Every pair nearer than `cutoff` (m) at q (n,)."""
-        possible = np.flatnonzero(self.lower_bounds(q[None], cutoff)[0] < cutoff)
-        self.place(q)
-        meshes = self.outline.pairs
-        near = [pair for pair in possible.tolist() if pair not in meshes or self.outline.distance(pair) < cutoff]
-        found = [self.pair_distance(pair) for pair in near]
+        found = map(self.pair_distance, self._place_near(q, cutoff))
         return [contact for contact in found if contact.distance < cutoff]
+
+    def _place_near(self, q: Array, cutoff: float) -> list[int]:
+        """Put the bodies at q (n,); the pairs that volumes and hulls do not prove farther apart than `cutoff`, m."""
+        self.place(q)
+        possible = np.flatnonzero(self.lower_bounds(q[None], cutoff)[0] <= cutoff).tolist()
+        meshes = self.outline.pairs
+        return [pair for pair in possible if pair not in meshes or self.outline.distance(pair) <= cutoff]
 
     def near(self, Q: Array, cutoff: float) -> Contacts:
         """Every pair nearer than `cutoff` (m) at each of many configurations Q (N, n), as arrays.

@@ -272,9 +272,7 @@ def _collisions(
 
 def _touching(model: CollisionModel, q: Array) -> str:
     """Return the bodies in contact at q in words, the deepest first; empty if none."""
-    contacts = sorted(model.contacts(q, TOUCHING), key=lambda contact: contact.distance)
-    nearest = model.clearance(q) if not contacts and model.touches(q) else None
-    contacts += [] if nearest is None else [nearest]  # touching by one query of coal, a rounding apart by the other
+    contacts = sorted(model.touching(q, TOUCHING), key=lambda contact: contact.distance)
     words = [_depth(contact) for contact in contacts[:3]]
     rest = len(contacts) - len(words)
     within = None if contacts else model.contained(q)

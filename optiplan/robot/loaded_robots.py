@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, Self, TypeVar
 from weakref import WeakKeyDictionary
 
-from optiplan.files import Signature, allowed_folders, signature
+from optiplan.files import Signature, allowed_folders, signatures
 from optiplan.robot.reference import robot_file, robot_names
 
 _MOST = 16
@@ -128,6 +128,6 @@ def once_for_each_robot(make: Callable[[OfRobot], Made]) -> Callable[[OfRobot], 
 
 def _signatures(paths: tuple[Path, ...]) -> tuple[Signature, ...] | None:
     try:
-        return tuple(signature(path) for path in paths)
+        return signatures(paths)
     except OSError:
         return None

@@ -66,6 +66,20 @@ def test_a_pair_answers_as_its_solver_does(problem: Problem) -> None:
             assert touching[pair] == pin.computeCollision(model.geometry, queries._solvers, pair)
 
 
+def test_what_touches_is_found_by_either_question(problem: Problem) -> None:
+    """Deepest contacts as of `contacts`, whether any as `touches` has it; the nearest pair where only that says so."""
+    model = CollisionModel(problem.robot, problem.scene)
+    rng = np.random.default_rng(5)
+    deep = 0
+    for q in problem.start + rng.normal(0.0, 0.6, (40, problem.robot.n)):
+        found = model.touching(q, 1e-12)
+        deeper = model.contacts(q, 1e-12)
+        assert [(one.pair, one.distance) for one in found[: len(deeper)]] == [(o.pair, o.distance) for o in deeper]
+        assert bool(found) == (bool(deeper) or model.touches(q))
+        deep += bool(deeper)
+    assert 0 < deep < 40
+
+
 def test_loading_a_problem_makes_no_solvers(problem: Problem) -> None:
     again = problem.with_scene(problem.scene)
     model = collision_model(again.robot, again.scene)
