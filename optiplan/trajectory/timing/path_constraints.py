@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.trajectory import Trajectory
@@ -125,10 +126,8 @@ def tool_motion(robot: Robot, frame: str, Q: list[Array]) -> tuple[Array, Array]
 
 def _torques(robot: Robot, Q: Array, D: Array, DD: Array) -> tuple[Array, Array, Array]:
     """M q', M q'' + c(q, q') and g, each (k, n), N·m over powers of the unit of s."""
-    model, data, rest = robot.model, robot.model.createData(), np.zeros(robot.n)
-    G = np.array([pin.computeGeneralizedGravity(model, data, q).copy() for q in Q])
-    A = np.array([pin.rnea(model, data, q, rest, d).copy() for q, d in zip(Q, D, strict=True)])
-    B = np.array([pin.rnea(model, data, q, d, dd).copy() for q, d, dd in zip(Q, D, DD, strict=True)])
+    rest = np.zeros_like(Q)
+    G, A, B = (inverse_dynamics(robot, Q, *rates) for rates in ((rest, rest), (rest, D), (D, DD)))
     return A - G, B - G, G
 
 

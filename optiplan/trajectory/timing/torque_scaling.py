@@ -1,10 +1,10 @@
 """Scale a trajectory in time until its torques are within limits."""
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan._core import core
 from optiplan.arrays import Array, Index
+from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
@@ -75,17 +75,17 @@ class _Demand:
     """The largest (tau - g) / (limit - g) of all joints along a trajectory: s² of the slow-down that it asks for."""
 
     def __init__(self, robot: Robot, limit: Array, trajectory: Trajectory) -> None:
-        self._model, self._trajectory, self._allowed = robot.model, trajectory, limit * (1.0 - RESERVE)
+        self._robot, self._trajectory, self._allowed = robot, trajectory, limit * (1.0 - RESERVE)
 
     def at(self, t: Array) -> Array:
         """Return the demand (k,) at rising times t (k,); infinite where gravity is too much; natively where built."""
         motion, allowed = self._trajectory, self._allowed
         if core is not None:
-            dynamics = core.InverseDynamics(native_tree(self._model))
+            dynamics = core.InverseDynamics(native_tree(self._robot.model))
             coefficients = np.ascontiguousarray(motion.coefficients)
             return dynamics.demand(np.ascontiguousarray(motion.breakpoints), coefficients, allowed, t)
-        tau, data = _torques(self._model, motion, t), self._model.createData()
-        gravity = np.array([pin.computeGeneralizedGravity(self._model, data, q) for q in motion(t)]).reshape(tau.shape)
+        tau, Q = _torques(self._robot, motion, t), motion(t)
+        gravity = inverse_dynamics(self._robot, Q, *np.zeros((2, *Q.shape)))
         if (np.abs(gravity) > allowed).any():
             return np.full(len(t), np.inf)
         moving = tau - gravity
@@ -97,13 +97,12 @@ class _Demand:
 def torque_share(robot: Robot, limit: Array, trajectory: Trajectory, t: Array | None = None) -> float:
     """Return the largest |tau| / limit (n,) at times t (N,), s, or at those of the pieces."""
     t = _instants(trajectory) if t is None else t
-    return float((np.abs(_torques(robot.model, trajectory, t)) / limit).max())
+    return float((np.abs(_torques(robot, trajectory, t)) / limit).max())
 
 
-def _torques(model: pin.Model, motion: Trajectory, t: Array) -> Array:
+def _torques(robot: Robot, motion: Trajectory, t: Array) -> Array:
     """Torques (k, n) at times t (k,); in the native core where built."""
     Q, V, A = (np.ascontiguousarray(motion(t, order)) for order in range(3))
     if core is not None:
-        return core.InverseDynamics(native_tree(model)).torques(Q, V, A)
-    data = model.createData()
-    return np.array([pin.rnea(model, data, *state) for state in zip(Q, V, A, strict=True)]).reshape(Q.shape)
+        return core.InverseDynamics(native_tree(robot.model)).torques(Q, V, A)
+    return inverse_dynamics(robot, Q, V, A)

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
+from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.trajectory.trajectory import Extrema, Trajectory
 from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema
 
@@ -68,12 +68,14 @@ class Drives:
         whole = not problem.task or mismatch(problem, trajectory)
         parts = [ScenePart(problem, 0.0, trajectory.duration)] if whole else scene_parts(problem, trajectory)
         self._ends = [part.end for part in parts[:-1]]
-        self._models = [part.problem.robot.model for part in parts]
-        self._data = [model.createData() for model in self._models]
+        self._robots = [part.problem.robot for part in parts]
 
     def torques(self, samples: PieceSamples) -> Array:
         """(k, n), N m or N, at k times."""
         breaks = samples.trajectory.breakpoints
         which = np.searchsorted(self._ends, 0.5 * (breaks[samples.piece] + breaks[samples.piece + 1]))
-        rows = zip(which, *samples.states()[:3], strict=True)
-        return np.array([pin.rnea(self._models[k], self._data[k], *state).copy() for k, *state in rows])
+        states = np.stack(samples.states()[:3])
+        tau = np.empty(states.shape[1:])
+        for k, robot in enumerate(self._robots):
+            tau[which == k] = inverse_dynamics(robot, *states[:, which == k])
+        return tau

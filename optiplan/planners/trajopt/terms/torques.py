@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.terms.term import Curve, Instants, Mask, SoftRows
+from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.mimic_joints import Unfolded, unfold
 from optiplan.robot.robot import Robot
 
@@ -25,18 +26,14 @@ class TorqueTerm:
 
     def __init__(self, robot: Robot, limit: Array) -> None:
         self.limit = limit
-        self._pin = robot.model
+        self._robot = robot
         self._limited = np.flatnonzero(np.isfinite(limit))
         self._watched: Mask = np.zeros((0, len(self._limited)), dtype=bool)
 
     @cached_property
-    def _data(self) -> pin.Data:
-        return self._pin.createData()
-
-    @cached_property
     def _plain(self) -> tuple[Unfolded, pin.Data]:
         """The model with each joint for itself: pinocchio's derivatives do not support mimic joints."""
-        unfolded = unfold(self._pin)
+        unfolded = unfold(self._robot.model)
         return unfolded, unfolded.model.createData()
 
     def begin(self, samples: Instants) -> None:
@@ -48,7 +45,7 @@ class TorqueTerm:
         if not len(self._limited):
             return SoftRows.none(curve.variables)
         motion = curve.motion
-        tau = np.array([pin.rnea(self._pin, self._data, q, v, a) for q, v, a in zip(*motion, strict=True)])
+        tau = inverse_dynamics(self._robot, *motion)
         share = tau[:, self._limited] / self.limit[self._limited]
         exceeded: Mask = np.abs(share) > 1.0
         sample, which = np.nonzero((np.abs(share) > TORQUE_SHARE) | self._watched)
@@ -63,10 +60,8 @@ class TorqueTerm:
 
     def residuals(self, curve: Curve) -> tuple[Array, tuple[Array, Array, Array]]:
         """Return the torques (N, n) at the samples, and their derivatives (N, n, n) by q, v and a."""
-        motion = zip(*curve.motion, strict=True)
-        tau = np.array([pin.rnea(self._pin, self._data, q, v, a).copy() for q, v, a in motion])
         by_q, by_v, by_a = self._derivatives(list(curve.motion))
-        return tau, (by_q, by_v, by_a)
+        return inverse_dynamics(self._robot, *curve.motion), (by_q, by_v, by_a)
 
     def _derivatives(self, motion: list[Array]) -> list[Array]:
         """Return the derivatives of inverse dynamics by q, v and a, (H, n) each: three arrays (H, n, n)."""
