@@ -20,7 +20,7 @@ from optiplan.robot.link_geometry import LinkGeometry, treat
 from optiplan.robot.mimic_joints import Mimic
 from optiplan.robot.named_configurations import configurations, tool_frame
 from optiplan.robot.reference import DESCRIPTION, UNKNOWN, Reference, description, referred, robot_file, said
-from optiplan.robot.self_collision.pairs import declared_pairs, set_pairs, unchecked_pairs
+from optiplan.robot.self_collision.pairs import Locked, declared_pairs, set_pairs, unchecked_pairs
 from optiplan.robot.spec import MecanumSpec, RobotSpec
 from optiplan.robot.urdf.srdf import LinkPair
 
@@ -69,8 +69,10 @@ def read_robot(
     read = (document.path, urdf.path, srdf_path, *urdf.meshes)
     files = tuple(dict.fromkeys(path for path in read if path is not None and path.name != DESCRIPTION))
     declared = declared_pairs(spec, document, reduced.model, srdf)
+    bodies = {str(reduced.model.frames[body.parentFrame].name) for body in treated.geometry.geometryObjects}
+    locked_joints = Locked(urdf, reduced.locked, bodies) if srdf is None else None
     allowed, pair_notes = unchecked_pairs(
-        reduced.model, treated.geometry, (limits.lower, limits.upper), declared, srdf is None
+        reduced.model, treated.geometry, (limits.lower, limits.upper), declared, locked_joints
     )
     set_pairs(reduced.model, treated.geometry, allowed)
     return RobotParts(

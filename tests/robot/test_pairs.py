@@ -100,6 +100,20 @@ def test_locked_joints_make_neighbours(tmp_path):
     assert robot.allowed == {("a", "b"): ADJACENT}
 
 
+def test_links_that_a_locked_joint_folds_into_each_other_are_no_neighbours(tmp_path):
+    """c is bent back into a, beside b; the joint that is planned turns about an axis that c crosses."""
+    body = '<link name="{}"><collision><origin xyz="{} 0 {}"/><geometry>{}</geometry></collision></link>'
+    sizes = (("a", 0, 0, "0.2 0.2"), ("b", 0.4, 0.3, "0.1 0.1"), ("c", 0.25, 0.05, "0.5 0.1"))
+    bodies = [body.format(name, x, z, BAR.format(size)) for name, x, z, size in sizes]
+    joints = [joint("j1", "a", "b", inside=FREE, x=0), joint("j2", "b", "c", inside=FREE)]
+    lock = "group: [j1]\nlocked: {{j2: {0}}}\n"
+    robot = load_robot(str(write_robot(tmp_path / "bent", [*bodies, *joints], lock.format(3.0))))
+    assert ("a", "c") not in robot.allowed
+    assert robot.survey.rates[("a", "c")] == 1.0
+    straight = load_robot(str(write_robot(tmp_path / "straight", [*bodies, *joints], lock.format(0.0))))
+    assert straight.allowed[("a", "c")] == PROVED
+
+
 def test_a_slide_without_end_is_never_proved(tmp_path):
     limit = '<limit lower="-1e30" upper="1e30" velocity="3" effort="4"/>'
     parts = chain(joint("j", "a", "b", "prismatic", inside=limit))

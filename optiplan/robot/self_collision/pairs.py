@@ -3,12 +3,14 @@
 Whatever is none of these is checked. A pair is
 
     fixed       no planned joint moves it, so nothing about it can change;
-    adjacent    exactly one planned joint moves it, and it touches over practically all of that joint's range;
+    adjacent    exactly one planned joint moves it, and it touches over practically all of that joint's range; not where
+                a locked joint and a link with a body lie between the two, which may touch for how that joint stands;
     proved      it stays apart over the whole joint box (`pair_proof`);
     declared    the robot file's `allowed_collisions` or its SRDF says so.
 """
 
 from collections.abc import Collection, Mapping
+from itertools import takewhile
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +21,7 @@ from optiplan.config.messages import choices
 from optiplan.errors import InputError
 from optiplan.robot.self_collision.pair_survey import ALWAYS, PairSurvey, link_pairs, survey_pairs
 from optiplan.robot.spec import RobotSpec
+from optiplan.robot.urdf.reader import UrdfSource
 from optiplan.robot.urdf.srdf import LinkPair, Srdf, link_pair
 
 FIXED, ADJACENT, PROVED, FILE, SRDF = "fixed", "adjacent", "proved", "robot file", "SRDF"
@@ -73,12 +76,46 @@ def declared_pairs(
     return {**disabled, **{link_pair(a, b): FILE for a, b in spec.allowed_collisions}}
 
 
+class Locked:
+    """Where locked joints lie between links.
+
+    Args:
+        urdf: the whole robot, in which all joints move.
+        joints: those that are locked.
+        bodies: names of the links with a body.
+    """
+
+    def __init__(self, urdf: UrdfSource, joints: Collection[str], bodies: Collection[str]) -> None:
+        self._joints, self._bodies = set(joints), set(bodies)
+        ends = zip(urdf.edges, urdf.joint_types, strict=True)
+        self._before = {child: (joint, parent) for (parent, child), joint in ends}
+
+    def part(self, pair: LinkPair) -> bool:
+        """Whether a locked joint and a link with a body, which is none of these two, lie between two links."""
+        ways = [self._to_root(link) for link in pair]
+        common = {link for _, link in ways[0]} & {link for _, link in ways[1]}
+        branches = [list(takewhile(lambda step: step[1] not in common, way)) for way in ways]
+        joints = {joint for branch in branches for joint, _ in branch}
+        links = {link for branch in branches for _, link in branch}
+        links |= {way[len(branch)][1] for way, branch in zip(ways, branches, strict=True)}  # in which they meet
+        return not joints.isdisjoint(self._joints) and not (links - set(pair)).isdisjoint(self._bodies)
+
+    def _to_root(self, link: str) -> list[tuple[str, str]]:
+        """The joint before each link, and the link, from this one to the root, which has none."""
+        way = []
+        while link in self._before:
+            joint, parent = self._before[link]
+            way.append((joint, link))
+            link = parent
+        return [*way, ("", link)]
+
+
 def unchecked_pairs(
     model: pin.Model,
     geometry: pin.GeometryModel,
     limits: tuple[Array, Array],
     declared: Mapping[LinkPair, str],
-    compute: bool,
+    locked: Locked | None,
 ) -> tuple[dict[LinkPair, str], list[str]]:
     """Pairs that need no check and why, and a note on checked ones that touch nearly always.
 
@@ -87,13 +124,14 @@ def unchecked_pairs(
         geometry: its bodies.
         limits: lower and upper limits of position, (n,).
         declared: pairs that the user allows.
-        compute: whether pairs are also looked for; with an SRDF exactly its pairs go unchecked.
+        locked: tells which pairs are no neighbours; None: with an SRDF exactly its pairs go unchecked.
     """
     allowed = {**declared, **fixed_pairs(model, geometry)}
-    if not compute:
+    if locked is None:
         return allowed, []
     survey = survey_pairs(model, geometry, limits)
-    found = {**dict.fromkeys(survey.adjacent, ADJACENT), **dict.fromkeys(survey.proved, PROVED)}
+    adjacent = [pair for pair in survey.adjacent if not locked.part(pair)]
+    found = {**dict.fromkeys(adjacent, ADJACENT), **dict.fromkeys(survey.proved, PROVED)}
     allowed |= dict(sorted(found.items()))
     return allowed, _touching_note(survey, allowed)
 
