@@ -109,7 +109,7 @@ def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
     way: LineWay | None = None
     for (step, scene, begin, end), after in zip_longest(steps, steps[1:]):
         own = _scene_problem(problem, scene, step)
-        motion = cut(trajectory, begin, end) if end > begin + 1e-9 * trajectory.duration else None
+        motion = cut(trajectory, begin, end) if end > begin else None
         following = None if after is None else after[0].action
         way = line_way(step.action, following, frame_at(own.robot, step.action, trajectory(begin)), way)
         yield _Part(step, own, motion, begin, trajectory(end), way)

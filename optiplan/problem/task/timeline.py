@@ -86,11 +86,15 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
 
 
 def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[TaskStep, Scene, float, float]]:
-    """Return each step with the scene in which it is done, its begin and its end, s; parts meet without a gap."""
+    """Return each step with the scene in which it is done, its begin and its end, s; parts meet without a gap.
+
+    A part is empty or longer than `SAME_TIME`: what is shorter belongs to the next one, at the end to the one before.
+    """
     scene, T = problem.scene, trajectory.duration
     begin = 0.0
     for k, (step, segment) in enumerate(zip(problem.task, trajectory.segments, strict=True)):
-        end = T if k + 1 == len(problem.task) else min(max(segment.end, begin), T)
+        last = k + 1 == len(problem.task) or T - segment.end <= SAME_TIME * T
+        end = T if last else segment.end if segment.end - begin > SAME_TIME * T else begin
         yield step, scene, begin, end
         if isinstance(step.action, Attach | Detach):
             scene = scene_after(scene, step.action, problem.robot, trajectory(end))
