@@ -77,6 +77,7 @@ def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code; no exception leaves, unless OPTIPLAN_DEBUG is set."""
     as_json = "--json" in arguments
     try:
+        _refuse_empty_values(arguments)
         if not {"--help", "--version"}.intersection(arguments or ["--help"]):
             import_module("numpy")  # before typer's pydantic, whose changes to `typing` would cost it 50 ms
         app = program(arguments[0] if arguments else None)
@@ -125,6 +126,14 @@ def _without_shell() -> int:
     return Exit.BAD_INPUT
 
 
+def _refuse_empty_values(arguments: Sequence[str]) -> None:
+    """Refuse empty values, as of a variable that is not set: some would be taken for the folder one is in."""
+    for k, value in enumerate(arguments):
+        if not value or (value.startswith("--") and value.endswith("=")):
+            place = f"of {value[:-1]}" if value else f"after {arguments[k - 1]}" if k else "in place of a command"
+            raise typer.BadParameter(f"an empty value {place}; expected a word")
+
+
 def _usage(error: typer.TyperException, as_json: bool) -> int:
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "optiplan"
@@ -133,6 +142,7 @@ def _usage(error: typer.TyperException, as_json: bool) -> int:
         text = re.sub(theirs, ours, text)
     if context is not None and isinstance(context.command, TyperGroup) and NO_COMMAND.fullmatch(text):
         text += f" Choose from: {', '.join(context.command.list_commands(context))}."
+    text = text or "no command"
     if as_json:
         print_json({"error": text, "issues": [], "exit_code": int(Exit.BAD_INPUT)})
     else:

@@ -289,7 +289,7 @@ def _moved(body: Body, by: Array) -> Body:
 
 def _all(bodies: Iterable[Any], kind: type[Body], argument: str) -> tuple[Body, ...]:
     words = {"obstacles": "an obstacle, such as op.Box(…)", "attached": "an attached object: op.Box(…).attached_to(…)"}
-    found = tuple(_listed(bodies, argument, "a list"))
+    found = tuple(_listed(bodies, argument, {"obstacles": "obstacles", "attached": "attached objects"}[argument]))
     for k, body in enumerate(found):
         if not isinstance(body, kind):
             raise wrong_argument("Scene", f"{argument}[{k}]", described(body), words[argument])

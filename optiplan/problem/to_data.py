@@ -1,6 +1,7 @@
 """Parts of a problem as the plain data of a problem file: the inverse of `builder.py`."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -96,12 +97,28 @@ def path_constraint_data(constraints: Any) -> list[dict[str, Any]]:
     """`path_constraints:` of a file."""
     if isinstance(constraints, Mapping | str) or not isinstance(constraints, Sequence):
         raise wrong_argument("Problem", "path_constraints", described(constraints), "a list of path constraints")
+    return [one_constraint_data(one, "Problem", f"path_constraints[{k}]") for k, one in enumerate(constraints)]
+
+
+def one_constraint_data(one: Any, function: str, argument: str) -> dict[str, Any]:
+    """One of `path_constraints:` of a file; where a constraint holds a pose, an `op.Pose` will do.
+
+    Raises:
+        InputError: no constraint, or one of values of other types, about this argument of a function.
+    """
+    if isinstance(one, Mapping):
+        return dict(plain(one))
     kinds = tuple(KINDS.values())
-    for k, one in enumerate(constraints):
-        if not isinstance(one, (*kinds, Mapping)):
-            expected = ", ".join(f"op.{kind.__name__}" for kind in kinds)
-            raise wrong_argument("Problem", f"path_constraints[{k}]", described(one), f"one of: {expected}")
-    return [dict(plain(one)) if isinstance(one, Mapping) else plain(constraint_data(one)) for one in constraints]
+    if not isinstance(one, kinds):
+        expected = ", ".join(f"op.{kind.__name__}" for kind in kinds)
+        raise wrong_argument(function, argument, described(one), f"one of: {expected}")
+    poses = {name: pose_from_data(pose.to_data()) for name, pose in vars(one).items() if isinstance(pose, Pose)}
+    try:
+        said: dict[str, Any] = plain(constraint_data(replace(one, **poses)))  # type: ignore[type-var]  # dataclasses
+    except (AttributeError, TypeError, ValueError):
+        words = f"one that is said by {', '.join(described(value) for value in vars(one).values())}"
+        raise wrong_argument(function, argument, words, f"what op.{type(one).__name__} is made of") from None
+    return said
 
 
 def base_data(base: Any) -> Any:

@@ -64,15 +64,30 @@ def from_samples(
             raise ValueError(f"{key}: found shape {samples.shape}; expected {expected}")
         if not np.isfinite(samples).all():
             raise ValueError(f"{key}: found {samples[~np.isfinite(samples)][0]}; expected finite numbers")
-    times = t - t[0]
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"joint_names: found {names!r:.120}; expected one or more different names")
+    try:
+        with np.errstate(all="ignore"):
+            return _through(names, t - t[0], **given)
+    except ValueError:
+        found = f"samples as near as {np.diff(t).min():.3g} s and values up to {np.abs(given['q']).max():.3g}"
+        raise ValueError(f"t: found {found}; expected a motion whose derivatives are finite") from None
+
+
+def _through(names: tuple[str, ...], t: Array, q: Array, v: Array | None = None, a: Array | None = None) -> Trajectory:
+    """Interpolate samples whose shapes fit.
+
+    Raises:
+        ValueError: numbers overflow.
+    """
     if v is None:
-        return smooth_spline(given["q"], times, 3, names)
+        return smooth_spline(q, t, 3, names)
     if a is None:
-        return spline_of_velocities(given["q"], times, given["v"], 5, names)
-    h = np.diff(times)
-    states = np.stack(list(given.values()), axis=1)  # (k, 3, n)
+        return spline_of_velocities(q, t, v, 5, names)
+    h = np.diff(t)
+    states = np.stack([q, v, a], axis=1)  # (k, 3, n)
     unit = np.concatenate([hermite(states[i], states[i + 1], h[i : i + 1]) for i in range(len(h))])
-    return Trajectory(names, times, unit / h[:, None, None] ** np.arange(6)[:, None])
+    return Trajectory(names, t, unit / h[:, None, None] ** np.arange(6)[:, None])
 
 
 def _numbers(key: str, values: Any) -> Array:

@@ -213,7 +213,11 @@ class Trajectory:
         Raises:
             InputError: a time outside [0, duration], or not a number.
         """
-        return State(*(self(float(t), order) for order in range(3)))
+        try:
+            time = float(t)
+        except (TypeError, ValueError, OverflowError):
+            raise _Refused.of("t", described(t), "a time, s") from None
+        return State(*(self(time, order) for order in range(3)))
 
     def extrema(self, order: int) -> tuple[Array, Array]:
         """Exact minimum and maximum of a derivative over all time: two arrays of shape (n,), rad/s^order."""

@@ -56,6 +56,18 @@ def test_values_of_options_that_do_not_fit(optiplan, arguments, words):
     assert words in err
 
 
+@pytest.mark.parametrize("arguments", [["plan", "a", "--out", ""], ["plan", "a", "--out="], ["verify", "a", ""], [""]])
+def test_an_empty_value_is_not_the_folder_one_is_in(optiplan, optiplan_json, arguments):
+    code, out, err = optiplan(*arguments)
+    assert (code, out) == (2, "")
+    assert "an empty value" in err
+    assert optiplan_json(*arguments)[1]["exit_code"] == 2
+
+
+def test_a_group_of_commands_says_that_none_was_given(optiplan):
+    assert "optiplan bench: no command\n" in optiplan("bench")[2]
+
+
 def test_unknown_commands_are_answered_with_the_near_or_with_all(optiplan):
     assert "Did you mean 'plan'?" in optiplan("plna")[2]
     assert all(name in optiplan("fly")[2] for name in COMMANDS)
