@@ -70,7 +70,7 @@ def only_moved(a: Scene, b: Scene) -> bool:
     if a.attached or b.attached or a.allowed != b.allowed or len(a.obstacles) != len(b.obstacles):
         return False
     return all(
-        one.name == other.name and one.shape == other.shape and one.motion is None and other.motion is None
+        one.name == other.name and one.shape.same_body(other.shape) and one.motion is None and other.motion is None
         for one, other in zip(a.obstacles, b.obstacles, strict=True)
     )
 

@@ -61,7 +61,7 @@ def _equal(a: Scene, b: Scene) -> bool:
         one is other
         or (
             one.name == other.name
-            and one.shape == other.shape
+            and one.shape.same_body(other.shape)
             and one.motion is None
             and other.motion is None
             and np.array_equal(one.X_WO.homogeneous, other.X_WO.homogeneous)

@@ -152,6 +152,10 @@ class FileShape(Shape):
     file: Path
     key: str = field(default="", compare=False, kw_only=True)
 
+    def same_body(self, other: Shape) -> bool:
+        """Whether another shape is of the same file, and that held the same; not known without a key."""
+        return self == other and isinstance(other, FileShape) and self.key == other.key != ""
+
     @property
     def source(self) -> BodyFile:
         """The file, what it has to hold, and what it is read as."""

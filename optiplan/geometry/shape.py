@@ -37,6 +37,10 @@ class Shape(ABC):
             ValueError: it cannot be made.
         """
 
+    def same_body(self, other: "Shape") -> bool:
+        """Whether another shape is this body, to the last digit; files of one name may hold others."""
+        return self == other
+
     @classmethod
     def of_body(cls, body: Any) -> Self:
         """The shape of a body of `body_type`."""

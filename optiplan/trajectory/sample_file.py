@@ -80,7 +80,7 @@ def read_samples(path: Path, joint_names: Sequence[str] | None = None) -> Sample
 
 def samples_from_dict(data: Any, file: str, joint_names: Sequence[str] | None = None) -> Samples:
     """Samples of parsed JSON; arguments and errors as `read_samples`."""
-    if not isinstance(data, Mapping) or "t" not in data or "q" not in data:
+    if not isinstance(data, Mapping) or data.get("t") is None or data.get("q") is None:
         raise InputError([Issue(file, None, "t, q", "nothing", "times t and positions q")])
     names = data.get("joint_names", None if joint_names is None else list(joint_names))
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):

@@ -49,6 +49,38 @@ def test_another_scene_has_its_own_model(problem, kept, change):
     assert kept(problem.robot, other).scene is other
 
 
+@pytest.mark.parametrize("kept", [collision_model, kept_planning_model])
+@pytest.mark.parametrize("raised", [0.0, 0.1])
+def test_a_file_that_holds_something_else_by_now_is_another_body(problem, kept, raised, tmp_path):
+    """A scan that is written anew under its old name, in its old place or in another one."""
+    scan = tmp_path / "scan.npz"
+
+    def scanned(points, z):
+        np.savez(scan, points=np.array(points))
+        return problem.with_scene([op.PointCloud("scan", scan, radius=0.02, position=(0.5, 0.0, z))])
+
+    far = scanned([[0.0, 2.0, 0.0]], 0.0)
+    model = kept(far.robot, far.scene)
+    near = scanned([[0.0, 2.0, 0.0], [0.1, 1.5, 0.0]], raised)
+    assert kept(near.robot, near.scene).same_bodies is not model.same_bodies
+    again = scanned([[0.0, 2.0, 0.0], [0.1, 1.5, 0.0]], raised)
+    assert kept(again.robot, again.scene) is kept(near.robot, near.scene)
+
+
+def test_a_motion_through_what_a_file_holds_by_now_is_refused(tmp_path):
+    scan = tmp_path / "scan.npz"
+    start, goal = [0.9, 0.5], [-1.1, 0.4]
+
+    def scanned(y):
+        np.savez(scan, points=np.array([[0.85, y, 0.5]]))
+        return op.Problem("planar2r", start, goal, [op.PointCloud("scan", scan, radius=0.05)])
+
+    run = op.plan(scanned(9.0), "quintic")
+    assert run.verified
+    assert not op.verify(scanned(0.18), run.trajectory).verified
+    assert op.verify(scanned(9.0), run.trajectory).verified
+
+
 def test_another_robot_has_its_own_model(problem):
     model = collision_model(problem.robot, problem.scene)
     raised = problem.with_base(op.Pose((0.0, 0.0, 0.1)))
