@@ -8,12 +8,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
 from optiplan.problem.constraints.statements import PairClearance
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, Via
 from optiplan.problem.task.scene_change import columns, scene_during
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
+from optiplan.robot.robot import Robot
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
@@ -25,6 +27,9 @@ from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.via_check import vias
 
 End = TypeVar("End", bound=GoalEnd)
+
+WITHIN_REACH = 0.02
+"""m: what is taken from farther off is named beside the verdict; open fingers are a centimetre from what they take."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +72,10 @@ def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
     """Return what the verdict on a task is about besides: when what is held changes, and what steps let touch."""
     if mismatch(problem, trajectory):
         return ()
-    said = []
-    weights = []
-    for step, _, begin, _ in steps_in_time(problem, trajectory):
+    said, weights, afar = [], [], []
+    for step, scene, begin, _ in steps_in_time(problem, trajectory):
+        if isinstance(step.action, Attach) and (gap := _gap(problem.robot, scene, step.action, trajectory(begin))):
+            afar.append(f"{step.action.body} by {step.action.link}, {gap:.2g} m away")
         if isinstance(step.action, Attach | Detach):
             done = "held" if isinstance(step.action, Attach) else "an obstacle"
             said.append(f"{step.action.body} is {done} from {begin:.3f} s")
@@ -90,10 +96,24 @@ def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
     )
     return (
         *([f"what is held: {'; '.join(said)}"] if said else []),
+        *([f"taken though nothing that may touch it is near: {'; '.join(afar)}"] if afar else []),
         *([f"masses while they are held: {', '.join(weights)}"] if weights else []),
         *([f"contacts allowed while it is held, not checked: {', '.join(touch)}"] if touch else []),
         *([f"contacts allowed by steps, not checked: {', '.join(pairs)}"] if pairs else []),
     )
+
+
+def _gap(robot: Robot, scene: Scene, action: Attach, q: Array) -> float:
+    """Distance, m, of what is taken from all that may touch it or is held by the same link; 0 within reach.
+
+    Links without a body, and those that no joint moves, are not measured.
+    """
+    body = tuple(one for one in scene.obstacles if one.name == action.body)
+    held = tuple(one for one in scene.attached if one.link == action.link)
+    near = (action.link, *action.touch, *(one.name for one in held))
+    alone = Scene(body, held)
+    found = NamedPairs(robot, alone, [(action.body, name) for name in near]).clearance(q)
+    return 0.0 if found is None or found.distance <= WITHIN_REACH else found.distance
 
 
 def _segments(problem: Problem, trajectory: Trajectory) -> Check:

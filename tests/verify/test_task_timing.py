@@ -1,5 +1,6 @@
 """Steps of a task that take next to no time: whose they are, and that nothing is left out beside a long wait."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -46,4 +47,6 @@ def test_an_event_may_be_a_rounding_off(off):
     first, second = run.trajectory.segments
     assert first.begin == first.end == second.begin == 0.0
     moved = (replace(first, begin=off, end=off), replace(second, begin=off))
-    assert op.verify(problem, replace(run.trajectory, segments=moved)).verified
+    report = op.verify(problem, replace(run.trajectory, segments=moved))
+    assert report.verified
+    assert any(re.fullmatch(r"taken though .* near: cube by wrist_3_link, 1.1 m away", said) for said in report.scope)
