@@ -20,14 +20,15 @@ from optiplan.planners.trajopt.terms.free_end import FreeEnd
 from optiplan.problem.problem import JointGoal
 from optiplan.trajectory.trajectory import Trajectory
 
-_CLOSE = 0.2
-"""Share of the option's margin that the best motion is optimised with once more: the margin is a wish."""
+_CLOSE, _CLOSEST = 0.4, 0.2
+"""Shares of the option's margin with which the best curve is refined, and with which the best motion is in the end: the
+margin is a wish, and the smaller it is, the more often bodies touch between the samples and samples are added."""
 
 _WORTH_CLOSE = 0.01
-"""Share of the cost to the bound below which no margin is in the way."""
+"""Share of the cost to the bound below which the best curve is refined in the end only."""
 
 _FAR = 1.1
-"""Factor to the bound beyond which the margin waits for another attempt: its way may be better."""
+"""Factor to the bound beyond which the first curve waits for another attempt: its way may be better."""
 
 _CLOSE_STEPS = 60
 """Steps that the budget is to leave for it."""
@@ -53,7 +54,8 @@ class Attempts:
         watch: of the run.
         patient: whether a curve may take any time, see `Optimiser.run`.
         ahead: attempts that other threads make.
-        waiting: the best attempt, if it is to be optimised again with a smaller margin.
+        waiting: the best curve, if it is still to be refined.
+        refined: the best motion of those that were.
     """
 
     optimiser: Optimiser
@@ -64,6 +66,8 @@ class Attempts:
     patient: bool = False
     ahead: SpeculativeAttempts = field(init=False)
     waiting: Attempt | None = None
+    refined: Attempt | None = None
+    _finer: Optimiser | None = None
     _touching: tuple[Touch, Trajectory] | None = None
     _breaking: tuple[Broken, Trajectory] | None = None
 
@@ -79,30 +83,30 @@ class Attempts:
         return attempt
 
     def keep(self, attempt: Attempt | None) -> None:
-        """Keep the result of an attempt; if it is the best so far, optimise it again with a smaller margin.
+        """Keep the result of an attempt, None without one, and refine the best curve.
 
-        Where the bound is far below it, that waits for another attempt, which may find a better way.
+        The first curve waits for another attempt where the bound is far below it: its way is that of a single path.
         """
-        incumbent = self.incumbent
-        if attempt is not None:
-            incumbent.offer(attempt.trajectory, attempt)
-            if incumbent.is_best(attempt):
-                held_up = attempt.close and incumbent.bound < (1.0 - _WORTH_CLOSE) * incumbent.cost
-                incumbent.curve, self.waiting = attempt, attempt if held_up else None
-        if attempt is None or incumbent.curve is not attempt or incumbent.within(_FAR):
-            self.closer()
+        incumbent, alone = self.incumbent, not self.patience.costs
+        better = attempt is not None and incumbent.offer_curve(attempt)
+        if better:
+            worth = incumbent.bound < (1.0 - _WORTH_CLOSE) * incumbent.cost
+            self.waiting = attempt if worth else None
         self.patience.record(None if attempt is None else incumbent.cost_of(attempt.trajectory))
+        if not (better and alone) or incumbent.within(_FAR):
+            self.refine()
 
-    def closer(self) -> None:
-        """Optimise the attempt that waits for it again with a smaller margin."""
+    def refine(self) -> None:
+        """Optimise the curve that waits for it again: twice the spans and, where that holds it up, less margin."""
         waiting, self.waiting = self.waiting, None
         if waiting is not None and not self.budget.over:
-            margin = _CLOSE * self.optimiser.options.margin
-            self._offer(self.optimised("close", waiting.control, self.budget, margin=margin))
+            refined = self._refined("close", waiting, _CLOSE)
+            if refined is not None and self.incumbent.is_best(refined):
+                self.refined = refined
 
     @property
-    def before_closer(self) -> Budget:
-        """Return the budget, less what the attempt that waits will take."""
+    def before_refining(self) -> Budget:
+        """Return the budget, less what refining the curve that waits for it will take."""
         steps = self.optimiser.steps if self.waiting is not None else 0
         each = self.watch.seconds.get("optimisation", 0.0) / max(steps, 1)
         return self.budget.leaving(_CLOSE_STEPS * each) if steps else self.budget
@@ -117,28 +121,39 @@ class Attempts:
         if ends:
             few = replace(options, iterations=min(_END_STEPS, options.iterations))
             freeing = Optimiser(problem, self.optimiser.model, few, ends[0])
-            self._refine("end", freeing, curve.control, curve)
+            margin = self._less(curve, _CLOSE)
+            attempt = self.optimised("end", curve.control, self.budget, optimiser=freeing, margin=margin)
+            if attempt is not None and self.incumbent.offer_curve(attempt):
+                self.waiting = attempt
 
-    def finer(self) -> None:
-        """Optimise the best curve once more with twice the spans, where it is the best motion and not at its bound."""
-        curve, optimiser = self.incumbent.curve, self.optimiser
-        if curve is None or not self.incumbent.is_best(curve) or self.budget.over:
+    def finest(self) -> None:
+        """Refine the best motion with the least margin where it is a curve's and not at its bound."""
+        incumbent, curve = self.incumbent, self.incumbent.curve
+        refined = self.refined is not None and incumbent.is_best(self.refined)
+        best = self.refined if refined else curve
+        if best is None or not incumbent.is_best(best) or self.budget.over:
             return
-        if self.incumbent.within(optimiser.options.good_enough):
+        if incumbent.within(self.optimiser.options.good_enough) or (refined and not best.close):
             return
-        instants = np.linspace(0.0, 1.0, _FITTED)
-        points = optimiser.basis.at(instants) @ curve.control
-        more = replace(optimiser.options, spans=2 * optimiser.options.spans)
-        finer = Optimiser(optimiser.problem, optimiser.model, more)
-        self._refine("finer", finer, finer.basis.fit(instants, points), curve)
+        self._refined("finer", best, _CLOSEST)
 
-    def _refine(self, kind: Kind, optimiser: Optimiser, control: Array, curve: Attempt) -> None:
-        margin = _CLOSE * optimiser.options.margin if curve.close else None
-        self._offer(self.optimised(kind, control, self.budget, optimiser=optimiser, margin=margin))
-
-    def _offer(self, attempt: Attempt | None) -> None:
+    def _refined(self, kind: Kind, curve: Attempt, share: float) -> Attempt | None:
+        """Optimise a curve with twice the spans and, where the margin holds it up, this share of it; offer it."""
+        rough, few = self.optimiser, self.optimiser.options
+        if self._finer is None:
+            self._finer = Optimiser(rough.problem, rough.model, replace(few, spans=2 * few.spans))
+        control = curve.control
+        if len(control) == rough.basis.size:
+            instants = np.linspace(0.0, 1.0, _FITTED)
+            control = self._finer.basis.fit(instants, rough.basis.at(instants) @ control)
+        attempt = self.optimised(kind, control, self.budget, optimiser=self._finer, margin=self._less(curve, share))
         if attempt is not None:
-            self.incumbent.offer(attempt.trajectory, attempt)
+            self.incumbent.offer(attempt.trajectory, holds=True)
+        return attempt
+
+    def _less(self, curve: Attempt, share: float) -> float | None:
+        """Return a share of the margin where a curve is held up by it, m; None elsewhere: all of it."""
+        return share * self.optimiser.options.margin if curve.close else None
 
     def optimised(  # noqa: PLR0913
         self,

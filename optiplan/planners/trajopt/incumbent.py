@@ -30,7 +30,7 @@ class Incumbent:
         watch: of its stages; being told of a motion is part of none.
         candidates: the best motion and those before it, the best last.
         cost: of the best one; infinite where there is none.
-        curve: the best optimised one; None where there is none.
+        curve: the best optimised one, as it was before it was refined; None where there is none.
         bound: on the cost of all motions, once the goals are known.
         soonest: bound on their durations, s.
     """
@@ -68,28 +68,43 @@ class Incumbent:
         """Take a lower bound on the durations of all motions, s."""
         self.bound, self.soonest = self.cost_bound(soonest), soonest
 
-    def offer(self, trajectory: Trajectory, attempt: Attempt | None = None) -> bool:
-        """Keep a free motion if it is better than the best and holds all path constraints; return whether it is."""
-        if attempt is None:
+    @property
+    def rough(self) -> float:
+        """Return the cost of the best curve before it was refined; infinite without one."""
+        return np.inf if self.curve is None else self.cost_of(self.curve.trajectory)
+
+    def offer(self, trajectory: Trajectory, *, holds: bool = False) -> bool:
+        """Keep a free motion if it is better than the best and holds all path constraints; return whether it is.
+
+        Args:
+            trajectory: the motion.
+            holds: whether it is known to hold them.
+        """
+        if not holds:
             trajectory = self.constraints.slowed(trajectory)
         cost = self.cost_of(trajectory)
         if cost >= self.cost * (1.0 - _NO_GAIN):
             return False
-        if attempt is None and self.constraints.broken(trajectory):
+        if not holds and self.constraints.broken(trajectory):
             return False
         self.cost = cost
         self.info.pop("fallback", None)
         self.candidates.append(Candidate(trajectory, clock() - self.began))
         with self.watch.aside():
             announce(self.progress, trajectory, self.soonest)
-        if attempt is not None:
-            self.curve = attempt
         return True
+
+    def offer_curve(self, attempt: Attempt) -> bool:
+        """Offer a free curve that is not refined; return whether it is the best of them."""
+        self.offer(attempt.trajectory, holds=True)
+        if self.cost_of(attempt.trajectory) <= self.rough:
+            self.curve = attempt
+        return self.curve is attempt
 
     def offer_first(self, attempt: Attempt) -> None:
         """Keep a curve that is free but not short yet while there is no other curve."""
         if self.curve is None:
-            self.offer(attempt.trajectory, attempt)
+            self.offer_curve(attempt)
 
     def is_best(self, attempt: Attempt) -> bool:
         """Return whether the best motion is that of this attempt."""

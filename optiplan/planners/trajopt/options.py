@@ -25,7 +25,7 @@ class TrajOptOptions(PlannerOptions):
     margin: float = option(
         0.005,
         "clearance aimed at, m: a wish. Pairs that are closer at the start or the goal may stay as close, and where "
-        "it holds up the best motion so far, that is optimised once more with a fifth of it.",
+        "it holds up the best motion, that is optimised once more with two fifths and in the end a fifth of it.",
         least=0,
         most=1,
     )

@@ -147,7 +147,7 @@ class PathSearch:
 
         At most `count` paths, and none after `enough` ways.
         """
-        best = self.incumbent.cost if self.incumbent.curve is not None else np.inf
+        best = self.incumbent.rough
         failure = Failure("no-path", "the curves along all paths stay in obstacles")
         for _ in range(count):
             if len(self._ways) >= enough:

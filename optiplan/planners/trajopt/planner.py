@@ -59,7 +59,7 @@ class TrajOpt(Planner[TrajOptOptions]):
     Everything that is proved free on the way is a candidate: straight lines timed exactly, sampled paths timed, every
     optimised curve; the best of them is the answer. Attempts go on while they can be expected to gain (`Patience`),
     in turn from a path sampled anew and improved, from a straight line with a bump and from the best curve with a bump;
-    in the end the best curve is optimised once more with twice the spans. Vias: see `through_vias`.
+    the best curve is optimised once more with twice the spans. Vias: see `through_vias`.
     """
 
     Options = TrajOptOptions
@@ -119,9 +119,9 @@ class _Run:
             self.attempts.ahead.close()
         if self.options.workers > 1:
             self.info["workers"] = {"count": self.options.workers, "attempts_of_threads": self.attempts.ahead.used}
-        self.attempts.closer()
         self.attempts.free_end()
-        self.attempts.finer()
+        self.attempts.refine()
+        self.attempts.finest()
         self.info["cut_short"] |= self.budget.over
         if self.incumbent.candidates:
             *earlier, last = self.incumbent.candidates
@@ -177,17 +177,17 @@ class _Run:
             if isinstance(way, Failure):
                 failure = way
                 self.direct = self.attempts.patient = True
-                self.patience.record(None)
+                self.attempts.keep(None)
             elif len(way.path.waypoints) > 2 or self.incumbent.curve is None:
                 failure = self._sampled(way) or failure
             if self.direct and self._worth():
                 self._expect(self._coming(sampler, number, rng))
                 control = self._with_bump(self._line(sampler, number), rng)
-                self.direct = self.attempts.attempt("line", control, self.attempts.before_closer) is not None
+                self.direct = self.attempts.attempt("line", control, self.attempts.before_refining) is not None
             if number % _BUMPS == _BUMPS - 1 and self.incumbent.curve is not None and self._worth():
                 self._expect(self._coming(sampler, number, rng, line=False))
                 control = self._with_bump(self.incumbent.curve.control, rng)
-                self.attempts.attempt("bump", control, self.attempts.before_closer)
+                self.attempts.attempt("bump", control, self.attempts.before_refining)
         if self.incumbent.candidates:
             return None
         return failure if failure is not None else self.attempts.why_not()
@@ -228,10 +228,10 @@ class _Run:
             attempt = repaired[0]
             self.attempts.keep(attempt)
         elif self._hopeless(way):
-            self.patience.record(None)
+            self.attempts.keep(None)
         else:
             control = self._along(path.waypoints) if way.control is None else way.control
-            attempt = self.attempts.attempt("sampled", control, self.attempts.before_closer)
+            attempt = self.attempts.attempt("sampled", control, self.attempts.before_refining)
             self.paths.tell(attempt is not None)
         longer = self.incumbent.cost > self.incumbent.cost_bound(path.cost)
         if attempt is None and longer and self.patience.in_vain >= _IN_VAIN and self.paths.free(path):
@@ -239,18 +239,18 @@ class _Run:
         return failure
 
     def _hopeless(self, way: Way) -> bool:
-        """Return whether a way promises nothing better than the best motion."""
+        """Return whether a way promises nothing better than the best curve."""
         incumbent = self.incumbent
         if way.control is None or incumbent.curve is None:
             return incumbent.cost_bound(way.path.cost) > WORSE * incumbent.cost
-        return incumbent.cost_bound(way.duration) > incumbent.cost
+        return incumbent.cost_bound(way.duration) > incumbent.rough
 
     def _repaired(self, waypoints: Array) -> Array | None:
         """Waypoints on the curve that a path which touches is optimised to, if it is free."""
         attempt = self.attempts.optimised("relaxed", self._along(waypoints), self.budget)
         if attempt is None:
             return None
-        self.incumbent.offer(attempt.trajectory, attempt)
+        self.incumbent.offer_curve(attempt)
         dense = self.optimiser.basis.at(np.linspace(0.0, 1.0, _DENSE)) @ attempt.control
         dense[0], dense[-1] = waypoints[0], waypoints[-1]
         self.repaired = attempt, float(path_time(dense, self.problem.limits.velocity).sum())
@@ -275,7 +275,7 @@ class _Run:
 
     def _worth(self) -> bool:
         """Return whether the budget and `Patience` allow another attempt."""
-        if self.attempts.before_closer.over:
+        if self.attempts.before_refining.over:
             self.info["cut_short"] = True
             return False
         return not self.incumbent.candidates or self.patience.worth_another(self.incumbent.cost, self.incumbent.bound)

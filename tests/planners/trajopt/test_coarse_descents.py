@@ -104,6 +104,18 @@ def test_a_first_motion_is_looked_for_along_further_paths_where_a_coarse_curve_s
     assert depths == [True] * 3
 
 
+def test_ways_are_compared_with_the_best_curve_as_it_was_before_it_was_refined() -> None:
+    run = _run(cases.wall())
+    path = _path(run)
+    attempt = run.attempts.attempt("sampled", run._along(path.waypoints), run.budget)
+    run.attempts.refine()
+    assert attempt is not None
+    rough = attempt.trajectory.duration
+    assert run.incumbent.cost < 0.999 * rough
+    assert run._hopeless(Way(path, attempt.control, 1.001 * rough))
+    assert not run._hopeless(Way(path, attempt.control, 0.9999 * rough))
+
+
 def test_searches_stay_in_the_box_of_motions_that_are_short_enough() -> None:
     run = _run(cases.wall())
     problem, longest, boxes = run.problem, 3.0, []

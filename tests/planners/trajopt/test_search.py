@@ -58,10 +58,11 @@ def test_a_search_that_the_clock_ends_for_the_smaller_margin_says_so(
 ) -> None:
     problem = load_problem(problems / "02_shelf.yaml")
     assert not solve(problem).info["cut_short"]
+    monkeypatch.setattr(attempts, "_FAR", 0.0)  # so that the first curve waits
     monkeypatch.setattr(attempts, "_CLOSE_STEPS", 1e9)  # all that is left of the budget
     cut = solve(problem)
     assert cut.info["cut_short"]
-    assert [attempt["seed"] for attempt in cut.info["attempts"]][:2] == ["straight", "close"]
+    assert [attempt["seed"] for attempt in cut.info["attempts"]][:3] == ["straight", "end", "close"]
 
 
 @pytest.mark.parametrize("name", ["02_shelf", "04_box"])
@@ -258,10 +259,46 @@ def test_a_path_that_takes_far_longer_than_the_best_motion_is_left() -> None:
     run = planner._Run(problem, Budget(5.0), lambda stage, fraction: None, TrajOptOptions())
     ends = np.array([problem.start, problem.goal[0].q])
     run.attempts.attempt("straight", run._along(ends), run.budget)
-    before = len(run.info["attempts"])
     run._sampled(Way(SampledPath(ends, 0, 2.0 * run.incumbent.cost, {})))
-    assert len(run.info["attempts"]) == before
+    assert {attempt["seed"] for attempt in run.info["attempts"]} <= {"straight", "close"}
     assert run.patience.in_vain == 1
+
+
+def test_the_first_curve_waits_for_another_attempt_before_it_is_refined() -> None:
+    """The bound lies far below it. Curves after it are compared with it as it was."""
+    problem = cases.wall()
+    run = planner._Run(problem, Budget(20.0), lambda stage, fraction: None, TrajOptOptions())
+    ends = np.array([problem.start, problem.goal[0].q])
+    first = run.attempts.optimised("straight", run._along(ends), run.budget)
+    assert first is not None
+    run.incumbent.bounded(0.5 * first.trajectory.duration)
+    run.attempts.keep(first)
+    assert run.attempts.waiting is first
+    assert run.attempts.refined is None
+    run.attempts.keep(None)
+    refined = run.attempts.refined
+    assert run.attempts.waiting is None
+    assert refined is not None
+    assert run.info["attempts"][-1]["seed"] == "close"
+    assert len(refined.control) > len(first.control)
+    assert run.incumbent.curve is first
+    assert run.incumbent.cost == refined.trajectory.duration < 0.998 * run.incumbent.rough
+    assert verify(problem, refined.trajectory).verified
+
+
+def test_a_better_curve_than_another_one_is_refined_at_once() -> None:
+    problem = cases.wall()
+    run = planner._Run(problem, Budget(20.0), lambda stage, fraction: None, TrajOptOptions())
+    ends = np.array([problem.start, problem.goal[0].q])
+    first = run.optimiser.run(run._along(ends), run.budget)
+    assert first is not None
+    run.incumbent.bounded(0.5 * first.trajectory.duration)
+    slower = replace(first, trajectory=first.trajectory.scaled(1.5 * first.trajectory.duration))
+    run.attempts.keep(slower)
+    assert run.attempts.waiting is slower
+    run.attempts.keep(first)
+    assert run.attempts.waiting is None
+    assert run.attempts.refined is not None
 
 
 def test_a_late_line_waits_for_a_path_whose_stops_are_the_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
