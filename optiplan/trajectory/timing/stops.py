@@ -10,6 +10,7 @@ from optiplan.trajectory.timing.s_curve import s_curve
 from optiplan.trajectory.trajectory import Trajectory
 
 _REST = 1e-3  # s: a trajectory needs some duration, even one that goes nowhere
+_NOTHING = 1e-100  # rad or m: quotients of limits and steps smaller than this overflow
 
 
 def stop_at_corners(waypoints: Array, limits: Limits, joint_names: Sequence[str]) -> Trajectory:
@@ -19,14 +20,15 @@ def stop_at_corners(waypoints: Array, limits: Limits, joint_names: Sequence[str]
     min_j limit_j / |d_j| of velocity, acceleration and jerk.
 
     Args:
-        waypoints: (k, n), rad or m; equal neighbours are passed over. When none differ, the robot rests for 1 ms.
+        waypoints: (k, n), rad or m; neighbours that are equal, to 1e-100, are passed over. When none differ, the robot
+            rests for 1 ms.
         limits: of the n joints.
         joint_names: of the n joints.
     """
     steps = np.diff(waypoints, axis=0)
     durations, coefficients = [], []
     for q, d in zip(waypoints[:-1], steps, strict=True):
-        if np.any(d != 0.0):
+        if np.any(np.abs(d) > _NOTHING):
             times, pieces = _segment(q, d, limits)
             durations.append(times)
             coefficients.append(pieces)
@@ -38,7 +40,7 @@ def stop_at_corners(waypoints: Array, limits: Limits, joint_names: Sequence[str]
 
 def _segment(q: Array, d: Array, limits: Limits) -> tuple[Array, Array]:
     """Durations (m,) and cubic coefficients (m, 4, n) of the fastest rest-to-rest motion from q to q + d."""
-    moving = d != 0.0
+    moving = np.abs(d) > _NOTHING
     size = np.abs(d[moving])
     velocity, acceleration, jerk = (float(np.min(bound[moving] / size)) for bound in limits.rates)
     times, scalar = s_curve(1.0, velocity, acceleration, jerk)
