@@ -23,6 +23,7 @@ ROOMS = (
     {"bench"},
     {"service"},
     {"cli"},
+    {"__main__"},
 )
 LEVELS = {name: level for level, names in enumerate(ROOMS, 1) for name in names}
 GROUND = {"_core", "arrays", "cache", "config", "errors", "files", "libraries", "resources"}

@@ -1,7 +1,7 @@
 """Values of a problem file: numbers with their ranges, vectors, names, and mappings of which one key is chosen."""
 
 from collections.abc import Callable
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
@@ -19,6 +19,16 @@ Coordinate = Annotated[float, Field(strict=True, ge=-LARGEST_COORDINATE, le=LARG
 
 NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(strict=True, ge=1e-6, le=1.0, allow_inf_nan=False)]
+
+
+def _no_look_alike(value: Any) -> Any:
+    if isinstance(value, bool | float):  # of which Python takes true and 1.0 for 1
+        raise ValueError("1")
+    return value
+
+
+FileVersion = Annotated[Literal[1], BeforeValidator(_no_look_alike)]
+"""The version of a file's format."""
 
 
 def _printable(text: str) -> str:

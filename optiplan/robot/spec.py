@@ -2,9 +2,10 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from optiplan.config.document import Number, Strict
+from optiplan.config.values import FileVersion
 from optiplan.robot.dh.spec import DhSpec
 
 Name = Annotated[str, Field(min_length=1)]
@@ -55,7 +56,7 @@ class MecanumSpec(Strict):
 class RobotSpec(Strict):
     """A robot.yaml: required are the first two keys, and one of `urdf` and `dh`."""
 
-    version: Literal[1]
+    version: FileVersion
     name: Name
     urdf: Name | PackageSource | None = None
     dh: DhSpec | None = None
@@ -70,13 +71,6 @@ class RobotSpec(Strict):
     limits: LimitsSpec = LimitsSpec()
     collision: Treatment | Literal["none"] | CollisionSpec = "auto"
     allowed_collisions: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = Field(default=[])
-
-    @field_validator("version", mode="before")
-    @classmethod
-    def _whole_number(cls, value: object) -> object:
-        if isinstance(value, bool | float):
-            raise ValueError("1")
-        return value
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:

@@ -1,5 +1,7 @@
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -23,6 +25,11 @@ def test_help_teaches(optiplan, command):
 
 def test_version(optiplan):
     assert optiplan("--version") == (0, f"optiplan {__version__}\n", "")
+
+
+def test_the_package_is_the_program_too():
+    done = subprocess.run([sys.executable, "-m", "optiplan", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"optiplan {__version__}\n"
 
 
 def test_no_arguments_is_help(optiplan):

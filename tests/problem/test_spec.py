@@ -12,6 +12,8 @@ GOAL = "{joints: [1, 0.5]}"
 
 BAD = [
     ("version: 1", "version: 2", 1, "version", "2", "1"),
+    ("version: 1", "version: true", 1, "version", "true", "1"),
+    ("version: 1", "version: 1.0", 1, "version", "1", "1"),
     ("seed: 0", "sed: 0", 12, "sed", "unknown key 'sed'", "did you mean 'seed'"),
     ("seed: 0", "seed: -1", 12, "seed", "-1", "≥ 0"),
     ("seed: 0", "seed: 1.5", 12, "seed", "1.5", "a whole number"),

@@ -4,12 +4,12 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from optiplan.config.document import Document, Number, Strict, Whole, read_yaml, validate
-from optiplan.config.values import Name
+from optiplan.config.values import FileVersion, Name
 from optiplan.problem.schema.problem import LimitScalesSpec, ObjectiveSpec
 
 COMMON = frozenset({"set", "difficulty", "limits", "objective"})
@@ -133,7 +133,7 @@ class SuiteSpec(Strict):
     problems by their ids, `{hard: [box/0003, …]}`: frozen here, so that they do not move with the results.
     """
 
-    version: Literal[1]
+    version: FileVersion
     name: Annotated[Name, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
     problems: Annotated[tuple[SourceSpec, ...], Field(min_length=1)]
     planners: Annotated[

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 from optiplan.config.document import Number, Strict, Whole
 from optiplan.config.values import (
     FileName,
+    FileVersion,
     Fraction,
     Name,
     NotNegative,
@@ -77,7 +78,7 @@ class ProblemSpec(Strict):
     either a `goal` or a `task` of several steps.
     """
 
-    version: Literal[1]
+    version: FileVersion
     name: Name | None = None
     robot: FileName | dict[str, Any]
     group: Name | None = None

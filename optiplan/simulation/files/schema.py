@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from optiplan.config.document import Number, Strict, Whole
-from optiplan.config.values import ExactlyOne, FileName, Name, NotNegative, Vector
+from optiplan.config.values import ExactlyOne, FileName, FileVersion, Name, NotNegative, Vector
 from optiplan.geometry.pose_schema import PoseSpec
 
 Seconds = Annotated[float, Field(strict=True, gt=0.0, le=86_400.0, allow_inf_nan=False)]
@@ -251,7 +251,7 @@ class ControlSpec(Strict):
     `rate` is the controller's, Hz; the loop runs on for `settle`, s, after the end of the reference.
     """
 
-    version: Literal[1]
+    version: FileVersion
     name: Name | None = None
     problem: FileName | None = None
     robot: Any = None
