@@ -23,7 +23,6 @@ ROOMS = (
     {"bench"},
     {"service"},
     {"cli"},
-    {"__main__"},
 )
 LEVELS = {name: level for level, names in enumerate(ROOMS, 1) for name in names}
 GROUND = {"_core", "arrays", "cache", "config", "errors", "files", "libraries", "resources"}
@@ -38,7 +37,8 @@ def module_name(path: Path) -> str:
 
 def room(module: str) -> str:
     parts = module.split(".")
-    return parts[1] if len(parts) > 1 else "__init__"
+    name = parts[1] if len(parts) > 1 else "__init__"
+    return "cli" if name == "__main__" else name
 
 
 def level(module: str) -> int:

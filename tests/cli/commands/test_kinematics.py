@@ -169,7 +169,8 @@ def test_outside_the_limits_is_said(optiplan, optiplan_json):
         (("ur5", "--at", "nose"), "found 'nose'; expected 6 numbers"),
         (("ur5", "--at", "nose"), "or one of: ready, up"),
         (("ur5", "--at", "1,2,3,4,5,nan"), "found '1,2,3,4,5,nan'"),
-        (("ur5", "--at", ""), "found ''"),
+        (("ur5", "--at", " "), "found ' '"),
+        (("ur5", "--at", ""), "an empty value after --at"),
         (
             ("delbot", "--group", "base", "--at", "1e308,1e308,0"),
             "found '1e308,1e308,0'; expected 3 numbers up to 1e+06",
