@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Index
-from optiplan.geometry.scene import Scene
+from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.geometry.shapes import build_geometry
 from optiplan.robot.robot import Robot
 
@@ -69,10 +69,13 @@ def only_moved(a: Scene, b: Scene) -> bool:
     """Whether two scenes hold the same obstacles, perhaps at other places, and nothing that is attached or moves."""
     if a.attached or b.attached or a.allowed != b.allowed or len(a.obstacles) != len(b.obstacles):
         return False
-    return all(
-        one.name == other.name and one.shape.same_body(other.shape) and one.motion is None and other.motion is None
-        for one, other in zip(a.obstacles, b.obstacles, strict=True)
-    )
+    return all(same_standing_body(one, other) for one, other in zip(a.obstacles, b.obstacles, strict=True))
+
+
+def same_standing_body(one: Obstacle, other: Obstacle) -> bool:
+    """Whether two obstacles are the same body, perhaps at other places, and none of them moves."""
+    alike = one.name == other.name and one.shape.same_body(other.shape)
+    return alike and one.motion is None and other.motion is None
 
 
 def _body(name: str, joint: int, placement: pin.SE3, geometry: coal.CollisionGeometry) -> pin.GeometryObject:

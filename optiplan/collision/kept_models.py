@@ -4,6 +4,7 @@ import threading
 
 import numpy as np
 
+from optiplan.collision.bodies_and_pairs import same_standing_body
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
@@ -59,12 +60,6 @@ def _equal(a: Scene, b: Scene) -> bool:
         return False
     return all(
         one is other
-        or (
-            one.name == other.name
-            and one.shape.same_body(other.shape)
-            and one.motion is None
-            and other.motion is None
-            and np.array_equal(one.X_WO.homogeneous, other.X_WO.homogeneous)
-        )
+        or (same_standing_body(one, other) and np.array_equal(one.X_WO.homogeneous, other.X_WO.homogeneous))
         for one, other in zip(a.obstacles, b.obstacles, strict=True)
     )

@@ -19,15 +19,14 @@ from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent, StreamE
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from optiplan.config.messages import describe, field_name, mistaken, words_for
-from optiplan.config.usual_yaml import (
+from optiplan.config.simple_yaml import (
     DEEPEST,
     DIGITS,
     LARGEST,
     LONGEST,
-    TEXT_TAG,
     Place,
     libyaml_parser,
-    read_usual,
+    read_simple,
 )
 from optiplan.errors import InputError, Issue
 from optiplan.files import read_bytes
@@ -40,7 +39,7 @@ Whole = Annotated[int, Field(strict=True)]
 
 WHOLE_TAG = "tag:yaml.org,2002:int"
 
-KEY_TAGS = (TEXT_TAG, "tag:yaml.org,2002:merge")
+TEXT_TAGS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
 """What a key can be: text, or `<<`."""
 
 MOST = 16 * 2**20
@@ -123,7 +122,7 @@ def parse_yaml(text: str, path: Path) -> Document:
     if "\0" in text:
         raise InputError([Issue(str(path), None, "file", "a binary file", "a YAML document")])
     try:
-        data, lines = read_usual(text) or _read_any(text, path)
+        data, lines = read_simple(text) or _read_any(text, path)
     except MarkedYAMLError as error:
         raise InputError([_syntax_issue(path, error)]) from error
     except (YAMLError, ValueError, RecursionError) as error:
@@ -255,7 +254,7 @@ def _key(node: Node, path: Path) -> str:
     Raises:
         InputError: a key that is a number, a list, nothing or the like, which no file of ours has.
     """
-    if isinstance(node, ScalarNode) and node.tag in KEY_TAGS:
+    if isinstance(node, ScalarNode) and node.tag in TEXT_TAGS:
         return str(node.value)
     found = f"the key {describe(node.value)}, which is no text" if isinstance(node, ScalarNode) else "a key of keys"
     raise InputError([Issue(str(path), node.start_mark.line + 1, "file", found, "keys that are text")])

@@ -11,7 +11,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.config.document import Document
 from optiplan.config.messages import choices, describe
-from optiplan.config.usual_yaml import Place
+from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import is_file
 from optiplan.geometry.file_shapes import FileShape

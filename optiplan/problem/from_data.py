@@ -11,7 +11,7 @@ from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.config.document import Document, validate
 from optiplan.config.messages import field_name
-from optiplan.config.usual_yaml import Place
+from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.scene import Scene

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from optiplan.config.document import Document
-from optiplan.config.usual_yaml import Place
+from optiplan.config.simple_yaml import Place
 from optiplan.errors import Issue
 from optiplan.problem.goals_and_vias import JointGoal
 from optiplan.robot.limits import ORDERS, UNITS, Limits

@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from optiplan.config.document import Number
-from optiplan.config.usual_yaml import Place
+from optiplan.config.simple_yaml import Place
 from optiplan.config.values import Name, NamePair, Vector
 from optiplan.geometry.pose_schema import PoseSpec
 from optiplan.problem.constraints.schema import PathConstraintSpec

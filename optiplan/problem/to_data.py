@@ -93,14 +93,14 @@ def _weight(held: Attachment) -> dict[str, Any]:
     return {"mass": held.mass, "centre": held.centre, "inertia": held.inertia}
 
 
-def path_constraint_data(constraints: Any) -> list[dict[str, Any]]:
-    """`path_constraints:` of a file."""
+def path_constraint_data(constraints: Any, function: str = "Problem") -> list[dict[str, Any]]:
+    """`path_constraints:` of a file; errors are about this argument of `function`."""
     if isinstance(constraints, Mapping | str) or not isinstance(constraints, Sequence):
-        raise wrong_argument("Problem", "path_constraints", described(constraints), "a list of path constraints")
-    return [one_constraint_data(one, "Problem", f"path_constraints[{k}]") for k, one in enumerate(constraints)]
+        raise wrong_argument(function, "path_constraints", described(constraints), "a list of path constraints")
+    return [_one_constraint_data(one, function, f"path_constraints[{k}]") for k, one in enumerate(constraints)]
 
 
-def one_constraint_data(one: Any, function: str, argument: str) -> dict[str, Any]:
+def _one_constraint_data(one: Any, function: str, argument: str) -> dict[str, Any]:
     """One of `path_constraints:` of a file; where a constraint holds a pose, an `op.Pose` will do.
 
     Raises:

@@ -9,7 +9,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.config.document import Document
 from optiplan.config.messages import choices
-from optiplan.config.usual_yaml import Place
+from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.robot.default_group import longest_chain
 from optiplan.robot.mimic_joints import Mimic, MimicError, fold

@@ -8,7 +8,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.config.document import Document
 from optiplan.config.messages import choices
-from optiplan.config.usual_yaml import Place
+from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError
 from optiplan.robot.joint_groups import Group, Reduced
 from optiplan.robot.spec import RobotSpec

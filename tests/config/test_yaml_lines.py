@@ -5,7 +5,7 @@ from pydantic import Field
 from ruamel.yaml import YAML
 
 from optiplan.config.document import Number, Strict, Whole, _lines, _read_any, parse_yaml, read_yaml, validate
-from optiplan.config.usual_yaml import libyaml_parser, read_usual
+from optiplan.config.simple_yaml import libyaml_parser, read_simple
 from optiplan.errors import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -126,7 +126,7 @@ def test_numbers_that_nothing_has_are_refused(tmp_path, value):
         validate(Any_, read_yaml(write(tmp_path, f"a: {value}\n")))
 
 
-USUAL = [
+SIMPLE = [
     "a: 1\nb: [1, -2.5, +3., 1.0e5, 1.5E-3, 0, -0, -0.0]\nc: {d: true, e: False, f: null, g: ~, h: }\n",
     "- 'one''s'\n- \"3\"\n- three words\n"
     "- 01_reach\n- ./here.yaml\n- ../there\n- /etc/x\n- two\n  lines\n- 1.2.3\n- y\n- No\n",
@@ -136,7 +136,7 @@ USUAL = [
     "true\n",
 ]
 
-UNUSUAL = [
+NOT_SIMPLE = [
     "a: &x [1]\nb: *x\n",
     "a: &x {c: 1}\nb:\n  <<: *x\n  d: 2\n",
     "a: !!str 1\n",
@@ -165,9 +165,9 @@ def same(a, b) -> bool:
     return type(a) is type(b) and repr(a) == repr(b)
 
 
-@pytest.mark.parametrize("text", USUAL)
-def test_usual_documents_are_read_as_the_parser_in_python_does(text):
-    assert libyaml_parser(text) is None or read_usual(text) is not None
+@pytest.mark.parametrize("text", SIMPLE)
+def test_simple_documents_are_read_as_the_parser_in_python_does(text):
+    assert libyaml_parser(text) is None or read_simple(text) is not None
     document = parse_yaml(text, Path("file.yaml"))
     reader = YAML(typ="safe", pure=True)
     root = reader.compose(text)
@@ -180,7 +180,7 @@ def test_files_of_the_repository_are_read_as_the_parser_in_python_does():
     assert len(files) > 30
     for path in files:
         text = path.read_text(encoding="utf-8")
-        data, lines = read_usual(text) or (None, None)
+        data, lines = read_simple(text) or (None, None)
         assert libyaml_parser(text) is None or data is not None, path
         if data is not None:
             known, places = _read_any(text, path)
@@ -188,6 +188,6 @@ def test_files_of_the_repository_are_read_as_the_parser_in_python_does():
             assert lines == places, path
 
 
-@pytest.mark.parametrize("text", UNUSUAL)
-def test_what_is_not_usual_is_left_to_the_parser_that_knows_all_of_yaml(text):
-    assert read_usual(text) is None
+@pytest.mark.parametrize("text", NOT_SIMPLE)
+def test_what_is_not_simple_is_left_to_the_parser_that_knows_all_of_yaml(text):
+    assert read_simple(text) is None

@@ -10,7 +10,7 @@ from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.statement import End, Pose, Values, ViaPoint, checked, end_data, is_configuration, via_point_data
-from optiplan.problem.to_data import one_constraint_data
+from optiplan.problem.to_data import path_constraint_data
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,7 +141,7 @@ class Task:
     def _with(self, kind: str, said: Any, step: Mapping[str, Any]) -> "Task":
         more = {key: value for key, value in step.items() if value is not None}
         if "path_constraints" in more:
-            more["path_constraints"] = _constraints(more["path_constraints"], f"Task.{kind}")
+            more["path_constraints"] = path_constraint_data(more["path_constraints"], f"Task.{kind}")
         data = plain({kind: said, **more})
         checked(TaskStepSpec, data, f"Task.{kind}", {})
         return Task((*self.steps, data))
@@ -169,12 +169,6 @@ def _ends(to: Any, function: str, argument: str) -> dict[str, Any]:
 
 def _given(**values: Any) -> dict[str, Any]:
     return {key: value for key, value in values.items() if value is not None}
-
-
-def _constraints(given: Any, function: str) -> list[dict[str, Any]]:
-    if isinstance(given, Mapping | str) or not isinstance(given, Sequence):
-        raise wrong_argument(function, "path_constraints", described(given), "a list of path constraints")
-    return [one_constraint_data(one, function, f"path_constraints[{k}]") for k, one in enumerate(given)]
 
 
 def _words(step: Mapping[str, Any]) -> str:

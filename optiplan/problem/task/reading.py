@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.config.messages import choices
-from optiplan.config.usual_yaml import Place
+from optiplan.config.simple_yaml import Place
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, frame_names, link_names
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via

@@ -17,7 +17,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.config.document import Document
 from optiplan.config.messages import choices
-from optiplan.config.usual_yaml import Place
+from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue
 from optiplan.robot.dh.link_bodies import body_pose, default_bodies, inertia_of
 from optiplan.robot.dh.spec import BodySpec, DhPoseSpec, DhSpec, LinkSpec

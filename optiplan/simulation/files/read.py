@@ -10,7 +10,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.config.document import Document, plain, read_yaml, validate
 from optiplan.config.messages import choices
-from optiplan.config.usual_yaml import Place
+from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.files import reading
 from optiplan.problem.builder import frame_names

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.config.usual_yaml import Place
+from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.files import read_bytes
 from optiplan.geometry.poses import pose_from_data
