@@ -45,6 +45,11 @@ def end_too_heavy(gravity: Gravity, Q: Array, end: str) -> Failure:
     return _heavy(gravity, Q, f"at the {end}")
 
 
+def line_too_heavy(gravity: Gravity, Q: Array) -> Failure | None:
+    """Return the failure for gravity above the torque limits at one of the configurations Q (N, n) along a line."""
+    return _heavy(gravity, Q, "along the line") if any(map(gravity.too_much, Q)) else None
+
+
 def _heavy(gravity: Gravity, Q: Array, where: str) -> Failure:
     torques = np.array([gravity.torque(q) for q in Q])
     k, j = np.unravel_index(int(np.argmax(torques / gravity.limit)), torques.shape)

@@ -16,7 +16,8 @@ from optiplan.planners.cartesian.differential_ik import Aim, gone_together
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import FollowedPath, ToolPath, line
 from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.planners.common.failures import end_collides
+from optiplan.planners.common.failures import end_collides, line_too_heavy
+from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.task.blends import BlendedLine, Corner, StraightWay
 from optiplan.planners.task.stages import Situation, Stage, Stages
 from optiplan.problem.problem import JointGoal
@@ -26,6 +27,9 @@ from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
 _AVOIDANCES = (4.0, 20.0)  # of limits, by arms with more joints than they need; tried in this order
+
+_SAMPLES = 50
+"""Configurations along a line at which the arm is asked whether it can hold itself and its load."""
 
 _ROUNDED = (1.0, 0.4, 0.0)
 """Shares of the blends of lines that are tried, in this order."""
@@ -183,14 +187,18 @@ def _straight(stage: Stage, action: Move) -> Trajectory | Failure:
 
 
 def _line(stage: Stage, frame: str, path: FollowedPath, budget: Budget) -> Trajectory | Failure:
-    """Follow the line; a redundant arm tries several ways to use its freedom."""
+    """Follow the line where the arm can hold its load; a redundant arm tries several ways to use its freedom."""
     problem = stage.problem
+    gravity = Gravity(problem.robot, problem.limits.torque)
     first: Failure | None = None
     for avoidance in _AVOIDANCES[: 2 if problem.robot.n > 6 else 1]:
         aim = Aim(None, avoidance, together=gone_together(problem, frame))
         found = follow(stage.model, path, (frame, problem.start), budget, aim)
         if isinstance(found, Trajectory):
-            return found
+            heavy = line_too_heavy(gravity, found(np.linspace(0.0, found.duration, _SAMPLES)))
+            if heavy is None:
+                return found
+            found = heavy
         first = first or found
     assert first is not None
     return first

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from optiplan.planners.base import Budget
 from optiplan.planners.task.chains import Done
 from optiplan.planners.task.stages import Stage
 from optiplan.problem.constraints.statements import ToolSpeed
@@ -22,6 +23,10 @@ def line_limits(done: Done) -> ToolLimits | None:
     return ToolLimits(action.frame, linear, angular) if np.isfinite(min(linear, angular)) else None
 
 
-def timed_line(stage: Stage, path: Trajectory, tool: ToolLimits | None) -> Trajectory | None:
-    """Run along a path from rest to rest; None where gravity takes more torque than allowed."""
-    return time_path(path, stage.problem.robot, stage.problem.limits, TimingOptions(None, tool))
+def timed_line(stage: Stage, path: Trajectory, tool: ToolLimits | None, budget: Budget) -> Trajectory | None:
+    """Run along a path from rest to rest; None where gravity takes more torque than allowed.
+
+    Once the budget is over, the law is the best that there is by then.
+    """
+    options = TimingOptions(None, tool, stop=lambda: budget.over)
+    return time_path(path, stage.problem.robot, stage.problem.limits, options)

@@ -27,9 +27,6 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
-_SEARCHING = 0.7
-"""Share of the budget for the choice of configurations and the moves; the rest is for joining them without stops."""
-
 
 def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
     """Plan a task within the budget: first a motion that stops after every step, then one that does not.
@@ -41,13 +38,13 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         progress: called with the stages.
     """
     began, watch = clock(), Stopwatch()
-    search = TaskSearch(without_moving(problem), planner, budget.share(_SEARCHING), progress)
+    search = TaskSearch(without_moving(problem), planner, budget, progress)
     with watch.stage("steps"):
         done = search.run()
     if isinstance(done, Failure):
         return PlanResult(None, done, watch.seconds)
     with watch.stage("timing"):
-        timed = [_timed(one) for one in done]
+        timed = [_timed(one, budget) for one in done]
     failed = next((one for one in timed if isinstance(one, Failure)), None)
     if failed is not None:
         return PlanResult(None, failed, watch.seconds)
@@ -64,8 +61,9 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     joint = Candidate(joined(problem, flow), clock() - began)
     with watch.stage("optimisation"):
         whole = _optimised(problem, planner, groups, budget, progress)
-    info |= {"cut_short": budget.over, "stops": stops_of(whole), "duration_with_stops": first.trajectory.duration}
-    info |= {"duration_joined": joint.trajectory.duration, "stops_left_out": len(stretches) - len(whole)}
+    info |= {"cut_short": search.cut_short or budget.over, "stops": stops_of(whole)}
+    info |= {"duration_with_stops": first.trajectory.duration, "duration_joined": joint.trajectory.duration}
+    info |= {"stops_left_out": len(stretches) - len(whole)}
     found = [first, joint, Candidate(joined(problem, whole), clock() - began)]
     shorter = [len(flow) < len(stretches), whole != flow]
     *earlier, last = [first, *(one for one, good in zip(found[1:], shorter, strict=True) if good)]
@@ -106,7 +104,7 @@ def _among_moving(
     return PlanResult(None, failure, {}, {})
 
 
-def _timed(done: Done) -> "Trajectory | float | Failure":
+def _timed(done: Done, budget: Budget) -> "Trajectory | float | Failure":
     """Return the motion of a step, of its joints; or how long it stands still, s."""
     if isinstance(done.step.action, Dwell):
         return done.step.action.seconds
@@ -114,7 +112,7 @@ def _timed(done: Done) -> "Trajectory | float | Failure":
         return 0.0
     if not done.is_line:
         return done.curve
-    motion = timed_line(done.stage, done.curve, line_limits(done))
+    motion = timed_line(done.stage, done.curve, line_limits(done), budget)
     if motion is None:
         problem, curve = done.stage.problem, done.curve
         heavy = too_heavy(problem.robot, problem.limits, curve(np.linspace(0.0, curve.duration, 200)))

@@ -30,6 +30,12 @@ _CANDIDATES, _MORE = 8, 24
 _KEPT = 6
 """Candidates of a layer that go on to the next."""
 
+_SEARCHING = 0.7
+"""Share of the time that is left for which looking ahead and planning moves are paced."""
+
+_PLANNING = 2
+"""Layers that planning the moves counts for, where looking ahead is paced."""
+
 _SCENES = 3
 """Different places of what is held or stands still for which a layer's candidates are looked for."""
 
@@ -84,7 +90,16 @@ class _Planned:
 
 
 class TaskSearch:
-    """One search; `run` returns all steps done one after another, or the failure of the step that cannot be."""
+    """One search; `run` returns all steps done one after another, or the failure of the step that cannot be.
+
+    Each layer has its part of seven tenths of the time to look ahead, and goes on with the candidates found by then if
+    there is one; so has each move. What is left of the budget is spent only where there is no motion yet.
+
+    Attributes:
+        infos: of the moves of the motion found.
+        attempts: moves planned.
+        cut_short: whether with more time other candidates would have been looked at.
+    """
 
     def __init__(self, problem: Problem, planner: Planner[Any], budget: Budget, progress: Progress) -> None:
         self.problem, self.planner, self.budget, self.progress = problem, planner, budget, progress
@@ -92,9 +107,17 @@ class TaskSearch:
         self.legs = legs_of(problem.task)
         self.infos: list[dict[str, Any]] = []
         self.attempts = 0
+        self._paced, self.cut_short = True, False
 
     def run(self) -> list[Done] | Failure:
-        """Search within the budget."""
+        """Search within the budget; where the candidates found in time lead nowhere, once more among all."""
+        found = self._search()
+        if isinstance(found, Failure) and self.cut_short and not self.budget.over:
+            self._paced = False
+            found = self._search()
+        return found
+
+    def _search(self) -> list[Done] | Failure:
         start = Situation(self.problem.start, self.problem.scene)
         first = do_chain(self.stages, start, self.legs[0].chain, self.budget)
         if first.failure is not None:
@@ -103,7 +126,7 @@ class TaskSearch:
         layers = [[_Node(start.q, after, 0.0, [0.0])]]
         for k, leg in enumerate(self.legs[1:], 1):
             self.progress("looking ahead", k / len(self.legs))
-            found = self._layer(leg, layers[-1])
+            found = self._layer(leg, layers[-1], self._pace(len(self.legs) - k + _PLANNING))
             if isinstance(found, Failure):
                 return self._late(found)
             layers.append(found)
@@ -121,8 +144,12 @@ class TaskSearch:
             return late
         return replace(failure, detail=f"{failure.detail}; {late.detail}")
 
-    def _layer(self, leg: Leg, before: list[_Node]) -> list[_Node] | Failure:
-        """Return the candidates of a leg, the cheapest to reach first."""
+    def _pace(self, parts: int) -> Budget:
+        """Return the time for the first of as many parts of the search."""
+        return self.budget.share(_SEARCHING / parts if self._paced else 1.0)
+
+    def _layer(self, leg: Leg, before: list[_Node], pace: Budget) -> list[_Node] | Failure:
+        """Return the candidates of a leg, the cheapest to reach first: one at least, then those that `pace` allows."""
         assert leg.move is not None
         assert isinstance(leg.move.action, Move)
         costs = np.array([node.cost for node in before])
@@ -137,7 +164,10 @@ class TaskSearch:
         nodes: list[_Node] = []
         failures: list[tuple[tuple[int, float], Failure]] = []
         for kind in kinds:
-            for node in self._candidates(leg, before[kind[0]].after, failures):
+            if nodes and pace.over:
+                self.cut_short = True
+                break
+            for node in self._candidates(leg, before[kind[0]].after, failures, pace):
                 bounds = [self._bound(before[i].after.q, node.q) if i in kind else np.inf for i in range(len(before))]
                 node.edges, node.cost = bounds, float(np.min(costs + bounds)) + node.seconds
                 nodes.append(node)
@@ -146,8 +176,10 @@ class TaskSearch:
             return max(failures, key=lambda item: item[0])[1] if failures else late
         return sorted(nodes, key=lambda node: node.cost)[:_KEPT]
 
-    def _candidates(self, leg: Leg, state: Situation, failures: list[tuple[tuple[int, float], Failure]]) -> list[_Node]:
-        """Return the configurations from which what follows a move can be done."""
+    def _candidates(
+        self, leg: Leg, state: Situation, failures: list[tuple[tuple[int, float], Failure]], pace: Budget
+    ) -> list[_Node]:
+        """Return the configurations from which what follows a move can be done; see `_layer`."""
         assert leg.move is not None
         assert isinstance(leg.move.action, Move)
         stage = self.stages.at(state, leg.move, leg.move.action.joints)
@@ -170,7 +202,9 @@ class TaskSearch:
                     good.append(_Node(arrived.q, after, self._seconds(chain)))
                 else:
                     failures.append((chain.far(), chain.failure))
-                if len(good) >= _CANDIDATES or self.budget.over:
+                late = pace.over and len(good) > 0
+                self.cut_short |= late
+                if len(good) >= _CANDIDATES or late or self.budget.over:
                     return good
             if good or tried >= _MORE:
                 break
@@ -242,13 +276,14 @@ class TaskSearch:
         if k == 1 and self.problem.moving_start:
             stage = self.stages.moving(stage)
         problem = stage.to((goal,), leg.move.action.vias)
-        share = self.budget.share(1.0 / (len(self.legs) - k + 1))
+        share = self._pace(len(self.legs) - k + 1)
 
         def told(what: str, part: float) -> None:
             self.progress(f"{leg.move.words}: {what}" if leg.move else what, (k - 1 + part) / len(self.legs))
 
         result = plan_through(self.planner, problem, share, told)
         if result.trajectory is None:
+            self.cut_short |= share.over
             failure = result.failure or Failure("no-path", "no motion was found")
             return of_step(failure, leg.move, state, stage)
         arrived = Situation(stage.whole(result.trajectory.end, state), state.scene)

@@ -9,6 +9,11 @@ import pinocchio as pin
 import pytest
 
 import optiplan as op
+from optiplan.planners.base import Budget
+from optiplan.planners.task import search
+from optiplan.planners.task.chains import do_chain
+from optiplan.planners.task.line_timing import timed_line
+from optiplan.planners.task.stages import Situation, Stages
 from optiplan.problem.load import load_problem, problem_from_dict
 from optiplan.problem.task.timeline import scene_parts
 from optiplan.trajectory.trajectory import Trajectory
@@ -157,6 +162,60 @@ def test_looking_ahead_leaves_out_ends_without_a_way_on():
     run = op.plan(problem, budget=60.0)
     assert run.verified
     assert run.trajectory(run.trajectory.segments[0].end)[0] == pytest.approx(-0.6, abs=1e-5)
+
+
+def test_looking_ahead_leaves_out_lines_that_are_too_heavy():
+    """Stretched out, the arm cannot hold itself; what the line takes is known before moves are planned."""
+    ready = load_problem(FILE)
+    near, far = ([angle, *ready.start[1:7]] for angle in (0.3, 2.6))
+    line = {"line": {"by": [0.2, 0.0, 0.0]}}
+    task = [{"move": {"any_of": [{"joints": near}, {"joints": far}]}}, line]
+    problem = op.Problem("panda", "ready", task=task)
+    torque = np.array([87.0, 15.0, 87.0, 87.0, 12.0, 12.0, 12.0])
+    weak = replace(problem, limits=replace(problem.limits, torque=torque))
+    run = op.plan(weak, budget=60.0)
+    assert run.verified
+    assert run.trajectory(run.trajectory.segments[0].end)[0] == pytest.approx(2.6, abs=1e-5)
+    stretched = replace(weak, task=op.Problem("panda", "ready", task=[line]).task)
+    failed = op.plan(stretched, budget=60.0)
+    assert failed.failure.kind == "unsupported"
+    assert failed.failure.detail.startswith("step 1 (line): gravity alone exceeds the torque limits along the line")
+
+
+def test_a_line_is_timed_within_the_budget():
+    """When time is over, the law is a plain one, not none."""
+    problem = op.Problem("panda", "ready", task=[{"line": {"by": [0.2, 0.2, 0.0]}}])
+    steps = do_chain(Stages(problem), Situation(problem.start, problem.scene), problem.task, Budget(60.0))
+    line = steps.done[0]
+    slow, quick = (timed_line(line.stage, line.curve, None, Budget(seconds)) for seconds in (0.0, 60.0))
+    assert 1.02 * quick.duration < slow.duration < 3.0 * quick.duration
+
+
+def _hurried(monkeypatch, wanted):
+    """Search as if the part of the time for looking ahead were over at once; `wanted` tells which candidates hold."""
+    paces, ahead = [], search.TaskSearch._candidates
+
+    def candidates(self, leg, state, failures, pace):
+        paces.append(pace.seconds)
+        found = ahead(self, leg, state, failures, pace if pace.seconds > 50.0 else Budget(0.0))
+        return found if wanted(len(found)) else []
+
+    monkeypatch.setattr(search.TaskSearch, "_candidates", candidates)
+    return paces
+
+
+def test_a_hurried_search_goes_on_with_what_it_has(run, monkeypatch):
+    _hurried(monkeypatch, lambda found: found == 1)  # else without a motion
+    found = op.plan(run.problem, "rrtconnect", budget=60.0)
+    assert found.verified
+    assert found.info["cut_short"]
+
+
+def test_a_hurried_search_in_vain_looks_at_all_candidates(run, monkeypatch):
+    paces = _hurried(monkeypatch, lambda found: found > 1)
+    found = op.plan(run.problem, "rrtconnect", budget=60.0)
+    assert found.verified
+    assert min(paces) < 20.0 < 50.0 < max(paces)
 
 
 def test_objects_go_with_what_holds_them_on_the_page(run):
