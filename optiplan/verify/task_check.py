@@ -10,7 +10,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
-from optiplan.problem.constraints.statements import PairClearance
+from optiplan.problem.constraints.statements import PairClearance, ToolSpeed
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, Via
 from optiplan.problem.task.scene_change import columns, scene_during
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
@@ -57,6 +57,7 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
         *_worst_of(_ends(parts), "goal"),
         *_worst_of(_passed(parts), "via"),
         *_worst_of(_lines(parts, policy), "line"),
+        *_worst_of(_speeds(parts, policy), "line speed"),
         _standing(problem, trajectory, parts, policy),
         *_constraints(problem, trajectory, parts, scenes, policy),
         limit_checks.rest(problem, trajectory, policy),
@@ -128,15 +129,11 @@ def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
     steps = list(steps_in_time(problem, trajectory))
     way: LineWay | None = None
     for (step, scene, begin, end), after in zip_longest(steps, steps[1:]):
-        own = _scene_problem(problem, scene, step)
+        own = part_problem(problem, scene_during(scene.later(begin), step))
         motion = cut(trajectory, begin, end) if end > begin else None
         following = None if after is None else after[0].action
         way = line_way(step.action, following, frame_at(own.robot, step.action, trajectory(begin)), way)
         yield _Part(step, own, motion, begin, trajectory(end), way)
-
-
-def _scene_problem(problem: Problem, scene: Scene, step: TaskStep) -> Problem:
-    return part_problem(problem, scene_during(scene, step))
 
 
 def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
@@ -187,6 +184,17 @@ def _lines(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
         own = replace(part.problem, path_constraints=tuple(line_constraints(part.way, part.problem.robot, part.motion)))
         for check in path_constraints(own, part.motion, policy):
             yield replace(_later(_named(check, part), part.begin), name="line")
+
+
+def _speeds(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
+    """Check that the origins of frames on lines are no faster than their steps say."""
+    for part in parts:
+        action = part.step.action
+        if part.motion is None or not isinstance(action, StraightLine) or not np.isfinite(action.speed):
+            continue
+        own = replace(part.problem, path_constraints=(ToolSpeed(action.frame, action.speed, np.inf),))
+        for check in path_constraints(own, part.motion, policy):
+            yield _later(_named(check, part), part.begin)
 
 
 def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], policy: VerifyPolicy) -> Check:
