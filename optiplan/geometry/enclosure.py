@@ -89,6 +89,23 @@ class Enclosure:
             return True
         return not _way_out(self._open, points)
 
+    def solids(self) -> list[tuple[Array, float]] | None:
+        """Return the corners (m, 3, 3) of each closed piece, and 1 or -1, by which what it fills is above 0.
+
+        The wall of a hollow, inside out within another piece, fills less than nothing. None where a piece is open.
+        """
+        if len(self._open):
+            return None
+        volumes = [float(np.linalg.det(piece.corners - piece.corners[0, 0]).sum()) for piece in self._closed]
+        found: list[tuple[Array, float]] = []
+        for piece, volume in zip(self._closed, volumes, strict=True):
+            hollow = piece.sense and volume < 0.0 and self._inside_another(piece)
+            found.append((piece.corners, 1.0 if hollow or volume >= 0.0 else -1.0))
+        return found
+
+    def _inside_another(self, piece: _Piece) -> bool:
+        return any(piece.within(other) for other in self._closed if other is not piece)
+
 
 def winding_number(triangles: Array, point: Array) -> float:
     """Return the winding number of triangles (k, 3, 3) about a point (3,): 0 outside a closed surface, 1 or -1 inside.

@@ -10,6 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, is_finite
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.file_shapes import Mesh, Octree, PointCloud
+from optiplan.geometry.filled import filled
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere, build_geometry
@@ -121,18 +122,19 @@ class Attachment:
         """Spatial inertia in the frame of the link; of the shape filled evenly, where nothing else is given.
 
         Raises:
-            ValueError: the shape encloses no volume to be filled.
+            ValueError: the shape encloses no volume to be filled, or is a mesh that is open.
         """
         if not self.mass:
             return pin.Inertia.Zero()
         centre, moments = self.centre, None if self.inertia is None else np.diag(self.inertia)
         if centre is None or moments is None:
             body = build_geometry(self.shape)
-            volume = body.computeVolume()
-            if not volume > 0.0:
-                raise ValueError(f"{self.mass:g} kg of '{self.name}', whose shape encloses no volume")
-            moments = self.mass / volume * body.computeMomentofInertiaRelatedToCOM() if moments is None else moments
-            centre = body.computeCOM() if centre is None else centre
+            try:
+                even = filled(body)
+            except ValueError as error:
+                raise ValueError(f"{self.mass:g} kg of '{self.name}', whose shape {error}") from error
+            moments = self.mass * even.moments if moments is None else moments
+            centre = tuple(even.centre.tolist()) if centre is None else centre
         return self.X_LO.act(pin.Inertia(self.mass, np.array(centre), moments))
 
     def __repr__(self) -> str:

@@ -261,14 +261,14 @@ class Compiler:
                 spec = held.value
                 weight = spec.mass, spec.centre, spec.inertia
                 body = Attachment(spec.name, shape, spec.link, X_LO, touch, stated, *weight)
-                if self._weighable(held.place, body):
+                if self.weighable(held.place, body):
                     attached.append(body)
         if robot is not None:
             self._names(robot)
         allowed = frozenset(frozenset(pair.value) for pair in self.draft.allowed)
         return Scene(tuple(obstacles), tuple(attached), allowed)
 
-    def _weighable(self, place: Place, body: Attachment) -> bool:
+    def weighable(self, place: Place, body: Attachment) -> bool:
         """Whether the body has an inertia, if it has a mass."""
         try:
             body.inertia_in_link()

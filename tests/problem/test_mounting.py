@@ -2,12 +2,14 @@
 
 import gc
 import pickle
+import re
 import weakref
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 
 import optiplan as op
 from optiplan.collision.model import CollisionModel
@@ -111,6 +113,70 @@ def test_shapes_are_filled_evenly_unless_told_otherwise(shape, expected):
     told = shape.attached_to("panda_hand", mass=2.0, centre=(0, 0, 0.1), inertia=(0.1, 0.2, 0.25)).inertia_in_link()
     assert told.lever == pytest.approx((0, 0, 0.1))
     assert np.diag(told.inertia) == pytest.approx((0.1, 0.2, 0.25))
+
+
+def box_mesh(path, *boxes):
+    """An OBJ file of boxes (centre, size, winding: 1 outward, -1 inward)."""
+    lines = []
+    for k, (centre, size, winding) in enumerate(boxes):
+        mesh = trimesh.creation.box(size)
+        lines += ["v " + " ".join(map(repr, vertex)) for vertex in (mesh.vertices + centre).tolist()]
+        lines += ["f " + " ".join(str(i + 1 + 8 * k) for i in face[::winding]) for face in mesh.faces.tolist()]
+    path.write_text("\n".join(lines))
+    return op.Mesh("load", path)
+
+
+def test_a_mesh_weighs_the_same_whatever_its_winding(tmp_path):
+    """Pieces wound inward cancelled others: the centre of two boxes a metre from the hand could be in the hand."""
+    near, far = ((0.5, 0.0, 0.0), (0.1, 0.1, 0.1)), ((1.0, 0.0, 0.0), (0.1, 0.1, 0.05))
+    expected = pin.Inertia.FromBox(2.0, 0.1, 0.1, 0.1)
+    expected.lever = np.array(near[0])
+    other = pin.Inertia.FromBox(1.0, 0.1, 0.1, 0.05)
+    other.lever = np.array(far[0])
+    for k, windings in enumerate([(1, 1), (-1, 1), (1, -1), (-1, -1)]):
+        boxes = [(*box, winding) for box, winding in zip((near, far), windings, strict=True)]
+        mesh = box_mesh(tmp_path / f"{k}.obj", *boxes)
+        found = mesh.attached_to("panda_hand", mass=3.0).inertia_in_link()
+        assert found.matrix() == pytest.approx((expected + other).matrix(), rel=1e-6, abs=1e-9)
+
+
+def test_a_hollow_weighs_nothing(tmp_path):
+    outer, inner = ((0.0, 0.0, 0.0), (0.1, 0.2, 0.3), 1), ((0.0, 0.0, 0.05), (0.08, 0.1, 0.1), -1)
+    found = box_mesh(tmp_path / "x.obj", outer, inner).attached_to("panda_hand", mass=2.0).inertia_in_link()
+    assert found.lever == pytest.approx((0.0, 0.0, -0.05 * 0.0008 / (0.006 - 0.0008)))
+
+
+@pytest.mark.parametrize("by", ["scene", "task"])
+@pytest.mark.parametrize(
+    ("faces", "more", "words"),
+    [
+        (10, {"mass": 1.0}, "open somewhere; expected `centre` and `inertia`"),
+        (10, {"mass": 1.0, "centre": [0, 0, 0], "inertia": [0.01, 0.01, 0.01]}, ""),
+        (10, {}, ""),
+        (12, {"mass": 1.0}, ""),
+        (12, {"mass": 1.0, "inertia": [1.0, 0.1, 0.1]}, "none larger than the other two"),
+        (12, {"mass": 1.0, "inertia": [-1.0, -1.0, -1.0]}, "none larger than the other two"),
+        (12, {"centre": [0, 0, 0]}, "expected `mass` too"),
+    ],
+)
+def test_what_a_mesh_weighs_is_known_or_bad_input(tmp_path, by, faces, more, words):
+    """Of an open mesh, the sum over its triangles depends on where the origin is."""
+    mesh = box_mesh(tmp_path / "x.obj", ((0.0, 0.0, 0.3), (0.1, 0.1, 0.1), 1))
+    kept = (tmp_path / "x.obj").read_text().splitlines()[: 8 + faces]
+    (tmp_path / "x.obj").write_text("\n".join(kept))
+
+    def made():
+        if by == "scene":
+            return op.Problem(**PANDA, scene=op.Scene([], [mesh.attached_to("panda_hand", **more)]))
+        there = op.Mesh("load", mesh.shape.file, position=(0.0, 0.0, 1.5))
+        task = op.Task().attach("load", "panda_hand", **more).dwell(1.0)
+        return op.Problem("panda", "ready", scene=[there], task=task)
+
+    if words:
+        with pytest.raises(op.InputError, match=re.escape(words)):
+            made()
+    else:
+        assert made().scene.names == ("load",)
 
 
 def test_gravity_pulls_where_the_problem_says():

@@ -107,6 +107,26 @@ def test_bad_steps_are_refused_with_their_line(tmp_path, found, instead, line, f
     assert words in issues[0].found + issues[0].expected
 
 
+def test_a_step_ends_at_rest(tmp_path):
+    """A rate at one of several ends was read, and asked of nobody."""
+    path = tmp_path / "moving.yaml"
+    one = "{joints: [0.3, -0.7, 0, -2.3, 0, 1.5, 0.7], velocity: [0.5, 0, 0, 0, 0, 0, 0]}"
+    head = "version: 1\nrobot: panda\nstart: {configuration: ready}\ntask:\n"
+    path.write_text(f"{head}  - move: {{any_of: [{one}]}}\n")
+    (issue,) = check_file(path)
+    assert (issue.line, issue.field) == (5, "task[0].move.any_of[0].velocity")
+
+
+def test_events_alone_are_no_task(tmp_path):
+    path = tmp_path / "events.yaml"
+    head, steps = FILE.read_text().split("task:")
+    attach = next(line for line in steps.splitlines() if "attach" in line)
+    path.write_text(f"{head}task:\n{attach}\n  - detach: {{object: cube}}\n")
+    (issue,) = check_file(path)
+    assert issue.field == "task"
+    assert "take no time" in issue.found
+
+
 def test_a_problem_has_a_goal_or_a_task(tmp_path):
     path = tmp_path / "none.yaml"
     path.write_text("version: 1\nrobot: panda\nstart: {configuration: ready}\n")

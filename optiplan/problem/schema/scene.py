@@ -1,5 +1,6 @@
 """The schema of a scene in a problem file: obstacles, attached objects, what may touch."""
 
+from collections.abc import Sequence
 from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
@@ -55,6 +56,21 @@ def _bounded(shape: ShapeSpec) -> ShapeSpec:
     return shape
 
 
+def check_weight(mass: float | None, centre: Sequence[float] | None, inertia: Sequence[float] | None) -> None:
+    """Require a mass where there is a centre or an inertia, and moments [ixx, iyy, izz] that a body can have.
+
+    Raises:
+        ValueError: what was found and expected.
+    """
+    if mass is None and (centre is not None or inertia is not None):
+        raise ValueError("found a centre or an inertia of what has no mass; expected `mass` too")
+    if inertia is not None:
+        x, y, z = inertia
+        if min(x, y, z) < 0.0 or max(x, y, z) > 0.5 * (x + y + z) * (1.0 + 1e-9):
+            expected = "moments, none larger than the other two together"
+            raise ValueError(f"found inertia {list(inertia)}; expected {expected}")
+
+
 class AttachedSpec(Strict):
     """A shape held by `link`; `pose` in the link's frame; it may touch the links of `touch`, and `link`.
 
@@ -73,13 +89,7 @@ class AttachedSpec(Strict):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        if self.mass is None and (self.centre is not None or self.inertia is not None):
-            raise ValueError("found a centre or an inertia of what has no mass; expected `mass` too")
-        if self.inertia is not None:
-            x, y, z = self.inertia
-            if min(x, y, z) < 0.0 or max(x, y, z) > 0.5 * (x + y + z) * (1.0 + 1e-9):
-                expected = "moments, none larger than the other two together"
-                raise ValueError(f"found inertia {list(self.inertia)}; expected {expected}")
+        check_weight(self.mass, self.centre, self.inertia)
         return self
 
 

@@ -17,7 +17,7 @@ from optiplan.config.values import (
 from optiplan.problem.constraints.schema import PathConstraintSpec
 from optiplan.problem.regions.schema import RegionSpec
 from optiplan.problem.schema.ends import ENDS, AlternativeSpec, PoseGoalSpec, ViaSpec, timed
-from optiplan.problem.schema.scene import LARGEST_MASS
+from optiplan.problem.schema.scene import LARGEST_MASS, check_weight
 
 
 class MoveSpec(Strict):
@@ -119,6 +119,11 @@ class AttachSpec(Strict):
     mass: Annotated[NotNegative, Field(le=LARGEST_MASS)] | None = None
     centre: Vector | None = None
     inertia: Vector | None = None
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        check_weight(self.mass, self.centre, self.inertia)
+        return self
 
 
 class DetachSpec(Strict):

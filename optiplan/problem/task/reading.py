@@ -9,7 +9,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
-from optiplan.geometry.scene import Scene
+from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.problem.builder import Compiler, frame_names, link_names
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import LocatedValue
@@ -24,6 +24,7 @@ from optiplan.problem.schema.task import (
     StraightLineSpec,
     TaskStepSpec,
 )
+from optiplan.problem.task.scene_change import held_body
 from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.robot.robot import Robot
 
@@ -41,6 +42,9 @@ class TaskReader:
     def steps(self) -> list[LocatedValue[TaskStep]]:
         """Return the valid steps; an approach gives two."""
         found: list[LocatedValue[TaskStep]] = []
+        kinds = {part.value.kind for part in self.compiler.draft.task}
+        if kinds and kinds <= {"attach", "detach"}:
+            self.compiler.report(("task",), "steps that take no time", "one besides that does, such as a dwell")
         for part in self.compiler.draft.task:
             spec, number = part.value, int(part.place[-1]) + 1
             kept = [
@@ -125,6 +129,10 @@ class TaskReader:
     def _ends(self, robot: Robot, place: Place, spec: MoveSpec) -> Goal:
         if spec.any_of is not None:
             parts = [LocatedValue((*place, "any_of", i), one) for i, one in enumerate(spec.any_of)]
+            for part in parts:
+                for rate in ("velocity", "acceleration"):
+                    if getattr(part.value, rate) is not None:
+                        self.compiler.report((*part.place, rate), f"{rate} at the end of a step", "an end at rest")
         else:
             kind = next(kind for kind in ENDS if getattr(spec, kind) is not None)
             parts = [LocatedValue(place, AlternativeSpec(**{kind: getattr(spec, kind)}))]
@@ -205,17 +213,19 @@ class TaskReader:
                 self.compiler.unknown((*place, *at), "link", name, links)
         if not self._known((*place, "object"), spec.object, "attached", self._held, self._free):
             return
-        body = next((one for one in self.scene.obstacles if one.name == spec.object), None)
-        if body is not None and body.shape.endless:
+        bodies: list[Obstacle | Attachment] = [*self.scene.obstacles, *self.scene.attached]
+        body = next(one for one in bodies if one.name == spec.object)
+        if body.shape.endless:
             self.compiler.report((*place, "object"), f"'{body.name}', a half-space", "a shape that ends somewhere")
             return
-        if body is not None and body.motion is not None:
+        if isinstance(body, Obstacle) and body.motion is not None:
             self.compiler.report((*place, "object"), f"'{body.name}', which moves", "an object that stands")
             return
-        if spec.mass is None and (spec.centre is not None or spec.inertia is not None):
-            self.compiler.report(place, "a centre or an inertia of what has no mass", "`mass` too")
+        taken = Attach(spec.object, spec.link, frozenset(spec.touch), spec.mass, spec.centre, spec.inertia)
+        if not self.compiler.weighable(place, held_body(body, taken, pin.SE3.Identity())):
+            return
         if spec.link in links:
-            yield Attach(spec.object, spec.link, frozenset(spec.touch), spec.mass, spec.centre, spec.inertia)
+            yield taken
 
     def _detach(self, place: Place, spec: DetachSpec) -> Iterator[Detach]:
         if self._known((*place, "object"), spec.object, "released", self._free, self._held):

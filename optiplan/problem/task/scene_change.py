@@ -26,8 +26,7 @@ def scene_after(scene: Scene, action: Attach | Detach, robot: Robot, q: Array) -
     if isinstance(action, Attach):
         body = _named(scene.obstacles, action.body)
         X_WL = data.oMf[robot.model.getFrameId(action.link, pin.FrameType.BODY)]
-        weight = action.mass, action.centre, action.inertia
-        held = Attachment(body.name, body.shape, action.link, X_WL.actInv(body.X_WO), action.touch, None, *weight)
+        held = held_body(body, action, X_WL.actInv(body.X_WO))
         return replace(
             scene,
             obstacles=tuple(one for one in scene.obstacles if one.name != body.name),
@@ -40,6 +39,12 @@ def scene_after(scene: Scene, action: Attach | Detach, robot: Robot, q: Array) -
         obstacles=(*scene.obstacles, Obstacle(held.name, held.shape, X_WL * held.X_LO)),
         attached=tuple(one for one in scene.attached if one.name != held.name),
     )
+
+
+def held_body(body: Obstacle | Attachment, action: Attach, X_LO: pin.SE3) -> Attachment:
+    """Return a body as it is held at X_LO in the frame of the link that takes it."""
+    weight = action.mass, action.centre, action.inertia
+    return Attachment(body.name, body.shape, action.link, X_LO, action.touch, None, *weight)
 
 
 def scene_during(scene: Scene, step: TaskStep) -> Scene:
