@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from optiplan.arrays import Array
 from optiplan.errors import wrong_argument
 from optiplan.trajectory.segments import EVENTS
 from optiplan.trajectory.trajectory import Trajectory
@@ -15,14 +16,14 @@ _START_TOLERANCE = 0.01  # rad; how far the arm may stand from the first sample 
 _UR_JOINTS = 6
 
 
-def ros_json(trajectory: Trajectory, rate: float) -> bytes:
+def ros_json(trajectory: Trajectory, t: Array) -> bytes:
     """Return a `trajectory_msgs/msg/JointTrajectory` as JSON, in the form that rosbridge takes."""
-    return json.dumps(joint_trajectory(trajectory, rate), allow_nan=False).encode() + b"\n"
+    return json.dumps(joint_trajectory(trajectory, t), allow_nan=False).encode() + b"\n"
 
 
-def ros_yaml(trajectory: Trajectory, rate: float) -> bytes:
+def ros_yaml(trajectory: Trajectory, t: Array) -> bytes:
     """Return the same as YAML, a line a point, for `ros2 topic pub` and parameter files."""
-    message = joint_trajectory(trajectory, rate)
+    message = joint_trajectory(trajectory, t)
     lines = [
         "# trajectory_msgs/msg/JointTrajectory; rad or m, s. Between points: quintic polynomials.",
         *(f"# at {t:.3f} s: {words}" for t, words in _events(trajectory)),
@@ -34,19 +35,19 @@ def ros_yaml(trajectory: Trajectory, rate: float) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def joint_trajectory(trajectory: Trajectory, rate: float) -> dict[str, Any]:
-    """Return the message as a dictionary, with at least `rate` points a second, Hz."""
-    samples = trajectory.to_dict(rate)
+def joint_trajectory(trajectory: Trajectory, t: Array) -> dict[str, Any]:
+    """Return the message as a dictionary, with points at times t (k,), s."""
+    samples = trajectory.sampled(t)
     points = [
-        {"positions": q, "velocities": v, "accelerations": a, "effort": [], "time_from_start": _duration(t)}
-        for t, q, v, a in zip(samples["t"], samples["q"], samples["v"], samples["a"], strict=True)
+        {"positions": q, "velocities": v, "accelerations": a, "effort": [], "time_from_start": _duration(at)}
+        for at, q, v, a in zip(samples["t"], samples["q"], samples["v"], samples["a"], strict=True)
     ]
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     return {"header": header, "joint_names": list(trajectory.joint_names), "points": points}
 
 
-def urscript(trajectory: Trajectory, rate: float) -> bytes:
-    """Return a program that servos an arm through the samples, one a cycle of 1 / `rate`, Hz.
+def urscript(trajectory: Trajectory, t: Array) -> bytes:
+    """Return a program that servos an arm through samples at times t (k,), s, one a cycle, from 0 to the end.
 
     It refuses to begin where the arm does not stand at the start. `servoj` filters what it is given (`lookahead_time`,
     s) and follows with a lag, so the arm is near the motion, not on it.
@@ -58,14 +59,14 @@ def urscript(trajectory: Trajectory, rate: float) -> bytes:
     if len(names) != _UR_JOINTS:
         found = f"a motion of {len(names)} joints ({', '.join(names[:8])})"
         raise wrong_argument("Run.export", "format", found, "of urscript: one of the six joints of the arm")
-    Q = np.array(trajectory.to_dict(rate)["q"])
+    Q, cycle = trajectory(t), trajectory.duration / (len(t) - 1)
     start, events = _row(Q[0]), _events(trajectory)
     servos = []
-    for k, q in enumerate(Q[1:], 1):
-        servos += [f"  # at {t:.3f} s: {words}" for t, words in events if (k - 1) / rate <= t < k / rate]
-        servos.append(f"  servoj({_row(q)}, t={1.0 / rate:.6g}, lookahead_time=0.03, gain=500)")
+    for before, after, q in zip(t[:-1], t[1:], Q[1:], strict=True):
+        servos += [f"  # at {at:.3f} s: {words}" for at, words in events if before <= at < after]
+        servos.append(f"  servoj({_row(q)}, t={cycle:.6g}, lookahead_time=0.03, gain=500)")
     lines = [
-        f"# {trajectory.duration:.3f} s, {len(Q)} samples at {rate:g} Hz, rad; joints: {', '.join(names)}",
+        f"# {trajectory.duration:.3f} s, {len(Q)} samples at {1.0 / cycle:g} Hz, rad; joints: {', '.join(names)}",
         "def optiplan_motion():",
         "  local here = get_actual_joint_positions()",
         f"  local start = {start}",

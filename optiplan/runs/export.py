@@ -5,21 +5,26 @@ import io
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import is_finite
+from optiplan.arrays import Array, is_finite
 from optiplan.errors import described, wrong_argument
 from optiplan.files import write_bytes
 from optiplan.runs.controller_formats import ros_json, ros_yaml, urscript
 from optiplan.trajectory.fixed_rate import interpolation_errors, on_cycle
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
+
+MOST_SAMPLES = 500_000
+"""In a file: a quarter of an hour at 500 Hz."""
 
 
-def _csv(trajectory: Trajectory, rate: float) -> bytes:
+def _csv(trajectory: Trajectory, t: Array) -> bytes:
     """Columns t, q_JOINT, v_JOINT, a_JOINT; s, rad or m."""
-    samples = trajectory.to_dict(rate)
+    samples = trajectory.sampled(t)
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["t", *(f"{kind}_{name}" for kind in "qva" for name in trajectory.joint_names)])
@@ -28,15 +33,15 @@ def _csv(trajectory: Trajectory, rate: float) -> bytes:
     return text.getvalue().encode()
 
 
-def _json(trajectory: Trajectory, rate: float) -> bytes:
+def _json(trajectory: Trajectory, t: Array) -> bytes:
     """The polynomials, which are the motion, and samples: what `trajectory.json` of a run folder holds."""
-    return json.dumps(trajectory.to_dict(rate), allow_nan=False).encode() + b"\n"
+    return json.dumps(trajectory.to_dict() | trajectory.sampled(t), allow_nan=False).encode() + b"\n"
 
 
-def _npz(trajectory: Trajectory, rate: float) -> bytes:
+def _npz(trajectory: Trajectory, t: Array) -> bytes:
     """Arrays `joint_names`, `t` (k,), `q`, `v`, `a` (k, n), `breakpoints`, `coefficients`."""
-    samples = trajectory.to_dict(rate)
-    arrays = {key: np.array(samples[key]) for key in ("joint_names", "t", "q", "v", "a")}
+    samples = trajectory.sampled(t)
+    arrays = {"joint_names": np.array(trajectory.joint_names)} | {key: np.array(samples[key]) for key in "tqva"}
     file = io.BytesIO()
     arrays |= {"breakpoints": trajectory.breakpoints, "coefficients": trajectory.coefficients}
     np.savez(file, **arrays)  # type: ignore[arg-type]  # the stub takes the names of arrays for options
@@ -50,14 +55,14 @@ class Format:
     Attributes:
         summary: what it is, for people.
         suffixes: endings of its files, the first for files that are named here.
-        content: of a file, from a motion and samples a second, Hz.
+        content: of a file, from a motion and the times (k,) of its samples, s.
         rate: Hz, of samples unless told otherwise.
         cyclic: whether its reader has a fixed cycle, so that the motion has to end on one.
     """
 
     summary: str
     suffixes: tuple[str, ...]
-    content: Callable[[Trajectory, float], bytes]
+    content: Callable[[Trajectory, Array], bytes]
     rate: float = 200.0
     cyclic: bool = False
 
@@ -90,8 +95,14 @@ class Exported:
     errors: Mapping[str, float]
 
 
-def export(
-    trajectory: Trajectory, path: Path, format: str | None = None, rate: float | None = None, *, cyclic: bool = False
+def export(  # noqa: PLR0913
+    trajectory: Trajectory,
+    path: Path,
+    format: str | None = None,
+    rate: float | None = None,
+    *,
+    cyclic: bool = False,
+    holds: Callable[[Trajectory], bool] | None = None,
 ) -> Exported:
     """Write a motion; the file is there whole or not at all.
 
@@ -99,12 +110,15 @@ def export(
         trajectory: the motion.
         path: the file; folders that are missing are made.
         format: a name of `FORMATS`; None: by the file's suffix.
-        rate: samples a second, Hz; None: the format's own.
+        rate: samples a second, Hz; None: the format's own, of which those of long motions get fewer: 60 000 in all,
+            unless they are cyclic.
         cyclic: whether samples are exactly 1 / `rate` apart: the motion is slowed down by less than one cycle, so that
             it ends on one (`trajectory.fixed_rate.on_cycle`). Else there are at least so many samples a second.
+        holds: whether the motion does when it is slowed down; None: it does.
 
     Raises:
-        InputError: there is no such format, the robot does not fit it, or the file cannot be written.
+        InputError: there is no such format, the robot does not fit it, there are too many samples, or the file cannot
+            be written.
     """
     name = _named(path) if format is None else format
     if not isinstance(name, str) or name not in FORMATS:
@@ -113,20 +127,46 @@ def export(
             found = f"{str(path)!r}, whose ending names none"
         raise wrong_argument("Run.export", "format", found, f"one of: {', '.join(FORMATS)}")
     kind = FORMATS[name]
-    rate = kind.rate if rate is None else rate
-    if not is_finite(rate) or not 0.0 < rate <= 1e6:
+    if rate is not None and (not is_finite(rate) or not 0.0 < rate <= 1e6):
         raise wrong_argument("Run.export", "rate", described(rate), "a number of samples a second in (0, 1e6]")
-    rate = float(rate)
-    motion = on_cycle(trajectory, rate) if cyclic or kind.cyclic else trajectory
+    cyclic = cyclic or kind.cyclic
+    motion = on_cycle(trajectory, float(rate or kind.rate)) if cyclic else trajectory
+    if motion is not trajectory and holds is not None and not holds(motion):
+        found = "a motion that depends on the time, and does not hold when it is slowed down to end on a cycle"
+        raise wrong_argument("Run.export", "cyclic", found, "samples that need not be a cycle apart")
+    t = motion.sample_times(kind.rate) if rate is None and not cyclic else _times(motion, float(rate or kind.rate))
     content = ros_json if name == "ros" and path.suffix.lower() == ".json" else kind.content
     try:
-        write_bytes(path, content(motion, rate))
+        write_bytes(path, content(motion, t))
     except OSError as error:
         found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
         raise wrong_argument("Run.export", "path", found, "a file that can be written") from None
-    t = np.array(motion.to_dict(rate)["t"])
     errors = {key: float(error.max()) for key, error in interpolation_errors(motion, t).items()}
     return Exported(path, motion.duration, len(t), errors)
+
+
+def depends_on_time(problem: Mapping[str, Any]) -> bool:
+    """Whether a motion that runs slower may not be one for this problem, as a file says it.
+
+    So it is where an obstacle moves, or the robot at an end.
+    """
+    goal = problem.get("goal") or {}
+    ends = [problem["start"], goal, *goal.get("any_of", ())]
+    bodies = problem.get("scene", {}).get("obstacles", ())
+    return any("motion" in body for body in bodies) or any({"velocity", "acceleration"} & set(end) for end in ends)
+
+
+def _times(motion: Trajectory, rate: float) -> Array:
+    """Return equally spaced times (k,), s, 1 / `rate` apart or less; one that ends on a cycle has them exactly so.
+
+    Raises:
+        InputError: they are too many for a file.
+    """
+    count = ceil(motion.duration * rate * (1.0 - SAME_TIME))
+    if count >= MOST_SAMPLES:
+        found = f"{rate:g} a second for {motion.duration:.6g} s, {count + 1} samples"
+        raise wrong_argument("Run.export", "rate", found, f"a rate at which there are at most {MOST_SAMPLES}")
+    return np.linspace(0.0, motion.duration, max(1, count) + 1)
 
 
 def _named(path: Path) -> str | None:

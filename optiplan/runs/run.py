@@ -15,12 +15,13 @@ from optiplan.errors import path_argument, wrong_argument
 from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
-from optiplan.runs.export import Exported, export
+from optiplan.runs.export import Exported, depends_on_time, export
 from optiplan.runs.metrics import Metrics
 from optiplan.runs.run_folder import save_run
 from optiplan.trajectory.segments import segment_data
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
+from optiplan.verify.verify import verify
 
 LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "toppra", "ruckig", "trimesh", "coacd")
 """Distributions whose version can change a result; recorded with every run."""
@@ -116,15 +117,16 @@ class Run:
             format: of the file; None: by its suffix (.csv, .json, .npz, .yaml, .script).
             rate: samples a second at least, Hz; None: 200, or 500 for `urscript`.
             cyclic: whether samples are exactly 1 / `rate` apart, as controllers with a fixed cycle want them; the
-                motion is slowed down by less than one cycle so that it ends on one. `urscript` always is.
+                motion is slowed down by less than one cycle so that it ends on one. `urscript` always is. Where time
+                matters (obstacles that move), the slower motion is verified first.
 
         Returns:
             What was written, and how far a reader deviates from the motion that puts straight lines, cubic or quintic
             polynomials between the samples.
 
         Raises:
-            InputError: the run has no motion, there is no such format, the robot does not fit it, or the file cannot be
-                written.
+            InputError: the run has no motion, there is no such format, the robot does not fit it, the slower motion
+                does not hold, there are too many samples, or the file cannot be written.
 
         Example:
             >>> import optiplan as op
@@ -134,7 +136,9 @@ class Run:
         if self.trajectory is None:
             raise wrong_argument("Run.export", "run", "a run without a motion", "one with a trajectory")
         file = path_argument("Run.export", "path", path, "the path of a file")
-        return export(self.trajectory, file, format, rate, cyclic=cyclic)
+        timed = self.verified and depends_on_time(self.problem.source)
+        holds = (lambda slower: verify(self.problem, slower).verified) if timed else None
+        return export(self.trajectory, file, format, rate, cyclic=cyclic, holds=holds)
 
     def __repr__(self) -> str:
         """Return the verdict, its scope and the ratio to the bound in one line."""

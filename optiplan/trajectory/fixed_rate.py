@@ -37,7 +37,7 @@ def interpolation_errors(trajectory: Trajectory, t: Array) -> dict[str, Array]:
     h = np.diff(t)
     lines = np.stack([q[:-1], np.diff(q, axis=0) / h[:, None]], axis=1)
     states = np.stack([q, v], axis=1)
-    cubics = np.concatenate([hermite(states[i], states[i + 1], h[i : i + 1]) for i in range(len(h))])
+    cubics = hermite(states[:-1], states[1:], h)
     names = trajectory.joint_names
     played = {
         "linear": Trajectory(names, t, lines),

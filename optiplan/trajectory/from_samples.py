@@ -86,7 +86,7 @@ def _through(names: tuple[str, ...], t: Array, q: Array, v: Array | None = None,
         return spline_of_velocities(q, t, v, 5, names)
     h = np.diff(t)
     states = np.stack([q, v, a], axis=1)  # (k, 3, n)
-    unit = np.concatenate([hermite(states[i], states[i + 1], h[i : i + 1]) for i in range(len(h))])
+    unit = hermite(states[:-1], states[1:], h)
     return Trajectory(names, t, unit / h[:, None, None] ** np.arange(6)[:, None])
 
 

@@ -60,7 +60,10 @@ def read_segments(data: Mapping[str, Any], file: str) -> tuple[Segment, ...]:
     for k, one in enumerate(given):
         try:
             times = float(one["begin"]), float(one["end"])
-            found.append(Segment(int(one["step"]), str(one["kind"]), str(one["name"]), *times))
+            segment = Segment(int(one["step"]), str(one["kind"]), str(one["name"]), *times)
+            if not (segment.kind + segment.name).isprintable():  # they stand in programs that are exported
+                raise ValueError(segment.name)
+            found.append(segment)
         except (TypeError, KeyError, ValueError, OverflowError):
             raise InputError([Issue(file, None, f"segments[{k}]", f"{one!r:.60}", expected)]) from None
     return tuple(found)

@@ -293,9 +293,12 @@ class Trajectory:
         if self.segments:
             data |= segment_data(self.segments)
         if rate is not None:
-            t = self.sample_times(rate)
-            data |= {"t": t.tolist()} | {key: self(t, k).tolist() for k, key in enumerate("qva")}
+            data |= self.sampled(self.sample_times(rate))
         return data
+
+    def sampled(self, t: Array) -> dict[str, Any]:
+        """Return samples at times t (k,), s, JSON-ready: `t`, and `q`, `v`, `a` (k, n)."""
+        return {"t": t.tolist()} | {key: self(t, k).tolist() for k, key in enumerate("qva")}
 
     @classmethod
     def from_dict(cls, data: Any, file: str = "trajectory") -> "Trajectory":

@@ -11,7 +11,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 from starlette.background import BackgroundTask
 
-from optiplan.runs.export import FORMATS, export
+from optiplan.runs.export import FORMATS, depends_on_time, export
 from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.models import PlanAnswer, PlanRequest, RunAnswer, RunList, Submission
 from optiplan.service.refusals import Refusal, not_found
@@ -100,12 +100,14 @@ async def exported(
     """The motion for other programs: csv, json, npz, ros or urscript."""
     if format not in FORMATS:
         raise Refusal(404, f"there is no format '{format}'; choose from: {', '.join(FORMATS)}")
-    content = await service.content(await service.run(run), TRAJECTORY)
+    record = await service.run(run)
+    content, told = await service.content(record, TRAJECTORY), await service.content(record, RUN)
 
     def made() -> bytes:
+        holds = (lambda _: False) if depends_on_time(json.loads(told)["problem"]) else None
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"motion{FORMATS[format].suffixes[0]}"
-            export(Trajectory.from_dict(json.loads(content)), path, format, rate)
+            export(Trajectory.from_dict(json.loads(content)), path, format, rate, holds=holds)
             return path.read_bytes()
 
     return Response(await service.read(made), media_type=MEDIA.get(format, BYTES))

@@ -27,14 +27,14 @@ def hermite(start: Array, end: Array, T: Array) -> Array:
     a_3 = (2 (x_0 - y_0) + (x_1 + y_1) T) / T^3, times T^2 and T^3.
 
     Args:
-        start: (k, n) position x_0 and derivatives x_1 …, in rad or m and s.
-        end: (k, n) the same, y.
+        start: (k, n) position x_0 and derivatives x_1 …, in rad or m and s; or (N, k, n), one for each time.
+        end: the same, y.
         T: (N,) s.
 
     Returns:
         (N, 2k, n) in powers of tau.
     """
-    k = len(start)
+    k = start.shape[-2]
     powers = (T[:, None] ** np.arange(k) / [factorial(i) for i in range(k)])[:, :, None]  # (N, k, 1)
     binomial = np.array([[comb(j, i) for j in range(2 * k)] for i in range(k)], dtype=float)
     low = powers * start

@@ -63,7 +63,7 @@ def spline_of_velocities(
     if degree == 5:
         state = np.concatenate([state, continuous_jerk(points, times, velocities)[:, None]], axis=1)
     h = np.diff(times)
-    unit = np.concatenate([hermite(state[i], state[i + 1], h[i : i + 1]) for i in range(len(h))])
+    unit = hermite(state[:-1], state[1:], h)
     return Trajectory(joint_names, times, unit / h[:, None, None] ** np.arange(degree + 1)[:, None])
 
 

@@ -244,8 +244,8 @@ def along(path: Trajectory, law: Trajectory) -> Trajectory:
     t = t[np.concatenate([[True], np.diff(t) > _APART * law.duration])]
     t[-1] = law.duration
     for _ in range(_KNOTS):
-        states, h = _states(path, law, t), np.diff(t)
-        pieces = np.concatenate([hermite(states[:, k], states[:, k + 1], h[k : k + 1]) for k in range(len(h))])
+        states, h = np.swapaxes(_states(path, law, t), 0, 1), np.diff(t)
+        pieces = hermite(states[:-1], states[1:], h)
         middle = np.einsum("mkn,k->mn", pieces, 0.5 ** np.arange(6))
         off = np.abs(middle - _states(path, law, t[:-1] + 0.5 * h)[0]).max(axis=1) > _ON_PATH
         if not off.any():
