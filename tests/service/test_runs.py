@@ -40,6 +40,27 @@ def test_the_run_folder_verifies_offline(server, tmp_path):
     assert judged(problem, load_run(tmp_path / "run")).verified
 
 
+def test_a_program_is_not_written_where_it_would_be_late(server):
+    """Its motion runs slower, to end on a cycle; what moves does not wait for that."""
+    ball = {"name": "ball", "shape": {"sphere": 0.05}, "pose": {"position": [-0.8, 0.8, 1.5]}}
+    falling = ball | {"motion": {"polynomial": [[0], [0], [0, -0.1]], "until": 1.0}}
+    for body, status in ((ball, 200), (falling, 422)):
+        problem = {
+            "version": 1,
+            "robot": "ur5",
+            "start": {"joints": [0, -1.5, 1.5, -1.5, -1.5, 0]},
+            "goal": {"joints": [0.1, -1.5, 1.5, -1.5, -1.5, 0]},
+            "scene": {"obstacles": [body]},
+            "planner": "quintic",
+        }
+        run = server.submit(problem=problem)["id"]
+        assert server.ended(run)["verified"]
+        answer = server.http.get(f"/api/runs/{run}/export.urscript")
+        assert answer.status_code == status, answer.text
+        assert ("depends on the time" in answer.text) is (status == 422)
+        assert server.http.get(f"/api/runs/{run}/export.csv").status_code == 200
+
+
 def test_exports(server):
     run = server.ended(server.submit(seed=2)["id"])["id"]
     motion = server.http.get(f"/api/runs/{run}/trajectory.json").json()
