@@ -147,6 +147,52 @@ def test_broken_urdfs(tmp_path, content, words):
     assert words in str(caught.value)
 
 
+LIMITS = '<limit lower="-1" upper="1" velocity="1" effort="10"/>'
+HEAVY = '<mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="{}" ixz="0" iyz="0"/>'
+BOX = '<geometry><box size="0.1 0.1 0.1"/></geometry>'
+
+
+@pytest.mark.parametrize(
+    ("inside", "link", "more", "words"),
+    [
+        (LIMITS + LIMITS.replace("1", "2"), "", "", "j: 2 <limit> in a <joint>"),
+        (LIMITS + '<axis xyz="0 1 0"/>', "", "", "j: 2 <axis> in a <joint>"),
+        (LIMITS, 2 * f"<inertial>{HEAVY.format(0)}</inertial>", "", "b: 2 <inertial> in a <link>"),
+        (LIMITS, f'<inertial>{HEAVY.format(0)}<mass value="9"/></inertial>', "", "b: 2 <mass> in a <inertial>"),
+        (LIMITS, f"<collision>{2 * '<origin/>'}{BOX}</collision>", "", "b: 2 <origin> in a <collision>"),
+        (LIMITS, f"<collision>{2 * BOX}</collision>", "", "b: 2 <geometry> in a <collision>"),
+        (LIMITS, "", '<link name="c"/>', "c: a link that no joint carries, besides 'a'"),
+        (LIMITS, "", joint("k", "b", "a", inside=LIMITS), "a: links that carry each other in a circle"),
+        (LIMITS, f"<collision>{BOX}</collision><inertial>{HEAVY.format(0.05)}</inertial>", "", ""),
+        (LIMITS, 2 * f"<collision>{BOX}</collision>", "", ""),
+    ],
+)
+def test_nothing_is_dropped_without_a_word(tmp_path, capfd, inside, link, more, words):
+    """Of what stands twice, readers take the first; of trees, the parser spoke in words of its own."""
+    path = write_robot(tmp_path, [])
+    links = f'<link name="a"><collision>{BOX}</collision></link><link name="b">{link}</link>'
+    content = f"<robot name='r'>{links}{joint('j', 'a', 'b', inside=inside)}{more}</robot>"
+    (tmp_path / "robot.urdf").write_text(content)
+    if not words:
+        assert load_robot(str(path)).joint_names == ("j",)
+        return
+    with pytest.raises(InputError) as caught:
+        load_robot(str(path))
+    assert words in str(caught.value)
+    assert "urdfdom" not in "".join(capfd.readouterr())
+
+
+@pytest.mark.parametrize(("product", "noted"), [(0.0, False), (0.05, False), (5.0, True)])
+def test_an_inertia_that_no_body_has_is_noted(tmp_path, product, noted):
+    path = write_robot(tmp_path, [])
+    links = f'<link name="a"/><link name="b"><collision>{BOX}</collision>{HEAVY.format(product)}</link>'
+    links = links.replace("<mass", "<inertial><mass").replace("</link>", "</inertial></link>", 1)
+    content = f"<robot name='r'>{links}{joint('j', 'a', 'b', inside=LIMITS)}</robot>"
+    (tmp_path / "robot.urdf").write_text(content)
+    notes = [note for note in load_robot(str(path)).notes if "a principal moment of -4.9 kg m²" in note]
+    assert len(notes) == noted
+
+
 def test_a_missing_urdf(tmp_path):
     path = write_robot(tmp_path, [])
     (tmp_path / "robot.urdf").unlink()

@@ -19,7 +19,7 @@ from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import is_file, read_bytes
 from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
 from optiplan.robot.urdf.mesh_geometries import build_geometry_of
-from optiplan.robot.urdf.validation import MOVING, faults
+from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias
 
 log = logging.getLogger(__name__)
 
@@ -90,6 +90,7 @@ def read_urdf(path: Path, folder: Path, text: str | None = None) -> UrdfSource:
     issues = [element_error(path, *fault).issues[0] for fault in faults(root, joints)]
     if issues:
         raise InputError(issues)
+    notes += odd_inertias(root)
     for link in root.findall("link"):
         _settle_visuals(link, finder, notes)
         _settle_collisions(link, finder)

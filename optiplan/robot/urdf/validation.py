@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 SIZES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}}
 SIZES["capsule"] = SIZES["cylinder"]
 """Attributes of each shape, and how many numbers > 0 each has."""
@@ -54,20 +56,42 @@ _LIMIT = {"lower": _END, "upper": _END, "velocity": _RATE, "effort": _RATE}
 _INERTIA = {key: _MOMENT if key[1] == key[2] else _PRODUCT for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
 
 
+ONCE = {
+    "link": ("inertial",),
+    "inertial": ("origin", "mass", "inertia"),
+    "collision": ("origin", "geometry"),
+    "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
+}
+"""What an element has once, of what decides about a motion."""
+
+ROUNDED = 1e-6
+"""kg m²: by so much the digits of a file may be off."""
+
+
+def odd_inertias(root: ET.Element) -> Iterator[str]:
+    """Say which links have an inertia with a negative principal moment; to be asked of a URDF without faults.
+
+    No body has one, but files of real robots do, so that is no fault: torques are then as wrong as the file.
+    """
+    for link in root.findall("link"):
+        for inertia in link.findall("inertial/inertia"):
+            xx, yy, zz, xy, xz, yz = (float(inertia.get(key, "0")) for key in _INERTIA)
+            least = float(np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0])
+            if least < -ROUNDED:
+                moment = f"a principal moment of {least:.3g} kg m², which no body has"
+                yield f"link {link.get('name')}: an inertia with {moment}; torques are as wrong as that"
+
+
 def faults(root: ET.Element, joints: list[ET.Element]) -> Iterator[Fault]:
     """Everything that a parser would drop or choke on, of links first and of joints then."""
     yield from _depth_faults(root)
     links = root.findall("link")
     yield from _name_faults("link", links)
     yield from _name_faults("joint", joints)
-    for link in links:
-        name = link.get("name", "")
-        for fault in _link_faults(link):
-            yield name, *fault
-    yield from _tree_faults(joints, {link.get("name", "") for link in links})
-    for joint in joints:
-        for fault in _joint_faults(joint):
-            yield joint.get("name", ""), *fault
+    for element, find in [*((link, _link_faults) for link in links), *((joint, _joint_faults) for joint in joints)]:
+        for fault in (*_repetitions(element), *find(element)):
+            yield element.get("name", ""), *fault
+    yield from _tree_faults(root, [link.get("name", "") for link in links])
 
 
 def _depth_faults(root: ET.Element) -> Iterator[Fault]:
@@ -107,8 +131,17 @@ def _link_faults(link: ET.Element) -> Iterator[tuple[str, str]]:
         yield from _number_faults(inertial.find("origin"), _ORIGIN)
 
 
-def _tree_faults(joints: list[ET.Element], links: set[str]) -> Iterator[Fault]:
+def _repetitions(element: ET.Element) -> Iterator[tuple[str, str]]:
+    """What stands there twice, of which readers take the first."""
+    for inside in element.iter():
+        for tag, count in Counter(str(child.tag) for child in inside).items():
+            if count > 1 and tag in ONCE.get(str(inside.tag), ()):
+                yield f"{count} <{tag}> in a <{inside.tag}>", "one: a reader takes the first and drops the others"
+
+
+def _tree_faults(root: ET.Element, links: list[str]) -> Iterator[Fault]:
     seen: set[str] = set()
+    joints = root.findall("joint")
     for joint in joints:
         for end in ("parent", "child"):
             element = joint.find(end)
@@ -120,6 +153,11 @@ def _tree_faults(joints: list[ET.Element], links: set[str]) -> Iterator[Fault]:
         if name in seen:
             yield name, "a link that is the child of two joints", "a tree: one parent for each link"
         seen.add(name)
+    roots = [link for link in links if link not in seen]
+    for link in roots[1:]:
+        yield link, f"a link that no joint carries, besides '{roots[0]}'", "a tree: one such link"
+    if not roots and links:
+        yield links[0], "links that carry each other in a circle", "a tree: one link that no joint carries"
 
 
 def _joint_faults(joint: ET.Element) -> Iterator[tuple[str, str]]:
