@@ -47,6 +47,7 @@ class RobotParts:
     dh: DhTable | None = None
     group: str | None = None
     groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    tool_frames: Mapping[str, str] = field(default_factory=dict)
     urdf: str = ""
     followers: Mapping[str, Mimic] = field(default_factory=dict)
     over_cover: Mapping[str, float] = field(default_factory=dict)
@@ -95,6 +96,7 @@ def read_robot(
         dh=None if spec.dh is None else spec.dh.table(),
         group=planned.name,
         groups=spec.groups,
+        tool_frames=spec.tool_frames,
         urdf=urdf.xml,
         followers=reduced.followers,
         mecanum=mecanum_base(spec, document, planned.joints, urdf),

@@ -38,9 +38,9 @@ class Robot(RobotParts):
     far (m) that reaches beyond the link's meshes at most, measured. `locked` holds where the joints stand that are
     not planned (rad, m), `allowed` the pairs of links that are not checked, with the reason (see
     `robot.self_collision.pairs`), and `files` all that the robot was read from. `dh` is the Denavit–Hartenberg
-    table, if it was given as one, `group` the name of the group of `groups` that is planned, `urdf` the whole robot
-    as pinocchio reads it. `followers` are the joints of `model` that move with a planned one, `mecanum` the wheels
-    that planned joints stand for. `load_robot` with
+    table, if it was given as one, `group` the name of the group of `groups` that is planned, `tool_frames` the tools of
+    groups that have one of their own, `urdf` the whole robot as pinocchio reads it. `followers` are the joints of
+    `model` that move with a planned one, `mecanum` the wheels that planned joints stand for. `load_robot` with
     `source`, `locked` and `group` builds the same robot again, in another process too: so it is pickled.
     `fingerprint` is the SHA-256 of the contents of `files`, and a robot that comes out of a pickle with another one
     is refused. `reference` is what it was loaded by. `mounting` says how it stands and what it carries: `model` and

@@ -117,6 +117,26 @@ def test_a_step_ends_at_rest(tmp_path):
     assert (issue.line, issue.field) == (5, "task[0].move.any_of[0].velocity")
 
 
+@pytest.mark.parametrize(("group", "expected"), [("dual", "left_gripper"), ("right", "right_gripper")])
+def test_a_step_is_about_the_tool_of_its_group(group, expected):
+    down = {"pose": {"position": [0.7, -0.3, 0.3], "rpy": [3.1416, 0, 0]}}
+    keep = [{"tool_speed": {"linear": 0.2}}]
+    steps = [
+        {"line": {"by": [0, 0, 0.1], "group": "right"}, "path_constraints": keep},
+        {"move": {**down, "group": "right"}},
+        {"approach": {**down, "distance": 0.1, "group": "right"}},
+        {"retreat": {"distance": 0.1, "group": "right"}},
+        {"retreat": {"distance": 0.1, "frame": "left_wrist", "group": "right"}},
+        {"retreat": {"distance": 0.1}},
+    ]
+    source = {"version": 1, "robot": "baxter", "group": group, "start": {"configuration": "ready"}, "task": steps}
+    line, move, before, approach, retreat, other, own = problem_from_dict(source).task
+    assert line.constraints[0].frame == "right_gripper"
+    assert move.action.goal[0].frame == before.action.goal[0].frame == "right_gripper"
+    assert [one.action.frame for one in (line, approach, retreat)] == ["right_gripper"] * 3
+    assert (other.action.frame, own.action.frame) == ("left_wrist", expected)
+
+
 def test_events_alone_are_no_task(tmp_path):
     path = tmp_path / "events.yaml"
     head, steps = FILE.read_text().split("task:")

@@ -50,7 +50,9 @@ class TaskReader:
             kept = [
                 LocatedValue((*part.place, "path_constraints", i), one) for i, one in enumerate(spec.path_constraints)
             ]
-            constraints = tuple(one.value for one in self.compiler.constraints(self.robot, self.scene, kept))
+            group = getattr(getattr(spec, spec.kind), "group", None)
+            robot = self._with_tool_of(group)
+            constraints = tuple(one.value for one in self.compiler.constraints(robot, self.scene, kept))
             allowed = self._allowed(part)
             name = spec.name or _name(spec)
             for action in self._actions(part):
@@ -112,15 +114,24 @@ class TaskReader:
         wanted = set(self.robot.groups[group])
         return tuple(name for name in self.robot.joint_names if name in wanted)
 
-    def _alone(self, joints: Sequence[str]) -> Robot:
+    def _with_tool_of(self, group: str | None) -> Robot:
+        """Return the robot with the tool frame of a group, if that is not the problem's and has one of its own."""
+        own = self.robot.tool_frame
+        frame = self.robot.tool_frames.get(str(group), own)
+        if frame == own or set(self.robot.groups.get(str(group), ())) == set(self.compiler.main_joints or ()):
+            return self.robot
+        return self.robot.with_tool(frame)
+
+    def _alone(self, joints: Sequence[str], group: str | None) -> Robot:
         """Return the robot with only these joints planned; where the others stand does not matter here."""
-        return self.robot.holding({name: 0.0 for name in self.robot.joint_names if name not in joints})
+        held = {name: 0.0 for name in self.robot.joint_names if name not in joints}
+        return self._with_tool_of(group).holding(held)
 
     def _move(self, place: Place, spec: MoveSpec) -> Iterator[Move]:
         joints = self._joints(place, spec.group)
         if joints is None:
             return
-        alone = self._alone(joints)
+        alone = self._alone(joints, spec.group)
         goal = self._ends(alone, place, spec)
         vias = self._vias(alone, place, spec.via)
         if goal:
@@ -150,18 +161,18 @@ class TaskReader:
                 found.append(Via(at))
         return tuple(found)
 
-    def _pose(self, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
-        return self.compiler.pose_goal(self.robot, place, spec)
+    def _pose(self, place: Place, spec: PoseGoalSpec, group: str | None) -> PoseGoal | None:
+        return self.compiler.pose_goal(self._with_tool_of(group), place, spec)
 
     def _line(self, place: Place, spec: StraightLineSpec) -> Iterator[StraightLine]:
         joints = self._joints(place, spec.group)
         speed, blend = _speed(spec), spec.blend or 0.0
         if spec.pose is not None:
-            end = self._pose((*place, "pose"), spec.pose)
+            end = self._pose((*place, "pose"), spec.pose, spec.group)
             if end is not None and joints is not None:
                 yield StraightLine(joints, end.frame, (end,), speed=speed, blend=blend)
             return
-        frame = self._frame(place, spec.frame)
+        frame = self._frame(place, spec)
         by = np.array(spec.by, float)
         if not np.linalg.norm(by) > 0.0:
             self.compiler.report((*place, "by"), "no distance at all", "a vector of some length, m")
@@ -172,10 +183,10 @@ class TaskReader:
         joints = self._joints(place, spec.group)
         given = [((*place, "pose"), spec.pose)] if spec.pose is not None else []
         given += [((*place, "any_of", i), one) for i, one in enumerate(spec.any_of or ())]
-        ends = tuple(end for at, one in given if (end := self._pose(at, one)) is not None)
+        ends = tuple(end for at, one in given if (end := self._pose(at, one, spec.group)) is not None)
         if joints is None or len(ends) < len(given):
             return
-        vias = self._vias(self._alone(joints), place, spec.via)
+        vias = self._vias(self._alone(joints, spec.group), place, spec.via)
         if len({end.frame for end in ends}) > 1:
             self.compiler.report((*place, "any_of"), "poses of several frames", "poses of one frame")
             return
@@ -185,15 +196,15 @@ class TaskReader:
         yield StraightLine(joints, ends[0].frame, ends, speed=_speed(spec), blend=spec.blend or 0.0)
 
     def _retreat(self, place: Place, spec: RetreatSpec) -> Iterator[StraightLine]:
-        joints, frame = self._joints(place, spec.group), self._frame(place, spec.frame)
+        joints, frame = self._joints(place, spec.group), self._frame(place, spec)
         if joints is not None and frame is not None:
             by = spec.distance * _unit(spec.along)
             yield StraightLine(joints, frame, (), by, spec.in_ == "tool", _speed(spec), spec.blend or 0.0)
 
-    def _frame(self, place: Place, name: str | None) -> str | None:
-        if name is None or name in frame_names(self.robot):
-            return name or self.robot.tool_frame
-        self.compiler.unknown((*place, "frame"), "frame", name, frame_names(self.robot))
+    def _frame(self, place: Place, spec: StraightLineSpec | RetreatSpec) -> str | None:
+        if spec.frame is None or spec.frame in frame_names(self.robot):
+            return spec.frame or self._with_tool_of(spec.group).tool_frame
+        self.compiler.unknown((*place, "frame"), "frame", spec.frame, frame_names(self.robot))
         return None
 
     def _gripper(self, place: Place, spec: GripperSpec) -> Iterator[Move]:
@@ -202,7 +213,7 @@ class TaskReader:
             return
         named = spec.configuration is not None
         one = StartSpec(configuration=spec.configuration) if named else StartSpec(joints=spec.joints)
-        q = self.compiler.configuration(self._alone(joints), place, one)
+        q = self.compiler.configuration(self._alone(joints, spec.group), place, one)
         if q is not None:
             yield Move(joints, (JointGoal(q),))
 
