@@ -56,6 +56,27 @@ def pose_goal(**changes):
     return goal
 
 
+def test_what_is_left_out_is_told(robot):
+    still = {"joint_state": {"name": ["shoulder", "elbow"], "position": [0.0, 0.0], "velocity": [0.0, 0.0]}}
+    moving = {"joint_state": {**still["joint_state"], "velocity": [0.0, 0.3]}}
+    held = {"object": {"id": "can", "primitives": [BOX]}, "link_name": "hand", "weight": 0.0}
+
+    def told(start, world, **request):
+        return convert(world, {**request_(**request), "start_state": start}, robot, "1").notes
+
+    pads = {"link_padding": [{"link_name": "hand", "padding": 0.0}], "link_scale": [{"link_name": "hand", "scale": 1}]}
+    assert told({**still, "attached_collision_objects": [held]}, scene(**pads), max_cartesian_speed=0.0) == []
+    pads = {
+        "link_padding": [{"link_name": "hand", "padding": 0.02}],
+        "link_scale": [{"link_name": "arm", "scale": 1.1}],
+    }
+    heavy = {**moving, "attached_collision_objects": [{**held, "weight": 1.5}]}
+    notes = told(heavy, scene(**pads), max_cartesian_speed=0.2)
+    assert len(notes) == 4
+    for words in ("scale of links: hand, arm", "velocities at the start", "Cartesian speed", "weight of 'can', 1.5"):
+        assert any(words in note for note in notes)
+
+
 def test_pose_of_the_object_comes_before_that_of_its_shape(robot):
     item = {
         "id": "box",

@@ -1,6 +1,6 @@
 """One MoveIt planning scene and motion plan request, as YAML data, into the data of a problem file."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -55,7 +55,22 @@ def convert(scene: Mapping[str, Any], request: Mapping[str, Any], robot: Robot, 
         "scene": {"obstacles": bodies.obstacles, "attached": bodies.attached, "allowed_collisions": allowed},
         "limits": _limits(request),
     }
+    notes += _left_out(scene, request)
     return Converted({k: v for k, v in data.items() if v}, bodies.meshes, notes + bodies.notes)
+
+
+def _left_out(scene: Mapping[str, Any], request: Mapping[str, Any]) -> Iterator[str]:
+    """Say what the messages state beside what is converted."""
+    padded = [one["link_name"] for one in scene.get("link_padding") or [] if float(one.get("padding") or 0.0)]
+    padded += [one["link_name"] for one in scene.get("link_scale") or [] if float(one.get("scale") or 1.0) != 1.0]
+    if padded:
+        yield f"left out padding and scale of links: {', '.join(dict.fromkeys(map(str, padded)))}"
+    for state in (request.get("start_state") or {}, scene.get("robot_state") or {}):
+        if any(map(float, (state.get("joint_state") or {}).get("velocity") or [])):
+            yield "left out velocities at the start: the motion begins at rest"
+            break
+    if float(request.get("max_cartesian_speed") or 0.0) > 0.0:
+        yield "left out the limit of the Cartesian speed"
 
 
 def _refuse(scene: Mapping[str, Any], request: Mapping[str, Any]) -> None:

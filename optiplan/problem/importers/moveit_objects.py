@@ -131,6 +131,8 @@ class SceneConverter:
             X_LF = pin.SE3.Identity()
             if header.get("frame_id") not in (None, "", link):
                 X_LF = self.frames.named(link).actInv(self.frames.pose(header))
+            if float(item.get("weight") or 0.0) > 0.0:
+                self.notes.append(f"left out the weight of '{held['id']}', {float(item['weight']):g}: give it a `mass`")
             touch = [str(name) for name in item.get("touch_links") or [] if name in self.links]
             for body in self._bodies(held, X_LF * pose(held.get("pose"))):
                 self.attached.append({**body, "link": link, "touch": touch})
