@@ -167,6 +167,10 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
         True
     """
     _check(problem, "retime")
+    if problem.task:
+        raise wrong_argument(
+            "retime", "problem", "a problem with a task", "one with a goal, which the last waypoint replaces"
+        )
     points = _waypoints(problem, waypoints)
     if not is_finite(deviation) or deviation < 0.0:
         raise wrong_argument("retime", "deviation", described(deviation), "a number >= 0")

@@ -70,6 +70,11 @@ CASES = {
     "waypoint limits": (lambda p: op.retime(p, [[0, 0], [99, 0], [1, 1]]), r"waypoints\[1\]\[0\]", "a value in"),
     "samples": (lambda p: op.verify(p, op.Samples(None, [0, 1], [[0, 0], [1, 1]])), "joint_names", "names"),
     "samples text": (lambda p: op.verify(p, op.Samples(("a", "b"), "x", [[0, 0]])), "samples: t", "numbers"),
+    "retimed task": (
+        lambda p: op.retime(op.Problem(p.robot, p.start, task=op.Task().dwell(1.0)), [[0, 0], [0, 1]]),
+        "op.retime: problem",
+        "one with a goal",
+    ),
     "deviation": (lambda p: op.retime(p, [[0, 0], [0, 1]], deviation=-1), "op.retime: deviation", ">= 0"),
     "runs": (lambda p: op.view(), "op.view: runs", "at least one"),
     "run": (lambda p: op.view(3), "op.view: runs", "op.plan"),
