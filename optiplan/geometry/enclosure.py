@@ -64,11 +64,13 @@ class Enclosure:
         faces, senses = _distinct_faces(corners[(a != b) & (b != c) & (c != a)])
         self._closed: list[_Piece] = []
         open_: list[Array] = []
+        self._torn = False  # a piece is open that is no sheet of two sides, as between two boxes side by side
         for chosen, sense in ((faces[senses != 0], True), (faces[senses == 0], False)):
             for piece, even in _connected(chosen):
                 wound = piece if even else _wound(piece)
                 if wound is None:
                     open_.append(distinct[piece])
+                    self._torn |= sense
                 else:
                     self._closed.append(_Piece(distinct[wound], sense and even))
         self._open = np.concatenate([np.empty((0, 3, 3)), *open_])
@@ -92,9 +94,10 @@ class Enclosure:
     def solids(self) -> list[tuple[Array, float]] | None:
         """Return the corners (m, 3, 3) of each closed piece, and 1 or -1, by which what it fills is above 0.
 
-        The wall of a hollow, inside out within another piece, fills less than nothing. None where a piece is open.
+        The wall of a hollow, inside out within another piece, fills less than nothing, a sheet of two sides nothing.
+        None where any other piece is open.
         """
-        if len(self._open):
+        if self._torn:
             return None
         volumes = [float(np.linalg.det(piece.corners - piece.corners[0, 0]).sum()) for piece in self._closed]
         found: list[tuple[Array, float]] = []

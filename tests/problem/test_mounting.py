@@ -140,6 +140,13 @@ def test_a_mesh_weighs_the_same_whatever_its_winding(tmp_path):
         assert found.matrix() == pytest.approx((expected + other).matrix(), rel=1e-6, abs=1e-9)
 
 
+def test_boxes_side_by_side_are_one(tmp_path):
+    """The face between them is there twice, once of each winding."""
+    halves = [((x, 0.0, 0.0), (0.1, 0.1, 0.1), 1) for x in (-0.05, 0.05)]
+    found = box_mesh(tmp_path / "x.obj", *halves).attached_to("panda_hand", mass=2.0).inertia_in_link()
+    assert found.matrix() == pytest.approx(pin.Inertia.FromBox(2.0, 0.2, 0.1, 0.1).matrix(), rel=1e-6, abs=1e-9)
+
+
 def test_a_hollow_weighs_nothing(tmp_path):
     outer, inner = ((0.0, 0.0, 0.0), (0.1, 0.2, 0.3), 1), ((0.0, 0.0, 0.05), (0.08, 0.1, 0.1), -1)
     found = box_mesh(tmp_path / "x.obj", outer, inner).attached_to("panda_hand", mass=2.0).inertia_in_link()
