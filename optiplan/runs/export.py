@@ -18,8 +18,8 @@ from optiplan.runs.controller_formats import ros_json, ros_yaml, urscript
 from optiplan.trajectory.fixed_rate import interpolation_errors, on_cycle
 from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
 
-MOST_SAMPLES = 500_000
-"""In a file: a quarter of an hour at 500 Hz."""
+MOST_SAMPLES = 200_000
+"""In a file: six minutes at 500 Hz; a server makes them beside others."""
 
 
 def _csv(trajectory: Trajectory, t: Array) -> bytes:
