@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.kinematics.ik.joint_wraps import whole_turns
+from optiplan.kinematics.ik.joint_wraps import endless_turns, whole_turns
 from optiplan.kinematics.ik.numeric import IkOptions, IkResult, joints_that_move, pose_error, random_seeds
 from optiplan.kinematics.ik.solve import inverse_kinematics
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem
@@ -83,7 +83,7 @@ def goal_residual(problem: Problem, q: Array) -> list[GoalError]:
     errors = []
     for goal in problem.goal:
         if isinstance(goal, JointGoal):
-            joint = float(np.abs(q - goal.q).max())
+            joint = float(np.abs(q - endless_turns(problem.robot, goal.q, q)[0]).max())
             errors.append(GoalError(joint, None, None, joint <= goal.tolerance))
         elif isinstance(goal, RegionGoal):
             excess = goal.excess(data.oMf[model.getFrameId(goal.frame)])
@@ -93,6 +93,12 @@ def goal_residual(problem: Problem, q: Array) -> list[GoalError]:
             position, angle = pose_error(data.oMf[model.getFrameId(goal.frame)], goal.X_WG)
             errors.append(GoalError(None, position, angle, position <= goal.position and angle <= goal.orientation))
     return errors
+
+
+def listed_ends(problem: Problem) -> list[Array]:
+    """Return the configurations (n,) that the goal lists, joints without limits at the turns nearest to the start."""
+    listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
+    return [turned for q in listed for turned in endless_turns(problem.robot, q, problem.start)]
 
 
 def goal_configurations(
@@ -111,7 +117,8 @@ def goal_configurations(
         if not good:
             refusals.append(_all_collide(model, candidates))
         for q in good:
-            images = [q] if isinstance(goal, JointGoal) else whole_turns(problem.robot, q, problem.start, options.count)
+            stated = isinstance(goal, JointGoal)
+            images = [q] if stated else whole_turns(problem.robot, q, problem.start, options.count)
             free += [image for image in images if not any(np.abs(image - other).max() < 1e-6 for other in free)]
     if not free:
         return refusals[0] if len(refusals) == 1 else _join(refusals)
@@ -123,7 +130,7 @@ def _candidates(
     problem: Problem, goal: GoalEnd, rng: np.random.Generator, options: GoalOptions
 ) -> list[Array] | GoalSet:
     if isinstance(goal, JointGoal):
-        return [goal.q]
+        return endless_turns(problem.robot, goal.q, problem.start)
     robot = problem.robot
     moving = joints_that_move(robot, goal.frame)
     named = [np.where(moving, q, problem.start) for q in (problem.start, *robot.configurations.values())]

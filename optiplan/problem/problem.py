@@ -176,8 +176,7 @@ class Problem:
 
         False for poses, for several alternatives, and for unbounded joints, which may arrive a turn away.
         """
-        endless = np.isinf(self.robot.limits.lower) & np.isinf(self.robot.limits.upper)
-        return len(self.goal) == 1 and isinstance(self.goal[0], JointGoal) and not endless.any()
+        return len(self.goal) == 1 and isinstance(self.goal[0], JointGoal) and not self.robot.limits.endless.any()
 
     @property
     def start_state(self) -> State:
@@ -203,8 +202,7 @@ class Problem:
 
     def _there(self, goal: JointGoal, q: Array) -> bool:
         """Whether q (n,) is at a goal, up to whole turns of joints that turn without end."""
-        endless = np.isinf(self.robot.limits.lower) & np.isinf(self.robot.limits.upper)
-        error = np.where(endless, np.remainder(q - goal.q + np.pi, 2.0 * np.pi) - np.pi, q - goal.q)
+        error = np.where(self.robot.limits.endless, np.remainder(q - goal.q + np.pi, 2.0 * np.pi) - np.pi, q - goal.q)
         return bool((np.abs(error) <= 2.0 * goal.tolerance).all())
 
     def lower_bounds(self, ends: Array | Sequence[Array]) -> Array:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from optiplan.arrays import Array
+from optiplan.problem.goals import listed_ends
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.segments import RESTING
@@ -31,14 +32,15 @@ def common_bound(problem: Problem, reached: Sequence[Array]) -> Bound:
     """
     if problem.task:
         return Bound(None, "of a task each motion has its own: that of the places where it stops")
-    listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
+    listed = listed_ends(problem)
     if not listed and not len(reached):
         return Bound(None, "not known: no goal configuration is listed, and none was reached")
     seconds = float(problem.lower_bounds([*listed, *reached]).min())
     if seconds < SMALLEST_BOUND:
         return Bound(None, "none: the robot need not move")
-    if len(listed) == len(problem.goal):
-        words = "of the goal" if len(listed) == 1 else f"the least over the {len(listed)} goals of the problem"
+    if all(isinstance(goal, JointGoal) for goal in problem.goal):
+        count = len(problem.goal)
+        words = "of the goal" if count == 1 else f"the least over the {count} goals of the problem"
     else:
         words = "the least over the end configurations reached here; others may have a lower one"
     return Bound(seconds, words)

@@ -78,9 +78,8 @@ def miss(problem: Problem, one: GoalEnd, q: Array) -> list[tuple[float, float, s
     robot = problem.robot
     if isinstance(one, JointGoal):
         error = q - one.q
-        endless = np.isinf(robot.limits.lower) & np.isinf(robot.limits.upper)
         turned = np.remainder(error + np.pi, 2.0 * np.pi) - np.pi
-        error = np.abs(np.where(endless, turned, error))
+        error = np.abs(np.where(robot.limits.endless, turned, error))
         worst = int(np.argmax(error))
         return [(float(error[worst]), one.tolerance, robot.joint_names[worst])]
     data = robot.model.createData()

@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from optiplan.errors import InputError
+from optiplan.geometry.scene import Obstacle, Scene, Sphere
 from optiplan.planners.base import Budget, PlanResult
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.limit_violations import excess
@@ -236,6 +238,19 @@ def test_one_endless_joint_moves_any_distance(tmp_path, name, goal):
         assert verify(problem, result.trajectory).verified
         turns = (result.trajectory.end - goal) / (2.0 * np.pi)
         assert turns == pytest.approx(np.rint(turns), abs=1e-9)
+        assert abs(result.trajectory.end - 0.1) <= np.pi + 1e-9  # the short way round
+
+
+@pytest.mark.parametrize("name", ["quintic", "rrtconnect", "trajopt"])
+def test_an_endless_joint_goes_the_other_way_round_where_one_is_blocked(tmp_path, name):
+    """The goal is 2.3 rad back, past a post, or 4 rad on."""
+    free = one_joint(tmp_path, "{name: turn, joint: revolute, a: 0.3}", 4.1)
+    post = Obstacle("post", Sphere(0.05), pin.SE3(np.eye(3), 0.25 * np.array([np.cos(-1.0), np.sin(-1.0), 0.0])))
+    blocked = replace(free, scene=Scene((post,)))
+    for problem, end in ((free, 4.1 - 2.0 * np.pi), (blocked, 4.1)):
+        result = plan(problem, name)
+        assert verify(problem, result.trajectory).verified
+        assert result.trajectory.end == pytest.approx([end], abs=1e-6)
 
 
 @pytest.mark.parametrize(

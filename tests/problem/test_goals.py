@@ -8,7 +8,7 @@ import pytest
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.goal_ranking import ranked_goals
-from optiplan.problem.goals import GoalOptions, goal_configurations, goal_residual
+from optiplan.problem.goals import GoalOptions, goal_configurations, goal_residual, listed_ends
 from optiplan.problem.problem import JointGoal, PoseGoal
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from tests.planners import cases
@@ -40,6 +40,15 @@ def test_ranked_by_lower_bound_and_repeatable():
 def test_any_of_collects_all_alternatives():
     problem = cases.any_of()
     assert [tuple(q) for q in find(problem).configurations] == [tuple(problem.goal[1].q), tuple(problem.goal[0].q)]
+
+
+def test_joint_goals_are_met_at_any_turn_of_an_endless_joint():
+    problem = cases.endless()
+    q = problem.goal[0].q
+    turned = [tuple(q + np.array([2.0 * np.pi, 0.0])), tuple(q)]
+    assert [tuple(found) for found in find(problem).configurations] == turned
+    assert [tuple(end) for end in listed_ends(problem)] == turned
+    assert goal_residual(problem, np.array(turned[0]))[0].reached
 
 
 def test_a_blocked_alternative_does_not_hide_a_free_one():

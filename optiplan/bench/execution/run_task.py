@@ -19,8 +19,9 @@ from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask
 from optiplan.errors import OptiPlanError, PlannerAnswerError
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import load_libraries
+from optiplan.problem.goals import listed_ends
 from optiplan.problem.load import problem_from_dict
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import Problem
 from optiplan.runs.pipeline import processor_time, reserve, run
 from optiplan.runs.run import Run
 from optiplan.trajectory.trajectory import Trajectory
@@ -179,7 +180,7 @@ def goal_bound(problem: Problem) -> float | None:
 
     Obstacles are ignored, and so are goals that are stated as poses: which configurations reach these is found by runs.
     """
-    listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
+    listed = listed_ends(problem)
     return float(problem.lower_bounds(listed).min()) if listed else None
 
 

@@ -26,9 +26,26 @@ def whole_turns(robot: Robot, q: Array, near: Array, count: int) -> list[Array]:
     Of each joint the two images nearest to `near`; q itself stays for a joint that has none.
     """
     every = [values[:2] if len(values) else q[j : j + 1] for j, values in enumerate(images(robot, q, near))]
+    return _soonest(robot, every, near)[:count]
+
+
+def endless_turns(robot: Robot, q: Array, near: Array) -> list[Array]:
+    """Configurations that equal q (n,) up to whole turns of joints without limits, the soonest from `near` (n,) first.
+
+    Of each such joint the two images nearest to `near`; the others stay as they are.
+    """
+    endless = robot.limits.endless
+    if not endless.any():
+        return [q]
+    every = [_of_joint(robot, j, q[j], near[j])[:2] if endless[j] else q[j : j + 1] for j in range(robot.n)]
+    return _soonest(robot, every, near)
+
+
+def _soonest(robot: Robot, every: list[Array], near: Array) -> list[Array]:
+    """Return all combinations of the joints' values, the soonest reached from `near` (n,) first."""
     speed = robot.limits.velocity
     found = [np.array(image) for image in product(*every)]
-    return sorted(found, key=lambda image: float((np.abs(image - near) / speed).max()))[:count]
+    return sorted(found, key=lambda image: float((np.abs(image - near) / speed).max()))
 
 
 def _of_joint(robot: Robot, j: int, value: float, near: float) -> Array:

@@ -7,6 +7,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
+from optiplan.kinematics.ik.joint_wraps import endless_turns
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Candidate, PlanResult, Progress, announce
@@ -164,7 +165,7 @@ class WarmStart:
 
     def _configuration(self, goal: GoalEnd, near: Array) -> Array | None:
         if isinstance(goal, JointGoal):
-            return goal.q
+            return endless_turns(self.problem.robot, goal.q, near)[0]
         if isinstance(goal, RegionGoal):
             q, inside = RegionSampler(self.problem.robot, goal).onto(near)
             return q if inside else None
