@@ -14,7 +14,7 @@ from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue, UnknownChoiceError, described, seed_argument, wrong_argument
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.common.path_timing import within_torque
-from optiplan.planners.registry import planner_object
+from optiplan.planners.third_party import planner_object
 from optiplan.problem.problem import JointGoal, Problem, Via
 from optiplan.runs import pipeline
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay

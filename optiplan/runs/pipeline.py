@@ -11,7 +11,8 @@ from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError
 from optiplan.libraries import clock, time_loading
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.via_legs import plan_through
-from optiplan.planners.registry import make_planner, options_set
+from optiplan.planners.registry import make_planner
+from optiplan.planners.third_party import options_set
 from optiplan.problem.problem import Problem
 from optiplan.runs.common_bound import bound_of
 from optiplan.runs.metrics import measure

@@ -1,0 +1,86 @@
+"""Planners that others wrote: classes named as `package.module:Class`, and objects with a method `plan`."""
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+from inspect import isabstract
+from operator import attrgetter
+from typing import Any, TypeAlias
+
+from optiplan.errors import InputError, Issue
+from optiplan.planners.base import Budget, Planner, PlanResult, Progress
+from optiplan.problem.problem import Problem
+
+PlannerClass: TypeAlias = type[Planner[Any]]
+
+
+def planner_class(where: str) -> PlannerClass:
+    """Import the class at `package.module:Class`; one not derived from `Planner` as a subclass with its defaults."""
+    return _derived(_imported(where))
+
+
+def checked_class(where: str) -> PlannerClass:
+    """Import the class at `package.module:Class`.
+
+    Raises:
+        InputError: it cannot be imported, or has no method `plan` or no `Options`.
+    """
+    try:
+        cls = _imported(where)
+        fields(cls.Options)
+        planner = _derived(cls)
+        if isabstract(planner):
+            raise TypeError("no method plan")
+    except (Exception, SystemExit) as error:  # whatever a third-party module raises on import
+        found = f"{type(error).__name__}: {error}"
+        expected = (
+            "package.module:Class that can be imported, with a method plan and an options dataclass as its attribute "
+            "Options"
+        )
+        raise InputError([Issue.of_option(where, "name", found, expected)]) from error
+    return planner
+
+
+def _imported(where: str) -> Any:
+    module, _, path = where.partition(":")
+    return attrgetter(path)(import_module(module))
+
+
+def _derived(cls: type[Any]) -> PlannerClass:
+    if issubclass(cls, Planner):
+        return cls
+    return type(cls.__name__, (cls, Planner), {"__module__": cls.__module__, "__doc__": cls.__doc__})
+
+
+def planner_object(given: Any) -> Planner[Any] | None:
+    """Return an object as a planner: itself, or an adapter of one that only has a method `plan`; None without one."""
+    if isinstance(given, Planner):
+        return given
+    if isinstance(given, type) or not callable(getattr(given, "plan", None)):
+        return None
+    named: type[_Adapter] = type(type(given).__name__, (_Adapter,), {})
+    return named(given)
+
+
+def options_set(planner: Planner[Any]) -> dict[str, Any]:
+    """Return the options of a planner object that are not at their defaults; of one that has none, none."""
+    options = getattr(planner, "options", None)
+    if not is_dataclass(options):
+        return dict(options) if isinstance(options, Mapping) else {}
+    return {f.name: value for f in fields(options) if (value := getattr(options, f.name)) != f.default}
+
+
+class _Adapter(Planner[Any]):
+    """Adapts an object whose class is not derived from `Planner`; each is of a subclass named as that class is."""
+
+    def __init__(self, planner: Any) -> None:
+        super().__init__(getattr(planner, "options", None))
+        self.planner = planner
+        self.passes_vias = bool(getattr(planner, "passes_vias", False))
+        self.end_derivatives = int(getattr(planner, "end_derivatives", 0))
+        self.times_obstacles = bool(getattr(planner, "times_obstacles", False))
+
+    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+        """What the object answers."""
+        answer: PlanResult = self.planner.plan(problem, budget, progress)
+        return answer
