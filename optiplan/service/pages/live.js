@@ -31,7 +31,7 @@
       if (live.id) await stop();
       const problem = examples[byId("example").value];
       if (!(await show(problem))) return;
-      say("starting", "a process is made ready");
+      say("starting", "starting a process");
       const asked = { problem };
       if (byId("engine").value) asked.engine = byId("engine").value;
       let answer = await post("api/live", asked);
@@ -75,8 +75,8 @@
     const mm = (x) => (1000 * x).toFixed(2) + " mm", off = state.error.position;
     byId("error").textContent = mm(off);
     byId("rotation").textContent = ((180 / Math.PI) * state.error.rotation).toFixed(2) + "°";
-    byId("nearest").textContent = state.nearest ? `${mm(state.nearest.distance)}, ${state.nearest.pair.join(" and ")}` : "none near";
-    byId("active").textContent = state.active.length ? state.active.join(", ") : "nothing";
+    byId("nearest").textContent = state.nearest ? `${mm(state.nearest.distance)}, ${state.nearest.pair.join(" and ")}` : "nothing near";
+    byId("active").textContent = state.active.length ? state.active.join(", ") : "none";
     byId("seconds").textContent = (1000 * state.step_seconds).toFixed(2) + " ms";
     byId("time").textContent = state.t.toFixed(1) + " s" + (state.lost > 0.05 ? `, ${state.lost.toFixed(1)} s left out: the machine is busy` : "");
     live.past.push([state.t, off, state.nearest ? state.nearest.distance : null]);
