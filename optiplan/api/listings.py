@@ -24,7 +24,7 @@ class Listing(dict[str, str]):
 
 
 def planners() -> Listing:
-    """The planners by name, each with what it does; `optiplan planners` tells their options.
+    """The planners by name, each with what it does; `optiplan planners NAME` shows the options of one.
 
     Example:
         >>> import optiplan as op

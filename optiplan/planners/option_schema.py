@@ -143,7 +143,7 @@ def make_options(planner: str, cls: type[Any], given: Mapping[str, Any]) -> Any:
     except OptionError as error:
         raise InputError([Issue.of_option(planner, error.option, error.found, error.expected)]) from None
     except ValueError as error:  # a third-party class
-        expected = "options as `optiplan planners` describes them"
+        expected = "options as `optiplan planners NAME` describes them"
         raise InputError([Issue.of_option(planner, "options", str(error), expected)]) from None
 
 

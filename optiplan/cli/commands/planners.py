@@ -5,56 +5,82 @@ from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
+from rich.padding import Padding
 from rich.table import Table
 
+from optiplan.cli.completion import planner_names
 from optiplan.cli.output import print_json, results
 
 
 def planners(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME…", help="show the options of these planners", autocompletion=planner_names),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
 ) -> int:
-    """List the planners with their options and defaults.
+    """List the planners, or show the options of some with their defaults.
 
     Choose one with `--planner NAME`, or in the problem file with its options: `planner: {name: trajopt, spans: 24}`.
-    """
-    from optiplan.planners.registry import FAMILIES, PLANNERS
 
-    found = {name: (entry, entry.option_list()) for name, entry in PLANNERS.items()}
+    [bold]Examples[/]
+
+      optiplan planners
+
+      optiplan planners trajopt rrtconnect       their options
+
+      optiplan planners my_package:MyPlanner     those of a planner of your own
+    """
+    from optiplan.planners.registry import PLANNERS, planner_entry
+
+    entries = [planner_entry(name) for name in names or PLANNERS]
     if as_json:
         rows = {
-            name: {
+            entry.name: {
                 "family": entry.family,
                 "summary": entry.summary,
-                "options": [vars(option) for option in options],
+                "options": [vars(option) for option in entry.option_list()],
             }
-            for name, (entry, options) in found.items()
+            for entry in entries
         }
         print_json({"planners": rows})
-        return 0
-    for family in FAMILIES:
-        results().print(f"[dim]{family}[/]")
-        for name, (entry, options) in found.items():
-            if entry.family == family:
-                results().print(f"[bold]{name}[/]: {escape(entry.summary)}")
-                results().print(_table(options))
+    elif names:
+        for entry in entries:
+            _print_options(entry)
+    else:
+        _print_list(entries)
     return 0
 
 
-def _table(options: Sequence[Any]) -> Table:
-    """Name, type, default and meaning of each option."""
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 2))
-    for column in ("name", "kind", "default"):
-        table.add_column(column, no_wrap=column != "kind")
-    table.add_column("meaning", ratio=1, overflow="fold")
-    for option in options:
-        table.add_row(option.name, option.kind, _yaml(option.default), escape(option.meaning))
-    return table
+def _print_list(entries: Sequence[Any]) -> None:
+    """Name and summary of the planners, by family."""
+    from optiplan.planners.registry import FAMILIES
+
+    width = 2 + max(len(entry.name) for entry in entries)
+    for family in FAMILIES:
+        results().print(f"[dim]{family}[/]")
+        table = Table.grid(padding=(0, 2))
+        table.add_column(no_wrap=True, min_width=width)
+        table.add_column(overflow="fold")
+        for entry in entries:
+            if entry.family == family:
+                table.add_row(f"  [bold]{entry.name}[/]", escape(entry.summary))
+        results().print(table)
+    results().print("\noptions of a planner: optiplan planners NAME")
+
+
+def _print_options(entry: Any) -> None:
+    """Summary of a planner, then name, type, default and meaning of each option."""
+    results().print(f"[bold]{escape(entry.name)}[/]: {escape(entry.summary)}")
+    for option in entry.option_list():
+        results().print(f"  [bold]{option.name}[/]: {escape(option.kind)}, default {escape(_yaml(option.default))}")
+        results().print(Padding(escape(option.meaning), (0, 0, 0, 6)))
 
 
 def _yaml(value: Any) -> str:
     """Return a default as in a problem file."""
     if value is None:
-        return "not given"
+        return "none"
     if isinstance(value, bool):
         return str(value).lower()
     return str(list(value)) if isinstance(value, tuple) else str(value)
