@@ -33,8 +33,8 @@ DECIDES_COLLISIONS = (("robot",), ("group",), ("locked",), ("scene", "allowed_co
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
-    """Parts of a problem; the attributes are those of `Problem`."""
+class ProblemParts:
+    """What a problem is made of; `Problem` describes the attributes."""
 
     name: str
     robot: Robot
@@ -59,10 +59,10 @@ class Parts:
 class Reading:
     """Result of reading a file: the parts of the problem if there are no issues."""
 
-    parts: Parts | None
+    parts: ProblemParts | None
     issues: tuple[Issue, ...]
 
-    def whole(self) -> Parts:
+    def whole(self) -> ProblemParts:
         """The parts.
 
         Raises:
@@ -118,7 +118,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     if issues or spec is None or robot is None or limits is None or places.start is None:
         return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
     source, digest = source_of(spec, document.path.stem.strip("<>"), base, robot)
-    parts = Parts(
+    parts = ProblemParts(
         name=source["name"],
         robot=robot,
         scene=scene,

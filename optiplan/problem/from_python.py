@@ -10,7 +10,7 @@ from optiplan.errors import InputError, described, wrong_argument
 from optiplan.files import reading
 from optiplan.problem import to_data
 from optiplan.problem.builder import RobotLoader
-from optiplan.problem.from_data import Parts, read_problem
+from optiplan.problem.from_data import ProblemParts, read_problem
 from optiplan.problem.task.builder import task_data
 from optiplan.robot.reference import UNKNOWN
 from optiplan.robot.robot import Robot, load_robot
@@ -33,7 +33,7 @@ SAID = {
 """Parts of a problem: key of the file, and how the part stands there."""
 
 
-def read_arguments(robot: Any, given: Mapping[str, Any], labels: Mapping[str, Any]) -> Parts:
+def read_arguments(robot: Any, given: Mapping[str, Any], labels: Mapping[str, Any]) -> ProblemParts:
     """Return the parts of a problem built in Python."""
     if not isinstance(robot, Robot | str | Path | Mapping):
         expected = "op.load_robot(…), op.Robot.from_urdf(…), the name of a robot or the path of a robot.yaml"
@@ -55,7 +55,7 @@ def read_arguments(robot: Any, given: Mapping[str, Any], labels: Mapping[str, An
     return read_data(data, robot)
 
 
-def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Parts:
+def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> ProblemParts:
     """Return the parts of a problem of plain data, with this robot, if one is given.
 
     Raises:

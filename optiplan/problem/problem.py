@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.problem import to_data
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.statements import PathConstraint
-from optiplan.problem.from_data import Parts
+from optiplan.problem.from_data import ProblemParts
 from optiplan.problem.from_python import SAID, read_arguments, read_data
 from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
@@ -35,7 +35,7 @@ __all__ = ["Goal", "GoalEnd", "JointGoal", "Objective", "Pose", "PoseGoal", "Pro
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Problem:
+class Problem(ProblemParts):
     """A task: which robot goes from where to where, around what, within which limits; never changed.
 
     The arguments are checked as a problem file is, and give the same problem with the same hash.
@@ -87,22 +87,7 @@ class Problem:
         Problem: problem, panda, to a pose of panda_hand_tcp; 1 obstacle (shelf)
     """
 
-    name: str
-    robot: Robot
-    scene: Scene
-    start: Array
-    start_velocity: Array
-    start_acceleration: Array
-    goal: Goal
-    limits: Limits
-    vias: tuple[Via, ...]
-    task: tuple[TaskStep, ...]
-    objective: Objective
-    path_constraints: tuple[PathConstraint, ...]
-    planner: str
-    options: Mapping[str, Any]
-    seed: int
-    source: Mapping[str, Any] = field(init=False)
+    source: Mapping[str, Any] = field(init=False)  # dropped by `dataclasses.replace`
     hash: str = field(init=False)
 
     def __init__(
@@ -126,31 +111,22 @@ class Problem:
         start_velocity: Values | None = None,
         start_acceleration: Values | None = None,
     ) -> None:
+        parts: dict[str, Any] = {"start": start, "goal": goal, "scene": scene, "vias": vias, "limits": limits}
+        parts |= {"objective": objective, "task": task, "path_constraints": path_constraints}
         rates = start_velocity, start_acceleration
-        given = {"start": start, "goal": goal, "scene": scene, "vias": vias, "limits": limits, "objective": objective}
-        given |= {"task": task, "path_constraints": path_constraints}
-        stands = {"base": base, "gravity": gravity}
         labels = {"name": name, "seed": seed}
         labels |= {"planner": "trajopt" if planner is None else planner, "options": {} if options is None else options}
-        needed = {"start"} if goal is None and task is not None else {"start", "goal"}
         if isinstance(limits, Limits):
-            rest: dict[str, Any] = {"scene": scene or Scene(), "vias": tuple(vias)}
-            rest |= {"objective": objective or Objective(), "path_constraints": tuple(path_constraints)}
-            rest |= {"task": () if task is None else tuple(cast(Sequence[TaskStep], task))}
-            v, a = (np.zeros(robot.n) if rate is None else rate for rate in rates)  # type: ignore[union-attr]
-            rest |= {"start_velocity": v, "start_acceleration": a}
-            self._set({"robot": robot, **given, **labels, **rest, "source": {}, "hash": ""})
-        else:
-            several = isinstance(path_constraints, Sequence)
-            own = [one for one in path_constraints if isinstance(one, Expression)] if several else []
-            if own:
-                given["path_constraints"] = [one for one in path_constraints if one not in own]
-            given["start"] = start if all(rate is None for rate in rates) else to_data.moving_start(start, *rates)
-            said = {k: value for k, value in (given | stands).items() if value is not None or k in needed}
-            self._take(read_arguments(robot, said, labels))
-            if own:
-                made = self._with_expressions(own)
-                self._set({"path_constraints": made.path_constraints, "hash": made.hash})
+            self._set({"robot": robot, **parts, **labels, **_defaults(robot, parts, rates), "source": {}, "hash": ""})
+            return
+        parts["path_constraints"], expressions = _split_expressions(path_constraints)
+        if any(rate is not None for rate in rates):
+            parts["start"] = to_data.moving_start(start, *rates)
+        needed = {"start"} if goal is None and task is not None else {"start", "goal"}
+        stated = parts | {"base": base, "gravity": gravity}
+        stated = {key: value for key, value in stated.items() if value is not None or key in needed}
+        self._take(read_arguments(robot, stated, labels))
+        self._add_expressions(expressions)
 
     def _set(self, parts: Mapping[str, Any]) -> None:
         for name, value in parts.items():
@@ -160,11 +136,11 @@ class Problem:
             array.flags.writeable = False  # nobody writes into what the hash is about
             object.__setattr__(self, name, array)
 
-    def _take(self, parts: Parts) -> None:
-        self._set({one.name: getattr(parts, one.name) for one in fields(Parts)})
+    def _take(self, parts: ProblemParts) -> None:
+        self._set({one.name: getattr(parts, one.name) for one in fields(ProblemParts)})
 
     @classmethod
-    def of(cls, parts: Parts) -> "Problem":
+    def of(cls, parts: ProblemParts) -> "Problem":
         """Return the problem that was read."""
         problem = object.__new__(cls)
         problem._take(parts)
@@ -353,12 +329,14 @@ class Problem:
             raise wrong_argument("Problem.save", "path", found, "a file that can be written") from None
 
     def _with(self, **changes: Any) -> "Problem":
-        own = [one for one in changes.get("path_constraints", self.path_constraints) if isinstance(one, Expression)]
-        if "path_constraints" in changes and self.source:
-            changes["path_constraints"] = [one for one in changes["path_constraints"] if one not in own]
         if self.source:
+            constraints, expressions = _split_expressions(changes.get("path_constraints", self.path_constraints))
+            if "path_constraints" in changes:
+                changes["path_constraints"] = constraints
             data = dict(self.source) | {SAID[part][0]: SAID[part][1](value) for part, value in changes.items()}
-            return Problem.of(read_data(data, self.robot)).with_seed(self.seed)._with_expressions(own)
+            other = Problem.of(read_data(data, self.robot)).with_seed(self.seed)
+            other._add_expressions(expressions)
+            return other
         if {"base", "gravity"} & changes.keys():
             raise wrong_argument("Problem", "problem", "a problem that was put together by hand", "one with a source")
         if "start" in changes:
@@ -370,16 +348,15 @@ class Problem:
             changes["goal"] = (changes["goal"],)
         return replace(self, **changes)
 
-    def _with_expressions(self, own: Sequence[Expression]) -> "Problem":
-        """Return the problem with users' constraints, which no file holds and `source` does not show."""
-        if not own:
-            return self
+    def _add_expressions(self, expressions: Sequence[Expression]) -> None:
+        """Add users' constraints, which no file holds: they are part of the hash, and `source` does not show them."""
+        if not expressions:
+            return
         goals = [goal.state for goal in self.goal if isinstance(goal, JointGoal)]
         ends = goals if len(goals) == len(self.goal) else []
-        digests = "".join(one.checked(self.robot, self.start_state, ends) for one in own)
-        other = replace(self, path_constraints=(*self.path_constraints, *own))
-        other._set({"source": self.source, "hash": hashlib.sha256((self.hash + digests).encode()).hexdigest()})
-        return other
+        digests = "".join(one.checked(self.robot, self.start_state, ends) for one in expressions)
+        self._set({"path_constraints": (*self.path_constraints, *expressions)})
+        self._set({"hash": hashlib.sha256((self.hash + digests).encode()).hexdigest()})
 
     def __repr__(self) -> str:
         """Name, robot, goal and scene in one line."""
@@ -405,3 +382,25 @@ class Problem:
     @property
     def _around(self) -> str:
         return str(self.scene).removeprefix("Scene: ")
+
+
+def _defaults(robot: Any, parts: Mapping[str, Any], rates: Sequence[Values | None]) -> dict[str, Any]:
+    """Return the parts of a problem that is taken as it is, unchecked, with defaults for those not given."""
+    velocity, acceleration = (np.zeros(robot.n) if rate is None else rate for rate in rates)
+    return {
+        "scene": parts["scene"] or Scene(),
+        "vias": tuple(parts["vias"]),
+        "objective": parts["objective"] or Objective(),
+        "path_constraints": tuple(parts["path_constraints"]),
+        "task": () if parts["task"] is None else tuple(parts["task"]),
+        "start_velocity": velocity,
+        "start_acceleration": acceleration,
+    }
+
+
+def _split_expressions(constraints: Any) -> tuple[Any, list[Expression]]:
+    """Return the constraints that a file can state, and the users' own."""
+    if not isinstance(constraints, Sequence):
+        return constraints, []  # not a list at all, which the reader of arguments tells
+    own = [one for one in constraints if isinstance(one, Expression)]
+    return ([one for one in constraints if not isinstance(one, Expression)] if own else constraints), own
