@@ -12,7 +12,8 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.trajectory.from_samples import from_samples, interpolation
-from optiplan.trajectory.trajectory import Trajectory, numbers
+from optiplan.trajectory.pieces import numbers
+from optiplan.trajectory.trajectory import Trajectory
 
 _KINDS = ("q", "v", "a")
 _HEADER = "t, then NAME or q_NAME of each joint, and if you like v_NAME and a_NAME"

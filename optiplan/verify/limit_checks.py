@@ -10,7 +10,8 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
 from optiplan.robot.limits import ORDERS
-from optiplan.trajectory.trajectory import Trajectory, defect
+from optiplan.trajectory.pieces import defect
+from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.polynomial_bounds import prove_bounds
 from optiplan.verify.report import Check, VerifyPolicy
 

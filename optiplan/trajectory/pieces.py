@@ -1,0 +1,73 @@
+"""Arrays of a trajectory's polynomial pieces: what is wrong with them, and how they are read from JSON."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.errors import InputError, Issue
+
+_MOST_DEGREE = 31  # powers of time beyond that leave no digits
+
+
+def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array) -> tuple[str, str, str] | None:
+    """Return what prevents a valid Trajectory: (field, what was found, what was expected), or None."""
+    m, n = len(breakpoints) - 1 if breakpoints.ndim == 1 else 0, len(joint_names)
+    if m < 1:
+        return "breakpoints", f"shape {breakpoints.shape}", "two times or more"
+    if n < 1 or len(set(joint_names)) < n:
+        return "joint_names", f"{joint_names!r:.120}", "one or more different names"
+    if coefficients.ndim != 3 or coefficients.shape[::2] != (m, n) or coefficients.shape[1] < 1:
+        expected = f"({m}, degree + 1, {n}) for {m} pieces and {n} joints"
+        return "coefficients", f"shape {coefficients.shape}", expected
+    if coefficients.shape[1] > _MOST_DEGREE + 1:
+        return "coefficients", f"degree {coefficients.shape[1] - 1}", f"at most {_MOST_DEGREE}"
+    if not np.isfinite(breakpoints).all():
+        return "breakpoints", f"{breakpoints[~np.isfinite(breakpoints)][0]}", "finite numbers"
+    if not np.isfinite(coefficients).all():
+        return "coefficients", f"{coefficients[~np.isfinite(coefficients)][0]}", "finite numbers"
+    if breakpoints[0] != 0.0:
+        return "breakpoints", f"first {breakpoints[0]}", "the first to be 0"
+    if not (np.diff(breakpoints) > 0).all():
+        i = int(np.argmin(np.diff(breakpoints)))
+        return "breakpoints", f"{breakpoints[i]} followed by {breakpoints[i + 1]}", "increasing times"
+    return None
+
+
+def read_pieces(data: Any, file: str) -> tuple[tuple[str, ...], Array, Array]:
+    """Return joint names (n), breakpoints (m + 1,), s, and coefficients (m, degree + 1, n) from parsed JSON.
+
+    Raises:
+        InputError: naming the field that is missing, misshapen, not finite or out of order.
+    """
+    pieces = data.get("pieces") if isinstance(data, Mapping) else None
+    if not isinstance(pieces, Mapping):
+        raise InputError([Issue(file, None, "pieces", "nothing", "{breakpoints, coefficients}")])
+    names = data.get("joint_names")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InputError([Issue(file, None, "joint_names", f"{names!r:.120}", "a list of names")])
+    breakpoints = numbers(pieces.get("breakpoints"), file, "pieces.breakpoints")
+    coefficients = numbers(pieces.get("coefficients"), file, "pieces.coefficients")
+    problem = defect(tuple(names), breakpoints, coefficients)
+    if problem is not None:
+        field = problem[0] if problem[0] == "joint_names" else f"pieces.{problem[0]}"
+        raise InputError([Issue(file, None, field, *problem[1:])])
+    return tuple(names), breakpoints, coefficients
+
+
+def numbers(value: Any, file: str, field: str) -> Array:
+    """Return parsed JSON as an array.
+
+    Raises:
+        InputError: it holds anything but numbers, or rows of different lengths.
+    """
+    expected = "nested lists of numbers, all rows of one length"
+    try:
+        array = np.array(value)
+    except ValueError:
+        raise InputError([Issue(file, None, field, "rows of different lengths", expected)]) from None
+    if array.dtype.kind not in "if":
+        found = "nothing" if value is None else "other things than numbers"
+        raise InputError([Issue(file, None, field, found, expected)])
+    return array.astype(float)
