@@ -36,7 +36,7 @@ def planners() -> Listing:
 
 
 def robots() -> Listing:
-    """The robots that come along, by name, each with its groups of joints, tool frame and named configurations.
+    """The bundled robots by name, each with its groups of joints, tool frame and named configurations.
 
     Example:
         >>> import optiplan as op

@@ -43,7 +43,7 @@ def load_problem(source: Path | str | Mapping[str, Any], **overrides: Any) -> Pr
 
 
 def load_robot(source: Path | str, *, group: str | None = None, locked: Mapping[str, float] | None = None) -> Robot:
-    """A robot that comes along, by name, or one of your own, by the path of its robot.yaml or URDF.
+    """A bundled robot by name, or one of your own by the path of its robot.yaml or URDF.
 
     Args:
         source: a name of `op.robots()` or a path.

@@ -10,7 +10,7 @@ from optiplan.cli.output import results
 
 HELP = """One YAML file in, one trajectory out that is [bold]proved[/] collision-free and within limits.
 
-Try [cyan]optiplan plan 01_reach[/], then [cyan]optiplan plan 02_shelf --view[/]: both are examples that come along.
+Try [cyan]optiplan plan 01_reach[/], then [cyan]optiplan plan 02_shelf --view[/]: both are bundled examples.
 Every command takes --help.
 
 Exit codes: 0 verified · 2 bad input · 3 no plan found within the budget · 4 found but not verified.

@@ -10,7 +10,7 @@ from optiplan.planners.base import Planner
 from optiplan.planners.option_schema import Option, make_options, options_of
 from optiplan.planners.third_party import PlannerClass, checked_class, planner_class
 
-_SHIPPED = {
+_BUNDLED = {
     "optimisation": {
         "trajopt": (
             "trajopt.planner:TrajOpt",
@@ -91,7 +91,7 @@ _SHIPPED = {
 }
 """By family and name: where the class is, below `optiplan.planners`, and what the planner does."""
 
-FAMILIES = tuple(_SHIPPED)
+FAMILIES = tuple(_BUNDLED)
 """What planners are listed under: how they find their motion."""
 
 LIBRARIES = {
@@ -130,10 +130,10 @@ class PlannerEntry:
 PLANNERS = {
     name: PlannerEntry(name, family, summary, f"optiplan.planners.{where}")
     for name, family, where, summary in sorted(
-        (name, family, *told) for family, planners in _SHIPPED.items() for name, told in planners.items()
+        (name, family, *told) for family, planners in _BUNDLED.items() for name, told in planners.items()
     )
 }
-"""The shipped planners by name, in alphabetical order."""
+"""The bundled planners by name, in alphabetical order."""
 
 
 def planner_entry(name: str) -> PlannerEntry:

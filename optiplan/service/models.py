@@ -153,7 +153,7 @@ class ProblemAnswer(BaseModel):
 
 
 class RobotAnswer(BaseModel):
-    """A robot that comes along."""
+    """A bundled robot."""
 
     name: str
     about: str

@@ -20,6 +20,6 @@ def digest_of(value: Any) -> str:
 
 
 def names_files(request: Mapping[str, Any]) -> bool:
-    """Whether a problem may read files besides those that come along."""
+    """Whether a problem may read files besides the bundled ones."""
     text = json.dumps(request["problem"])
     return any(word in text for word in ("file", "urdf", ".yaml", "/"))

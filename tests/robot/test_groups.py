@@ -1,4 +1,4 @@
-"""Named groups of joints: of robots that come along, in robot files and in problem files."""
+"""Named groups of joints: of bundled robots, in robot files and in problem files."""
 
 import pickle
 

@@ -25,7 +25,7 @@ def control(
 
     [bold]Examples[/]
 
-      optiplan control panda_shelf                       an example that comes along
+      optiplan control panda_shelf                       a bundled example
 
       optiplan control cell.yaml --out runs/cell
 

@@ -15,21 +15,23 @@ PICTURES = ("png", "mp4")
 def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="a run folder")],
     to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, json, npz, ros, urscript, png or mp4")],
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="to write; by default RUN/motion.…")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="to write (default: RUN/motion.…)")] = None,
     rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="samples a second, at least; by default 200, of urscript 500")
+        float | None, typer.Option(metavar="HZ", help="least sample rate (default: 200, urscript 500)")
     ] = None,
     cyclic: Annotated[
-        bool, typer.Option("--cyclic", help="samples exactly 1/HZ apart, the motion slower by less than one cycle")
+        bool, typer.Option("--cyclic", help="samples exactly 1/HZ apart; slows the motion by less than one cycle")
     ] = False,
-    unverified: Annotated[bool, typer.Option("--unverified", help="write a motion that is not verified too")] = False,
+    unverified: Annotated[
+        bool, typer.Option("--unverified", help="write the motion even if it is not verified")
+    ] = False,
 ) -> int:
     """Write the motion of a run for a controller or another program.
 
-    The motion is verified again first; one that is not is written with --unverified only. Told is how far a controller
-    is from the proved motion that puts straight lines, cubic or quintic polynomials between the samples.
-    A picture (png) is of the page half-way, a film (mp4) of the scene; they need chromium and the extra
-    `pictures`, a film also ffmpeg.
+    The motion is verified again first. The deviation from it of a controller that puts straight lines, cubic or quintic
+    polynomials between the samples is printed.
+    A picture (png) shows the page half-way, a film (mp4) the scene; they need chromium and the extra `pictures`,
+    a film also ffmpeg.
 
     [bold]Examples[/]
 
@@ -74,7 +76,7 @@ def export(
     told = [
         f"written: {written.path}",
         f"{verdict}; {written.duration:.3f} s, {written.samples} samples",
-        f"off the motion between samples, rad or m, by interpolation: {errors}",
+        f"deviation between samples, rad or m, if interpolated: {errors}",
     ]
     results().print("\n".join(told), markup=False, soft_wrap=True)
     return Exit.VERIFIED if stored.verified else Exit.NOT_VERIFIED

@@ -32,9 +32,9 @@ Quaternion = Annotated[
     str | None, typer.Option(metavar="X,Y,Z,QX,QY,QZ,QW", help="instead: position and unit quaternion")
 ]
 Matrix = Annotated[str | None, typer.Option(metavar="R11,R12,…|FILE", help="instead: 4×4 or 3×4 matrix, row by row")]
-Frame = Annotated[str | None, typer.Option(metavar="NAME", help="which frame; the robot's tool frame if left out")]
+Frame = Annotated[str | None, typer.Option(metavar="NAME", help="frame (default: the robot's tool frame)")]
 Group = Annotated[str | None, typer.Option(metavar="NAME", help="the joints that move; see: robots show")]
-Every = Annotated[bool, typer.Option("--all", help="every branch, those that break joint limits too")]
+Every = Annotated[bool, typer.Option("--all", help="every branch, also those that violate joint limits")]
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
 
 
@@ -48,7 +48,7 @@ def ik(
     every: Every = False,
     as_json: AsJson = False,
 ) -> int:
-    """Find the joint values that put the robot's tool at a pose; collisions are not looked at.
+    """Find the joint values that put the robot's tool at a pose; collisions are not checked.
 
     The pose is in metres and radians; roll, pitch and yaw turn about the [bold]fixed[/] axes x, then y, then z. A
     quaternion is x, y, z, w, the scalar last, as in problem files. A matrix is 16 numbers, or 12 without the last row,

@@ -22,7 +22,7 @@ At = Annotated[
         help="joint values, rad (m for sliding joints), or the name of a configuration; without it: ready",
     ),
 ]
-Frame = Annotated[str | None, typer.Option(metavar="NAME", help="which frame; the robot's tool frame if left out")]
+Frame = Annotated[str | None, typer.Option(metavar="NAME", help="frame (default: the robot's tool frame)")]
 Group = Annotated[str | None, typer.Option(metavar="NAME", help="the joints that move; see: robots show")]
 Velocity = Annotated[
     str | None, typer.Option(metavar="V1,V2,…", help="of the joints: what the tool and mecanum wheels do then")

@@ -49,7 +49,7 @@ def plan(
 
     [bold]Examples[/]
 
-      optiplan plan 01_reach                             an example that comes along
+      optiplan plan 01_reach                             a bundled example
 
       optiplan plan cell.yaml --out runs/cell --view     keep the run, look at it
 

@@ -19,7 +19,7 @@ def plot(
     figure: Annotated[str | None, typer.Option(metavar="NAME", help=f"{NAMES} (default: all)")] = None,
     kinds: Annotated[str | None, typer.Option("--format", metavar="F", help=KINDS)] = None,
     joints: Annotated[str | None, typer.Option(metavar="J,J,…", help="only these joints")] = None,
-    share: Annotated[bool, typer.Option("--share", help="joints in percent of their limits")] = False,
+    share: Annotated[bool, typer.Option("--share", help="joint curves in percent of their limits")] = False,
     frames: Annotated[int, typer.Option(min=0, max=1000, metavar="N", help="tool frames along the path")] = 9,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
 ) -> int:
@@ -27,7 +27,7 @@ def plot(
 
     joints: position, velocity, acceleration, jerk and torque against time, with limits and exact extrema.
     tool: position and speed against time. path: in space and in planes, with tool frames.
-    CSV has what the figures show; a PDF has a page a figure. A PNG or SVG file holds one: joints unless told.
+    CSV has what the figures show; a PDF has one page per figure. A PNG or SVG file holds one, by default joints.
 
     [bold]Examples[/]
 

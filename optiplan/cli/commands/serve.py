@@ -8,35 +8,41 @@ import typer
 
 from optiplan.errors import InputError, Issue, OptiPlanError
 
-DATABASE = "sqlite:///PATH or postgresql://USER@HOST/NAME; without it, SQLite in the data folder"
-DATA = "folder of contents, uploads and the database; one that all machines of a database share"
-FOLDER = "problems may read meshes and robots from there (again for more); nothing else is read, uploads apart"
-TOKEN = "file with the token that every request carries; or OPTIPLAN_TOKEN"
+DATABASE = "sqlite:///PATH or postgresql://USER@HOST/NAME (default: SQLite in the data folder)"
+DATA = "folder for contents, uploads and the database, shared by all machines of a database"
+FOLDER = "folder from which problems may read meshes and robots, besides uploads (repeatable)"
+TOKEN = "file with the token that every request carries (or OPTIPLAN_TOKEN)"
 
 
 def serve(
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="to listen on; not loopback: a token is needed")] = "",
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="to listen on; other than loopback needs a token")] = "",
     port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="0: any")] = 7100,
     database: Annotated[str, typer.Option(metavar="URL", help=DATABASE)] = "",
     data: Annotated[Path | None, typer.Option(metavar="DIR", help=DATA)] = None,
     token_file: Annotated[Path | None, typer.Option(metavar="FILE", help=TOKEN)] = None,
-    allow_host: Annotated[list[str] | None, typer.Option(metavar="NAME", help="a name it may be called by")] = None,
+    allow_host: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="host name that requests may use (repeatable)")
+    ] = None,
     folder: Annotated[list[Path] | None, typer.Option(metavar="DIR", help=FOLDER)] = None,
     solvers: Annotated[
-        int | None, typer.Option(min=0, metavar="N", help="processes for the queue; default: cores less one")
+        int | None, typer.Option(min=0, metavar="N", help="processes for the queue (default: one less than cores)")
     ] = None,
-    interactive: Annotated[int, typer.Option(min=1, metavar="N", help="processes for callers who wait")] = 1,
-    live: Annotated[int, typer.Option(min=0, metavar="N", help="controllers that may run at a time, live views")] = 1,
-    queue: Annotated[int, typer.Option(min=1, metavar="N", help="most runs that wait")] = 1000,
-    memory: Annotated[float, typer.Option(min=300.0, metavar="MB", help="most memory of one process")] = 2000.0,
+    interactive: Annotated[
+        int, typer.Option(min=1, metavar="N", help="processes for POST /api/plan, past the queue")
+    ] = 1,
+    live: Annotated[int, typer.Option(min=0, metavar="N", help="live controllers at a time")] = 1,
+    queue: Annotated[int, typer.Option(min=1, metavar="N", help="queued runs at most")] = 1000,
+    memory: Annotated[float, typer.Option(min=300.0, metavar="MB", help="memory limit of a process")] = 2000.0,
     keep_days: Annotated[float, typer.Option(min=0.0, metavar="DAYS", help="how long runs are kept")] = 30.0,
-    keep_gb: Annotated[float, typer.Option(min=0.0, metavar="GB", help="most that runs take; the oldest go")] = 10.0,
+    keep_gb: Annotated[
+        float, typer.Option(min=0.0, metavar="GB", help="disk space for runs; the oldest are deleted")
+    ] = 10.0,
     log_level: Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")] = "info",
 ) -> int:
     """Serve the planner to browsers and programs: REST, OpenAPI at /openapi.json, pages at /.
 
-    Runs are kept in a database and queued in it: a server that is killed goes on where it was.
-    It listens on this machine alone, unless told otherwise and given a token.
+    Runs are kept in a database and queued in it: a server that is killed continues where it was.
+    It listens on loopback only, unless it is given --host and a token.
 
     [bold]Examples[/]
 
@@ -69,8 +75,8 @@ def worker(
     database: Annotated[str, typer.Option(metavar="URL", help=DATABASE)],
     data: Annotated[Path | None, typer.Option(metavar="DIR", help=DATA)] = None,
     folder: Annotated[list[Path] | None, typer.Option(metavar="DIR", help=FOLDER)] = None,
-    solvers: Annotated[int | None, typer.Option(min=1, metavar="N", help="processes; default: all cores")] = None,
-    memory: Annotated[float, typer.Option(min=300.0, metavar="MB", help="most memory of one process")] = 2000.0,
+    solvers: Annotated[int | None, typer.Option(min=1, metavar="N", help="processes (default: all cores)")] = None,
+    memory: Annotated[float, typer.Option(min=300.0, metavar="MB", help="memory limit of a process")] = 2000.0,
     log_level: Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")] = "info",
 ) -> int:
     """Solve queued runs of a database, beside its server or on another machine.

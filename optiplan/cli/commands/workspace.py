@@ -23,13 +23,15 @@ def _height(z: float | None) -> float | None:
 
 Names = Annotated[
     list[str],
-    typer.Argument(metavar="ROBOT…", help="robots that come along, or paths of robot.yaml", autocompletion=robot_names),
+    typer.Argument(metavar="ROBOT…", help="bundled robots, or paths of robot.yaml", autocompletion=robot_names),
 ]
-Count = Annotated[int, typer.Option(min=1, metavar="N", help="random configurations a robot")]
-Grid = Annotated[int | None, typer.Option(min=2, metavar="K", help="instead: K values a joint, K^n configurations")]
-Group = Annotated[str | None, typer.Option(metavar="G", help="of the robot's groups of joints")]
-Frame = Annotated[str | None, typer.Option(metavar="F", help="which frame; the robot's tool frame if left out")]
-Apart = Annotated[bool, typer.Option("--collision/--no-collision", help="leave out where the robot touches itself")]
+Count = Annotated[int, typer.Option(min=1, metavar="N", help="random configurations per robot")]
+Grid = Annotated[
+    int | None, typer.Option(min=2, metavar="K", help="instead of random ones: K values per joint, K^n configurations")
+]
+Group = Annotated[str | None, typer.Option(metavar="G", help="one of the robot's groups of joints")]
+Frame = Annotated[str | None, typer.Option(metavar="F", help="frame (default: the robot's tool frame)")]
+Apart = Annotated[bool, typer.Option("--collision/--no-collision", help="leave out configurations in self-collision")]
 Floor = Annotated[
     float | None,
     typer.Option(callback=_height, metavar="Z", help="a floor at this height, m, not to be touched"),
@@ -37,7 +39,9 @@ Floor = Annotated[
 Accuracy = Annotated[bool, typer.Option("--accuracy", help="map what the joints' resolution means at the tool")]
 Resolution = Annotated[
     str | None,
-    typer.Option(metavar="R", help="of the joints: encoder bits a turn, or a step in rad, 1e-4; 17bit unless given"),
+    typer.Option(
+        metavar="R", help="of the joints: encoder bits per turn (17bit, the default), or a step in rad (1e-4)"
+    ),
 ]
 Voxels = Annotated[int, typer.Option(min=2, max=100, metavar="K", help="voxels in a radius of the reach")]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="write NPZ, PLY, a page and a picture there")]

@@ -71,7 +71,7 @@ class PlannerSpec(Strict):
 class ProblemSpec(Strict):
     """A problem file.
 
-    `robot` is the name of one that comes along, the path of a robot.yaml, or what would stand in one (`{urdf: …}`).
+    `robot` is the name of a bundled one, the path of a robot.yaml, or what would stand in one (`{urdf: …}`).
     `group` names the planned joints among the robot file's `groups`; `locked` holds values of joints that are not
     planned (fingers), over those of the robot file. `base` is the pose of the robot's root in the world, the identity
     without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one. There is

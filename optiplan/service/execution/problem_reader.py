@@ -37,7 +37,7 @@ class ProblemReader:
 
     Args:
         base: folder that files named in problems are relative to.
-        folders: the only ones, besides the robots that come along, from which files are read.
+        folders: the only ones, besides the bundled robots, from which files are read.
         bodies: most obstacles and held objects of one problem.
 
     Attributes:
@@ -131,7 +131,7 @@ class ProblemReader:
         locked: Mapping[str, float] | None = None,
         group: str | None = None,
     ) -> Robot:
-        """A robot as `load_robot` gives it; those that come along are kept, since their files do not change."""
+        """A robot as `load_robot` gives it; bundled ones are kept, since their files do not change."""
         if not isinstance(ref, str) or ref not in self._names:
             return load_robot(ref, base, locked, group)
         key = json.dumps([ref, sorted((locked or {}).items()), group])

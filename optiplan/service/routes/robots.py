@@ -30,14 +30,14 @@ class IkRequest(ProblemInput):
 
 @router.get("/robots", response_model=list[RobotAnswer], responses=errors())
 async def robots_listed(service: Service) -> Json:
-    """The robots that come along."""
+    """The bundled robots."""
     found = await service.read(robots)
     return Json([{"name": name, "about": about} for name, about in found.items()])
 
 
 @router.get("/robots/{name}", response_model=RobotAnswer, responses=errors(404))
 async def robot(name: str, service: Service) -> Json:
-    """A robot that comes along."""
+    """A bundled robot."""
     found = await service.read(robots)
     if name not in found:
         raise not_found("robot", name)

@@ -40,7 +40,7 @@ def bench() -> None:
 def run(
     suite: Annotated[Path, typer.Argument(metavar="SUITE", help="a suite file, such as benchmarks/suites/quick.yaml")],
     workers: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="runs at a time; as many as there are cores unless given")
+        int | None, typer.Option(min=1, metavar="N", help="runs at a time (default: the number of cores)")
     ] = None,
     out: Annotated[
         Path | None,
@@ -55,16 +55,16 @@ def run(
     ] = False,
     best_known: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="a table of best known durations: what beats it is written into it"),
+        typer.Option(metavar="FILE", help="table of best known durations, updated with shorter ones"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
 ) -> int:
-    """Make every run of a suite that is not in the folder yet.
+    """Make every run of a suite that the folder does not hold yet.
 
-    The same command again goes on where the last one ended, whatever ended it.
+    The same command again continues where the last one ended.
     With --add the folder may be of another suite: the runs of this one are added to it.
-    With --best-known every verified run is held against a CSV file of the shortest known motions, and shorter ones go
-    into it; so does the report.
+    With --best-known every verified run is compared with a CSV file of the shortest known motions, and shorter ones
+    are written into it.
 
     [bold]Examples[/]
 
@@ -76,7 +76,7 @@ def run(
 
       optiplan bench mine.yaml --dask tcp://10.0.0.1:8786
 
-    Exit code: 0 every run is there, whatever came of it · 2 bad input, or results cannot be written · 130 interrupted.
+    Exit code: 0 every run was made, verified or not · 2 bad input, or results cannot be written · 130 interrupted.
     """
     from optiplan.bench.execution.runner import found_runs, open_results, other_versions, run_suite
     from optiplan.bench.results.best_known import BestKnownTable

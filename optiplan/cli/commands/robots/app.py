@@ -1,4 +1,4 @@
-"""`optiplan robots`: the robots that come along, and what is known of any robot."""
+"""`optiplan robots`: the bundled robots, and what is known of any robot."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,9 +14,7 @@ app = typer.Typer(invoke_without_command=True)
 app.command("init")(init)
 Name = Annotated[
     str,
-    typer.Argument(
-        metavar="NAME", help="a robot that comes along, or the path of a robot.yaml", autocompletion=robot_names
-    ),
+    typer.Argument(metavar="NAME", help="a bundled robot, or the path of a robot.yaml", autocompletion=robot_names),
 ]
 Group = Annotated[str | None, typer.Option("--group", metavar="GROUP", help="one of the robot's groups of joints")]
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
@@ -24,9 +22,9 @@ AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and 
 
 @app.callback()
 def robots(context: typer.Context, as_json: AsJson = False) -> int:
-    """List the robots that come with OptiPlan, show one, write it for other programs, or make one of your URDF.
+    """List the robots that come with OptiPlan, show one, write it for other programs, or make one from your URDF.
 
-    Your own is as good: `robot: path/to/robot.yaml` in the problem file, with `version: 1`, `name:` and `urdf:` or
+    A robot of your own: `robot: path/to/robot.yaml` in the problem file, with `version: 1`, `name:` and `urdf:` or
     `dh:` in it.
 
     [bold]Examples[/]

@@ -13,17 +13,25 @@ from optiplan.cli.output import stdout_is_ours
 def init(
     context: typer.Context,
     urdf: Annotated[Path, typer.Argument(metavar="URDF", help="the robot's URDF")],
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="folder of the files; the URDF's")] = None,
-    name: Annotated[str | None, typer.Option("--name", metavar="NAME", help="of the robot; the URDF's")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="folder for the files (default: the URDF's)")
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option("--name", metavar="NAME", help="of the robot (default: the URDF's)")
+    ] = None,
     group: Annotated[str | None, typer.Option("--group", metavar="J1,J2,…", help="joints to plan")] = None,
     tool: Annotated[str | None, typer.Option("--tool", metavar="FRAME", help="the frame that goals are for")] = None,
-    lock: Annotated[list[str] | None, typer.Option("--lock", metavar="JOINT=Q", help="where a joint stands")] = None,
-    limit: Annotated[list[str] | None, typer.Option("--limit", metavar="KEY=X", help="limit of all joints")] = None,
+    lock: Annotated[
+        list[str] | None, typer.Option("--lock", metavar="JOINT=Q", help="position of a joint that is not planned")
+    ] = None,
+    limit: Annotated[
+        list[str] | None, typer.Option("--limit", metavar="KEY=X", help="a limit of all joints, such as acceleration=5")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="replace files that are there")] = False,
     ask: Annotated[bool | None, typer.Option("--ask/--no-ask", help="ask for what no flag says")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
 ) -> int:
-    """Make a robot of a URDF: choose the joints to plan, find the pairs of links that need no check, write both.
+    """Make a robot from a URDF: choose the joints to plan, find the pairs of links that need no check, write both.
 
     On a terminal it asks for what no flag says; a plain Enter takes what stands in brackets.
 
