@@ -47,9 +47,17 @@ def blocks(page: Path) -> list[Block]:
     return [Block(each["language"], each["title"], each["text"], each["mark"]) for each in found]
 
 
+def without_numbers(text: str) -> set[str]:
+    """The lines of an output, numbers masked and spaces folded."""
+    return {" ".join(re.sub(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?", "#", line).split()) for line in text.splitlines()}
+
+
 @pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
 def test_page_runs(page, tmp_path, monkeypatch):
-    """Every file is written, every shell block ends with its exit code, the Python blocks run in one namespace."""
+    """Every file is written, every shell block ends with its exit code, the Python blocks run in one namespace.
+
+    What a page shows as output is printed by the commands above it, up to the numbers.
+    """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     (tmp_path / "bin").mkdir()
@@ -59,6 +67,7 @@ def test_page_runs(page, tmp_path, monkeypatch):
     search = os.pathsep.join([str(tmp_path / "bin"), os.environ["PATH"]])
     python = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     names: dict[str, object] = {}
+    printed: set[str] = set()
     for block in blocks(page):
         if block.title:
             Path(block.title).write_text(block.text)
@@ -68,6 +77,9 @@ def test_page_runs(page, tmp_path, monkeypatch):
             environment = {**os.environ, "PATH": search, "PYTHONPATH": python, "COLUMNS": "200"}
             done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=200)
             assert done.returncode == block.exit_code, f"{block.text}\n{done.stdout}\n{done.stderr}"
+            printed |= without_numbers(done.stdout + done.stderr)
+        elif block.language == "text":
+            assert without_numbers(block.text) <= printed
         elif block.language == "python" and block.is_run:
             exec(compile(block.text, page.name, "exec"), names)
 
