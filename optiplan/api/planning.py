@@ -186,7 +186,7 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
     fastest = stop_at_corners(_corners(points), task.limits, task.robot.joint_names)
     motion = within_torque(task.robot, task.limits, fastest) or fastest  # which the verifier refuses for its torque
     timings = {"plan": time.perf_counter() - began}
-    return pipeline.proved(task, "retime", {}, PlanResult(motion, None, {}), (Budget(BUDGET), proofs, timings))
+    return pipeline.proved(task, "retime", {}, PlanResult(motion, None, {}), Budget(BUDGET), proofs, timings)
 
 
 def _check(problem: Any, function: str) -> None:

@@ -80,7 +80,7 @@ def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, name: 
     unnamed = spec.group if isinstance(spec.group, list) else None
     lists: list[tuple[Place, list[str]]] = [] if unnamed is None else [(("group",), unnamed)]
     lists += [(("groups", key), joints) for key, joints in spec.groups.items()]
-    issues = [issue for place, joints in lists for issue in _joint_issues(place, joints, movable, (document, urdf))]
+    issues = [issue for place, joints in lists for issue in _joint_issues(place, joints, movable, document, urdf)]
     if issues:
         raise InputError(issues)
     listed = tuple(joint for joint in movable if any(joint in joints for _, joints in lists))
@@ -115,9 +115,8 @@ def mecanum_base(spec: RobotSpec, document: Document, planned: Sequence[str], ur
 
 
 def _joint_issues(
-    place: Place, group: Sequence[str], movable: Sequence[str], source: tuple[Document, UrdfSource]
+    place: Place, group: Sequence[str], movable: Sequence[str], document: Document, urdf: UrdfSource
 ) -> Iterator[Issue]:
-    document, urdf = source
     if not group:
         yield document.issue(place, "an empty list", "at least one joint")
     wrong = [(index, name) for index, name in enumerate(group) if name not in movable]

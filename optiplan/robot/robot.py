@@ -34,18 +34,36 @@ __all__ = ["DESCRIPTION", "Limits", "Reference", "Robot", "load_robot", "robot_f
 class Robot(RobotParts):
     """A robot reduced to its planned joints; a configuration q is of shape (n,), in the order of `joint_names`.
 
-    `link_geometry` says what is checked for each link: hull, mesh, convex_pieces or primitive, and `over_cover` how
-    far (m) that reaches beyond the link's meshes at most, measured. `locked` holds where the joints stand that are
-    not planned (rad, m), `allowed` the pairs of links that are not checked, with the reason (see
-    `robot.self_collision.pairs`), and `files` all that the robot was read from. `dh` is the Denavit–Hartenberg
-    table, if it was given as one, `group` the name of the group of `groups` that is planned, `tool_frames` the tools of
-    groups that have one of their own, `urdf` the whole robot as pinocchio reads it. `followers` are the joints of
-    `model` that move with a planned one, `mecanum` the wheels that planned joints stand for. `load_robot` with
-    `source`, `locked` and `group` builds the same robot again, in another process too: so it is pickled.
-    `fingerprint` is the SHA-256 of the contents of `files`, and a robot that comes out of a pickle with another one
-    is refused. `reference` is what it was loaded by. `mounting` says how it stands and what it carries: `model` and
-    the bodies have it in them, and `bare` is the robot without. `held` are planned joints that were made to stand
-    still by `holding`.
+    It is pickled as the call of `load_robot` that builds it again, and refused where its files have changed since.
+
+    Attributes:
+        name: of the robot.
+        source: the file that it was loaded from.
+        model: pinocchio's model of the planned joints and those that follow them.
+        geometry: collision bodies of the links, with the pairs that are checked.
+        limits: of the planned joints.
+        joint_names: planned joints, base to tip.
+        tool_frame: the frame that poses are about.
+        tool_frames: the tools of groups that have one of their own.
+        configurations: named ones, (n,), rad or m.
+        link_geometry: what is checked for each link: hull, mesh, convex_pieces or primitive.
+        build_visual: reads the visual geometry; see `visual`.
+        notes: what was assumed or left out, in words.
+        locked: positions of the joints that are not planned, rad or m.
+        allowed: pairs of links that are not checked, with the reason (see `robot.self_collision.pairs`).
+        files: all that the robot was read from.
+        fingerprint: SHA-256 of the contents of `files`.
+        dh: the Denavit–Hartenberg table, if it was given as one.
+        group: name of the group of `groups` that is planned.
+        groups: joints by the name of their group.
+        urdf: the whole robot as pinocchio reads it.
+        followers: joints of `model` that move with a planned one.
+        over_cover: how far the geometry of a link reaches beyond its meshes at most, m, measured.
+        mecanum: the wheels that planned joints stand for.
+        reference: what it was loaded by.
+        mounting: how it stands and what it carries; `model` and the bodies include it.
+        bare: the robot without its mounting; None where there is none.
+        held: positions of planned joints that `holding` made stand still, rad or m.
 
     Example:
         >>> import optiplan as op

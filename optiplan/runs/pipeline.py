@@ -32,7 +32,7 @@ _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
 
 
-def run(  # noqa: PLR0913
+def run(
     problem: Problem,
     planner: str | Planner[Any],
     options: Mapping[str, Any],
@@ -74,10 +74,10 @@ def run(  # noqa: PLR0913
     spent = processor_time() - spent - proofs.processor
     if time_loading() - loaded > _NOTHING:
         timings["libraries"] = time_loading() - loaded
-    return replace(proved(problem, name, options, result, (budget, proofs, timings)), plan_cpu=spent)
+    return replace(proved(problem, name, options, result, budget, proofs, timings), plan_cpu=spent)
 
 
-def run_from(  # noqa: PLR0913
+def run_from(
     earlier: Trajectory | None,
     problem: Problem,
     planner: str | Planner[Any],
@@ -115,7 +115,9 @@ def proved(
     planner: str,
     options: Mapping[str, Any],
     result: PlanResult,
-    within: tuple[Budget, ProofsOnTheWay, Mapping[str, float]],
+    budget: Budget,
+    proofs: ProofsOnTheWay,
+    planning: Mapping[str, float],
 ) -> Run:
     """Verify and measure a planner's result.
 
@@ -124,9 +126,11 @@ def proved(
         planner: its name.
         options: its options.
         result: the planner's result.
-        within: the remaining budget, the progress with what it proved on the way, and the seconds that `plan` took.
+        budget: what remains of it.
+        proofs: the progress, with what it proved on the way.
+        planning: seconds that it took, `plan` and what else is known.
     """
-    budget, proofs, timings = within[0], within[1], dict(within[2])
+    timings = dict(planning)
     selection = bound = metrics = None
     if result.trajectory is not None:
         proofs("verify", 0.0)
@@ -171,7 +175,7 @@ def chosen(
     return name, options if options is not None else problem.options if name == problem.planner else {}
 
 
-def attempt(  # noqa: PLR0913
+def attempt(
     problem: Problem,
     planner: str,
     options: Mapping[str, Any],
@@ -231,5 +235,6 @@ def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
         return replace(run, info={**run.info, "warm_start": "refused"})
     info = {**run.info, "warm_start": "kept"}
     result = PlanResult(known, None, run.stages, info, seconds=0.0)
-    within = (Budget(_KEPT), ProofsOnTheWay(run.problem, progress), run.timings)
-    return replace(proved(run.problem, run.planner, run.options, result, within), plan_cpu=run.plan_cpu)
+    proofs = ProofsOnTheWay(run.problem, progress)
+    kept = proved(run.problem, run.planner, run.options, result, Budget(_KEPT), proofs, run.timings)
+    return replace(kept, plan_cpu=run.plan_cpu)

@@ -107,14 +107,13 @@ class _Parts:
             self.geometries.append(make())
         return self._known[key]
 
-    def add(self, kind: str, name: str | tuple[str, str], body: int, X: pin.SE3, drawn: tuple[int, Colour]) -> None:
-        """A part of set `kind` at pose X in `body`, `drawn` as this geometry in this colour.
+    def add(self, kind: str, name: str | tuple[str, str], body: int, X: pin.SE3, geometry: int, colour: Colour) -> None:
+        """A part of set `kind` at pose X in `body`, drawn as this geometry in this colour.
 
         The name is also that of its owner, unless both are given.
         """
         name, owner = (name, name) if isinstance(name, str) else name
         pose = [round(float(x), 9) for x in pin.SE3ToXYZQUAT(X)]
-        geometry, colour = drawn
         self.parts.append(
             {
                 "set": kind,
@@ -157,7 +156,7 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         own = run.problem or problem
         names = own.scene.names if several else sorted(moving)
         seen = show_run(own, Poses(own) if several else poses, run, detail)
-        shown.append(seen | {"objects": _moving_objects(parts, (own, names, moved_by(own.task)), run.trajectory)})
+        shown.append(seen | {"objects": _moving_objects(parts, own, names, run.trajectory)})
     return SceneData(
         name=", ".join(dict.fromkeys((run.problem or problem).name for run in viewed)) if several else problem.name,
         geometries=tuple(parts.geometries),
@@ -211,16 +210,16 @@ def _add_robot(parts: _Parts, robot: Robot) -> None:
         name = str(thing.name), robot.link_of(k)
         key = (thing.meshPath, tuple(thing.meshScale), thing.name)
         drawn = parts.geometry(("collision", key), partial(encode, thing.geometry))
-        parts.add("collision", name, thing.parentJoint, thing.placement, (drawn, _COLLISION))
+        parts.add("collision", name, thing.parentJoint, thing.placement, drawn, _COLLISION)
         if thing.parentFrame not in seen:
-            parts.add("visual", name, thing.parentJoint, thing.placement, (drawn, _PLAIN))
+            parts.add("visual", name, thing.parentJoint, thing.placement, drawn, _PLAIN)
 
 
 def _add_frames(parts: _Parts, robot: Robot) -> None:
     for piece in skeleton(robot):
         key = ("frame", piece.cylinder.radius, piece.cylinder.halfLength)
         drawn = parts.geometry(key, partial(encode, piece.cylinder))
-        parts.add("frame", piece.name, piece.body, piece.X_BP, (drawn, piece.colour))
+        parts.add("frame", piece.name, piece.body, piece.X_BP, drawn, piece.colour)
 
 
 def _add_visual(parts: _Parts, thing: pin.GeometryObject, link: str) -> None:
@@ -228,23 +227,20 @@ def _add_visual(parts: _Parts, thing: pin.GeometryObject, link: str) -> None:
     own: Colour = _PLAIN if given[:3] in ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)) else (given[0], given[1], given[2], 1.0)
     if not isinstance(thing.geometry, coal.BVHModelBase):
         drawn = parts.geometry(("visual", thing.name), partial(encode, thing.geometry))
-        parts.add("visual", (thing.name, link), thing.parentJoint, thing.placement, (drawn, own))
+        parts.add("visual", (thing.name, link), thing.parentJoint, thing.placement, drawn, own)
         return
     key = ("visual", thing.meshPath, tuple(thing.meshScale))
     for i, surface in enumerate(visual_surfaces(thing)):
         drawn = parts.geometry((*key, i), surface.encoded)
         colour = surface.colour or own
-        parts.add("visual", (thing.name, link), thing.parentJoint, thing.placement, (drawn, colour))
+        parts.add("visual", (thing.name, link), thing.parentJoint, thing.placement, drawn, colour)
 
 
 def _moving_objects(
-    parts: _Parts, of: tuple[Problem, Sequence[str], frozenset[str]], trajectory: Trajectory | None
+    parts: _Parts, problem: Problem, names: Sequence[str], trajectory: Trajectory | None
 ) -> list[dict[str, Any]]:
-    """Return objects of a run by name: geometry, colour, and where they are from when on.
-
-    `of` has its problem, the names, and those of them that its task takes or releases.
-    """
-    problem, names, taken = of
+    """Return the objects of these names of a run: geometry, colour, and where they are from when on."""
+    taken, held = moved_by(problem.task), {one.name for one in problem.scene.attached}
     found = []
     for one in object_stays(problem, trajectory, names):
         drawn = parts.geometry(one.shape, partial(_encode_shape, one.shape))
@@ -252,7 +248,6 @@ def _moving_objects(
             {"begin": stay.begin, "body": stay.body, "pose": np.round(pin.SE3ToXYZQUAT(stay.X_BO), 9).tolist()}
             for stay in one.stays
         ]
-        held = {held.name for held in problem.scene.attached}
         colour = _NAMED.get(one.name.partition("_")[0])
         if one.name in taken and colour is None:
             colour = _OBJECTS[sorted(taken).index(one.name) % len(_OBJECTS)]
@@ -267,10 +262,10 @@ def _add_objects(parts: _Parts, problem: Problem, moving: frozenset[str]) -> Non
     for held in (held for held in problem.scene.attached if held.name not in moving):
         frame = model.frames[model.getFrameId(held.link)]
         drawn = parts.geometry(held.shape, partial(_encode_shape, held.shape))
-        parts.add("attached", held.name, frame.parentJoint, frame.placement * held.X_LO, (drawn, _HELD))
+        parts.add("attached", held.name, frame.parentJoint, frame.placement * held.X_LO, drawn, _HELD)
     for obstacle in (one for one in problem.scene.obstacles if one.name not in moving):
         drawn = parts.geometry(obstacle.shape, partial(_encode_shape, obstacle.shape))
-        parts.add("obstacle", obstacle.name, 0, obstacle.X_WO, (drawn, obstacle_colour(obstacle.shape)))
+        parts.add("obstacle", obstacle.name, 0, obstacle.X_WO, drawn, obstacle_colour(obstacle.shape))
         if obstacle.motion is not None:
             parts.parts[-1]["motion"] = obstacle.motion.to_data()
 

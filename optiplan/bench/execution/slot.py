@@ -75,16 +75,15 @@ class WorkerSlot:
                 return Outcome(replace(row, output=worker.output(), memory=peak), message.get("content")), None
             if message is not None:
                 phase, deadline = message["phase"], time.perf_counter() + task.wall
-            death = self._death(worker, task, (phase, deadline, peak))
+            death = self._death(worker, task, deadline, peak)
             if death is not None:
                 self.close()
                 columns = empty_row(task) | failure(death.kind, f"{death.detail} (phase: {phase})", how=death.how)
                 columns |= {"wall_time": time.perf_counter() - began, "memory": peak, "load": machine.load()}
                 return Outcome(Row(**columns, output=worker.output(), started_at=started)), death
 
-    def _death(self, worker: WorkerProcess, task: BenchTask, state: tuple[str, float, float]) -> Death | None:
+    def _death(self, worker: WorkerProcess, task: BenchTask, deadline: float, peak: float) -> Death | None:
         """Why the worker has ended or has to end; None when all is well."""
-        _, deadline, peak = state
         if worker.gone:
             return worker.autopsy()
         if peak > task.memory:

@@ -110,9 +110,7 @@ def matrix_html(store: Store, analysis: Analysis, rows: Sequence[ProblemRow], ad
         f'<th scope=col data-column={k}><span class=planner data-planner="{k}">{html.escape(label)}</span></th>'
         for k, label in enumerate(planners)
     )
-    body = "".join(
-        _row_html(store, (k, row), planners, (sets[row.name], address(row.name))) for k, row in enumerate(rows)
-    )
+    body = "".join(_row_html(store, k, row, planners, sets[row.name], address(row.name)) for k, row in enumerate(rows))
     return (
         f'<svg class=hidden width=0 height=0 aria-hidden="true">{pictures}</svg>'
         f'<div class=scroll tabindex=0 role=region aria-label="Problems by planners"><table class=matrix>'
@@ -154,21 +152,21 @@ def _rank(row: Mapping[str, Any]) -> int:
     return 2 * bool(row["verified"]) + (row["trajectory"] is not None)
 
 
-def _row_html(store: Store, at: tuple[int, ProblemRow], planners: Sequence[str], links: tuple[str, str | None]) -> str:
-    (k, row), (set_name, address) = at, links
+def _row_html(
+    store: Store, k: int, row: ProblemRow, planners: Sequence[str], set_name: str, address: str | None
+) -> str:
     picture = _picture(k, row, "")
     name = html.escape(row.name)
     broken = name.replace("/", "/<wbr>")
     linked = (
         f'<a href="{html.escape(address)}">{picture}<b>{broken}</b></a>' if address else f"{picture}<b>{broken}</b>"
     )
-    cells = "".join(_cell_html(store, at, (j, label), address) for j, label in enumerate(planners))
+    cells = "".join(_cell_html(store, k, row, j, label, address) for j, label in enumerate(planners))
     page = f' data-page="{html.escape(address)}"' if address else ""
     return f'<tr data-set="{html.escape(set_name)}" data-problem="{name}"{page}><th scope=row>{linked}</th>{cells}</tr>'
 
 
-def _cell_html(store: Store, at: tuple[int, ProblemRow], of: tuple[int, str], address: str | None) -> str:
-    (k, row), (j, label) = at, of
+def _cell_html(store: Store, k: int, row: ProblemRow, j: int, label: str, address: str | None) -> str:
     if label not in row.shown:
         return f"<td data-column={j} class=none>–</td>"
     run, (good, tried) = row.shown[label], row.verified[label]

@@ -67,14 +67,13 @@ def write_page(
     found, rows = reasons(store), matrix_rows(store, analysis, progress)
     compared = write_comparisons(store, [(row.name, row.keys()) for row in rows[:pages]], path, progress)
     links = Links(write_scenes(store, found, path).get, compared.get)
-    write_text(path, render(store, analysis, (found, rows), links))
+    write_text(path, render(store, analysis, found, rows, links))
     return path
 
 
-def render(store: Store, analysis: Analysis, shown: tuple[list[Reason], Sequence[ProblemRow]], links: Links) -> str:
+def render(store: Store, analysis: Analysis, found: list[Reason], rows: Sequence[ProblemRow], links: Links) -> str:
     """Return the page as text; all values from the results are escaped."""
     own = resources.files("optiplan.bench.report")
-    found, rows = shown
     return Template((own / "report.html").read_text("utf-8")).substitute(
         title=html.escape(str(store.meta("name"))),
         style=(own / "report.css").read_text("utf-8"),

@@ -32,7 +32,7 @@ class ReportServer(PageServer):
             analysis = analyse(store)
             rows = matrix_rows(store, analysis)
             self.compared = {row.name: row.keys() for row in rows}
-            page = render(store, analysis, (reasons(store), rows), Links(address, compare_address))
+            page = render(store, analysis, reasons(store), rows, Links(address, compare_address))
         super().__init__(page, port=port)
 
     def answer(self, path: str) -> bytes | None:

@@ -66,7 +66,7 @@ def generated(place: Place) -> Iterator[Found]:
     identity = [_code(), loaded.fingerprint, json.dumps([robot, spec.generate, vars(generator), spec.seed])]
     for k in range(spec.count):
         rng = np.random.default_rng([spec.seed, k])
-        data = _kept([*identity, str(k)], partial(_problem, generator, arm, rng, (robot, loaded, robots)))
+        data = _kept([*identity, str(k)], partial(_problem, generator, arm, rng, robot, loaded, robots))
         if data is None:
             expected = "other params:, another seed: or another robot:"
             raise place.refuse("generate", f"{_DRAWS} scenes in which '{loaded.name}' cannot stand", expected)
@@ -128,18 +128,22 @@ def _generator(place: Place) -> tuple[str, Generator]:
 
 
 def _problem(
-    generator: Generator, arm: Arm, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotCache]
+    generator: Generator,
+    arm: Arm,
+    rng: np.random.Generator,
+    names: dict[str, str],
+    robot: Robot,
+    robots: RobotCache,
 ) -> dict[str, Any] | None:
     """Content of a problem file; None when no scene drawn can be used."""
-    names, robot, shelf = robots
     for _ in range(_DRAWS):
         draft = generator.draw(rng, arm)
         blank = {"version": 1, **names, "scene": {"obstacles": draft.obstacles}}
-        start = _start(blank, draft, rng, robots)
+        start = _start(blank, draft, rng, robot, robots)
         if start is None:
             continue
         data = blank | {"start": start, "goal": {"pose": pose_to_data(draft.goal)}}
-        q = _solved(data, rng, shelf)
+        q = _solved(data, rng, robots)
         if q is not None and robot.n <= _ARM:
             return data
         if q is not None:  # with many joints another search might find no configuration
@@ -148,18 +152,17 @@ def _problem(
 
 
 def _start(
-    blank: dict[str, Any], draft: DrawnScene, rng: np.random.Generator, robots: tuple[dict[str, str], Robot, RobotCache]
+    blank: dict[str, Any], draft: DrawnScene, rng: np.random.Generator, robot: Robot, robots: RobotCache
 ) -> dict[str, Any] | None:
     """Return the start: the scene's pose, or the first free configuration of the robot; or None."""
-    _, robot, shelf = robots
     goal = {"pose": pose_to_data(draft.goal if draft.start is None else draft.start)}
     for name in robot.configurations:
         start = {"configuration": name}
         if draft.start is None:
-            if _loaded(blank | {"start": start, "goal": goal}, shelf) is not None:
+            if _loaded(blank | {"start": start, "goal": goal}, robots) is not None:
                 return start
             continue
-        q = _solved(blank | {"start": start, "goal": goal}, rng, shelf)
+        q = _solved(blank | {"start": start, "goal": goal}, rng, robots)
         if q is not None:
             return {"joints": _rounded(q)}
     return None

@@ -86,12 +86,12 @@ def compare(old: Store, new: Store, seed: int = 0) -> Comparison:
     keys = [_keys(runs, changed) for runs in (a, b)]
     common = [key for key in keys[0] if key in keys[1]]
     i, j = (np.array([places[key] for key in common], dtype=np.int64) for places in keys)
-    found = [change for label in a.planners if label in b.planners for change in _changes(label, (a, i), (b, j), seed)]
+    found = [change for label in a.planners if label in b.planners for change in _changes(label, a, i, b, j, seed)]
     judged = list(_judged(found))
     pairs = [(key, bool(a.verified[x]), bool(b.verified[y]), x, y) for key, x, y in zip(common, i, j, strict=True)]
     return Comparison(
         len(common),
-        (*_notes((old, a), (new, b), changed, len(common)), *_busy(judged)),
+        (*_notes(old, a, new, b, changed, len(common)), *_busy(judged)),
         tuple(judged),
         tuple((key, str(b.kind[y])) for key, was, now, x, y in pairs if was and not now and b.kind[y] != CLAIMED),
         tuple((key, str(a.kind[x])) for key, was, now, x, y in pairs if now and not was and a.kind[x] != CLAIMED),
@@ -111,9 +111,8 @@ def _changed_problems(old: Store, new: Store) -> set[str]:
     return {id_ for id_ in before.keys() & after.keys() if before[id_] != after[id_]}
 
 
-def _changes(label: str, one: tuple[Runs, Indices], other: tuple[Runs, Indices], seed: int) -> Iterable[Change]:
-    """The three quantities of a planner that has common runs."""
-    (a, i), (b, j) = one, other
+def _changes(label: str, a: Runs, i: Indices, b: Runs, j: Indices, seed: int) -> Iterable[Change]:
+    """The three quantities of a planner that has common runs, those at i of `a` and at j of `b`."""
     mine = a.planner[i] == a.planners.index(label)
     i, j = i[mine], j[mine]
     if len(i) == 0:
@@ -167,9 +166,8 @@ def _busy(changes: list[Change]) -> Iterable[str]:
             yield f"{one.planner}: {ratios}: the machine was busier or quieter, which is not the planner's doing"
 
 
-def _notes(one: tuple[Store, Runs], other: tuple[Store, Runs], changed: set[str], common: int) -> Iterable[str]:
+def _notes(old: Store, a: Runs, new: Store, b: Runs, changed: set[str], common: int) -> Iterable[str]:
     """Return what the two sets do not share, and what makes times incomparable."""
-    (old, a), (new, b) = one, other
     if old.meta("suite_hash") != new.meta("suite_hash"):
         yield f"the suites differ ('{old.meta('name')}' and '{new.meta('name')}'): only what is common is compared"
         words = differences(old.meta("parts"), new.meta("parts"))
@@ -184,12 +182,11 @@ def _notes(one: tuple[Store, Runs], other: tuple[Store, Runs], changed: set[str]
     for name, runs in (("A", a), ("B", b)):
         if runs.size > common:
             yield f"{runs.size - common} of {runs.size} runs in {name} have no counterpart"
-    yield from _origins(one, other)
+    yield from _origins(old, a, new, b)
 
 
-def _origins(one: tuple[Store, Runs], other: tuple[Store, Runs]) -> Iterable[str]:
+def _origins(old: Store, a: Runs, new: Store, b: Runs) -> Iterable[str]:
     """Return the origin of the runs: foreign claims, code, versions, machines."""
-    (old, a), (new, b) = one, other
     for name, runs in (("A", a), ("B", b)):
         claims = int((runs.kind == CLAIMED).sum())
         if claims:

@@ -84,7 +84,7 @@ def plan(
         runs, unsaved = plan_comparison.run_all(path, problem, names, budget, out)
         code = plan_comparison.show(runs, as_json, unsaved)
     else:
-        run = _run(path, problem, planner, {} if workers is None else {"workers": workers}, (budget, server))
+        run = _run(path, problem, planner, {} if workers is None else {"workers": workers}, budget, server)
         runs = [replace(run, timings={"load": loaded, **run.timings})]
         code = _finish(runs[0], out, as_json, full)
     if view:
@@ -92,7 +92,7 @@ def plan(
     return code
 
 
-def _run(path: Path, problem: Any, planner: str | None, more: dict[str, int], how: tuple[float, str]) -> Any:
+def _run(path: Path, problem: Any, planner: str | None, more: dict[str, int], seconds: float, server: str) -> Any:
     """Run one planner for so many seconds, here or on a server; issues with the options carry the file's lines.
 
     `more` are options beside those of the file.
@@ -102,7 +102,7 @@ def _run(path: Path, problem: Any, planner: str | None, more: dict[str, int], ho
     from optiplan.runs import pipeline
 
     chosen, options = choose(path, problem, planner)
-    options, (seconds, server) = {**options, **more}, how
+    options = {**options, **more}
     if server:
         return _run_there(server, problem, chosen, options, seconds)
     with stdout_is_ours(), ProgressLine() as progress:

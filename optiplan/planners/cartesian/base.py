@@ -128,7 +128,7 @@ class ToolMotion(Planner[Options]):
     def _attempt(self, work: Work, task: _Task, branch: Branch, aim: Aim) -> Trajectory | Failure:
         """The motion on one branch, or why there is none."""
         with work.watch.stage("following"):
-            followed = follow(work.model, task.path, (task.frame, branch.q), work.budget, aim)
+            followed = follow(work.model, task.path, task.frame, branch.q, work.budget, aim)
         if isinstance(followed, Failure):
             return followed
         with work.watch.stage("timing"):
@@ -167,8 +167,8 @@ class ToolMotion(Planner[Options]):
                 yield Branch(work.problem.start), task, aim
         for task in tasks if self.options.change_branch else ():
             with work.watch.stage("goals"):
-                tools, count = (work.model, work.budget), self.options.goals
-                branches = other_branches(work.problem, task.frame, tools, count, task.goal)
+                count = self.options.goals
+                branches = other_branches(work.problem, task.frame, work.model, work.budget, count, task.goal)
             for branch in branches:
                 yield branch, task, self._plain(work.problem, task)
 

@@ -42,7 +42,7 @@ class Branch:
 
 
 def other_branches(
-    problem: Problem, frame: str, tools: tuple[CollisionModel, Budget], count: int, end: Array | None = None
+    problem: Problem, frame: str, model: CollisionModel, budget: Budget, count: int, end: Array | None = None
 ) -> list[Branch]:
     """Other free configurations with the frame where the start has it, those reached soonest first.
 
@@ -51,7 +51,7 @@ def other_branches(
     X = frame_pose(problem.robot, problem.start, frame)
     near = problem.start if end is None else end
     goals = ranked_goals(
-        replace(problem, start=near, goal=(PoseGoal(frame, X),), vias=()), *tools, count + 1, nearer=False
+        replace(problem, start=near, goal=(PoseGoal(frame, X),), vias=()), model, budget, count + 1, nearer=False
     )
     here = Tracker(problem.robot, frame, line(X, X), Aim())
     exact = [here.correct(0.0, q) for q in ([] if isinstance(goals, Failure) else goals)]

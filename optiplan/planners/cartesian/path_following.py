@@ -44,7 +44,7 @@ class _Knots:
 
 
 def follow(
-    model: CollisionModel, path: FollowedPath, start: tuple[str, Array], budget: Budget, aim: Aim | None = None
+    model: CollisionModel, path: FollowedPath, frame: str, start: Array, budget: Budget, aim: Aim | None = None
 ) -> Trajectory | Failure:
     """Joint path q(s), s from 0 to 1, with the frame within 1e-6 m and 1e-6 rad of path(s) for all s.
 
@@ -53,7 +53,8 @@ def follow(
     Args:
         model: of the robot in its scene.
         path: of the frame.
-        start: the frame's name, and a configuration (n,) that puts it at path(0).
+        frame: its name.
+        start: configuration (n,) that puts the frame at path(0).
         budget: polled at every step.
         aim: what a redundant arm does with its freedom.
 
@@ -65,18 +66,18 @@ def follow(
     Raises:
         ValueError: the start does not have the frame at path(0), within 1e-6 m and rad.
     """
-    tracker = Tracker(model.robot, start[0], path, aim or Aim())
-    knots = _march(tracker, start[1], budget)
+    tracker = Tracker(model.robot, frame, path, aim or Aim())
+    knots = _march(tracker, start, budget)
     if budget.over:
         return out_of_time(budget, _DOING)
     if len(knots.s) < 2:
-        return stuck(tracker, 0.0, start[1])
+        return stuck(tracker, 0.0, start)
     followed = knots.path(model.robot.joint_names)
     ending = first_ending(model, tracker, followed, budget)
     if ending is not None:
         return out_of_time(budget, _DOING) if budget.over else ending
-    still = max(np.abs(bound - start[1]).max() for bound in followed.extrema(0)) < _NO_MOTION
-    return Trajectory(followed.joint_names, np.array([0.0, 1.0]), start[1][None, None]) if still else followed
+    still = max(np.abs(bound - start).max() for bound in followed.extrema(0)) < _NO_MOTION
+    return Trajectory(followed.joint_names, np.array([0.0, 1.0]), start[None, None]) if still else followed
 
 
 def _march(tracker: Tracker, q: Array, budget: Budget) -> _Knots:

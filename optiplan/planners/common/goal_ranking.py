@@ -80,7 +80,7 @@ class GoalSampler:
         failure: why no initial configuration was found; None if one was.
     """
 
-    def __init__(  # noqa: PLR0913
+    def __init__(
         self,
         problem: Problem,
         model: CollisionModel,

@@ -66,9 +66,9 @@ def plan_sampled(task: PlanTask, options: SampledOptions, how: How) -> PlanResul
     if isinstance(sampler, Failure):
         return PlanResult(None, sampler, watch.seconds)
     if problem.path_constraints:
-        asked = how.constrained, options.attempts, options.goals
+        search = replace(how.constrained, attempts=options.attempts)
         with watch.stage("sampling"):
-            found = plan_constrained(problem, model, sampler, (budget, task.progress), asked)
+            found = plan_constrained(problem, model, sampler, search, options.goals, budget, task.progress)
         return replace(found, timings=watch.seconds)
     task.progress("sampling", 0.1)
     goals = sampler.configurations[: options.goals]

@@ -16,7 +16,7 @@ _SHORTCUTS = 40  # of the new piece
 _STALE, _GAIN = 10, 0.01  # searches in a row that gain less than this share, after which no more are made
 
 
-def improved_path(  # noqa: PLR0913
+def improved_path(
     check: MotionCheck,
     waypoints: Array,
     searcher: Searcher,

@@ -26,7 +26,7 @@ ALTERNATE_RATIO = 20.0  # iterations of KPIECE per iteration of RRT-Connect in a
 _OMPL = threading.Lock()  # OMPL's seed is global to the process
 
 
-def search(  # noqa: PLR0913
+def search(
     check: MotionCheck, ends: Ends, budget: Budget, seed: int, options: SearchOptions, *, patience: float = inf
 ) -> Search:
     """Connect the start (n,) with one of the goals (k, n) = `ends`, in coordinates q / velocity limit (s).

@@ -67,7 +67,7 @@ class Searcher(Protocol):
         ...
 
 
-def native_rrt_connect(  # noqa: PLR0913
+def native_rrt_connect(
     check: MotionCheck, ends: Ends, budget: Budget, seed: int, reach: float, *, patience: float = inf
 ) -> Search:
     """Run RRT-Connect of the native core, for a check that it makes; see `ompl_search.search`."""

@@ -193,7 +193,7 @@ def _line(stage: Stage, frame: str, path: FollowedPath, budget: Budget) -> Traje
     first: Failure | None = None
     for avoidance in _AVOIDANCES[: 2 if problem.robot.n > 6 else 1]:
         aim = Aim(None, avoidance, together=gone_together(problem, frame))
-        found = follow(stage.model, path, (frame, problem.start), budget, aim)
+        found = follow(stage.model, path, frame, problem.start, budget, aim)
         if isinstance(found, Trajectory):
             heavy = line_too_heavy(gravity, found(np.linspace(0.0, found.duration, _SAMPLES)))
             if heavy is None:

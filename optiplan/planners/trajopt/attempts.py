@@ -155,7 +155,7 @@ class Attempts:
         """Return a share of the margin where a curve is held up by it, m; None elsewhere: all of it."""
         return share * self.optimiser.options.margin if curve.close else None
 
-    def optimised(  # noqa: PLR0913
+    def optimised(
         self,
         kind: Kind,
         control: Array,

@@ -107,7 +107,7 @@ class Optimiser:
         self.steps = 0
         self.log: IterationLog = NOTHING
 
-    def run(  # noqa: PLR0913
+    def run(
         self,
         control: Array,
         budget: Budget,

@@ -60,7 +60,7 @@ def bench_report(suite: Mapping[str, Any], runs: Sequence[Mapping[str, Any]], pr
                 lambda run: f"/runs/{of_key[run.problem, run.planner, run.seed]}",
                 lambda name: "/compare?" + urlencode([("run", run) for run in ids.get(name, [])[:8]]),
             )
-            return render(stored, analysis, (reasons(stored), rows), links)
+            return render(stored, analysis, reasons(stored), rows, links)
 
 
 def _meta(

@@ -29,8 +29,8 @@ def _together(run: PlottedRun, joints: Sequence[int], share: bool) -> Any:
     panels = figure.subplots(len(QUANTITIES), 1, sharex=True, squeeze=False)[:, 0]
     for quantity, panel in zip(QUANTITIES, panels, strict=True):
         for place, joint in enumerate(joints):
-            style = line_style(place)
-            _draw(panel, run, (quantity, joint, share), style, run.problem.robot.joint_names[joint])
+            style = line_style(place) | {"label": run.problem.robot.joint_names[joint]}
+            _draw(panel, run, quantity, joint, share, style)
             _draw_limits(panel, _limits(run, quantity, joint, share), style["color"])
         panel.set_ylabel(_title(run, quantity, joints, share))
     panels[-1].set_xlabel("time, s")
@@ -50,7 +50,7 @@ def _apart(runs: Sequence[PlottedRun], joints: Sequence[int], share: bool) -> An
         for row, quantity in enumerate(QUANTITIES, b * len(QUANTITIES)):
             for panel, joint in zip(panels[row], block, strict=False):
                 for k, run in enumerate(runs):
-                    _draw(panel, run, (quantity, joint, share), line_style(k), run.legend)
+                    _draw(panel, run, quantity, joint, share, line_style(k) | {"label": run.legend})
                     _draw_limits(panel, _limits(run, quantity, joint, share), LIMIT)
                 if row == b * len(QUANTITIES):
                     panel.set_title(runs[0].problem.robot.joint_names[joint])
@@ -66,12 +66,11 @@ def _apart(runs: Sequence[PlottedRun], joints: Sequence[int], share: bool) -> An
     return figure
 
 
-def _draw(panel: Any, run: PlottedRun, what: tuple[str, int, bool], style: dict[str, Any], label: str) -> None:
+def _draw(panel: Any, run: PlottedRun, quantity: str, joint: int, share: bool, style: dict[str, Any]) -> None:
     """A curve of one joint, with dots at its exact extrema, rings at those of a torque."""
-    quantity, joint, share = what
     curves = run.curves
     values = curves.torque if quantity == "torque" else curves.joints[ORDERS.index(quantity)]
-    panel.plot(curves.t, _shared(run, quantity, joint, share, values[:, joint]), label=label, **style)
+    panel.plot(curves.t, _shared(run, quantity, joint, share, values[:, joint]), **style)
     e = curves.torque_extrema if quantity == "torque" else curves.extrema[ORDERS.index(quantity)]
     ends = np.array([e.low[joint], e.high[joint]])
     times = [e.t_low[joint], e.t_high[joint]]

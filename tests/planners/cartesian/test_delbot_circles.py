@@ -79,7 +79,7 @@ def followed(problem):
     centre = start.translation - problem.options["radius"] * np.eye(3)[2]
     path = circle(start, centre, 2.0 * np.pi * np.eye(3)[0], np.zeros(3))
     model = CollisionModel(problem.robot, problem.scene)
-    return follow(model, path, (FLANGE, problem.start), Budget(20.0))
+    return follow(model, path, FLANGE, problem.start, Budget(20.0))
 
 
 def drawn_points(problem):

@@ -36,12 +36,14 @@ class ConstrainedSearch:
         iterations: of RRT* after the first path; 0: none.
         informed: whether that samples only where shorter paths can pass.
         vertices: of the roadmap, first.
+        attempts: random shortcuts of the path that was found.
     """
 
     roadmap: bool = False
     iterations: int = 0
     informed: bool = False
     vertices: int = 150
+    attempts: int = 120
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +61,12 @@ class ConstrainedPath:
     states: int
 
 
-def constrained_path(  # noqa: PLR0913
+def constrained_path(
     model: CollisionModel,
     problem: Problem,
     goals: list[Array],
     budget: Budget,
     search: ConstrainedSearch,
-    attempts: int,
 ) -> ConstrainedPath | Failure:
     """Return a path on the constraints from the start to one of the goals (n,), all of which hold them.
 
@@ -88,7 +89,7 @@ def constrained_path(  # noqa: PLR0913
         path = roadmap(query) if search.roadmap else connect(query)
     if path is None:
         return _none_found(query, problem, budget)
-    draws = np.random.default_rng(problem.seed).uniform(size=(attempts, 2))
+    draws = np.random.default_rng(problem.seed).uniform(size=(search.attempts, 2))
     path = shortcut(walker, path, draws)
     if search.iterations:
         path = shortcut(walker, star(query, path), draws)
@@ -110,18 +111,19 @@ def plan_constrained(
     problem: Problem,
     model: CollisionModel,
     sampler: GoalSampler,
-    tools: tuple[Budget, Progress],
-    search: tuple[ConstrainedSearch, int, int],
+    search: ConstrainedSearch,
+    count: int,
+    budget: Budget,
+    progress: Progress,
 ) -> PlanResult:
-    """Plan with goals of a sampler; `search` has how, the number of shortcuts and that of goals."""
-    (budget, progress), (how, attempts, count) = tools, search
+    """Plan to up to `count` goals of a sampler."""
     constraints = PathConstraints(problem)
     held = hold_goals(problem, model, sampler, constraints, lambda: budget.over)
     goals = held[:count] or _held_goals(sampler, constraints.end_holds, count, budget)
     if not goals:
         return PlanResult(None, constraints.no_end(sampler.configurations), {})
     progress("sampling", 0.1)
-    found = constrained_path(model, problem, goals, budget, how, attempts)
+    found = constrained_path(model, problem, goals, budget, search)
     if isinstance(found, Failure):
         return PlanResult(None, found, {})
     progress("timing", 0.7)

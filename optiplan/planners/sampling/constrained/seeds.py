@@ -36,7 +36,7 @@ class ConstrainedSeeds:
         """Return a path to one of the goals (n,), another for each number."""
         problem = replace(self.problem, seed=self.problem.seed + 1000 * number)
         goals = goals[number % len(goals) :] + goals[: number % len(goals)]
-        found = constrained_path(self.model, problem, goals, budget, ConstrainedSearch(), _SHORTCUTS)
+        found = constrained_path(self.model, problem, goals, budget, ConstrainedSearch(attempts=_SHORTCUTS))
         if isinstance(found, Failure):
             return found
         self.last, self.timed = found, None

@@ -46,7 +46,7 @@ class LinePart:
         free: (K,) which control points are variables.
     """
 
-    def __init__(  # noqa: PLR0913
+    def __init__(
         self,
         path: Trajectory,
         robot: Robot,

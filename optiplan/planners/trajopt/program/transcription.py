@@ -24,7 +24,7 @@ class Transcription:
         plain: whether there is nothing but contacts, torques and jerk, which the native core knows by itself.
     """
 
-    def __init__(  # noqa: PLR0913
+    def __init__(
         self,
         problem: Problem,
         model: CollisionModel,
