@@ -115,13 +115,6 @@ def travel(phases: tuple[Phase, ...], v: float, dt: float, steps: int | None = N
     return total
 
 
-def stop_travel(v: float, a: float, limit: float, change: float, dt: float) -> float:
-    """How far a joint still travels, rad or m, signed, if it brakes from velocity v and acceleration a."""
-    if v == 0.0 and abs(a) <= change:
-        return 0.0
-    return travel(stop_phases(v, a, limit, change, dt), v, dt)
-
-
 def farthest(v: float, a: float, limit: float, change: float, dt: float) -> float:
     """How far a joint gets in the positive direction at most while it brakes, rad or m, >= 0.
 

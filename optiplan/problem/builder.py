@@ -36,7 +36,7 @@ RobotLoader = Callable[[str | Mapping[str, Any], Path | None, Mapping[str, float
 """`load_robot`, or what stands in for it: reference, folder it is relative to, locked joints, group."""
 
 HIT = 1e-6
-"""Tolerance of a via that states none, rad or m: it is to be hit."""
+"""Default tolerance of a via, rad or m."""
 
 
 class Compiler:

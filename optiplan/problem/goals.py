@@ -1,16 +1,15 @@
-"""Goals as sets: distance of a configuration from them, and configurations in them."""
+"""Goals as sets: the configurations in them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.kinematics.ik.joint_wraps import endless_turns, whole_turns
-from optiplan.kinematics.ik.numeric import IkOptions, IkResult, joints_that_move, pose_error, random_seeds
+from optiplan.kinematics.ik.numeric import IkOptions, IkResult, joints_that_move, random_seeds
 from optiplan.kinematics.ik.solve import inverse_kinematics
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem
 from optiplan.problem.regions.region import RegionGoal
@@ -22,23 +21,6 @@ NoGoal = Literal["goal-unreachable", "goal-in-collision"]
 
 _DISTINCT = 0.1  # rad or m: least difference of configurations in a region
 SHARE = 0.5  # share of a tolerance that a solution may use; the rest is for the error of planning
-
-
-@dataclass(frozen=True)
-class GoalError:
-    """Distance of a configuration from one alternative of the goal.
-
-    Attributes:
-        joint: largest joint error, rad or m, of a joint goal; None for a pose goal.
-        position: distance, m, of a pose goal or from a region; None for a joint goal.
-        orientation: angle, rad, of a pose goal or from a region; None for a joint goal.
-        reached: whether all of them are within tolerance.
-    """
-
-    joint: float | None
-    position: float | None
-    orientation: float | None
-    reached: bool
 
 
 @dataclass(frozen=True)
@@ -73,26 +55,6 @@ class GoalSet:
     kind: NoGoal | None = None
     reason: str = ""
     witness: dict[str, Any] = field(default_factory=dict)
-
-
-def goal_residual(problem: Problem, q: Array) -> list[GoalError]:
-    """Return the errors of q (n,) with respect to every alternative of the goal, in their order."""
-    model = problem.robot.model
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, q)
-    errors = []
-    for goal in problem.goal:
-        if isinstance(goal, JointGoal):
-            joint = float(np.abs(q - endless_turns(problem.robot, goal.q, q)[0]).max())
-            errors.append(GoalError(joint, None, None, joint <= goal.tolerance))
-        elif isinstance(goal, RegionGoal):
-            excess = goal.excess(data.oMf[model.getFrameId(goal.frame)])
-            position, angle = (float(np.linalg.norm(part)) for part in (excess[:3], excess[3:]))
-            errors.append(GoalError(None, position, angle, not excess.any()))
-        else:
-            position, angle = pose_error(data.oMf[model.getFrameId(goal.frame)], goal.X_WG)
-            errors.append(GoalError(None, position, angle, position <= goal.position and angle <= goal.orientation))
-    return errors
 
 
 def listed_ends(problem: Problem) -> list[Array]:

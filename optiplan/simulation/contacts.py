@@ -24,7 +24,7 @@ class ContactWatch:
         Args:
             robot: the robot.
             scene: what is around it.
-            dt: s between the configurations that will be given; every so-manieth is measured.
+            dt: s between the configurations that will be given; one each `interval` is measured.
         """
         self._model = CollisionModel(robot, scene)
         self._every = max(1, round(INTERVAL / dt))

@@ -17,7 +17,7 @@ _FULL = 1.0 - 1e-9  # share of a torque limit at which a drive counts as saturat
 
 
 class Recorder:
-    """Gathers a block of steps, judges it whole, and keeps every so-manieth step for the log."""
+    """Gathers a block of steps, judges it whole, and keeps every k-th step for the log."""
 
     def __init__(self, robot: Robot, limits: Limits, steps: int, dt: float, unit: str) -> None:
         self._robot, self._limits, self._dt, self._unit = robot, limits, dt, unit

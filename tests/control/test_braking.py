@@ -10,7 +10,6 @@ from optiplan.control.braking import (
     braking_accelerations,
     farthest,
     stop_phases,
-    stop_travel,
     travel,
     velocity_to_zero,
 )
@@ -51,8 +50,9 @@ def test_what_is_left_of_a_stop_is_the_stop_from_there():
     for v, a, limit, change, dt in cases(300):
         wanted = -math.copysign(braking_acceleration(abs(v), change, dt), v)
         after = min(max(wanted, max(a - change, -limit)), min(a + change, limit))
-        there = stop_travel(v + dt * after, after, limit, change, dt)
-        assert dt * (v + dt * after) + there == pytest.approx(stop_travel(v, a, limit, change, dt), abs=1e-10)
+        whole = travel(stop_phases(v, a, limit, change, dt), v, dt)
+        left = travel(stop_phases(v + dt * after, after, limit, change, dt), v + dt * after, dt)
+        assert dt * (v + dt * after) + left == pytest.approx(whole, abs=1e-10)
 
 
 def test_inverse_of_velocity_to_zero():

@@ -8,10 +8,11 @@ import pytest
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.goal_ranking import ranked_goals
-from optiplan.problem.goals import GoalOptions, goal_configurations, goal_residual, listed_ends
+from optiplan.problem.goals import GoalOptions, goal_configurations, listed_ends
 from optiplan.problem.problem import JointGoal, PoseGoal
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from tests.planners import cases
+from tests.problem.goal_errors import goal_residual
 
 
 def find(problem, **options):

@@ -15,12 +15,12 @@ from optiplan.kinematics.symbolic.state import BatchedExpression
 from optiplan.planners.base import Budget
 from optiplan.planners.common.goal_ranking import goal_sampler
 from optiplan.planners.path_constraints.goals import goal_inequalities
-from optiplan.problem.goals import goal_residual
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.limit_checks import goal as goal_check
 from optiplan.viewer.scene import build_scene
+from tests.problem.goal_errors import goal_residual
 
 FREE = [(), (0,), (1,), (2,), (0, 1, 2)]
 

@@ -9,7 +9,6 @@ import optiplan as op
 from optiplan.errors import InputError
 from optiplan.resources import control_dir
 from optiplan.simulation.files.read import read_control
-from optiplan.simulation.files.schema import control_schema
 from optiplan.simulation.simulation import run_control
 
 EXAMPLES = sorted(control_dir().glob("*.yaml"))
@@ -189,12 +188,6 @@ plant: {engine: ideal}
         path.write_text(content)
         with pytest.raises(InputError, match=message):
             run_control(file(text))
-
-
-def test_the_schema_is_one():
-    schema = control_schema()
-    assert "controller" in schema["properties"]
-    json.dumps(schema)
 
 
 def test_execute_and_its_arguments():

@@ -155,7 +155,7 @@ def _table(runs: Sequence[Run], bound: Bound, headings: Sequence[str], reasons: 
     for heading in headings:
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     if reasons:
-        table.add_column("why not", overflow="fold", min_width=24)
+        table.add_column("reason", overflow="fold", min_width=24)
     for run in runs:
         word = "no plan" if run.trajectory is None else "not verified"
         verdict = "[green]verified[/]" if run.verified else f"[red]{word}[/]"
@@ -176,7 +176,7 @@ def _numbers(run: Run, ratio: float | None) -> list[str]:
         _text(found.peak_jerk, ".4g"),
         _text(found.jerk_share, ".0%"),
         _text(found.rms_torque, ".2f"),
-        _text(found.clearance if found.clearance is None else 1e3 * found.clearance, ".2f"),
+        _text(found.clearance if found.clearance is None else 1e3 * found.clearance, ".3g"),
         _text(found.manipulability, ".3g"),
     ]
 

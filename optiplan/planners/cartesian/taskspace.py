@@ -163,7 +163,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
                 return out_of_time(work.budget, "rolling out")
         off = _distance(problem, goal, states[-1].q)
         if off > 1.0 or (last is not None and not (last.v == 0.0).all()):
-            return _ended(states[-1].q, goal, last, off)
+            return _ended(states[-1].q, last, off)
         motion = _fitted(_joined(problem, states, self.options.dt), problem)
         over = excess(motion, limits)
         if over is not None:
@@ -284,7 +284,7 @@ def _fitted(motion: Trajectory, problem: Problem) -> Trajectory:
     return motion
 
 
-def _ended(q: Array, goal: JointGoal | PoseGoal, last: ControlStep | None, off: float) -> Failure:
+def _ended(q: Array, last: ControlStep | None, off: float) -> Failure:
     """Where the roll-out ended instead of the goal."""
     reason = "it did not move" if last is None else last.reason
     near = (

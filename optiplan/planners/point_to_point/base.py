@@ -25,7 +25,7 @@ from optiplan.trajectory.trajectory import Trajectory
 
 STEPS = "the acceleration jumps, which a finite jerk limit forbids; `limits: {jerk: none}` in the problem allows it"
 SIZE = {"least": 1e-6, "most": 1e7}
-"""Of options that are a time, a velocity or an acceleration: sizes that numbers with sixteen digits can take."""
+"""Range of options that are a time, a velocity or an acceleration; beyond it rounding would show in the polynomials."""
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ class Rounded(Planner[RoundedOptions]):
 
 
 def _refused(work: Work, sections: list[Trajectory]) -> Failure | None:
-    """Why a path in sections is not free; its parameter is not told, because that means nothing to anybody."""
+    """Report the first colliding pair of a path in sections; the path parameter is internal and not told."""
     for k, section in enumerate(sections):
         touch = first_contact(work.model, section, lambda: work.budget.over)
         if touch is None:

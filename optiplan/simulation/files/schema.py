@@ -278,9 +278,3 @@ class ControlSpec(Strict):
         if self.problem is not None and own:
             raise ValueError(f"found problem and {own[0]}; expected the problem, or its keys")
         return self
-
-
-def control_schema() -> dict[str, Any]:
-    """JSON schema of a control file, for editors that complete and check YAML."""
-    schema = ControlSpec.model_json_schema(mode="validation")
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -64,7 +64,7 @@ def test_table_has_verified_ones_first_by_duration(optiplan, optiplan_json, free
     assert f"{best['duration']:.3f}" in rows(out)["scurve"]
     assert f"{best['metrics']['tool_path']:.3f}" in rows(out)["scurve"]
     assert f"{best['metrics']['rms_torque']:.2f}" in rows(out)["scurve"]
-    assert f"{1e3 * best['metrics']['clearance']:.2f}" in rows(out)["scurve"]
+    assert f"{1e3 * best['metrics']['clearance']:.3g}" in rows(out)["scurve"]
 
 
 def made(problem, end, duration, verified=True):

@@ -6,7 +6,7 @@ const OptiPlanComparison = (() => {
   const COLUMNS = [
     ["planning", "planning, s", fixed(2)], ["duration", "duration, s", fixed(3)], ["ratio", "duration / bound", fixed(3)], ["tool_path", "tool path, m", fixed(3)],
     ["peak_jerk", "peak jerk, rad/s³", fixed(0)], ["jerk_share", "of its limit", (v) => (100 * v).toFixed(0) + " %"], ["rms_torque", "RMS torque, N·m", fixed(2)],
-    ["clearance", "clearance, mm", (v) => (1e3 * v).toFixed(2)], ["manipulability", "least manipulability", digits],
+    ["clearance", "clearance, mm", (v) => digits(1e3 * v)], ["manipulability", "least manipulability", digits],
   ];
 
   class Comparison {

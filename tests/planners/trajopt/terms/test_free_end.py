@@ -16,7 +16,8 @@ from optiplan.planners.trajopt.program.qp import Subproblem
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.free_end import FreeEnd
-from optiplan.problem.goals import goal_configurations, goal_residual
+from optiplan.problem.goals import goal_configurations
+from tests.problem.goal_errors import goal_residual
 
 BASIS = SplineBasis(bunched_breakpoints(14, 0.6), open_end=True)
 
