@@ -95,7 +95,7 @@ class Exported:
     errors: Mapping[str, float]
 
 
-def export(  # noqa: PLR0913
+def export(
     trajectory: Trajectory,
     path: Path,
     format: str | None = None,
