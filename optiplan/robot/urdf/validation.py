@@ -83,7 +83,11 @@ def odd_inertias(root: ET.Element) -> Iterator[str]:
 
 
 def faults(root: ET.Element, joints: list[ET.Element]) -> Iterator[Fault]:
-    """Everything that a parser would drop or choke on, of links first and of joints then."""
+    """Everything that a parser would drop or choke on, of links first and of joints then, and of the tree at last."""
+    yield from list(_part_faults(root, joints)) or _root_faults(root)
+
+
+def _part_faults(root: ET.Element, joints: list[ET.Element]) -> Iterator[Fault]:
     yield from _depth_faults(root)
     links = root.findall("link")
     yield from _name_faults("link", links)
@@ -91,7 +95,7 @@ def faults(root: ET.Element, joints: list[ET.Element]) -> Iterator[Fault]:
     for element, find in [*((link, _link_faults) for link in links), *((joint, _joint_faults) for joint in joints)]:
         for fault in (*_repetitions(element), *find(element)):
             yield element.get("name", ""), *fault
-    yield from _tree_faults(root, [link.get("name", "") for link in links])
+    yield from _tree_faults(root, {link.get("name", "") for link in links})
 
 
 def _depth_faults(root: ET.Element) -> Iterator[Fault]:
@@ -139,7 +143,17 @@ def _repetitions(element: ET.Element) -> Iterator[tuple[str, str]]:
                 yield f"{count} <{tag}> in a <{inside.tag}>", "one: a reader takes the first and drops the others"
 
 
-def _tree_faults(root: ET.Element, links: list[str]) -> Iterator[Fault]:
+def _root_faults(root: ET.Element) -> Iterator[Fault]:
+    links = [link.get("name", "") for link in root.findall("link")]
+    carried = {child.get("link", "") for child in root.findall("joint/child")}
+    roots = [link for link in links if link not in carried]
+    for link in roots[1:]:
+        yield link, f"a link that no joint carries, besides '{roots[0]}'", "a tree: one such link"
+    if links and not roots:
+        yield links[0], "links that carry each other in a circle", "a tree: one link that no joint carries"
+
+
+def _tree_faults(root: ET.Element, links: set[str]) -> Iterator[Fault]:
     seen: set[str] = set()
     joints = root.findall("joint")
     for joint in joints:
@@ -153,11 +167,6 @@ def _tree_faults(root: ET.Element, links: list[str]) -> Iterator[Fault]:
         if name in seen:
             yield name, "a link that is the child of two joints", "a tree: one parent for each link"
         seen.add(name)
-    roots = [link for link in links if link not in seen]
-    for link in roots[1:]:
-        yield link, f"a link that no joint carries, besides '{roots[0]}'", "a tree: one such link"
-    if not roots and links:
-        yield links[0], "links that carry each other in a circle", "a tree: one link that no joint carries"
 
 
 def _joint_faults(joint: ET.Element) -> Iterator[tuple[str, str]]:
