@@ -105,7 +105,13 @@ class Run:
         save_run(self, path_argument("Run.save", "folder", folder, "the path of a folder"))
 
     def export(
-        self, path: Path | str, format: str | None = None, rate: float | None = None, *, cyclic: bool = False
+        self,
+        path: Path | str,
+        format: str | None = None,
+        rate: float | None = None,
+        *,
+        cyclic: bool = False,
+        unverified: bool = False,
     ) -> Exported:
         """Write the motion for other programs.
 
@@ -119,14 +125,15 @@ class Run:
             cyclic: whether samples are exactly 1 / `rate` apart, as controllers with a fixed cycle want them; the
                 motion is slowed down by less than one cycle so that it ends on one. `urscript` always is. Where time
                 matters (obstacles that move), the slower motion is verified first.
+            unverified: whether to write a motion that is not verified.
 
         Returns:
             What was written, and how far a reader deviates from the motion that puts straight lines, cubic or quintic
             polynomials between the samples.
 
         Raises:
-            InputError: the run has no motion, there is no such format, the robot does not fit it, the slower motion
-                does not hold, there are too many samples, or the file cannot be written.
+            InputError: the run has no motion, or none that is verified, there is no such format, the robot does not fit
+                it, the slower motion does not hold, there are too many samples, or the file cannot be written.
 
         Example:
             >>> import optiplan as op
@@ -135,6 +142,9 @@ class Run:
         """
         if self.trajectory is None:
             raise wrong_argument("Run.export", "run", "a run without a motion", "one with a trajectory")
+        if not (self.verified or unverified):
+            expected = "one that is, or unverified=True"
+            raise wrong_argument("Run.export", "run", f"a motion that is {self._verdict()}", expected)
         file = path_argument("Run.export", "path", path, "the path of a file")
         timed = self.verified and depends_on_time(self.problem.source)
         holds = (lambda slower: verify(self.problem, slower).verified) if timed else None

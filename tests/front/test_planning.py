@@ -162,7 +162,12 @@ def test_an_altered_motion_does_not_wear_its_old_verdict(run, tmp_path):
     import json
 
     file.write_text(json.dumps(other.to_dict()))
-    assert not op.load_run(tmp_path / "one").verified
+    altered = op.load_run(tmp_path / "one")
+    assert not altered.verified
+    with pytest.raises(op.InputError, match="not verified"):
+        altered.export(tmp_path / "altered.csv")
+    assert not (tmp_path / "altered.csv").exists()
+    assert altered.export(tmp_path / "altered.csv", unverified=True).samples > 2
 
 
 def test_exported_arrays_hold_the_motion(run, tmp_path):

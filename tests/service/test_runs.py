@@ -1,5 +1,6 @@
 """Runs over HTTP: submitted, watched, fetched, cancelled, deleted; the same submission is the same run."""
 
+import asyncio
 import csv
 import io
 import json
@@ -13,6 +14,9 @@ import pytest
 from optiplan.problem.load import load_problem
 from optiplan.runs.run_folder import load_run
 from optiplan.runs.stored_verdict import judged
+from optiplan.service.refusals import Refusal
+from optiplan.service.routes.runs import exported
+from optiplan.trajectory.trajectory import Trajectory
 from tests.service.conftest import NO_WAY, QUICK
 
 
@@ -83,6 +87,29 @@ def test_the_same_submission_is_answered_from_the_store(server):
     others = [server.submit(seed=4)["id"], server.submit(seed=3, budget=4.0)["id"]]
     others.append(server.submit(seed=3, planner="cubic")["id"])
     assert len({first["id"], *others}) == 4
+
+
+class Unverified:
+    """A service whose one run has a motion that is not verified."""
+
+    async def run(self, run):
+        return {"id": run, "status": "done", "verified": False}
+
+    async def content(self, record, name):
+        motion = Trajectory(("a",), np.array([0.0, 1.0]), np.array([[[0.0], [1.0]]]))
+        return json.dumps(
+            motion.to_dict() if name == "trajectory.json" else {"problem": {"start": {}, "goal": {}}}
+        ).encode()
+
+    async def read(self, made):
+        return made()
+
+
+def test_a_motion_that_is_not_verified_is_no_program():
+    with pytest.raises(Refusal, match="not verified"):
+        asyncio.run(exported("one", "csv", Unverified()))
+    written = asyncio.run(exported("one", "csv", Unverified(), unverified=True))
+    assert written.body.decode().startswith("t,")
 
 
 def load_problem_data():

@@ -68,7 +68,9 @@ def export(
         results().print(f"written: {path}", markup=False, soft_wrap=True)
         return Exit.VERIFIED if stored.verified else Exit.NOT_VERIFIED
     try:
-        written = stored.export(out or folder / f"motion{FORMATS[to].suffixes[0]}", to, rate, cyclic=cyclic)
+        written = stored.export(
+            out or folder / f"motion{FORMATS[to].suffixes[0]}", to, rate, cyclic=cyclic, unverified=unverified
+        )
     except InputError as error:
         raise error.about("op.Run.export", "optiplan export") from None
     errors = ", ".join(f"{key} {error:.2g}" for key, error in written.errors.items())

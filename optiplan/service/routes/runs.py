@@ -96,12 +96,15 @@ async def exported(
     format: str,
     service: Service,
     rate: Annotated[float | None, Query(gt=0, le=10_000, description="Samples a second")] = None,
+    unverified: Annotated[bool, Query(description="Write a motion that is not verified, too")] = False,
 ) -> Response:
     """The motion for other programs: csv, json, npz, ros or urscript."""
     if format not in FORMATS:
         raise Refusal(404, f"there is no format '{format}'; choose from: {', '.join(FORMATS)}")
     record = await service.run(run)
     content, told = await service.content(record, TRAJECTORY), await service.content(record, RUN)
+    if not (record["verified"] or unverified):
+        raise Refusal(422, "the motion of this run is not verified; ?unverified=true writes it all the same")
 
     def made() -> bytes:
         holds = (lambda _: False) if depends_on_time(json.loads(told)["problem"]) else None
