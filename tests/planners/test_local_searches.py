@@ -5,8 +5,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from optiplan._core import core
 from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget
+from optiplan.planners.sampling.edge_checker import PartialCheck
 from optiplan.planners.sampling.local_searches import box_of_paths, improved_path
 from optiplan.planners.sampling.ompl_search import rrt_connect
 from optiplan.planners.sampling.sample_path import path_check
@@ -75,3 +77,30 @@ def test_the_box_holds_what_a_path_in_that_time_can_pass():
     assert passable.any()
     assert not (passable & ~inside).any()
     assert not inside.all()
+
+
+def _searched(durations):
+    """Return the configurations of all trees of some searches for motions of these durations, s."""
+    problem, _, check = _post()
+    goals, box = GOAL[None], (problem.limits.lower, problem.limits.upper)
+    part = PartialCheck(check.by_moment_arms(), START, np.ones(2, dtype=bool), box, durations)
+    searches = [rrt_connect(part, (START, goals), Budget(20.0), seed, patience=400) for seed in range(1, 11)]
+    return np.vstack([tree for found in searches for tree in (found.start_tree, found.goal_tree)])
+
+
+def _seconds_through(Q):
+    """Return the least time at full speed through each configuration of Q (k, 2), s."""
+    velocity = _post()[0].limits.velocity
+    return sum((np.abs(Q - end) / velocity).max(axis=1) for end in (START, GOAL))
+
+
+@pytest.mark.skipif(core is None, reason="native core")
+def test_searches_draw_configurations_that_short_motions_pass_through():
+    straight = float(_seconds_through(START[None])[0])
+    everywhere = _searched((np.inf, np.inf))
+    within = 1.6 * straight
+    short = _searched((within, within))
+    assert _seconds_through(short).max() <= within
+    assert _seconds_through(everywhere).max() > 1.2 * within
+    assert _seconds_through(_searched((straight, within))).max() <= within
+    assert np.array_equal(short, _searched((within, within)))

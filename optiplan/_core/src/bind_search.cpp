@@ -24,11 +24,13 @@ static void make_checker(EdgeChecker *self, const World &world, const Matrix &ar
     new (self) EdgeChecker(world, to_vector(arms), to_vector(torque), {r[0], r[1], r[2], static_cast<int>(r[3]), r[4]});
 }
 
+// `rows` (5, m): box, units, limits of velocity and acceleration.
 static void make_search(RrtConnect *self, EdgeChecker &check, const Vector &still, const Indices &joints,
-                        const Matrix &box, const Vector &start, const Matrix &goals, double reach, std::uint64_t seed) {
+                        const Matrix &rows, double least, const Vector &start, const Matrix &goals, double reach,
+                        std::uint64_t seed) {
     const std::size_t m = joints.size();
     expect_configuration(check, still);
-    expect(box.shape(0) == 3 && box.shape(1) == m && start.size() == m && goals.shape(1) == m && goals.shape(0) > 0,
+    expect(rows.shape(0) == 5 && rows.shape(1) == m && start.size() == m && goals.shape(1) == m && goals.shape(0) > 0,
            "m searched joints");
     SearchSpace space;
     space.still = to_vector(still);
@@ -36,8 +38,10 @@ static void make_search(RrtConnect *self, EdgeChecker &check, const Vector &stil
         expect(joints.data()[k] >= 0 && joints.data()[k] < check.joints(), "joints of the robot");
         space.joints.push_back(static_cast<int>(joints.data()[k]));
     }
-    const double *low = box.data(), *high = low + m, *units = high + m;
-    space.lower.assign(low, high), space.upper.assign(high, units), space.units.assign(units, units + m);
+    const auto row = [&](int k) { return std::vector<double>(rows.data() + k * m, rows.data() + (k + 1) * m); };
+    space.lower = row(0), space.upper = row(1), space.units = row(2);
+    space.velocity = row(3), space.acceleration = row(4);
+    space.least = least;
     new (self) RrtConnect(check, std::move(space), start.data(), to_vector(goals), reach, seed);
 }
 
@@ -90,8 +94,8 @@ void bind_search(nb::module_ &m) {
         }, "waypoints"_a);
     m.def("shorten", &shorten, "check"_a, "waypoints"_a, "velocity"_a, "draws"_a, "seconds"_a);
     nb::class_<RrtConnect>(m, "RrtConnect")
-        .def("__init__", &make_search, "check"_a, "still"_a, "joints"_a, "box"_a, "start"_a, "goals"_a, "reach"_a,
-             "seed"_a, nb::keep_alive<1, 2>())
+        .def("__init__", &make_search, "check"_a, "still"_a, "joints"_a, "rows"_a, "least"_a, "start"_a,
+             "goals"_a, "reach"_a, "seed"_a, nb::keep_alive<1, 2>())
         .def("grow", &RrtConnect::grow, "iterations"_a, "seconds"_a, nb::call_guard<nb::gil_scoped_release>())
         .def_prop_ro("iterations", &RrtConnect::iterations)
         .def_prop_ro("met", &RrtConnect::met)

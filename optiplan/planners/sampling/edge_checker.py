@@ -4,6 +4,7 @@ from copy import copy
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,6 +52,8 @@ class MotionCheck:
         native: the same check in the native core; None where the model has none. There a part that is cut is asked
             again for those pairs only that kept it from being proved free.
         searched: configuration (n,) of the joints that stand still, and which joints (n,) do not.
+        least: duration, s, of motions at rest at both ends that the native core's searches begin with: they draw
+            configurations through which such a one can pass, and ever longer ones; infinite: everywhere.
     """
 
     def __init__(self, model: CollisionModel, limits: Limits, gravity: Gravity | None = None) -> None:
@@ -58,6 +61,7 @@ class MotionCheck:
         self.units = limits.velocity
         n = len(self.units)
         self.searched: tuple[Array, Joints] = np.zeros(n), np.ones(n, dtype=bool)
+        self.least = inf
         stroke = np.minimum(np.maximum(np.abs(limits.lower), np.abs(limits.upper)), _UNBOUNDED)
         self._moment_arms = model.bounds.moment_arms(stroke)
         self.native = _native(model, self._moment_arms, gravity)
@@ -150,14 +154,21 @@ class PartialCheck(MotionCheck):
         still: (n,) where the other joints stand.
     """
 
-    def __init__(self, whole: MotionCheck, still: Array, joints: Joints, box: tuple[Array, Array]) -> None:
+    def __init__(
+        self,
+        whole: MotionCheck,
+        still: Array,
+        joints: Joints,
+        box: tuple[Array, Array],
+        least: float = inf,
+    ) -> None:
         """Take box (n,), (n,) within the limits; `joints` (n,) says which are searched."""
         limits = whole.limits
         fields = {name: getattr(limits, name)[joints] for name in ("velocity", "acceleration", "jerk", "torque")}
         self.model, self.units = whole.model, whole.units[joints]
         self.limits = replace(limits, lower=box[0][joints], upper=box[1][joints], **fields)
         self.still, self._whole, self._joints = still, whole, joints
-        self.native, self.searched = whole.native, (still, joints)
+        self.native, self.searched, self.least = whole.native, (still, joints), least
 
     def lift(self, q: Array) -> Array:
         """Return the robot's configuration (n,) with its searched joints at q (m,); of many (k, m): (k, n)."""

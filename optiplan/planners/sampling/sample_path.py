@@ -21,6 +21,7 @@ from optiplan.planners.sampling.ompl_space import Ends
 from optiplan.planners.sampling.search import Search, Searcher
 from optiplan.planners.sampling.shortcutting import path_time, path_times, shorten
 from optiplan.robot.robot import Limits
+from optiplan.trajectory.timing.lower_bound import lower_bounds
 
 _RESERVE = 3e-3  # share of the torque limits kept free for gravity between the steps
 _BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line to fall back on
@@ -48,7 +49,7 @@ class SamplingOptions:
         detour: the first round samples only configurations through which a path can take at most this factor of
             the straight line's time; infinite: everywhere.
         longest: time at full speed, s, that paths of later rounds may take: they sample only configurations through
-            which such a one can pass.
+            which such a one can pass, those of short motions first.
         improve: searcher for shorter paths, each time where only such can pass, until it gains nothing more.
         more_goals: returns up to this many new goals between rounds; polls its second argument.
         relaxed: third searcher, in later rounds; None: none.
@@ -160,7 +161,8 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
             searcher, measure, patience = next(schedule)
             if np.isfinite(options.longest):
                 box = box_of_paths(start, goals, np.full(len(goals), options.longest), measure.limits)
-                measure = PartialCheck(measure, start, np.ones(len(start), dtype=bool), box)
+                least = float(lower_bounds(start, goals, measure.limits).min())
+                measure = PartialCheck(measure, start, np.ones(len(start), dtype=bool), box, least)
             found = searcher(measure, (start, goals), options.budget, seed, patience=patience)
         if not found.impatient or options.budget.over:
             return found

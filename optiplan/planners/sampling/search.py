@@ -74,11 +74,11 @@ def native_rrt_connect(
     assert check.native is not None
     still, joints = check.searched
     (start, goals), n = ends, len(still)
-    box = np.vstack([*search_bounds(check.limits, ends), check.units])
+    limits = check.limits
+    rows = np.vstack([*search_bounds(limits, ends), check.units, limits.velocity, limits.acceleration])
     places = np.flatnonzero(joints)
-    trees = core.RrtConnect(
-        check.native, still, places, box, np.ascontiguousarray(start), np.ascontiguousarray(goals), reach, seed
-    )
+    roots = np.ascontiguousarray(start), np.ascontiguousarray(goals)
+    trees = core.RrtConnect(check.native, still, places, rows, check.least, *roots, reach, seed)
     while not (trees.met or budget.over or trees.iterations >= patience):
         left = ceil(min(patience - trees.iterations, 1e6))
         trees.grow(left, min(_SLICE, budget.remaining))

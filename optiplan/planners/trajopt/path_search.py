@@ -29,8 +29,9 @@ _QUICK, _ROUNDS = 0.065, 2
 """Work, s, that a search may take that a late straight line waits for, and rounds that it makes in it: for a first
 motion, not for a hard problem."""
 
-_COMPARED = 3
-"""Paths that are compared before one of them is optimised."""
+_COMPARED, _PROMISING = 3, 0.9
+"""Paths that are compared before one of them is optimised, and share of the best curve's cost below which the coarse
+curve of one ends the comparison."""
 
 _SHORTCUTS, _FIRST_SHORTCUTS = 60, 120
 """Shortcuts of a path that a coarse curve descends from, and of one that is itself a motion."""
@@ -145,9 +146,10 @@ class PathSearch:
     ) -> Way | Failure:
         """Compare `found` and paths sampled anew by coarse descents; return the best way not optimised yet.
 
-        At most `count` paths, and none after `enough` ways.
+        At most `count` paths, none after `enough` ways, and none after one that promises a far shorter motion than the
+        best curve.
         """
-        best = self.incumbent.rough
+        best = rough = self.incumbent.rough
         failure = Failure("no-path", "the curves along all paths stay in obstacles")
         for _ in range(count):
             if len(self._ways) >= enough:
@@ -160,6 +162,8 @@ class PathSearch:
             if way is not None:
                 self._ways.append(way)
                 best = min(best, way.duration)
+                if np.isfinite(rough) and self.incumbent.cost_bound(way.duration) < _PROMISING * rough:
+                    break
         self._ways.sort(key=lambda way: way.duration)
         return self._ways.pop(0) if self._ways else failure
 

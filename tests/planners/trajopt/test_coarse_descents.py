@@ -18,6 +18,7 @@ from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import STEP
 from optiplan.problem.problem import Problem
+from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
 from tests.planners import cases
 
@@ -79,6 +80,26 @@ def test_the_most_promising_way_comes_first_and_the_others_wait(monkeypatch: pyt
     assert [way.duration for way in seen if isinstance(way, Way)] == [1.0, 0.5]
 
 
+def test_a_way_that_promises_far_less_than_the_best_curve_is_optimised_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = _run(cases.wall())
+    path = _path(run)
+    assert run.attempts.attempt("sampled", run._along(path.waypoints), run.budget) is not None
+    sampler = goal_sampler(run.problem, run.model, run.budget)
+    assert isinstance(sampler, GoalSampler)
+    rough, told = run.incumbent.rough, []
+
+    def descend(self: CoarseDescents, model: CollisionModel, path: SampledPath, best: float) -> Way:
+        told.append(rough * (0.95, 0.85, 0.5)[len(told)])
+        return Way(path, None, told[-1])
+
+    monkeypatch.setattr(PathSearch, "_sample", lambda self, *given: path)
+    monkeypatch.setattr(CoarseDescents, "descend", descend)
+    way = run.paths.next(sampler, lambda waypoints: None)
+    assert isinstance(way, Way)
+    assert way.duration == 0.85 * rough
+    assert len(told) == 2
+
+
 def test_a_first_motion_is_looked_for_along_further_paths_where_a_coarse_curve_stays_in_obstacles(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -116,12 +137,13 @@ def test_ways_are_compared_with_the_best_curve_as_it_was_before_it_was_refined()
     assert not run._hopeless(Way(path, attempt.control, 0.9999 * rough))
 
 
-def test_searches_stay_in_the_box_of_motions_that_are_short_enough() -> None:
+def test_searches_stay_where_motions_that_are_short_enough_pass() -> None:
     run = _run(cases.wall())
-    problem, longest, boxes = run.problem, 3.0, []
+    problem, longest, boxes, least = run.problem, 3.0, [], []
 
     def search(check: Any, ends: Any, *given: Any, **more: Any) -> Search:
         boxes.append((check.limits.lower, check.limits.upper))
+        least.append(check.least)
         return Search(None, ends[0][None], ends[1], (1, 1))
 
     goal = problem.goal[0].q
@@ -129,3 +151,4 @@ def test_searches_stay_in_the_box_of_motions_that_are_short_enough() -> None:
     sample_path(path_check(run.model, problem.limits), problem.start, [goal], options)
     within = box_of_paths(problem.start, goal[None], np.array([longest]), problem.limits)
     assert np.allclose(boxes, [within])
+    assert least == [lower_bound(problem.start, goal, problem.limits)]

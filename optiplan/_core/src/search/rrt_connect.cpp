@@ -3,23 +3,27 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 
 namespace optiplan {
 
 static constexpr int TURN = 8;  // iterations of which one takes the trees in turn, whatever their sizes
+static constexpr double DOUBLED = 2500.0;  // iterations in which the duration of motions doubles
+static constexpr int DRAWS = 64;  // of one iteration: where the set is much smaller than its box, the last is taken
 
 RrtConnect::RrtConnect(EdgeChecker &check, SearchSpace space, const double *start, const std::vector<double> &goals,
                        double reach, std::uint64_t seed)
     : check_(check), space_(std::move(space)), reach_(reach), random_(seed) {
     const int m = static_cast<int>(space_.joints.size());
     trees_.assign(2, SearchTree(m));
-    target_.resize(m), x_.resize(m), from_.resize(check.joints()), to_.resize(check.joints());
+    target_.resize(m), low_.resize(m), high_.resize(m), x_.resize(m), from_.resize(check.joints()), to_.resize(check.joints());
     for (int k = 0; k < m; ++k) x_[k] = start[k] / space_.units[k];
     trees_[0].add(x_.data(), -1);
     for (std::size_t goal = 0; goal * m < goals.size(); ++goal) {
         for (int k = 0; k < m; ++k) x_[k] = goals[goal * m + k] / space_.units[k];
         trees_[1].add(x_.data(), -1);
     }
+    goals_ = size(1);
 }
 
 void RrtConnect::lift(const double *x, double *q) const {
@@ -55,16 +59,55 @@ int RrtConnect::next_tree() {
     return turn / TURN % 2 == 0 ? turn % 2 : 1 - turn % 2;
 }
 
+// Least time in which a joint at rest gets so far, whatever its speed there.
+static double time_from_rest(double distance, double velocity, double acceleration) {
+    const double d = std::fabs(distance);
+    if (d > 0.5 * velocity * velocity / acceleration) return d / velocity + 0.5 * velocity / acceleration;
+    return std::sqrt(2.0 * d / acceleration);
+}
+
+bool RrtConnect::passed_within(const double *x, double duration) const {
+    const auto time = [&](const double *end) {
+        double most = 0.0;
+        for (std::size_t k = 0; k < target_.size(); ++k)
+            most = std::max(most, time_from_rest((x[k] - end[k]) * space_.units[k], space_.velocity[k],
+                                                 space_.acceleration[k]));
+        return most;
+    };
+    const double before = time(trees_[0].at(0));
+    for (int goal = 0; goal < goals_ && before < duration; ++goal)
+        if (before + time(trees_[1].at(goal)) <= duration) return true;
+    return false;
+}
+
+void RrtConnect::draw() {
+    const int m = static_cast<int>(target_.size());
+    const bool anywhere = std::isinf(space_.least);
+    const double duration = space_.least * std::exp2(iterations_ / DOUBLED);
+    const double *start = trees_[0].at(0);
+    for (int j = 0; j < m; ++j) {  // the box of the set at full speed
+        const double way = duration * space_.velocity[j] / space_.units[j];
+        double low = std::numeric_limits<double>::infinity(), high = -low;
+        for (int goal = 0; goal < goals_; ++goal) {
+            const double end = trees_[1].at(goal)[j], slack = std::max(0.0, 0.5 * (way - std::fabs(end - start[j])));
+            low = std::min({low, start[j] - slack, end - slack}), high = std::max({high, start[j] + slack, end + slack});
+        }
+        low_[j] = std::max(low, space_.lower[j] / space_.units[j]);
+        high_[j] = std::min(high, space_.upper[j] / space_.units[j]);
+    }
+    for (int k = 0; k < DRAWS; ++k) {
+        for (int j = 0; j < m; ++j) target_[j] = low_[j] + random_.uniform() * (high_[j] - low_[j]);
+        if (anywhere || passed_within(target_.data(), duration)) return;
+    }
+}
+
 bool RrtConnect::grow(int iterations, double seconds) {
     using Clock = std::chrono::steady_clock;
     const auto end = Clock::now() + std::chrono::duration<double>(seconds);
     const int m = static_cast<int>(target_.size());
     for (int k = 0; k < iterations && !met() && Clock::now() < end; ++k) {
         const int tree = next_tree(), other = 1 - tree;
-        for (int j = 0; j < m; ++j) {
-            const double low = space_.lower[j] / space_.units[j], high = space_.upper[j] / space_.units[j];
-            target_[j] = low + random_.uniform() * (high - low);
-        }
+        draw();
         if (extend(tree, trees_[tree].nearest(target_.data())) == Step::blocked) continue;
         const int grown = last_;
         for (int j = 0; j < m; ++j) target_[j] = trees_[tree].at(grown)[j];

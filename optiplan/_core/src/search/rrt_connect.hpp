@@ -11,11 +11,16 @@
 namespace optiplan {
 
 // Where a search may go: m of the robot's n joints, the searched ones, within a box; the others stand still.
+// Configurations are drawn where a motion that is at rest at both ends can pass within a duration that grows with the
+// iterations, from the least one: paths of short motions are found before those of longer ones.
+// Source: Gammell, Srinivasa and Barfoot, "Informed RRT*", IROS 2014; the set here is that of the time of joints.
 struct SearchSpace {
     std::vector<double> still;          // (n,)
     std::vector<int> joints;            // (m,)
     std::vector<double> lower, upper;   // (m,), rad or m
     std::vector<double> units;          // (m,), scale of distances: |x| with x = q / units
+    std::vector<double> velocity, acceleration;  // (m,), limits, units of the joint per s and s^2
+    double least;                       // s; infinite: everywhere in the box
 };
 
 class RrtConnect {
@@ -44,6 +49,12 @@ class RrtConnect {
     // One step of at most `reach` from a node towards `target_`; `last_` is the node it made.
     Step extend(int tree, int from);
     int next_tree();
+
+    // Draw `target_`.
+    void draw();
+
+    // Whether a motion from the start to a goal can pass through x (m,) within so many seconds.
+    bool passed_within(const double *x, double duration) const;
     void lift(const double *x, double *q) const;
     void append(std::vector<double> &out, int tree, int node) const;
 
@@ -52,8 +63,8 @@ class RrtConnect {
     double reach_;
     Random random_;
     std::vector<SearchTree> trees_;
-    std::vector<double> target_, x_, from_, to_;
-    int last_ = -1, iterations_ = 0;
+    std::vector<double> target_, low_, high_, x_, from_, to_;
+    int goals_, last_ = -1, iterations_ = 0;
     int met_[2] = {-1, -1};
 };
 
