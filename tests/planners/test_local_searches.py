@@ -14,6 +14,7 @@ from optiplan.planners.sampling.ompl_search import rrt_connect
 from optiplan.planners.sampling.sample_path import path_check
 from optiplan.planners.sampling.shortcutting import path_time, shorten
 from optiplan.problem.problem import JointGoal
+from optiplan.trajectory.timing.lower_bound import lower_bound
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
 
@@ -79,12 +80,15 @@ def test_the_box_holds_what_a_path_in_that_time_can_pass():
     assert not inside.all()
 
 
-def _searched(durations):
-    """Return the configurations of all trees of some searches for motions of these durations, s."""
+_ITERATIONS, _DOUBLED = 400, 2500  # of a search; in which the duration doubles
+
+
+def _searched(least):
+    """Return the configurations of all trees of some searches that begin with motions of this duration, s."""
     problem, _, check = _post()
     goals, box = GOAL[None], (problem.limits.lower, problem.limits.upper)
-    part = PartialCheck(check.by_moment_arms(), START, np.ones(2, dtype=bool), box, durations)
-    searches = [rrt_connect(part, (START, goals), Budget(20.0), seed, patience=400) for seed in range(1, 11)]
+    part = PartialCheck(check.by_moment_arms(), START, np.ones(2, dtype=bool), box, least)
+    searches = [rrt_connect(part, (START, goals), Budget(20.0), seed, patience=_ITERATIONS) for seed in range(1, 11)]
     return np.vstack([tree for found in searches for tree in (found.start_tree, found.goal_tree)])
 
 
@@ -96,11 +100,9 @@ def _seconds_through(Q):
 
 @pytest.mark.skipif(core is None, reason="native core")
 def test_searches_draw_configurations_that_short_motions_pass_through():
-    straight = float(_seconds_through(START[None])[0])
-    everywhere = _searched((np.inf, np.inf))
-    within = 1.6 * straight
-    short = _searched((within, within))
-    assert _seconds_through(short).max() <= within
-    assert _seconds_through(everywhere).max() > 1.2 * within
-    assert _seconds_through(_searched((straight, within))).max() <= within
-    assert np.array_equal(short, _searched((within, within)))
+    least = 1.3 * lower_bound(START, GOAL, _post()[0].limits)
+    most = least * 2 ** (_ITERATIONS / _DOUBLED)
+    short = _searched(least)
+    assert _seconds_through(short).max() <= most
+    assert _seconds_through(_searched(np.inf)).max() > 1.1 * most
+    assert np.array_equal(short, _searched(least))
