@@ -16,7 +16,8 @@ RrtConnect::RrtConnect(EdgeChecker &check, SearchSpace space, const double *star
     : check_(check), space_(std::move(space)), reach_(reach), random_(seed) {
     const int m = static_cast<int>(space_.joints.size());
     trees_.assign(2, SearchTree(m));
-    target_.resize(m), low_.resize(m), high_.resize(m), x_.resize(m), from_.resize(check.joints()), to_.resize(check.joints());
+    target_.resize(m), low_.resize(m), high_.resize(m), x_.resize(m);
+    from_.resize(check.joints()), to_.resize(check.joints());
     for (int k = 0; k < m; ++k) x_[k] = start[k] / space_.units[k];
     trees_[0].add(x_.data(), -1);
     for (std::size_t goal = 0; goal * m < goals.size(); ++goal) {
