@@ -10,7 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, is_finite
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.file_shapes import Mesh, Octree, PointCloud
-from optiplan.geometry.filled import filled
+from optiplan.geometry.mass_properties import mass_properties
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere, build_geometry
@@ -130,7 +130,7 @@ class Attachment:
         if centre is None or moments is None:
             body = build_geometry(self.shape)
             try:
-                even = filled(body)
+                even = mass_properties(body)
             except ValueError as error:
                 raise ValueError(f"{self.mass:g} kg of '{self.name}', whose shape {error}") from error
             moments = self.mass * even.moments if moments is None else moments

@@ -12,6 +12,7 @@ from optiplan.arrays import Array
 from optiplan.errors import path_argument, seed_argument, wrong_argument
 from optiplan.files import write_text
 from optiplan.geometry.scene import Obstacle, Scene
+from optiplan.kinematics.ik.joint_wraps import endless_turns
 from optiplan.problem import to_data
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.statements import PathConstraint
@@ -178,8 +179,8 @@ class Problem(ProblemParts):
 
     def _there(self, goal: JointGoal, q: Array) -> bool:
         """Whether q (n,) is at a goal, up to whole turns of joints that turn without end."""
-        error = np.where(self.robot.limits.endless, np.remainder(q - goal.q + np.pi, 2.0 * np.pi) - np.pi, q - goal.q)
-        return bool((np.abs(error) <= 2.0 * goal.tolerance).all())
+        nearest = endless_turns(self.robot, goal.q, q)[0]
+        return bool((np.abs(q - nearest) <= 2.0 * goal.tolerance).all())
 
     def lower_bounds(self, ends: Array | Sequence[Array]) -> Array:
         """Return the shortest duration conceivable from the start to each of the configurations (k, n): (k,), s.

@@ -1,4 +1,4 @@
-"""Volume, centre and second moments of what a body fills."""
+"""Mass properties of bodies that are filled evenly: volume, centre of mass, moments of inertia."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -11,12 +11,12 @@ from optiplan.geometry.convex import triangles_of, vertices_of
 from optiplan.geometry.enclosure import Enclosure
 
 
-class Filled(NamedTuple):
-    """What a body fills evenly.
+class MassProperties(NamedTuple):
+    """Of a body that is filled evenly.
 
     Attributes:
         volume: m³.
-        centre: (3,) m.
+        centre: of mass, (3,) m.
         moments: (3, 3) of inertia about the centre, of 1 kg: m².
     """
 
@@ -29,8 +29,8 @@ FLAT = 1e-10
 """Share of the cube of a mesh's extent: less is no volume, but rounding."""
 
 
-def filled(body: coal.CollisionGeometry) -> Filled:
-    """Return what a body of coal fills; of a mesh, its closed pieces, but for hollows, whatever their winding.
+def mass_properties(body: coal.CollisionGeometry) -> MassProperties:
+    """Return those of a body of coal; of a mesh, its closed pieces are filled but for hollows, whatever their winding.
 
     Pieces that overlap count twice where they do.
 
@@ -42,11 +42,13 @@ def filled(body: coal.CollisionGeometry) -> Filled:
     volume = body.computeVolume()
     if not volume > 0.0:
         raise ValueError("encloses no volume")
-    return Filled(volume, np.array(body.computeCOM()), np.array(body.computeMomentofInertiaRelatedToCOM()) / volume)
+    return MassProperties(
+        volume, np.array(body.computeCOM()), np.array(body.computeMomentofInertiaRelatedToCOM()) / volume
+    )
 
 
 @lru_cache(maxsize=64)
-def _of_mesh(mesh: coal.BVHModelBase) -> Filled:
+def _of_mesh(mesh: coal.BVHModelBase) -> MassProperties:
     """Add up the tetrahedra between a point and the triangles.
 
     Of one with corners a, b, c seen from that point, V = a · (b × c) / 6, ∫ x dV = V s / 4 with s = a + b + c, and
@@ -69,4 +71,4 @@ def _of_mesh(mesh: coal.BVHModelBase) -> Filled:
         raise ValueError("encloses no volume")
     centre = first / volume
     spread = second / volume - np.outer(centre, centre)
-    return Filled(volume, origin + centre, np.trace(spread) * np.eye(3) - spread)
+    return MassProperties(volume, origin + centre, np.trace(spread) * np.eye(3) - spread)
