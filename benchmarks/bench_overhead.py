@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from published import script_parser
 
 from optiplan.bench.execution.pool import LocalPool
 from optiplan.bench.execution.runner import open_results, run_suite
@@ -56,6 +57,7 @@ class Waits:
 
 def main() -> None:
     """Run the suites, print a line for each."""
+    script_parser(__doc__).parse_args()
     sys.path.insert(0, str(Path(__file__).parent))
     result = {"real": measure(["trajopt", "rrtconnect", "quintic"], 3)}
     for seconds, count in ((0.05, 40), (0.2, 20), (1.0, 3)):

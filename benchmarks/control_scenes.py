@@ -24,10 +24,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import mink
 import mujoco
 import numpy as np
-import pink
 import pinocchio as pin
 import trimesh
 from published import print_json, print_table, table_parser, write_markdown
@@ -97,6 +95,8 @@ def aloha_hand(side: float) -> Callable[[float], list[float]]:
 
 def aloha_pairs(model: mujoco.MjModel) -> list[tuple[list[int], list[int]]]:
     """Wrist and wrist; arms, and frame and table."""
+    import mink
+
     wrists = [mink.get_subtree_geom_ids(model, model.body(f"{side}/wrist_link").id) for side in ("left", "right")]
     arms = [mink.get_subtree_geom_ids(model, model.body(f"{side}/upper_arm_link").id) for side in ("left", "right")]
     frame = mink.get_body_geom_ids(model, model.body("metal_frame").id)
@@ -105,6 +105,8 @@ def aloha_pairs(model: mujoco.MjModel) -> list[tuple[list[int], list[int]]]:
 
 def g1_pairs(model: mujoco.MjModel) -> list[tuple[list[int], list[int]]]:
     """Forearm and thigh of each side."""
+    import mink
+
     found = []
     for side in ("left", "right"):
         bodies = model.body(f"{side}_elbow_roll_link").id, model.body(f"{side}_hip_yaw_link").id
@@ -302,6 +304,8 @@ def ours(loaded: Loaded) -> Step:
 
 def of_pink(loaded: Loaded) -> Step:
     """Pink with the same tasks, and limits of position and velocity."""
+    import pink
+
     scene, robot = loaded.scene, loaded.robot
     model = robot.model.copy()
     model.lowerPositionLimit, model.upperPositionLimit = robot.limits.lower, robot.limits.upper
@@ -332,6 +336,8 @@ def of_pink(loaded: Loaded) -> Step:
 
 def of_mink(loaded: Loaded) -> Step:
     """Mink, as its own benchmark does it."""
+    import mink
+
     scene, model = loaded.scene, loaded.model
     configuration = mink.Configuration(model, loaded.to_mujoco(loaded.q))
     hands: list[Any] = []

@@ -1,8 +1,8 @@
 """Numeric inverse kinematics of redundant arms: how often, how fast, and beside other libraries in the same run.
 
-    python benchmarks/ik_numeric.py [POSES]
+    python benchmarks/ik_numeric.py [--poses N]
 
-Poses are those of random configurations within the limits (2,000 unless said), collisions ignored; solved means 1e-6 m
+Poses are those of random configurations within the limits (2,000 unless given), collisions ignored; solved means 1e-6 m
 and rad within the limits, by the same forward kinematics for all. OptiPlan solves each pose in a call of its own, as
 a pool of configurations gives it starts; `plain` is `solve_ik` from random starts; `batch` is one call for all;
 `prefer` resolves the redundancy as well, on the first of the poses. Where pin-pink and roboticstoolbox (whose solver is
@@ -16,13 +16,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import importlib.util
 import json
-import sys
 import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from published import script_parser
 from rich.console import Console
 from rich.table import Table
 
@@ -157,7 +157,9 @@ def compare(robot: Robot, poses: int) -> dict[str, dict[str, float]]:
 
 def main() -> None:
     """Measure, print."""
-    poses = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
+    parser = script_parser(__doc__)
+    parser.add_argument("--poses", type=int, default=2000, help="of each robot")
+    poses = parser.parse_args().poses
     result = {}
     for name in ROBOTS:
         result[name] = compare(load_robot(name), poses)

@@ -30,9 +30,14 @@ def commit() -> str:
     return f"{head}-dirty" if _git("status", "--porcelain", "--untracked-files=no", "--", "optiplan") else head
 
 
+def script_parser(description: str | None) -> argparse.ArgumentParser:
+    """Return a parser of the command line whose `--help` is the script's docstring."""
+    return argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
 def table_parser(description: str | None) -> argparse.ArgumentParser:
-    """A parser of the command line of a script that makes a table, with the option `--markdown`."""
-    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    """Return a parser of the command line of a script that makes a table, with the option `--markdown`."""
+    parser = script_parser(description)
     parser.add_argument("--markdown", type=Path, help="write the table to this file")
     return parser
 

@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 import qpsolvers
+from published import script_parser
 from rich.console import Console
 from rich.table import Table
 
 from optiplan.planners.base import Budget
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
-from optiplan.planners.trajopt.program import qp
 from optiplan.problem.load import load_problem
 from optiplan.resources import problems_dir
 
@@ -41,13 +41,13 @@ def record() -> list[qpsolvers.Problem]:
         met.append(program)
         return solve(program, **options)
 
-    qp.qpsolvers.solve_problem = spy
+    qpsolvers.solve_problem = spy  # `Subproblem.solve` looks it up at each call
     try:
         for name in EXAMPLES:
             problem = load_problem(problems_dir() / f"{name}.yaml")
-            TrajOpt(TrajOptOptions(seeds=1)).plan(problem, Budget(30.0), lambda stage, fraction: None)
+            TrajOpt(TrajOptOptions(seeds=1, solver="piqp")).plan(problem, Budget(30.0), lambda stage, fraction: None)
     finally:
-        qp.qpsolvers.solve_problem = solve
+        qpsolvers.solve_problem = solve
     return met[::EVERY]
 
 
@@ -74,6 +74,7 @@ def measure(solver: str, programs: list[qpsolvers.Problem]) -> tuple[np.ndarray,
 
 def main() -> None:
     """Record, measure, print."""
+    script_parser(__doc__).parse_args()
     programs = record()
     figures = {name: measure(name, programs) for name in SOLVERS if name in qpsolvers.available_solvers}
     reference = figures["piqp"][0]

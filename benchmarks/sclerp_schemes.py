@@ -27,6 +27,8 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).parent.parent))  # the reports' numbers lie with the tests
 
 from optiplan.arrays import Array
+from published import script_parser
+
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget, Failure
@@ -35,7 +37,7 @@ from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import iterate_scheme
 from optiplan.planners.sclerp.screw_kinematics import Tool
-from optiplan.planners.sclerp.screw_motion import Task, attempt
+from optiplan.planners.sclerp.screw_motion import ScrewTask, attempt
 from optiplan.problem.problem import PoseGoal, Problem
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import load_robot
@@ -49,6 +51,7 @@ FINE = np.linspace(0.0, 1.0, 2001)
 
 def main() -> None:
     """Run, print."""
+    script_parser(__doc__).parse_args()
     arm = load_robot("baxter_report")
     tool = Tool(arm, arm.tool_frame)
     rows = {run["id"]: {scheme: measure(tool, run, scheme) for scheme in SCHEMES} for run in RUNS}
@@ -86,7 +89,7 @@ def by_programs(tool: Tool, start: Array, X_WG: pin.SE3, scheme: str) -> dict[st
         ends = [] if isinstance(goals, Failure) else list(goals)
     result: dict[str, Any] = {"converged": False, "unreachable": not ends}
     for end in ends:
-        task = Task(tool, start, X_WG, end, False, {})
+        task = ScrewTask(tool, start, X_WG, end, False, {})
         path = attempt(model, task, SclerpOptions(), budget)
         if not isinstance(path, Failure):
             low, high = path.extrema(0)

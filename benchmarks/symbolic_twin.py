@@ -12,7 +12,6 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import json
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from published import script_parser
 from rich.console import Console
 from rich.table import Table
 
@@ -138,7 +138,9 @@ def show(name: str, figures: dict[str, dict[str, float]]) -> None:
 
 def main() -> None:
     """Measure in a fresh cache, print."""
-    names = sys.argv[1:] or list(ROBOTS)
+    parser = script_parser(__doc__)
+    parser.add_argument("robots", nargs="*", default=list(ROBOTS), help="names of robots")
+    names = parser.parse_args().robots
     result = {}
     with tempfile.TemporaryDirectory() as folder:
         for name in names:

@@ -9,10 +9,12 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
+from optiplan.config.document import read_yaml
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.scene import HalfSpace, Obstacle, Scene
 from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
-from optiplan.robot.robot import Robot
+from optiplan.robot.reference import robot_file
+from optiplan.robot.robot import Robot, load_robot
 from optiplan.workspace.accuracy import tool_error
 from optiplan.workspace.parallel import ChunkedWork, cores, run_chunks
 from optiplan.workspace.reach import Reach, reach, sampling_range
@@ -89,6 +91,23 @@ class Workspace:
     def free_fraction(self) -> float:
         """Share of the configurations in which nothing touches."""
         return float(self.samples.free.mean())
+
+
+def robot_with_meshes(name: str, group: str | None = None) -> Robot:
+    """Load a robot with the meshes of its links where its robot.yaml checks their convex hulls.
+
+    A hull fills what a link is bent around: among hulls 59 % of a UR5's configurations touch, among its meshes 25 %, and
+    the map shows a hole below its base that is not there. Planning keeps the hulls, which are quicker to prove.
+
+    Raises:
+        InputError, UnknownChoiceError: as `load_robot`.
+    """
+    robot = load_robot(name, group=group)
+    file = robot_file(name)
+    description = read_yaml(file.resolve()).data
+    if description.get("collision") != "hull":
+        return robot
+    return load_robot({**description, "collision": "mesh"}, file.resolve().parent, group=group)
 
 
 def study_workspace(

@@ -8,7 +8,7 @@ import pytest
 
 from optiplan.robot.dh.table import forward, frames
 from optiplan.robot.robot import load_robot
-from optiplan.workspace.sampling import WorkspaceOptions, study_workspace
+from optiplan.workspace.sampling import WorkspaceOptions, robot_with_meshes, study_workspace
 from tests.reference.entries import entry
 from tests.reference.poses import rot
 
@@ -55,6 +55,18 @@ def srra_theta5() -> str:
     return f"or {np.arctan(np.sqrt(1.0 - r33**2) / r33):+.4f} with the right r33"
 
 
+def srra_theta3_star() -> str:
+    """From the inputs as printed, and with the misprint of r."""
+    printed, a3 = entry("srra.ik.intermediates").printed, entry("srra.params")["a3"]
+    x, y, z = printed["wrist_centre"]
+    angles = [
+        np.arccos((r**2 + z**2 - a3**2 - printed["a4"] ** 2) / (2.0 * a3 * printed["a4"]))
+        for r in (printed["r"], np.hypot(x - 1e-4, y))
+    ]
+    assert np.abs(np.subtract(angles, printed["theta3_star"])).min() > 1e-4  # neither is what is printed
+    return "the printed inputs give {:.5f}, and {:.5f} with 730.25 in r".format(*angles)
+
+
 def srra_h2() -> str:
     steps, a3 = entry("srra.ik.intermediates"), entry("srra.params")["a3"]
     along = a3 + entry("srra.params")["a4"] * steps["cos_theta3_star"]
@@ -94,6 +106,7 @@ FIGURES = (
     delbot_mount,
     baxter_signs,
     srra_theta5,
+    srra_theta3_star,
     srra_h2,
     srra_r,
     srra_euler_matrix,
@@ -110,6 +123,7 @@ def test_the_page_has_the_figure_as_computed(figure: Callable[[], str]):
     ("robot", "floor", "words"),
     [
         ("ur5", None, "UR5 {:.1f} %"),
+        ("puma560", None, "PUMA 560 {:.1f} %"),
         ("srra", -1.5, "| SRRA, at the height of the published floor plate | −1.5 | {:.1f} % |"),
         ("srra", -2.0, "| SRRA, where the base of `robots/srra` ends | −2.0 | {:.1f} % |"),
         ("puma560", 0.0, "| PUMA 560, at its foot | 0 | {:.1f} % |"),
@@ -117,9 +131,9 @@ def test_the_page_has_the_figure_as_computed(figure: Callable[[], str]):
     ],
 )
 def test_the_page_has_the_workspace_that_the_command_prints(robot, floor, words):
-    """With the options that `optiplan workspace` has by default."""
-    found = study_workspace(load_robot(robot), WorkspaceOptions(floor=floor))
-    assert words.format(100.0 * found.voxels.coverage.lower) in PAGE
+    """With 20,000 samples, as the page says."""
+    found = study_workspace(robot_with_meshes(robot), WorkspaceOptions(samples=20_000, floor=floor))
+    assert words.format(100.0 * found.rings.lower) in PAGE
 
 
 def test_the_base_of_the_srra_ends_where_the_page_says():

@@ -108,16 +108,10 @@ def test_sclerp_pure_rotation_other_axes(arm, free_arm):
     for robot, key in ((free_arm, "max_rotation_deg_no_limits"), (arm, "max_rotation_deg_seed_limits")):
         for name, most in expected[key].items():
             assert turned(robot, name, most - expected.tolerance), (key, name)
-            further = FURTHER.get((key, name), most)
-            assert turned(robot, name, further - expected.tolerance), (key, name)
-            assert not turned(robot, name, further + expected.tolerance), (key, name)
+            assert not turned(robot, name, most + expected.tolerance), (key, name)
     elsewhere = tool_pose(arm, np.array([-0.5, -0.6, 0.8, 1.2, -0.9, 0.7, 0.4]))
     for axis, degrees in (("x", 30.0), ("z", -30.0)):
         assert solve(arm, elsewhere @ pose(rot(axis, np.radians(degrees)), np.zeros(3))).solutions
-
-
-FURTHER = {("max_rotation_deg_seed_limits", "z_plus"): 5.20, ("max_rotation_deg_seed_limits", "z_minus"): 5.20}
-"""Degrees, where the search here comes further than that of the table; alike both ways, as the arm's symmetry asks."""
 
 
 def turned(robot: Robot, name: str, degrees: float) -> bool:

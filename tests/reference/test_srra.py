@@ -28,7 +28,7 @@ def dimensions(table: DhTable) -> dict[str, float]:
 
 
 def worked_example(table: DhTable, X: np.ndarray) -> dict[str, object]:
-    """The steps of the report for its branch: shoulder in front, elbow down; `theta3_star` is the angle beta."""
+    """The steps of the report for its branch: shoulder in front, elbow up; `theta3_star` is the angle beta."""
     size = dimensions(table)
     a3, a4 = size["a3"], size["a4"]
     x, y, z = centre = X[:3, 3] - size["d7"] * X[:3, 2]
@@ -98,7 +98,10 @@ def test_srra_ik_intermediates(srra, goal):
     X = pose(R, steps["wrist_centre"] + dimensions(srra.dh)["d7"] * R[:, 2])
     found = closed_form(srra).solve(X[None])
     wanted = [steps["theta1"], steps["theta2"], steps["theta3"]]
-    assert turn(found.q[0][found.valid[0]][:, :3], wanted).min() <= expected.tolerance
+    off = turn(found.q[0][:, :3], wanted)
+    assert off.min() <= expected.tolerance
+    assert found.valid[0][off.argmin()]
+    assert "elbow up" in closed_form(srra).branches[off.argmin()]  # as `optiplan ik` and docs/theory/reports.md call it
 
 
 def first_three(srra: Robot, goal: np.ndarray) -> np.ndarray:

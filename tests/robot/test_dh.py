@@ -253,8 +253,10 @@ def test_srra_has_eight_rows_for_six_joints():
     assert dh.convention == "standard"
 
 
-@pytest.mark.parametrize("q1", [-40, -20, 0, 20, 40])
-@pytest.mark.parametrize("q3", [-90, -60, -30, 0, 30, 60])
+FULL_TURNS = [(q1, q3) for q3 in (-90, -60, -30, 0, 30, 60) for q1 in (-40, -20, 0, 20, 40)] + [(-70, 0), (70, 0)]
+
+
+@pytest.mark.parametrize(("q1", "q3"), FULL_TURNS)
 def test_joint_2_of_srra_turns_full_circle_past_the_base(q1, q3):
     """What the published meshes do not allow: srra.urdf.joint2_full_turn."""
     robot = load_robot("srra")
@@ -262,6 +264,13 @@ def test_joint_2_of_srra_turns_full_circle_past_the_base(q1, q3):
     assert ("base_link", "link_2") in [tuple(sorted((p.name_a, p.name_b))) for p in model.pairs]
     for q2 in range(-360, 360, 3):
         assert not model.collides(np.radians([q1, q2, q3, 0, 0, 0])), q2
+
+
+def test_srra_has_room_for_the_query_of_the_report():
+    """Both states of srra.moveit.states are free, and so is the straight line between them, as with the report's bodies."""
+    model = CollisionModel(load_robot("srra"), Scene())
+    home, goal = np.array([0.0, 0.0, 0.0, -0.0269, 0.0, 0.0]), np.array([-3.1415, -2.8638, 0.2256, -1.3017, 0.0, 0.0])
+    assert not [s for s in np.linspace(0.0, 1.0, 501) if model.collides(home + s * (goal - home))]
 
 
 def test_joint_5_of_srra_turns_full_circle():

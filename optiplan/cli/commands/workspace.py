@@ -68,7 +68,8 @@ def workspace(
 
     The reach sphere lies about the shoulder, where the first two axes meet; its radius is the largest reach without
     collisions. Covered is the share of its voxels in which a sample without collision lies: a lower bound. Rings say
-    the same in cells of height and distance from the vertical, which few samples fill.
+    the same in cells of height and distance from the vertical, which few samples fill. Links are checked as their
+    meshes, also where the robot's file says hull.
 
     [bold]Examples[/]
 
@@ -80,17 +81,16 @@ def workspace(
 
     Exit code: 0 done · 2 bad input.
     """
-    from optiplan.robot.robot import load_robot
     from optiplan.runs.run_folder import check_folder
     from optiplan.workspace.accuracy import DEFAULT_RESOLUTION, joint_resolution
-    from optiplan.workspace.sampling import WorkspaceOptions, study_workspace
+    from optiplan.workspace.sampling import WorkspaceOptions, robot_with_meshes, study_workspace
 
     if out is not None:
         check_folder(out)
     wanted = (resolution or DEFAULT_RESOLUTION) if accuracy else None
     rows, found = [], []
     with stdout_is_ours(), ProgressLine() as progress:
-        for robot in [_with_tool(load_robot(name, group=group), frame) for name in names]:
+        for robot in [_with_tool(robot_with_meshes(name, group), frame) for name in names]:
             steps = None if wanted is None else joint_resolution(robot, wanted)
             options = WorkspaceOptions(samples, grid, collision, floor, steps, voxels, seed)
             began = time.perf_counter()
