@@ -242,8 +242,8 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """The public names."""
-    return sorted({*globals(), *__all__})
+    """Return the public names."""
+    return sorted(__all__)
 
 
 _ROOMS_CALLED = ("planners", "verify")

@@ -33,7 +33,7 @@ _BUNDLED = {
         "prm": ("sampling.prm:Prm", "lazy roadmap of the scene; from Python, one object reuses it for later queries"),
         "rrtconnect": (
             "sampling.rrtconnect:RrtConnect",
-            "sampled path (OMPL's RRT-Connect), shortened, with rounded corners, then timed",
+            "sampled path (RRT-Connect of the native core, else OMPL's), shortened, with rounded corners, then timed",
         ),
         "rrtstar": ("sampling.rrtstar:RrtStar", "sampled path that shortens as its tree grows (OMPL's RRT*)"),
     },

@@ -1,4 +1,4 @@
-"""`rrtconnect`: two trees that grow towards each other, OMPL's RRT-Connect; the fastest to find a path."""
+"""`rrtconnect`: two trees that grow towards each other (the native core's, else OMPL's); the fastest to find a path."""
 
 from dataclasses import dataclass
 from functools import partial
