@@ -16,6 +16,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import importlib.util
 import json
+import sys
 import time
 from collections.abc import Callable
 from typing import Any

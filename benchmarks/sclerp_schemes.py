@@ -21,14 +21,13 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from published import script_parser
 from rich.console import Console
 from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parent.parent))  # the reports' numbers lie with the tests
 
 from optiplan.arrays import Array
-from published import script_parser
-
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget, Failure

@@ -96,8 +96,8 @@ class Workspace:
 def robot_with_meshes(name: str, group: str | None = None) -> Robot:
     """Load a robot with the meshes of its links where its robot.yaml checks their convex hulls.
 
-    A hull fills what a link is bent around: among hulls 59 % of a UR5's configurations touch, among its meshes 25 %, and
-    the map shows a hole below its base that is not there. Planning keeps the hulls, which are quicker to prove.
+    A hull fills what a link is bent around: 59 % of a UR5's configurations touch as hulls, 25 % as meshes, and the map
+    of hulls shows a hole below its base that is not there. Planning keeps the hulls, which are quicker to prove.
 
     Raises:
         InputError, UnknownChoiceError: as `load_robot`.

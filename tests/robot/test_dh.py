@@ -267,7 +267,7 @@ def test_joint_2_of_srra_turns_full_circle_past_the_base(q1, q3):
 
 
 def test_srra_has_room_for_the_query_of_the_report():
-    """Both states of srra.moveit.states are free, and so is the straight line between them, as with the report's bodies."""
+    """Both states of srra.moveit.states and the line between them are free, as with the bodies of the report."""
     model = CollisionModel(load_robot("srra"), Scene())
     home, goal = np.array([0.0, 0.0, 0.0, -0.0269, 0.0, 0.0]), np.array([-3.1415, -2.8638, 0.2256, -1.3017, 0.0, 0.0])
     assert not [s for s in np.linspace(0.0, 1.0, 501) if model.collides(home + s * (goal - home))]

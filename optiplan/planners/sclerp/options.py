@@ -48,10 +48,11 @@ class SclerpOptions(PlannerOptions):
         above=0,
         most=1,
     )
-    redundancy: Literal["local", "goal"] = option(
-        "local",
+    redundancy: Literal["best", "local", "goal"] = option(
+        "best",
         "what a redundant arm does with its freedom under `qp`: `local` moves the joints least, step by step; `goal` "
-        "leads them to the goal configurations, in turn. A goal in joint space is always led to.",
+        "leads them to the goal configurations, in turn, and takes the first that is reached; `best` tries all of "
+        "these and takes the shortest motion. A goal in joint space is always led to.",
     )
     goals: int = option(8, "how many goal configurations to try.", above=0)
 

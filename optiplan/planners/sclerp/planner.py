@@ -1,6 +1,7 @@
 """`sclerp`: goal by goal, the joint path of the chosen scheme, looked at for obstacles, then timed."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -16,11 +17,13 @@ from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.planners.sclerp.screw_motion import ScrewTask, attempt
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
 _SAMPLES = 200  # of a path, where gravity is looked for
 _NEEDED = 6  # joints, for a screw; an arm with more of them can be led
+_CLOSE = 0.01  # share above its lower bound at which a motion is not compared with other ways of the arm
 
 
 class Sclerp(Planner[SclerpOptions]):
@@ -39,28 +42,45 @@ class Sclerp(Planner[SclerpOptions]):
         if isinstance(goals, Failure) and goals.kind != "goal-unreachable":
             return PlanResult(None, goals, watch.seconds)
         failures: list[Failure] = []
+        motions: list[tuple[Trajectory, dict[str, Any]]] = []
         for k, task in enumerate(self._tasks(problem, [] if isinstance(goals, Failure) else goals)):
+            if motions and (budget.over or self._enough(problem, motions[-1][0])):
+                break
             progress("screws", k / (k + 1.0))
             with watch.stage("screws"):
                 path = attempt(model, task, self.options, budget)
             if budget.over:
-                return PlanResult(None, out_of_time(budget, "following a screw"), watch.seconds)
+                break
             if isinstance(path, Failure):
                 failures.append(path)
                 continue
             with watch.stage("timing"):
                 trajectory = time_path(path, problem.robot, problem.limits, TimingOptions(stop=lambda: budget.over))
-            if trajectory is not None:
-                return PlanResult(trajectory, None, watch.seconds, {**task.info, "cut_short": budget.over})
-            failures.append(_heavy(problem, path))
-        return PlanResult(None, _reason(goals, failures), watch.seconds)
+            if trajectory is None:
+                failures.append(_heavy(problem, path))
+            else:
+                motions.append((trajectory, task.info))
+        if motions:
+            best, info = min(motions, key=lambda motion: motion[0].duration)
+            return PlanResult(best, None, watch.seconds, {**info, "tried": len(motions), "cut_short": budget.over})
+        late = out_of_time(budget, "following a screw") if budget.over else None
+        return PlanResult(None, late or _reason(goals, failures), watch.seconds)
+
+    def _enough(self, problem: Problem, motion: Trajectory) -> bool:
+        """Whether no other way of the arm is compared: none is asked for, or the motion is close to its bound."""
+        o = self.options
+        if o.scheme != "qp" or o.redundancy != "best" or problem.robot.n <= _NEEDED:
+            return True
+        least = lower_bound(problem.start, motion(motion.duration), problem.limits)
+        return motion.duration <= (1.0 + _CLOSE) * least
 
     def _tasks(self, problem: Problem, ends: list[Array]) -> Iterator[ScrewTask]:
-        """Every alternative of the goal; led to each goal configuration, if the options say so.
+        """Return every alternative of the goal, as the joints move least and led to each goal configuration.
 
         A goal without orientation is a goal for each orientation that a goal configuration has.
         """
-        led = self.options.scheme == "qp" and self.options.redundancy == "goal" and problem.robot.n > _NEEDED
+        redundant = self.options.scheme == "qp" and problem.robot.n > _NEEDED
+        led, both = (redundant and self.options.redundancy == one for one in ("goal", "best"))
         for goal in single_ends(problem):
             tool = Tool(problem.robot, goal.frame if isinstance(goal, PoseGoal) else problem.robot.tool_frame)
             if isinstance(goal, JointGoal):
@@ -68,8 +88,15 @@ class Sclerp(Planner[SclerpOptions]):
                 continue
             free = goal.orientation >= np.pi
             for q in ends if ends and (led or free) else [problem.start]:
-                X_WG = pin.SE3(tool.pose(q).rotation, goal.X_WG.translation) if free else goal.X_WG
-                yield ScrewTask(tool, problem.start, X_WG, q if led and ends else None, False, {})
+                yield ScrewTask(tool, problem.start, _pose(tool, goal, q), q if led and ends else None, False, {})
+            if both:
+                yield from (ScrewTask(tool, problem.start, _pose(tool, goal, q), q, False, {}) for q in ends)
+
+
+def _pose(tool: Tool, goal: PoseGoal, q: Array) -> pin.SE3:
+    """Return X_WG of the goal; its rotation is that of the tool at q (n,) where any orientation will do."""
+    free = goal.orientation >= np.pi
+    return pin.SE3(tool.pose(q).rotation, goal.X_WG.translation) if free else goal.X_WG
 
 
 def _heavy(problem: Problem, path: Trajectory) -> Failure:
