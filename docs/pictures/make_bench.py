@@ -21,9 +21,8 @@ from optiplan.bench.execution.runner import open_results, run_suite
 from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.page import write_page
 from optiplan.bench.suite.suite import load_suite
-from optiplan.robot.robot import load_robot
 from optiplan.viewer.workspaces.page import render_workspaces
-from optiplan.workspace.sampling import WorkspaceOptions, study_workspace
+from optiplan.workspace.sampling import WorkspaceOptions, robot_with_meshes, study_workspace
 
 HERE = Path(__file__).parent.resolve()
 SIZE = {"width": 1280, "height": 800}  # px
@@ -51,7 +50,7 @@ def bench_matrix(folder: Path) -> Path:
 
 def workspace(folder: Path) -> Path:
     """Sample the workspace and write its page."""
-    found = study_workspace(load_robot("ur5"), WorkspaceOptions(samples=200_000))
+    found = study_workspace(robot_with_meshes("ur5"), WorkspaceOptions(samples=200_000))
     (folder / "workspace.html").write_text(render_workspaces([found]), encoding="utf-8")
     return folder / "workspace.html"
 
