@@ -77,6 +77,9 @@ def worker(
     folder: Annotated[list[Path] | None, typer.Option(metavar="DIR", help=FOLDER)] = None,
     solvers: Annotated[int | None, typer.Option(min=1, metavar="N", help="processes (default: all cores)")] = None,
     memory: Annotated[float, typer.Option(min=300.0, metavar="MB", help="memory limit of a process")] = 2000.0,
+    health_port: Annotated[
+        int, typer.Option(min=0, max=65535, metavar="N", help="answer /healthz and /readyz on 127.0.0.1 (0: nowhere)")
+    ] = 0,
     log_level: Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")] = "info",
 ) -> int:
     """Solve queued runs of a database, beside its server or on another machine.
@@ -94,7 +97,7 @@ def worker(
         solvers=solvers or len(os.sched_getaffinity(0)),
         memory=memory,
     )
-    return run_worker(settings, _level(log_level))
+    return run_worker(settings, _level(log_level), health_port)
 
 
 def _settings(data: Path | None, **given: Any) -> Any:

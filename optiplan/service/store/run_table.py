@@ -8,7 +8,7 @@ from typing import Any, Literal
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
-from optiplan.service.store.tables import events, runs
+from optiplan.service.store.tables import Clock, events, runs
 
 RunState = Literal["queued", "running", "done", "failed", "cancelled"]
 ENDED: tuple[RunState, ...] = ("done", "failed", "cancelled")
@@ -63,7 +63,7 @@ class RunTable:
 
     def submit(self, new: NewRun) -> tuple[Record, bool]:
         """Return the run of a submission and whether it is to be queued now: it is new, or to be tried again."""
-        values = {**vars(new), "status": "queued", "submitted": time.time()}
+        values = {**vars(new), "status": "queued", "submitted": Clock()}
         with self._engine.begin() as connection:
             known = connection.execute(sa.select(runs).where(runs.c.id == new.id)).mappings().first()
             if known is None:
@@ -78,6 +78,8 @@ class RunTable:
             fresh: Record = {"cancel": False, "tries": 0, "bytes": 0, **dict.fromkeys(_OUTCOME)}
             same = (runs.c.id == new.id) & (runs.c.status == known["status"])
             won = connection.execute(runs.update().where(same).values(**fresh, **values)).rowcount
+            if won == 1:  # what happened in the former try is over
+                connection.execute(events.delete().where(events.c.run == new.id))
             return self._found(connection, new.id), won == 1
 
     def get(self, run: str) -> Record | None:
@@ -118,19 +120,34 @@ class RunTable:
             query = sa.select(sa.func.count()).where(runs.c.status == "queued")
             return int(connection.scalar(query) or 0)
 
+    def now(self) -> float:
+        """The time by the database's clock, s since 1970."""
+        with self._engine.connect() as connection:
+            return float(connection.scalar(sa.select(Clock())) or 0.0)
+
     def begin(self, run: str, holder: str) -> Record | None:
-        """Take a queued run; None if it is not queued any more."""
-        values = {"status": "running", "holder": holder, "started": time.time(), "tries": runs.c.tries + 1}
-        return self.get(run) if self._change(run, ("queued",), values) else None
+        """Take a queued run, or one that `holder` took before without an answer; None if there is nothing to take."""
+        values = {"status": "running", "holder": holder, "started": Clock(), "tries": runs.c.tries + 1}
+        event = {"type": "status", "status": "running", "by": holder}
+        self._change(run, ("queued",), values, event=event)
+        record = self.get(run)
+        return record if record is not None and (record["status"], record["holder"]) == ("running", holder) else None
 
     def end(self, run: str, holder: str, end: RunEnd) -> bool:
         """Record how a run ended that `holder` holds; False if it holds it no longer, and nothing is changed."""
-        values = {**vars(end), "finished": time.time(), "holder": None}
-        return self._change(run, ("running",), values, runs.c.holder == holder)
+        values = {**vars(end), "finished": Clock(), "holder": None}
+        return self._change(run, ("running",), values, runs.c.holder == holder, event=_end_event(end))
 
     def add_ended(self, new: NewRun, end: RunEnd, started: float) -> None:
-        """Record a run that was never queued, unless one of its id is there and has an answer, or will have one."""
-        values = {**vars(new), **vars(end), "submitted": started, "started": started, "finished": time.time()}
+        """Record a run that was never queued, unless one of its id is there and has an answer, or will have one.
+
+        Args:
+            new: what was asked for.
+            end: what came of it just now.
+            started: when, by `time.time` of this process.
+        """
+        began = Clock() - (time.time() - started)
+        values = {**vars(new), **vars(end), "submitted": began, "started": began, "finished": Clock()}
         with self._engine.begin() as connection:
             stale = (runs.c.id == new.id) & runs.c.status.in_(("failed", "cancelled"))
             connection.execute(runs.delete().where(stale))
@@ -142,8 +159,8 @@ class RunTable:
 
     def cancel(self, run: str) -> None:
         """Cancel a run: at once where it waits, by its holder where it runs."""
-        now = {"status": "cancelled", "finished": time.time()}
-        if not self._change(run, ("queued",), now):
+        now = {"status": "cancelled", "finished": Clock()}
+        if not self._change(run, ("queued",), now, event=_end_event(RunEnd("cancelled"))):
             self._change(run, ("running",), {"cancel": True})
 
     def to_be_cancelled(self, holder: str) -> list[str]:
@@ -173,10 +190,10 @@ class RunTable:
             rows = connection.execute(sa.select(runs.c.request, runs.c.contents)).all()
         return {request for request, _ in rows} | {digest for _, held in rows for digest in (held or {}).values()}
 
-    def tell(self, run: str, data: Record) -> None:
-        """Add an event to a run."""
+    def tell(self, told: Sequence[tuple[str, Record]]) -> None:
+        """Add events to runs, in their order: all of them, or none."""
         with self._engine.begin() as connection:
-            connection.execute(events.insert().values(run=run, data=data))
+            connection.execute(events.insert(), [{"run": run, "data": data} for run, data in told])
 
     def events_after(self, number: int, watched: Iterable[str]) -> list[tuple[int, str, Record]]:
         """Events of some runs after the one of a number: number, run, data."""
@@ -186,10 +203,21 @@ class RunTable:
         with self._engine.connect() as connection:
             return [(row[0], row[1], row[2]) for row in connection.execute(query.order_by(events.c.number))]
 
-    def _change(self, run: str, states: Sequence[str], values: Record, *further: sa.ColumnElement[bool]) -> bool:
+    def _change(
+        self,
+        run: str,
+        states: Sequence[str],
+        values: Record,
+        *further: sa.ColumnElement[bool],
+        event: Record | None = None,
+    ) -> bool:
+        """Change a run that is in one of these states, with the event that says so; False if it is not."""
         which = sa.and_(runs.c.id == run, runs.c.status.in_(states), *further)
         with self._engine.begin() as connection:
-            return connection.execute(runs.update().where(which).values(**values)).rowcount == 1
+            won = connection.execute(runs.update().where(which).values(**values)).rowcount == 1
+            if won and event is not None:
+                connection.execute(events.insert().values(run=run, data=event))
+            return won
 
     def _all(self, query: sa.Select[Any]) -> list[Record]:
         with self._engine.connect() as connection:
@@ -197,6 +225,10 @@ class RunTable:
 
     def _found(self, connection: sa.Connection, run: str) -> Record:
         return dict(connection.execute(sa.select(runs).where(runs.c.id == run)).mappings().one())
+
+
+def _end_event(end: RunEnd) -> Record:
+    return {"type": "end", "status": end.status, "verified": end.verified}
 
 
 def _again(known: Record) -> bool:
