@@ -1,8 +1,8 @@
 """The quickest stop of a joint within acceleration and jerk limits, and how far it travels.
 
 A stop is a motion in continuous time: the acceleration changes steadily from a to -α, stays there if α is its limit,
-and comes back to zero as the joint stands. With s the sign of v + a|a| / 2j, which is the velocity that is left when the
-acceleration alone is turned back to zero, and counted along s,
+and comes back to zero as the joint stands. With s the sign of v + a|a| / 2j, which is the velocity that is left when
+the acceleration alone is turned back to zero, and counted along s,
 
     α = min(A, sqrt(j v + a² / 2)),    (A² as far as it goes:) hold for (v + a² / 2j - A² / j) / A seconds.
 
