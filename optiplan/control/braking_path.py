@@ -1,5 +1,6 @@
 """`BrakingPath`: the configurations that a robot passes if it brakes from the end of this step on."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from optiplan._core import _core_base
 
 _PHASES = 3
+FINEST = 5e-3
+"""s; steps of the control loop may be longer, but not the parts of a stop that are looked at."""
 
 
 class BrakingPath(StopPath):
@@ -23,11 +26,9 @@ class BrakingPath(StopPath):
 
     Args:
         robot: the robot.
-        by_acceleration: whether positions follow the mean of the velocities of both ends of a step, or the new one.
     """
 
-    def __init__(self, robot: Robot, by_acceleration: bool) -> None:
-        self._trapezoid = by_acceleration
+    def __init__(self, robot: Robot) -> None:
         self._configuration = Configuration(robot)
         self.dt = 0.0
         self.end, self.way = np.zeros(robot.n), np.zeros(robot.n)
@@ -35,24 +36,19 @@ class BrakingPath(StopPath):
         self._table: tuple[Array, Array, Array, Array] | None = None
 
     def start(self, q: Array, v: Array, a: Array, box: JointBox | JointBrakes, dt: float) -> None:
-        """A stop from q, v, a (n,) at the end of the step."""
-        self._q, self._v, self.dt, self._table = q, v, dt, None
-        speeds = v.tolist()
-        joints = zip(speeds, a.tolist(), box.acceleration_list, box.change_list, strict=True)
-        self._phases = [stop_phases(speed, a_j, limit, change, dt) for speed, a_j, limit, change in joints]
-        ways = [travel(phases, speed, dt) for phases, speed in zip(self._phases, speeds, strict=True)]
-        self.end = q + ways
-        joints = zip(self._phases, speeds, a.tolist(), box.change_list, strict=True)
-        self.way = np.array([farthest_way(phases, speed, a_j, change, dt) for phases, speed, a_j, change in joints])
-        if self._trapezoid:
-            self.end += (0.5 * dt) * v
-            # The mean velocities lag by half a step of what the velocity changes: by v at most, and what a adds to it.
-            self.way += dt * (np.abs(v) + dt * a * a / np.array(box.change_list))
+        """A stop from q, v, a (n,) at the end of the step, to be looked at every dt seconds, or FINEST."""
+        self._q, self._v, self.dt, self._table = q, v, min(dt, FINEST), None
+        joints = list(zip(v.tolist(), a.tolist(), box.acceleration.tolist(), box.jerk.tolist(), strict=True))
+        self._phases = [stop_phases(*joint) for joint in joints]
+        self.end = q + [travel(phases, joint[0]) for phases, joint in zip(self._phases, joints, strict=True)]
+        self.way = np.array([farthest_way(phases, *joint) for phases, joint in zip(self._phases, joints, strict=True)])
+        most = max([sum([phase[0] for phase in phases]) for phases in self._phases])
+        self._steps = min(math.ceil(most / self.dt), 10**9)
 
     @property
     def steps(self) -> int:  # type: ignore[override]
         """Number of steps until the last joint stands."""
-        return max([sum([phase[0] for phase in phases]) for phases in self._phases])
+        return self._steps
 
     def at(self, step: int) -> Array:
         """Configuration (n,) after so many steps."""
@@ -65,33 +61,31 @@ class BrakingPath(StopPath):
 
     def strongest(self, first: int, last: int) -> Array:
         """See `StopPath.strongest`."""
-        counts, begin, change, before = self._tabulated()
-        k_0, k_1 = np.maximum(first - before, 0.0), np.minimum(last - before, counts)
-        sizes = np.maximum(np.abs(begin + k_0 * change), np.abs(begin + (k_1 - 1.0) * change))
-        return np.asarray(np.where(k_0 < k_1, sizes, 0.0).max(axis=1))
+        lasting, begin, change, before = self._tabulated()
+        t_0, t_1 = np.maximum(first * self.dt - before, 0.0), np.minimum(last * self.dt - before, lasting)
+        sizes = np.maximum(np.abs(begin + t_0 * change), np.abs(begin + t_1 * change))
+        return np.asarray(np.where(t_0 < t_1, sizes, 0.0).max(axis=1))
 
     def _moved(self, step: int) -> tuple[Array, Array]:
-        """Of each phase k steps are done, with which the sums of `braking.travel` hold."""
+        """Of each phase the part that is done; what is left of a velocity after them all is rounding."""
         if step == 0:
             return self._q, self._v
-        counts, first, change, before = self._tabulated()
-        k = np.minimum(np.maximum(step - before, 0.0), counts)
-        gained = k * first + 0.5 * change * k * (k - 1.0)
-        speed = self._v[:, None] + self.dt * (np.cumsum(gained, axis=1) - gained)
-        way = k * speed + self.dt * (0.5 * first * k * (k + 1.0) + change * (k - 1.0) * k * (k + 1.0) / 6.0)
-        q = self._q + self.dt * way.sum(axis=1)
-        if self._trapezoid:
-            q -= (0.5 * self.dt) * (self.dt * gained.sum(axis=1))
-        return np.asarray(q), self._v + self.dt * gained.sum(axis=1)
+        lasting, first, change, before = self._tabulated()
+        t = np.minimum(np.maximum(step * self.dt - before, 0.0), lasting)
+        gained = t * (first + 0.5 * change * t)
+        speed = self._v[:, None] + np.cumsum(gained, axis=1) - gained
+        way = t * (speed + t * (0.5 * first + t * (change / 6.0)))
+        done = step * self.dt >= before[:, -1] + lasting[:, -1]
+        return self._q + way.sum(axis=1), np.where(done, 0.0, self._v + gained.sum(axis=1))
 
     def _tabulated(self) -> tuple[Array, Array, Array, Array]:
-        """Counts, first accelerations, their changes and the steps before each phase, (n, 3) each."""
+        """Durations, first accelerations, jerks and the time before each phase, (n, 3) each."""
         if self._table is not None:
             return self._table
-        padded = [[*phases, *[(0, 0.0, 0.0)] * (_PHASES - len(phases))] for phases in self._phases]
+        padded = [[*phases, *[(0.0, 0.0, 0.0)] * (_PHASES - len(phases))] for phases in self._phases]
         table = np.array(padded, dtype=np.float64)
-        counts = table[:, :, 0]
-        self._table = counts, table[:, :, 1], table[:, :, 2], np.cumsum(counts, axis=1) - counts
+        lasting = table[:, :, 0]
+        self._table = lasting, table[:, :, 1], table[:, :, 2], np.cumsum(lasting, axis=1) - lasting
         return self._table
 
     def configuration(self, step: int) -> Configuration:
@@ -111,8 +105,8 @@ class NativeBrakingPath(BrakingPath):
 
     def start(self, q: Array, v: Array, a: Array, box: JointBox | JointBrakes, dt: float) -> None:
         """See `BrakingPath.start`."""
-        self._q, self._v, self.dt = q, v, dt
-        self.native = core.StopPath.of(q, v, a, box.acceleration, box.change, dt, self._trapezoid)
+        self._q, self._v, self.dt = q, v, min(dt, FINEST)
+        self.native = core.StopPath.of(q, v, a, box.acceleration, box.jerk, self.dt)
         self.end, self.way = self.native.end, self.native.way
 
     @property
@@ -133,6 +127,6 @@ class NativeBrakingPath(BrakingPath):
         return self.native.motion(steps)
 
 
-def make_braking_path(robot: Robot, by_acceleration: bool) -> BrakingPath:
+def make_braking_path(robot: Robot) -> BrakingPath:
     """The native one where the core is there."""
-    return BrakingPath(robot, by_acceleration) if core is None else NativeBrakingPath(robot, by_acceleration)
+    return BrakingPath(robot) if core is None else NativeBrakingPath(robot)

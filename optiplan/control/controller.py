@@ -9,7 +9,7 @@ import numpy as np
 
 from optiplan.arrays import Array, is_finite
 from optiplan.control.configuration import Configuration
-from optiplan.control.defaults import ORDER, default_limits
+from optiplan.control.defaults import LONGEST_STEP, ORDER, default_limits
 from optiplan.control.limits.base import ControlLimit
 from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.limits.row_limit import KeptRowLimit, RowLimit
@@ -40,8 +40,8 @@ class Controller:
     With the velocities x (n,) at the end of the step as unknowns, minimise sum |cost (J x - rate)|² + damping² |x|²
     within bounds (position, velocity, acceleration, jerk of each joint) and rows (all other limits). Then the answer is
     looked at: it is commanded only if the robot, braking from there, stays within its limits and clear of everything;
-    otherwise the robot brakes, which has been looked at in the step before. So a command always exists, whatever the
-    solver does.
+    otherwise the robot goes along its stop, which has been looked at in the step before, for as long as the step lasts.
+    So a command always exists, whatever the solver does, and however long the step is that comes.
 
     Args:
         robot: what is controlled.
@@ -49,13 +49,16 @@ class Controller:
         scene: what it should keep clear of, where `limits` are the default ones; None: nothing, itself included.
         limits: None: position, velocity, acceleration and jerk of the joints, and with a scene clearance.
         form: `velocity`: tasks ask for velocities, and q' = q + dt x; `acceleration`: tasks ask for accelerations, and
-            q' = q + dt (v + x) / 2.
+            q' = q + dt (v + x) / 2. A step that brakes goes along the stop, in either form: (q' - q) / dt is its mean
+            velocity.
         solver: `proxqp`, or another that qpsolvers finds.
         damping: weight of all velocities, per rad/s or m/s; near singularities it grows by itself.
         response: s; time constant with which velocities follow what tasks ask for, in the form `velocity`; 0: at
             once; None: as short as the robot's jerk limits allow.
         relax: names of limits, the first given up first, where not all can hold; those not named come first.
         guess: try the active limits of the last step before the solver; False asks the solver in every step.
+        longest_step: s; steps may differ in length and be as long as this. In a longer one the robot goes on along its
+            stop, and the step says so.
 
     Raises:
         InputError: an argument that does not fit.
@@ -85,6 +88,7 @@ class Controller:
         response: float | None = None,
         relax: Sequence[str] = ORDER,
         guess: bool = True,
+        longest_step: float = LONGEST_STEP,
     ) -> None:
         self.robot = robot
         self.tasks = _all(tasks, ControlTask, "tasks", "a task, such as op.PoseTask(…)")
@@ -97,7 +101,10 @@ class Controller:
         response = response_time(robot) if response is None else response
         if not is_finite(response) or response < 0.0:
             raise wrong_argument("Controller", "response", described(response), "a finite number of seconds >= 0")
-        self._answers = Answers(make_solver(solver), guess)
+        if not is_finite(longest_step) or longest_step <= 0.0:
+            expected = "a finite number of seconds > 0"
+            raise wrong_argument("Controller", "longest_step", described(longest_step), expected)
+        self._answers, self._longest = Answers(make_solver(solver), guess), float(longest_step)
         for part in (*self.tasks, *self.limits):
             part.bind(robot)
         self._order = _order(relax, self.limits)
@@ -109,10 +116,10 @@ class Controller:
             for level in levels
         ] or [TaskObjective([], n, self._by_acceleration, response)]
         self._measured = next((k for k, t in enumerate(self._objectives[0].tasks) if isinstance(t, FrameTask)), None)
-        self._box = JointBox(self.limits, self._order, n)
+        self._box = JointBox(self.limits, self._order, n, self._by_acceleration, self._longest)
         stop_limits = [limit for limit in self.limits if isinstance(limit, StopLimit)]
         kept_limits = [limit for limit in self.limits if isinstance(limit, KeptRowLimit)]
-        self._guard = StoppingGuard(robot, stop_limits, kept_limits, self._box, self._by_acceleration)
+        self._guard = StoppingGuard(robot, stop_limits, kept_limits, self._box)
         self._rows = RowStack([limit for limit in self.limits if isinstance(limit, RowLimit)], self._order, n)
         for limit in self.limits:
             if isinstance(limit, RowLimit):
@@ -133,9 +140,13 @@ class Controller:
         """
         begin = time.perf_counter()
         self._check(state, dt)
+        if dt > self._longest:
+            return self._braking(
+                state, dt, begin, f"the step of {dt:g} s is longer than {self._longest:g} s, as stated"
+            )
         c = self._configuration
         c.update(state.q, state.v)
-        self._box.update(state, dt, 0.5 * dt if self._by_acceleration else 0.0)
+        self._box.update(state, dt)
         brake = self._box.brake(state, dt)
         outcome = StepOutcome(state, dt, brake)
         self._answers.solve_seconds = 0.0
@@ -143,13 +154,12 @@ class Controller:
         self._rows.collect(c, state, dt, groups)
         x = self._solve(c, state, dt, outcome)
         if x is not None and not self._accept(x, outcome):
-            outcome.refused = True
+            outcome.why = "no command was found that keeps all limits and can be stopped clear"
             x = None
         if x is None:
-            x = brake
-            self._guard.keep(state, self._next(state, x, dt))
+            self._guard.keep(state, brake)
             self._answers.reset()
-        outcome.x, outcome.how = x, "braking" if x is brake else self._answers.how
+        outcome.x, outcome.how = (brake.v, "braking") if x is None else (x, self._answers.how)
         outcome.next = self._guard.state
         outcome.solve_seconds = self._answers.solve_seconds
         return self._report.step(outcome, self._guard.nearest, begin)
@@ -162,12 +172,13 @@ class Controller:
         """
         begin = time.perf_counter()
         self._check(state, dt)
-        self._box.update(state, dt, 0.5 * dt if self._by_acceleration else 0.0)
+        return self._braking(state, dt, begin, "as asked")
+
+    def _braking(self, state: State, dt: float, begin: float, why: str) -> ControlStep:
+        """A step along the stop."""
         brake = self._box.brake(state, dt)
-        outcome = StepOutcome(state, dt, brake)
-        self._guard.keep(state, self._next(state, brake, dt))
-        outcome.x, outcome.how, outcome.next = brake, "braking", self._guard.state
-        outcome.asked = True
+        outcome = StepOutcome(state, dt, brake, next=brake, x=brake.v, how="braking", why=why)
+        self._guard.keep(state, brake)
         return self._report.step(outcome, self._guard.nearest, begin)
 
     def configuration(self, state: State) -> Configuration:
@@ -178,7 +189,7 @@ class Controller:
 
     def _solve(self, c: Configuration, state: State, dt: float, outcome: StepOutcome) -> Array | None:
         """The best velocities of all priorities; None where no answer can be accepted."""
-        rows, witness = self._rows, self._box_clip(outcome.brake)
+        rows, witness = self._rows, self._box_clip(self._box.slowing)
         x: Array | None = None
         equations = self._no_equations
         C, low, high = rows.C, rows.low, rows.high
@@ -215,7 +226,7 @@ class Controller:
 
     def _accept(self, x: Array, outcome: StepOutcome) -> bool:
         """Whether the robot can stop from there; if not, from half the way back to braking, or a quarter of it."""
-        state, dt, brake = outcome.state, outcome.dt, outcome.brake
+        state, dt, brake = outcome.state, outcome.dt, self._box.slowing
         for share in (1.0, 0.5, 0.25):
             candidate = x if share == 1.0 else brake + share * (x - brake)
             if self._guard.accepts(self._next(state, candidate, dt), dt, outcome.slack):

@@ -18,6 +18,9 @@ ORDER = (
 )
 """Names of limits, the first given up first. Limits of single joints are kept before all others."""
 
+LONGEST_STEP = 0.1
+"""s; longest step of a controller where none is stated."""
+
 
 def default_limits(scene: Scene | None = None) -> tuple[ControlLimit, ...]:
     """Position, velocity, acceleration and jerk of the joints; with a scene, clearance of at least 5 mm too."""

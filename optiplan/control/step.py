@@ -64,12 +64,15 @@ class ControlStep:
 
     @property
     def v(self) -> Array:
-        """Velocities (n,) at the end of the step, rad/s or m/s; a velocity-controlled robot takes these."""
+        """Velocities (n,) at the end of the step, rad/s or m/s; a velocity-controlled robot takes these.
+
+        In a step that brakes the mean velocity, (q' - q) / dt, takes it to where its stop leads.
+        """
         return self.state.v
 
     @property
     def a(self) -> Array:
-        """Accelerations (n,) in the step, rad/s² or m/s²."""
+        """Accelerations (n,) in the step, of one that brakes at its end, rad/s² or m/s²."""
         return self.state.a
 
     def __repr__(self) -> str:

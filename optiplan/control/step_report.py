@@ -28,7 +28,7 @@ class StepOutcome:
 
     state: State
     dt: float
-    brake: Array
+    brake: State
     next: State | None = None
     x: Array | None = None
     how: str = ""
@@ -36,8 +36,7 @@ class StepOutcome:
     manipulability: float | None = None
     slack: Mapping[str, float] = field(default_factory=dict)
     share: float = 1.0
-    refused: bool = False
-    asked: bool = False
+    why: str = "the solver gave no answer that can be accepted"
     solve_seconds: float = 0.0
 
 
@@ -76,11 +75,8 @@ class StepReporter:
         )
 
     def _stopping(self, outcome: StepOutcome) -> tuple[Status, str]:
-        why = "as asked" if outcome.asked else "no command was found that keeps all limits and can be stopped clear"
-        if not outcome.asked and not outcome.refused:
-            why = "the solver gave no answer that can be accepted"
         still = outcome.x is not None and not outcome.x.any()
-        return ("stopped", f"stands: {why}") if still else ("stopping", f"brakes: {why}")
+        return ("stopped", f"stands: {outcome.why}") if still else ("stopping", f"brakes: {outcome.why}")
 
     def _active(self, x: Array) -> tuple[str, ...]:
         found = [f"{name} of {self._names[j]} ({end})" for name, j, end in self._box.at(x)]

@@ -31,10 +31,9 @@ class StoppingGuard:
         limits: Sequence[StopLimit],
         kept: Sequence[KeptRowLimit],
         box: JointBox,
-        by_acceleration: bool,
     ) -> None:
         self._limits, self._kept, self._box = tuple(limits), tuple(kept), box
-        self._path = make_braking_path(robot, by_acceleration)
+        self._path = make_braking_path(robot)
         self._configuration = Configuration(robot)
         self._views: list[DistanceView] = []
         self._least: list[Array] = []

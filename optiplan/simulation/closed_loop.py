@@ -22,6 +22,9 @@ from optiplan.simulation.references.base import JointReference, Reference, ToolT
 BLOCK = 2000
 """Steps that are prepared and judged at once."""
 
+OF_TASKS = "a task, in which objects change hands", "a problem with a goal"
+"""Found and expected where a loop is given a task: objects would stay where they are at first."""
+
 _UNITS = {"torque": "N·m", "velocity": "rad/s"}
 
 

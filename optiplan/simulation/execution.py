@@ -7,7 +7,7 @@ import numpy as np
 
 from optiplan.errors import wrong_argument
 from optiplan.problem.problem import Problem
-from optiplan.simulation.closed_loop import Loop, simulate
+from optiplan.simulation.closed_loop import OF_TASKS, Loop, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque
 from optiplan.simulation.log import Log
 from optiplan.simulation.plants.base import Payload, Plant, PlantOptions
@@ -51,8 +51,9 @@ def execute(problem: Problem, trajectory: Trajectory, options: ExecutionOptions 
         InputError: a joint of the robot moves no inertia; a task, whose scene changes on the way: execute its parts.
     """
     if problem.task:
-        expected = "a problem with a goal, such as the parts of a task, optiplan.problem.task.timeline.scene_parts"
-        raise wrong_argument("execute", "problem", "a task, in which objects change hands", expected)
+        found, expected = OF_TASKS
+        parts = f"{expected}, such as the parts of a task, optiplan.problem.task.timeline.scene_parts"
+        raise wrong_argument("execute", "problem", found, parts)
     robot = problem.robot
     check_inertias(robot)
     payload = options.payload

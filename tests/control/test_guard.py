@@ -16,7 +16,7 @@ def test_the_simple_bound_of_a_stop_is_one(panda, baxter, delbot):
             controller = op.Controller(robot, [], scene=op.Scene())
             start = op.State(next(iter(robot.configurations.values())))
             controller.step(start, dt)
-            guard, box, path = controller._guard, controller._box, BrakingPath(robot, False)
+            guard, box, path = controller._guard, controller._box, BrakingPath(robot)
             for _ in range(200):
                 v = rng.uniform(-1, 1, robot.n) * robot.limits.velocity * rng.choice([1.0, 0.05])
                 a = rng.uniform(-1, 1, robot.n) * robot.limits.acceleration
@@ -47,7 +47,7 @@ def test_a_stop_is_clear_if_every_step_of_it_is(request, delbot, name, native):
     controller = op.Controller(robot, [], limits=[*op.Controller(robot, []).limits, limit])
     controller.step(op.State(next(iter(robot.configurations.values()))), 0.002)
     rng, box, c = np.random.default_rng(3), controller._box, controller.configuration
-    path, verdicts, dips = make_braking_path(robot, False), [], 0
+    path, verdicts, dips = make_braking_path(robot), [], 0
     everything = np.arange(len(limit.labels))
     for q, v, a in stops_beside(robot, box, rng, 40 if native and robot is not delbot else 14):
         path.start(q, v, a, box, 0.002)
@@ -63,18 +63,18 @@ def test_a_stop_is_clear_if_every_step_of_it_is(request, delbot, name, native):
     assert dips > 0.2 * len(verdicts), "distances are often least in the middle"
 
 
-@pytest.mark.parametrize("trapezoid", [False, True])
-def test_how_far_joints_get_and_how_hard_they_brake(panda, trapezoid):
+def test_how_far_joints_get_and_how_hard_they_brake(panda):
     rng, dt = np.random.default_rng(1), 0.002
     controller = op.Controller(panda, [])
     controller.step(op.State(panda.configurations["ready"]), dt)
-    path = make_braking_path(panda, trapezoid)
+    path = make_braking_path(panda)
     for q, v, a in stops_beside(panda, controller._box, rng, 60):
         path.start(q, v, a, controller._box, dt)
         Q, V = path.motion(np.arange(path.steps + 1))
         assert (path.way >= np.abs(Q - q).max(axis=0) - 1e-12).all()
-        assert (path.way <= np.abs(Q - q).max(axis=0) + trapezoid * 4.0 * dt * np.abs(V).max() + 1e-9).all()
+        assert (path.way <= np.abs(Q - q).max(axis=0) + dt * np.abs(V).max(axis=0) + 1e-9).all()
         first, last = sorted(rng.integers(0, path.steps + 1, 2).tolist())
         if first < last:
             hardest = (np.abs(np.diff(V[first : last + 1], axis=0)) / dt).max(axis=0)
-            np.testing.assert_allclose(path.strongest(first, last), hardest, atol=1e-6)
+            assert (path.strongest(first, last) >= hardest - 1e-9).all()
+            assert (path.strongest(first, last) <= hardest + 0.5 * dt * panda.limits.jerk + 1e-9).all()

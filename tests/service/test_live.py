@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 
+from optiplan.errors import InputError
 from optiplan.problem.load import load_problem
 from optiplan.service import live_sessions
 from optiplan.service.execution.live import LiveLoop
@@ -120,3 +121,8 @@ def test_a_target_behind_an_obstacle_is_not_reached_and_nothing_is_touched(probl
     assert found["active"]
     assert min(one["distance"] for one in nearest if one) > 0.004
     assert not np.allclose(found["q"], loop.problem.start)
+
+
+def test_a_task_is_refused(problems):
+    with pytest.raises(InputError, match="task"):
+        LiveLoop(load_problem(problems / "40_panda_sorts_cubes.yaml"))

@@ -200,3 +200,15 @@ def test_execute_and_its_arguments():
             op.execute(run, **{argument: value})
     with pytest.raises(InputError, match="run"):
         op.execute("nothing")
+
+
+def test_a_task_is_refused_at_its_line(file):
+    """Objects change hands in it; a loop would leave them where they are at first."""
+    text = "version: 1\nproblem: 40_panda_sorts_cubes\nreference:\n  moving: {amplitude: [0.1, 0, 0], frequency: [1, 0, 0], lasting: 1}\n"
+    with pytest.raises(InputError) as error:
+        read_control(file(text + "controller: {task_space: {}}\nplant: {engine: ideal}\n"))
+    (issue,) = error.value.issues
+    assert issue.line == 2
+    assert "40_panda_sorts_cubes" in issue.found
+    assert "task" in issue.found
+    assert "problem with a goal" in issue.expected

@@ -18,11 +18,10 @@ static std::size_t same_size(std::initializer_list<const Vector *> vectors) {
     return n;
 }
 
-static StopPath make_path(const Vector &q, const Vector &v, const Vector &a, const Vector &limit, const Vector &change,
-                          double dt, bool trapezoid) {
+static StopPath make_path(const Vector &q, const Vector &v, const Vector &a, const Vector &limit, const Vector &jerk,
+                          double dt) {
     StopPath path;
-    path.start(q.data(), v.data(), a.data(), limit.data(), change.data(), same_size({&q, &v, &a, &limit, &change}), dt,
-               trapezoid);
+    path.start(q.data(), v.data(), a.data(), limit.data(), jerk.data(), same_size({&q, &v, &a, &limit, &jerk}), dt);
     return path;
 }
 
@@ -80,19 +79,21 @@ static nb::tuple stop_rows(const Matrix &gradient, const Vector &distance, const
                           to_numpy(std::move(unit), {count}));
 }
 
-// low, high (n,), intervals (k, 2, n) with the limits (k,) that made them, brake (n,). `table` (8, n): see JointTable.
+// low, high (n,), intervals (k, 2, n) with the limits (k,) that made them, brake (4, n). `table` (8, n): see JointTable.
+// `rules`: dt, the share of it by which a new velocity moves a joint, lag.
 static nb::tuple joint_box(const Vector &q, const Vector &v, const Vector &a, const Matrix &table,
-                           const std::vector<std::int64_t> &order, double dt, double shift) {
+                           const std::vector<std::int64_t> &order, const Vector &rules) {
     const std::size_t n = same_size({&q, &v, &a});
     expect(table.shape(0) == 8 && table.shape(1) == n, "a table (8, n)");
-    const double *t = table.data();
+    expect(rules.size() == 3, "dt, share, lag");
+    const double *t = table.data(), *r = rules.data();
     const JointTable rows{n, t, t + n, t + 2 * n, t + 3 * n, t + 4 * n, t + 5 * n, t + 6 * n, t + 7 * n};
     for (std::int64_t code : order) expect(code >= 0 && code <= 3, "limits of joints");
-    JointBounds found = joint_bounds(q.data(), v.data(), a.data(), rows, order, dt, shift);
+    JointBounds found = joint_bounds(q.data(), v.data(), a.data(), rows, order, {r[0], r[1] * r[0], r[2]});
     const std::size_t k = found.made.size();
     return nb::make_tuple(to_numpy(std::move(found.low), {n}), to_numpy(std::move(found.high), {n}),
                           to_numpy(std::move(found.intervals), {k, 2, n}), std::move(found.made),
-                          to_numpy(std::move(found.brake), {n}));
+                          to_numpy(std::move(found.brake), {4, n}));
 }
 
 using Signed = std::vector<std::int64_t>;
@@ -123,7 +124,7 @@ static nb::object part(nb::handle self, const std::vector<T> &values, std::initi
 
 void bind_control(nb::module_ &m) {
     nb::class_<StopPath>(m, "StopPath")
-        .def_static("of", &make_path, "q"_a, "v"_a, "a"_a, "limit"_a, "change"_a, "dt"_a, "trapezoid"_a)
+        .def_static("of", &make_path, "q"_a, "v"_a, "a"_a, "limit"_a, "jerk"_a, "dt"_a)
         .def_ro("steps", &StopPath::steps)
         .def_prop_ro("end", [](nb::handle self) {
             const StopPath &path = nb::cast<const StopPath &>(self);
@@ -173,7 +174,7 @@ void bind_control(nb::module_ &m) {
              nb::keep_alive<1, 2>())
         .def("look", &look, "q"_a, "before"_a.none())
         .def("stop_is_clear", &stop_is_clear, "path"_a, "start"_a, "least"_a);
-    m.def("joint_box", &joint_box, "q"_a, "v"_a, "a"_a, "table"_a, "order"_a, "dt"_a, "shift"_a);
+    m.def("joint_box", &joint_box, "q"_a, "v"_a, "a"_a, "table"_a, "order"_a, "rules"_a);
     m.def("singular_values", [](const Matrix &J) {
         expect(J.shape(0) <= J.shape(1), "a matrix with no more rows than columns");
         return singular_values(J.data(), J.shape(0), J.shape(1));
@@ -181,12 +182,6 @@ void bind_control(nb::module_ &m) {
     m.def("stop_rows", &stop_rows, "gradient"_a, "distance"_a, "v"_a, "delay"_a, "per_acceleration"_a, "rules"_a);
     m.def("solve_from", &solve_from, "H"_a, "g"_a, "C"_a, "low"_a, "high"_a, "lower"_a, "upper"_a, "A"_a, "b"_a,
           "bounds"_a, "rows"_a, "rules"_a);
-    m.def("farthest", [](double v, double a, double limit, double change, double dt) {
-        return Brakes{limit, change, dt}.farthest(v, a);
-    }, "v"_a, "a"_a, "limit"_a, "change"_a, "dt"_a);
-    m.def("fastest", [](double room, double v, double limit, double change, double dt, double low, double high) {
-        return Brakes{limit, change, dt}.fastest(room, v, low, high);
-    }, "room"_a, "v"_a, "limit"_a, "change"_a, "dt"_a, "low"_a, "high"_a);
 }
 
 }  // namespace optiplan

@@ -8,7 +8,7 @@ import numpy as np
 
 from optiplan._core import core
 from optiplan.arrays import Array
-from optiplan.control.braking import braking_accelerations, farthest, velocity_to_zero
+from optiplan.control.braking import after, braking_accelerations, farthest, stop_phases, velocity_to_zero
 from optiplan.control.limits.base import ControlLimit
 from optiplan.control.limits.joint_limits import JointLimit, PositionLimit
 from optiplan.trajectory.state import State
@@ -23,20 +23,10 @@ AT_BOUND = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointBrakes:
-    """How joints brake: accelerations (k,) at most, and their changes (k,) from step to step."""
+    """How joints brake: accelerations (k,) and jerks (k,) at most."""
 
     acceleration: Array
-    change: Array
-
-    @property
-    def acceleration_list(self) -> list[float]:
-        """The same as floats."""
-        return [float(value) for value in self.acceleration]
-
-    @property
-    def change_list(self) -> list[float]:
-        """The same as floats."""
-        return [float(value) for value in self.change]
+    jerk: Array
 
 
 class JointBox:
@@ -49,12 +39,17 @@ class JointBox:
         limits: those of single joints among them count.
         order: names of limits, the least important first.
         n: number of joints.
+        by_acceleration: whether positions follow the mean of the velocities of both ends of a step, or the new one.
+        longest: s, of a step; see `fastest_velocity`.
 
     Attributes:
         delay: (n,), s, that the acceleration of a joint takes from its limit to zero.
+        slowing: (n,), velocities of a step that brakes with constant accelerations, of the last update.
     """
 
-    def __init__(self, limits: Iterable[ControlLimit], order: Sequence[str], n: int) -> None:
+    def __init__(
+        self, limits: Iterable[ControlLimit], order: Sequence[str], n: int, by_acceleration: bool, longest: float
+    ) -> None:
         found = {limit.name: limit for limit in limits if isinstance(limit, JointLimit | PositionLimit)}
         self._names = [name for name in reversed(order) if name in found]
         rates = {name: limit.values for name, limit in found.items() if isinstance(limit, JointLimit)}
@@ -67,6 +62,10 @@ class JointBox:
         self.upper = position.upper if isinstance(position, PositionLimit) else without
         bounded = np.isfinite(self.jerk) & np.isfinite(self.acceleration)
         self.delay = np.divide(self.acceleration, self.jerk, out=np.zeros(n), where=bounded)
+        self._share = 0.5 if by_acceleration else 1.0
+        self._lag = 0.5 * longest if by_acceleration else 0.0
+        brakes = zip(self.acceleration.tolist(), self.jerk.tolist(), strict=True)
+        self._joints = [JointEnd(limit, jerk, self._lag) for limit, jerk in brakes]
         self._dt = 0.0
         self.low, self.high = -without, without.copy()
         self._intervals: list[tuple[str, Array, Array]] = []
@@ -74,77 +73,89 @@ class JointBox:
         self._table: Array | None = np.zeros((8, n)) if core is not None and rated else None
         self._codes = [_CODES.index(name) for name in self._names]
         self._braked: State | None = None
+        self.slowing = np.zeros(n)
 
     def prepare(self, dt: float) -> None:
         """Everything that depends on dt alone."""
         self._dt = dt
-        self.change = dt * self.jerk
-        self.acceleration_list, self.change_list = self.acceleration.tolist(), self.change.tolist()
+        self._change = dt * self.jerk
         reach = [
-            farthest(v, a, a, change, dt) + 2.0 * dt * v if math.isfinite(v) and math.isfinite(a) else math.inf
-            for v, a, change in zip(self.velocity.tolist(), self.acceleration_list, self.change_list, strict=True)
+            farthest(v, end.limit, end.limit, end.jerk) + (2.0 * dt + self._lag) * v
+            if math.isfinite(v) and math.isfinite(end.limit)
+            else math.inf
+            for v, end in zip(self.velocity.tolist(), self._joints, strict=True)
         ]
         self._safe = self.lower + reach, self.upper - reach  # joints between these need no look at their ends
         self._give = self.acceleration * dt
-        limits = zip(self.acceleration_list, self.change_list, strict=True)
-        gains = [velocity_to_zero(a, c, dt) if math.isfinite(a) else math.inf for a, c in limits]
+        gains = [
+            velocity_to_zero(end.limit, end.jerk, dt) if math.isfinite(end.limit) else math.inf for end in self._joints
+        ]
         self._slow = self.velocity - gains  # below these no acceleration within limits is too much
-        self._sudden = np.isinf(self.acceleration)
         if self._table is not None:
             ends = self.lower, self.upper, *self._safe
-            self._table = np.array([self.velocity, self.acceleration, self.change, *ends, self._slow])
+            self._table = np.array([self.velocity, self.acceleration, self.jerk, *ends, self._slow])
 
     def brakes_of(self, joints: list[int]) -> JointBrakes:
-        """How some joints brake, in steps of the last update."""
-        return JointBrakes(self.acceleration[joints], self.change[joints])
+        """How some joints brake."""
+        return JointBrakes(self.acceleration[joints], self.jerk[joints])
 
-    def update(self, state: State, dt: float, shift: float) -> None:
-        """Bounds for a step from a state; `shift` · v is what q moves on before the new velocity counts, s."""
+    def update(self, state: State, dt: float) -> None:
+        """Bounds for a step from a state."""
         if dt != self._dt:
             self.prepare(dt)
         v = state.v
         self._braked = None
         if self._table is not None:
-            found = core.joint_box(state.q, v, state.a, self._table, self._codes, dt, shift)
-            self.low, self.high, own, made, self._brake = found
+            rules = np.array([dt, self._share, self._lag])
+            found = core.joint_box(state.q, v, state.a, self._table, self._codes, rules)
+            self.low, self.high, own, made, brake = found
             self._intervals = [(_CODES[code], *own[k]) for k, code in enumerate(made)]
+            self._brake, self.slowing = State.of(*brake[:3]), brake[3]
             self._braked = state
             return
+        self.slowing = self._slowing(state, dt)
         low, high = np.full(len(v), -np.inf), np.full(len(v), np.inf)
         self._intervals = []
         for name in self._names:
-            interval = getattr(self, f"_{name}")(state, dt, shift, low, high)
+            interval = getattr(self, f"_{name}_interval")(state, dt, low, high)
             if interval is None:
                 continue
             self._intervals.append((name, *interval))
             low, high = (np.minimum(np.maximum(end, low), high) for end in interval)
         self.low, self.high = low, high
 
-    def _acceleration(self, state: State, dt: float, *_: object) -> tuple[Array, Array]:
+    def _slowing(self, state: State, dt: float) -> Array:
+        wanted = -np.copysign(braking_accelerations(np.abs(state.v), self.jerk, dt), state.v)
+        low = np.maximum(state.a - self._change, -self.acceleration)
+        high = np.minimum(state.a + self._change, self.acceleration)
+        # An acceleration beyond its limits comes back to them at once: jerk is given up first.
+        low, high = np.minimum(low, self.acceleration), np.maximum(high, -self.acceleration)
+        return np.asarray(state.v + dt * np.minimum(np.maximum(wanted, low), high))
+
+    def _acceleration_interval(self, state: State, dt: float, *_: object) -> tuple[Array, Array]:
         return state.v - self._give, state.v + self._give
 
-    def _jerk(self, state: State, dt: float, *_: object) -> tuple[Array, Array]:
-        centre, give = state.v + dt * state.a, dt * self.change
+    def _jerk_interval(self, state: State, dt: float, *_: object) -> tuple[Array, Array]:
+        centre, give = state.v + dt * state.a, dt * self._change
         return centre - give, centre + give
 
-    def _velocity(self, state: State, dt: float, *_: object) -> tuple[Array, Array] | None:
+    def _velocity_interval(self, state: State, dt: float, *_: object) -> tuple[Array, Array] | None:
         """The acceleration that runs out to zero as the limit is reached; from beyond, the way back."""
         if (np.abs(state.v) <= self._slow).all():
             return None
-        if self._sudden.all():
-            return -self.velocity, self.velocity
         up, down = self.velocity - state.v, self.velocity + state.v
-        gain = dt * braking_accelerations(np.abs(up), self.change, dt)
-        loss = dt * braking_accelerations(np.abs(down), self.change, dt)
-        return state.v - np.copysign(loss, down), state.v + np.copysign(gain, up)
+        ends = np.isfinite(up)
+        gain = dt * braking_accelerations(np.where(ends, np.abs(up), 0.0), self.jerk, dt)
+        loss = dt * braking_accelerations(np.where(ends, np.abs(down), 0.0), self.jerk, dt)
+        low, high = state.v - np.copysign(loss, down), state.v + np.copysign(gain, up)
+        return np.where(ends, low, -np.inf), np.where(ends, high, np.inf)
 
-    def _position(self, state: State, dt: float, shift: float, low: Array, high: Array) -> tuple[Array, Array] | None:
-        if self._sudden.all():
-            return (self.lower - state.q) / dt, (self.upper - state.q) / dt
+    def _position_interval(self, state: State, dt: float, low: Array, high: Array) -> tuple[Array, Array] | None:
         near_lower, near_upper = state.q < self._safe[0], state.q > self._safe[1]
         if not (near_lower.any() or near_upper.any()):
             return None
         result = np.full(len(low), -np.inf), np.full(len(low), np.inf)
+        shift = (1.0 - self._share) * dt
         for j in np.flatnonzero(near_upper).tolist():
             room = float(self.upper[j] - state.q[j]) - shift * float(state.v[j])
             result[1][j] = self._end(j, room, float(state.v[j]), float(low[j]), float(high[j]))
@@ -158,10 +169,10 @@ class JointBox:
 
         Where there is none: `low`, or from beyond the end the velocity back that comes to rest on it.
         """
-        limit, change = self.acceleration_list[j], self.change_list[j]
+        end, step = self._joints[j], (self._dt, self._share * self._dt)
         if room < -ROUNDING:
-            return -fastest(-room, -v, limit, change, self._dt, -high, -low)
-        return fastest(room, v, limit, change, self._dt, low, high)
+            return -fastest_velocity(end, -room, -v, step, (-high, -low))
+        return fastest_velocity(end, room, v, step, (low, high))
 
     def at(self, x: Array) -> list[tuple[str, int, str]]:
         """Limits that hold velocities x (n,) back: name, joint, and which end, `upper` or `lower`."""
@@ -185,34 +196,60 @@ class JointBox:
                 found[name] = excess
         return found
 
-    def brake(self, state: State, dt: float) -> Array:
-        """Velocities (n,) at the end of a step of the quickest stop within limits of acceleration and jerk."""
+    def brake(self, state: State, dt: float) -> State:
+        """Where the quickest stop within limits of acceleration and jerk has come to after dt seconds."""
         if dt != self._dt:
             self.prepare(dt)
         elif state is self._braked:
             return self._brake
-        wanted = -np.copysign(braking_accelerations(np.abs(state.v), self.change, dt), state.v)
-        low = np.maximum(state.a - self.change, -self.acceleration)
-        high = np.minimum(state.a + self.change, self.acceleration)
-        # An acceleration beyond its limits comes back to them at once: jerk is given up first.
-        low, high = np.minimum(low, self.acceleration), np.maximum(high, -self.acceleration)
-        return np.asarray(state.v + dt * np.minimum(np.maximum(wanted, low), high))
-
-    def still(self, state: State) -> bool:
-        """Whether the robot stands, and stays where it is."""
-        return not state.v.any() and bool((np.abs(state.a) <= self.change + 1e-12).all())
+        joints = zip(state.q.tolist(), state.v.tolist(), state.a.tolist(), self._joints, strict=True)
+        found = [after(stop_phases(v, a, end.limit, end.jerk), q, v, dt) for q, v, a, end in joints]
+        return State.of(*np.array(found).T)
 
 
-def fastest_velocity(room: float, v: float, limit: float, change: float, dt: float, low: float, high: float) -> float:
-    """Largest x in [low, high] with dt x + (how far a joint gets that brakes from x) <= room; `low` without one.
+@dataclass(frozen=True, slots=True)
+class JointEnd:
+    """What a joint may do on its way to an end: acceleration, jerk; and `lag`, s, see `fastest_velocity`."""
 
-    By false position (Illinois), whose lower end always has the property.
+    limit: float
+    jerk: float
+    lag: float
+
+    @property
+    def slow(self) -> float:
+        """Velocity above which what a stop takes pays for the lag."""
+        return self.limit * (0.5 * self.limit / self.jerk + 2.0 * self.lag) if self.limit < math.inf else math.inf
+
+
+def fastest_velocity(
+    end: JointEnd, room: float, v: float, step: tuple[float, float], within: tuple[float, float]
+) -> float:
+    """Largest x in [low, high] with s x + lag · min(u, slow) + (how far a joint gets that brakes from x) <= room.
+
+    u is the largest velocity of that stop. Without such an x it is `low`. By false position (Illinois), whose lower end
+    always has the property.
+
+    A step that ends so leaves a next one that does, of any length where positions follow the new velocities (lag 0). If
+    they follow the mean of both ends (s = dt / 2), a step that comes to rest at once within its length T still travels
+    T v / 2, more than the v² / 2A of a stop: with lag = T / 2 of the longest step, and slow = A² / 2 jerk + T A, there
+    is a next step again.
+
+    Args:
+        end: limits of the joint.
+        room: rad or m.
+        v: velocity at the beginning of the step.
+        step: its length dt, s, and what x moves the joint in it, s = dt or dt / 2.
+        within: low and high.
     """
-    if limit == math.inf:
-        return min(max(room / dt, low), high)
+    (dt, moves), (low, high) = step, within
+    limit, jerk, lag, slow = end.limit, end.jerk, end.lag, end.slow
+    if limit == math.inf and jerk == math.inf:
+        return min(max(room / (moves + lag), low), high)
 
     def left(x: float) -> float:
-        return room + ROUNDING - dt * x - farthest(x, (x - v) / dt, limit, change, dt)
+        a = (x - v) / dt
+        top = min(max(x + (0.5 * a * a / jerk if a > 0.0 else 0.0), 0.0), slow)
+        return room + ROUNDING - moves * x - (lag * top if lag else 0.0) - farthest(x, a, limit, jerk)
 
     over = left(high)
     if over >= 0.0:
@@ -233,7 +270,3 @@ def fastest_velocity(room: float, v: float, limit: float, change: float, dt: flo
             high, over = x, found
             under, side = (under * 0.5, -1) if side == -1 else (under, -1)
     return low
-
-
-fastest = fastest_velocity if core is None else core.fastest
-"""`fastest_velocity`, in the native core where that is there: the same bits."""

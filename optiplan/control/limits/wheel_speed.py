@@ -5,7 +5,7 @@ from typing import ClassVar
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.control.braking_path import make_braking_path
+from optiplan.control.braking_path import FINEST, make_braking_path
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import positive_vector
 from optiplan.control.limits.joint_box import JointBox
@@ -56,7 +56,7 @@ class WheelSpeedLimit(KeptRowLimit):
         """Take how the joints brake."""
         super().meet(box, by_acceleration)
         self._box, self._mean = box, by_acceleration
-        self._path = make_braking_path(self._robot, by_acceleration)
+        self._path = make_braking_path(self._robot)
 
     def rows(self, c: Configuration, state: State, dt: float) -> LimitRows:
         """A row for each wheel at each moment."""
@@ -64,7 +64,7 @@ class WheelSpeedLimit(KeptRowLimit):
         self._brakes = self._box.brakes_of(columns)
         self._allowed = np.maximum(self._rate, self._worst(state, dt))
         q, v = state.q[columns], state.v[columns]
-        self._moments = np.rint(_MOMENTS * (self._box.delay[columns].max() / dt)).astype(np.int64)
+        self._moments = np.rint(_MOMENTS * (self._box.delay[columns].max() / min(dt, FINEST))).astype(np.int64)
         first, last = self._box.low[columns], self._box.high[columns]
         bounded = np.isfinite(last - first)
         first = np.where(bounded, first, v)
@@ -82,7 +82,7 @@ class WheelSpeedLimit(KeptRowLimit):
         G = np.zeros((len(still), n))
         G[:, columns] = change.reshape(-1, 3)
         unit = np.maximum(np.sqrt(np.einsum("ij,ij->i", G, G)), 1e-9)
-        rate, braking = np.tile((1.0 - _RESERVE) * self._rate, len(_MOMENTS)), G @ self._box.brake(state, dt)
+        rate, braking = np.tile((1.0 - _RESERVE) * self._rate, len(_MOMENTS)), G @ self._box.slowing
         low = np.minimum(-rate - still, braking - _ROUNDING)  # what braking does is never forbidden
         high = np.maximum(rate - still, braking + _ROUNDING)
         return LimitRows(G / unit[:, None], low / unit, high / unit, unit, self._labels)
@@ -102,7 +102,7 @@ class WheelSpeedLimit(KeptRowLimit):
         columns = self._columns
         v, a = state.v[columns], np.abs(state.a[columns])
         # At whatever heading, and at the highest velocities: until the acceleration is turned back, a²/2j is gained.
-        most = np.abs(v) + a * (0.5 * a * dt / np.maximum(self._brakes.change, 1e-12) + dt)
+        most = np.abs(v) + a * (0.5 * a / self._brakes.jerk + dt)
         turned = np.array([np.hypot(most[0], most[1])] * 2 + [most[2]])
         rough = np.abs(self._matrix) @ turned
         if (rough <= self._rate).all():

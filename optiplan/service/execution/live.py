@@ -9,8 +9,9 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.control.step import ControlStep
-from optiplan.errors import InputError
+from optiplan.errors import InputError, wrong_argument
 from optiplan.problem.problem import Problem
+from optiplan.simulation.closed_loop import OF_TASKS
 from optiplan.simulation.controllers.joints import ComputedTorque
 from optiplan.simulation.controllers.task_space import TaskSpaceLoop, TaskSpaceSettings
 from optiplan.simulation.plants.base import Plant
@@ -44,10 +45,12 @@ class LiveLoop:
         engine: `own` or `ideal`; None: `own` where the robot has inertias.
 
     Raises:
-        InputError: `own`, of a robot without inertias.
+        InputError: `own`, of a robot without inertias; a task.
     """
 
     def __init__(self, problem: Problem, engine: str | None = None) -> None:
+        if problem.task:
+            raise wrong_argument("LiveLoop", "problem", *OF_TASKS)
         self.problem, self.engine = problem, engine or _engine(problem)
         robot, inner = problem.robot, None
         self._plant: Plant = IdealPlant(problem.start, PERIOD)

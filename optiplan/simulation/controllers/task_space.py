@@ -113,6 +113,7 @@ class TaskSpaceLoop:
             form=options.form,
             solver=options.solver,
             response=options.response,
+            longest_step=dt,
         )
         self._state = State(problem.start)
 

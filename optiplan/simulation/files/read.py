@@ -19,6 +19,7 @@ from optiplan.problem.from_data import read_problem
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
+from optiplan.simulation.closed_loop import OF_TASKS
 from optiplan.simulation.files.schema import OF_PROBLEM, ControlSpec
 from optiplan.simulation.plants.dynamics import check_inertias
 
@@ -93,12 +94,16 @@ def _problem(spec: ControlSpec, document: Document, base: Path) -> Problem:
     if spec.problem is not None:
         beside = base / spec.problem
         try:
-            return load_problem(beside if beside.is_file() else find_problem(spec.problem))
+            problem = load_problem(beside if beside.is_file() else find_problem(spec.problem))
         except InputError as error:
             missing = [issue for issue in error.issues if issue.file == spec.problem and issue.line is None]
             if not missing:
                 raise
             raise InputError([document.issue(("problem",), f"'{spec.problem}'", missing[0].expected)]) from None
+        if problem.task:
+            found, expected = OF_TASKS
+            raise InputError([document.issue(("problem",), f"'{spec.problem}', {found}", expected)])
+        return problem
     data = {key: document.data[key] for key in OF_PROBLEM if key in document.data}
     data |= {"version": 1, "name": spec.name or document.path.stem.strip("<>"), "goal": data["start"]}
     parts = read_problem(replace(document, data=data), base)

@@ -1,4 +1,4 @@
-// The quickest stop of a joint within acceleration and jerk limits, step by step, and how far it travels.
+// The quickest stop of a joint within acceleration and jerk limits, and how far it travels.
 //
 // The formulas and their reasons are in optiplan/control/braking.py; the bits are the same.
 #pragma once
@@ -7,9 +7,9 @@
 
 namespace optiplan {
 
-// Steps of a stop whose accelerations are first + (i - 1) change, i = 1 … count.
+// `lasting` s in which the acceleration is first + jerk t.
 struct Phase {
-    double count = 0.0, first = 0.0, change = 0.0;
+    double lasting = 0.0, first = 0.0, jerk = 0.0;
 };
 
 // Three phases at most: away from the present acceleration, at the limit, and back to zero.
@@ -19,26 +19,26 @@ struct JointStop {
 
     void add(const Phase &phase) { phases[size++] = phase; }
 
-    // Steps until the joint stands.
-    double steps() const {
+    // Seconds until the joint stands.
+    double lasting() const {
         double sum = 0.0;
-        for (int k = 0; k < size; ++k) sum += phases[k].count;
+        for (int k = 0; k < size; ++k) sum += phases[k].lasting;
         return sum;
     }
 
-    // Sum of dt v_i over the steps of the stop from velocity v, rad or m.
-    double travel(double v, double dt) const;
+    // How far the stop from velocity v leads, rad or m.
+    double travel(double v) const;
+
+    // Position, velocity and acceleration after t seconds of the stop from q and v.
+    void after(double t, double &q, double &v, double &a) const;
 };
 
-// What a joint may do from step to step: acceleration at most, and its change.
+// What a joint may do: acceleration and jerk at most.
 struct Brakes {
-    double limit, change, dt;
+    double limit, jerk;
 
-    // Velocity that is gone when an acceleration of size alpha runs back to zero.
-    double velocity_to_zero(double alpha) const;
-
-    // The size of acceleration that stops a velocity u >= 0 while it runs back to zero.
-    double acceleration(double u) const;
+    // The acceleration, in a step of dt, that leaves no more than u >= 0 to be turned back.
+    double acceleration(double u, double dt) const;
 
     // The stop from velocity v and acceleration a.
     JointStop stop(double v, double a) const;
@@ -49,14 +49,20 @@ struct Brakes {
     // How far a joint gets at most, either way, in the stop from velocity v and acceleration a, rad or m, >= 0.
     double farthest(double v, double a, const JointStop &stop) const;
 
-    // Largest x in [low, high] with dt x + (how far a joint gets that brakes from x) <= room; `low` without one.
-    double fastest(double room, double v, double low, double high) const;
-
   private:
     JointStop falling(double v, double a) const;
-    double falling_steps(double v, double a) const;
+    double clamped(double a) const;
 };
 
 static constexpr double POSITION_ROUNDING = 1e-10;  // rad or m, of positions at their limits: what rounding may cost
+
+// A step of `dt` s in which a new velocity moves the joint by `moves` (dt or dt / 2) times that; `lag`, s: see
+// `fastest_velocity` in optiplan/control/limits/joint_box.py.
+struct StepRule {
+    double dt, moves, lag;
+};
+
+// Largest x in [low, high] from which a joint that has velocity v now halts within `room`; `low` without one.
+double fastest(const Brakes &brakes, const StepRule &step, double room, double v, double low, double high);
 
 }  // namespace optiplan
