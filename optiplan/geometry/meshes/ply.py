@@ -7,7 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, MeshError, Soup, plain, triangulate
+from optiplan.geometry.meshes.triangles import (
+    MOST_TRIANGLES,
+    MeshError,
+    Soup,
+    check_digits,
+    check_ended,
+    plain,
+    triangulate,
+)
 
 PLY_TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -92,6 +100,8 @@ Table = dict[str, Any]
 
 
 def _ply_ascii(body: bytes, elements: Sequence[_Element], _: str) -> dict[str, Table]:
+    check_ended(body)
+    check_digits(body)
     try:
         return _ply_tables(iter(body.split()), elements)
     except StopIteration:

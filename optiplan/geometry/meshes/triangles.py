@@ -40,6 +40,26 @@ def plain(vertices: Array, triangles: Triangles) -> Soup:
     return Soup(vertices, triangles, np.eye(3))
 
 
+def check_ended(text: bytes) -> None:
+    """Require that the last line ends, of a format in which nothing else shows that a file is cut off.
+
+    Raises:
+        MeshError: it does not: digits of its last number may be missing.
+    """
+    if text and not text.rstrip(b" \t\0").endswith((b"\n", b"\r")):
+        raise MeshError("a last line that does not end: a file that is cut off? If it is whole, add a line break")
+
+
+def check_digits(text: bytes) -> None:
+    """Require a text of numbers without `_`, which Python reads over: 1_000 is no number.
+
+    Raises:
+        MeshError: there is one.
+    """
+    if (place := text.find(b"_")) >= 0:
+        raise MeshError(f"'{text[max(place - 20, 0) : place + 20].decode('ascii', 'replace')}' where numbers are meant")
+
+
 def floats(words: Iterable[bytes] | Iterable[str]) -> Array:
     """Finite numbers.
 
