@@ -11,8 +11,7 @@ from optiplan.geometry.meshes.triangles import (
     MOST_TRIANGLES,
     MeshError,
     Soup,
-    check_digits,
-    check_ended,
+    check_numbers,
     plain,
     triangulate,
 )
@@ -100,8 +99,7 @@ Table = dict[str, Any]
 
 
 def _ply_ascii(body: bytes, elements: Sequence[_Element], _: str) -> dict[str, Table]:
-    check_ended(body)
-    check_digits(body)
+    check_numbers(body)
     try:
         return _ply_tables(iter(body.split()), elements)
     except StopIteration:

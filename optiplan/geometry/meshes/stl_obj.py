@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.geometry.meshes.triangles import MeshError, Soup, check_ended, floats, plain, triangulate
+from optiplan.geometry.meshes.triangles import MeshError, Soup, floats, is_ended, plain, triangulate
 
 FREE_FORM = frozenset("bevel call cstype csh curv curv2 deg end hole parm scrv sp step surf trim vp".split())
 """Statements of OBJ files that make surfaces of another kind than polygons."""
@@ -77,10 +77,9 @@ def _named(keywords: Sequence[bytes]) -> str:
 def read_obj(content: bytes) -> Soup:
     """Polygons of a Wavefront OBJ; materials, normals, lines and points are passed over.
 
-    The format states no count and has no end. A file is taken as cut off where its last line does not end, or where
-    vertices remain that nothing uses and the surface has an open edge.
+    The format states no count and has no end. A file whose last line does not end, or that has vertices which nothing
+    uses, is taken as cut off where its surface has an open edge: of a closed one nothing is missing.
     """
-    check_ended(content)
     points: list[list[bytes]] = []
     polygons: list[list[int]] = []
     others: set[int] = set()
@@ -103,11 +102,10 @@ def read_obj(content: bytes) -> Soup:
     vertices = floats([word for point in points for word in point]).reshape(-1, 3)
     soup = plain(vertices, triangulate(vertices, polygons))
     unused = len(vertices) - len(others.union(*polygons))
-    if unused > 0 and _is_open(soup):
-        raise MeshError(
-            f"{unused} vertices that no polygon uses and a surface with open edges: a file that is cut off? "
-            "If it is whole, remove these vertices"
-        )
+    if (unused > 0 or not is_ended(content)) and _is_open(soup):
+        signs = f"{unused} vertices that no polygon uses" if unused > 0 else "a last line without a line break"
+        remedy = "remove these vertices" if unused > 0 else "end that line"
+        raise MeshError(f"{signs} and a surface with open edges: a file that is cut off? If it is whole, {remedy}")
     return soup
 
 
