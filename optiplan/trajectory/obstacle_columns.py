@@ -1,12 +1,11 @@
 """The motion of a robot with that of the obstacles that move around it, as more joints."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
 from optiplan.geometry.obstacle_motion import ObstacleMotion
-from optiplan.trajectory.cut import cut
+from optiplan.trajectory.cut import coefficients_between
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -17,12 +16,9 @@ def with_obstacles(trajectory: Trajectory, motions: Sequence[ObstacleMotion]) ->
     """
     if not motions:
         return trajectory
-    stops = sorted({motion.until for motion in motions if 0.0 < motion.until < trajectory.duration})
-    edges = [0.0, *stops, trajectory.duration]
-    parts = [cut(trajectory, a, b) for a, b in pairwise(edges)] if stops else [trajectory]
-    inner = [part.breakpoints[:-1] + begin for part, begin in zip(parts, edges, strict=False)]  # stops to the last bit
-    breakpoints = np.append(np.concatenate(inner), trajectory.duration)
-    own = np.concatenate([part.coefficients for part in parts])
+    stops = {motion.until for motion in motions if 0.0 < motion.until < trajectory.duration}
+    breakpoints = np.union1d(trajectory.breakpoints, sorted(stops))
+    own = coefficients_between(trajectory, breakpoints)
     columns = [own, *(np.swapaxes(motion.from_times(breakpoints[:-1]), 1, 2) for motion in motions)]
     size = max(column.shape[1] for column in columns)
     padded = [np.pad(column, ((0, 0), (0, size - column.shape[1]), (0, 0))) for column in columns]

@@ -67,7 +67,12 @@ def numbers(value: Any, file: str, field: str) -> Array:
         array = np.array(value)
     except ValueError:
         raise InputError([Issue(file, None, field, "rows of different lengths", expected)]) from None
-    if array.dtype.kind not in "if":
+    if array.dtype.kind not in "if" or _holds_truth(value):
         found = "nothing" if value is None else "other things than numbers"
         raise InputError([Issue(file, None, field, found, expected)])
     return array.astype(float)
+
+
+def _holds_truth(value: Any) -> bool:
+    """Return whether nested lists hold true or false, which Python takes for 1 and 0."""
+    return isinstance(value, bool) or (isinstance(value, list) and any(map(_holds_truth, value)))

@@ -35,8 +35,10 @@ class Samples:
 
     @property
     def interpolation(self) -> str:
-        """Interpolation that `trajectory` uses between samples, in words."""
-        return interpolation(self.v, self.a)
+        """Interpolation that `trajectory` uses between samples, and a first time that is not 0, in words."""
+        words = interpolation(self.v, self.a)
+        first = float(self.t.flat[0]) if self.t.size else 0.0
+        return words if first == 0.0 else f"{words}; times are counted from the first one, {first:g} s"
 
     def trajectory(self) -> Trajectory:
         """The motion through them.
@@ -98,7 +100,7 @@ def _of_csv(text: str, file: str) -> Samples:
     values = []
     for line, row in rows[1:]:
         try:
-            values.append([float(cell) for cell in row])
+            values.append([_number(cell) for cell in row])
         except ValueError as error:
             raise InputError([Issue(file, line, "row", str(error), "numbers")]) from None
         if len(row) != len(header):
@@ -117,6 +119,17 @@ def _of_csv(text: str, file: str) -> Samples:
     if "q" not in parts:
         raise InputError([Issue(file, 1, "header", ", ".join(header)[:120], _HEADER)])
     return Samples(names, table[:, 0], **parts, file=file)
+
+
+def _number(cell: str) -> float:
+    """Return the number of a cell as CSV files write it: no `1_000` and no digits of other scripts, as Python takes.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if "_" in cell or not cell.isascii():
+        raise ValueError(f"'{cell[:40]}'")
+    return float(cell)
 
 
 def _ordered(samples: Samples, joint_names: Sequence[str] | None) -> Samples:

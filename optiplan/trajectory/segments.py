@@ -59,6 +59,8 @@ def read_segments(data: Mapping[str, Any], file: str) -> tuple[Segment, ...]:
     found = []
     for k, one in enumerate(given):
         try:
+            if any(isinstance(one[key], bool | str) for key in ("step", "begin", "end")):
+                raise TypeError("texts and truth values are no numbers")
             times = float(one["begin"]), float(one["end"])
             segment = Segment(int(one["step"]), str(one["kind"]), str(one["name"]), *times)
             if not (segment.kind + segment.name).isprintable():  # they stand in programs that are exported

@@ -10,7 +10,7 @@ from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.kinematics.mecanum import wheel_matrix
 from optiplan.problem.constraints.expression import Expression
-from optiplan.problem.constraints.measures import ROUNDING, Measure, measures
+from optiplan.problem.constraints.measures import Measure, measures
 from optiplan.problem.constraints.statements import (
     JointCoupling,
     ManipulabilityAbove,
@@ -125,7 +125,7 @@ def _checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one:
             if np.isfinite(limit)
         ]
     return [
-        proof.check(one, _Limit(f"{at}: {each.quantity}", each.unit, each.limit + ROUNDING, _of_pose(each), each.told))
+        proof.check(one, _Limit(f"{at}: {each.quantity}", each.unit, each.allowed, _of_pose(each), each.told))
         for each in measures(one)
     ]
 

@@ -1,5 +1,6 @@
 """Mesh files: what five formats hold, and that no file, however broken, does more than be refused."""
 
+import contextlib
 import json
 import struct
 import sys
@@ -82,7 +83,7 @@ def test_polygons_are_cut_into_what_they_cover():
             ring = [(i + turn) % 6 + 1 for i in range(6)][::sense]
             for axes in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
                 lines = [f"v {' '.join(str(corner[k]) for k in axes)}" for corner in corners]
-                text = "\n".join([*lines, f"f {' '.join(map(str, ring))}"]).encode()
+                text = "\n".join([*lines, f"f {' '.join(map(str, ring))}", ""]).encode()
                 soup = reading_process.READERS[".obj"](text)
                 total = 0.5 * sum(areas(soup.vertices, soup.triangles))
                 assert total == pytest.approx(3.0)
@@ -91,9 +92,9 @@ def test_polygons_are_cut_into_what_they_cover():
 def test_obj_indices_count_from_the_end_and_lines_go_on():
     text = b"v 0 0 0\nv 1 0 0 1.0\nv 0 1 0 0.5 0.5 0.5\nvt 0 0\nf -3/1 \\\n -2/1 -1/1 # a face\nl 1 2\n"
     assert reading_process.READERS[".obj"](text).triangles.tolist() == [[0, 1, 2]]
-    for wrong in (b"f 1 2 4", b"f 1 2 0", b"f 1 2 -4", b"f 1 2 x", b"curv 1 2", b"what 1"):
+    for wrong in (b"f 1 2 4", b"f 1 2 0_3", b"f 1 2 0", b"f 1 2 -4", b"f 1 2 x", b"curv 1 2", b"what 1"):
         with pytest.raises(MeshError):
-            reading_process.READERS[".obj"](b"v 0 0 0\nv 1 0 0\nv 0 1 0\n" + wrong)
+            reading_process.READERS[".obj"](b"v 0 0 0\nv 1 0 0\nv 0 1 0\n" + wrong + b"\n")
 
 
 DAE = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
@@ -252,6 +253,74 @@ def broken(draw):
     return kind, bytes(content)
 
 
+@st.composite
+def broken_glb(draw):
+    """A GLB file in whose document entries are gone or other values."""
+    content = VALID[".glb"]
+    size = int.from_bytes(content[12:16], "little")
+    document = json.loads(content[20 : 20 + size])
+    for _ in range(draw(st.integers(1, 2))):
+        places = list(entries(document))
+        holder, key = places[draw(st.integers(0, len(places) - 1))]
+        values = [None, True, -1, 0, 1, 1.5, "x", [], {}, [None], [1, 2], {"a": 1}, 1e300, 2**70, float("nan")]
+        if draw(st.booleans()):
+            del holder[key]
+        else:
+            holder[key] = draw(st.sampled_from(values))
+    return ".glb", glb(document, content[28 + size :])
+
+
+def entries(data):
+    """All places in JSON data: what holds an entry, and its key."""
+    for key, value in list(data.items()) if isinstance(data, dict) else list(enumerate(data)):
+        yield data, key
+        if isinstance(value, dict | list):
+            yield from entries(value)
+
+
+@settings(max_examples=300)
+@given(st.one_of(broken(), broken_glb()))
+def test_a_broken_file_brings_out_no_other_error_than_that_it_is_one(case):
+    kind, content = case
+    with contextlib.suppress(MeshError):
+        reading_process.READERS[kind](content)
+
+
+CUT = {**VALID, "ASCII .stl": solid().export(file_type="stl_ascii").encode()}
+CUT["ASCII .ply"] = solid().export(file_type="ply", encoding="ascii")
+
+
+@pytest.mark.parametrize("kind", sorted(CUT))
+def test_a_file_that_is_cut_off_is_refused_wherever_it_is_cut(kind):
+    """OBJ has neither counts nor an end: a cut between two of its last polygons is not seen; all others are."""
+    suffix, content = kind.split()[-1], CUT[kind]
+    whole = reading_process._answer(suffix, content)
+    assert whole[0] == "mesh"
+    for length in range(len(content)):
+        found = reading_process._answer(suffix, content[:length])
+        if kind == ".obj" and found[0] == "mesh" and found != whole:
+            assert content[:length].endswith(b"\n")
+            assert len(unpack(found[1]).vertices) == 8
+        else:
+            assert found[0] == "error" or found == whole
+
+
+@pytest.mark.parametrize("lost", [b"endsolid", b"endfacet", b"endloop", b"facet normal", b"outer loop"])
+def test_an_ascii_stl_without_one_of_its_lines_is_refused(lost):
+    lines = CUT["ASCII .stl"].splitlines(keepends=True)
+    place = max(k for k, line in enumerate(lines) if line.strip().startswith(lost))
+    with pytest.raises(MeshError, match=r"is meant"):
+        reading_process.READERS[".stl"](b"".join(lines[:place] + lines[place + 1 :]))
+
+
+def test_vertices_that_nothing_uses_are_taken_where_nothing_can_be_missing():
+    text = solid().export(file_type="obj").encode() + b"v 7 7 7\n"
+    assert len(reading_process.READERS[".obj"](text).triangles) == 12
+    with pytest.raises(MeshError, match="1 vertices that no polygon uses"):
+        reading_process.READERS[".obj"](text.replace(b"f 8 6 7\n", b""))
+    assert len(reading_process.READERS[".obj"](text.replace(b"v 7 7 7\n", b"").rstrip()).triangles) == 12
+
+
 @settings(max_examples=300)
 @given(broken())
 def test_a_broken_file_is_arrays_or_a_reason(case):
@@ -284,7 +353,7 @@ def test_what_takes_too_much_is_ended_and_the_others_are_read(monkeypatch, tmp_p
     good = [open_mesh(tmp_path / f"good.{kind}") for kind in ("stl", "obj", "ply")]
     endless = hostile(".ply", b"ply\nformat ascii 1.0\nelement vertex 999999999\nend_header\n")  # of no properties
     lists = b"ply\nformat ascii 1.0\nelement vertex 9999999\n" + b"property list uchar int a\n" * 60
-    large = hostile(".ply", lists + b"end_header\n" + b"10 " * 6_000_000)
+    large = hostile(".ply", lists + b"end_header\n" + b"10 " * 6_000_000 + b"\n")
     prepare([good[0], endless, good[1], large, good[2]])
     for mesh in good:
         same_mesh(read_mesh(mesh), solid())

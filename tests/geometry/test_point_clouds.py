@@ -47,7 +47,7 @@ def pcd(points, form):
         f"COUNT 1 1 1 1\nWIDTH {len(points)}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(points)}\nDATA {form}\n"
     ).encode()
     if form == "ascii":
-        return header + "\n".join(f"{x:.9g} {y:.9g} {z:.9g} 7" for x, y, z in points).encode()
+        return header + "".join(f"{x:.9g} {y:.9g} {z:.9g} 7\n" for x, y, z in points).encode()
     columns = [*points.astype("<f4").T, np.full(len(points), 7, "<u4")]
     if form == "binary":
         return header + np.rec.fromarrays(columns).tobytes()
@@ -92,9 +92,9 @@ def test_ply_and_npz_files_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("read", "content", "says"),
     [
-        (read_pcd, b"VERSION .7\nFIELDS x y\nSIZE 4 4\nTYPE F F\nPOINTS 1\nDATA ascii\n0 0", "without x, y, z"),
+        (read_pcd, b"VERSION .7\nFIELDS x y\nSIZE 4 4\nTYPE F F\nPOINTS 1\nDATA ascii\n0 0\n", "without x, y, z"),
         (read_pcd, pcd(POINTS, "binary")[:-1], "bytes of data"),
-        (read_pcd, pcd(POINTS, "ascii") + b" 1", "numbers where its header says"),
+        (read_pcd, pcd(POINTS, "ascii") + b" 1\n", "numbers where its header says"),
         (read_pcd, pcd(POINTS, "binary_compressed")[:-4], "another size"),
         (read_pcd, b"nothing", "without its header"),
         (read_pcd, pcd(np.full((2, 3), np.nan), "ascii"), "no points"),

@@ -136,3 +136,15 @@ def test_objects_that_stand_for_planners_say_what_they_hold():
             return make_planner("quintic").plan(problem, budget, progress)
 
     assert op.plan(moving(cases.free()), Own()).verified
+
+
+@pytest.mark.parametrize("speed", [1e-25, 1e-12])
+@pytest.mark.parametrize("blocked", [True, False])
+def test_a_goal_that_moves_by_a_rounding_needs_no_run_up(speed, blocked):
+    """A wall in the way: curves lead to nothing, and the way by rest is tried; with a gap that leads there."""
+    length, x = (1.6, 1.1) if blocked else (0.4, 0.9)
+    scene = op.Scene([op.Box("wall", size=(length, 0.4, 0.1), position=(x, 0.0, 0.0))])
+    problem = op.Problem("planar2r", [1.2, 0.3], goal=op.State([-1.2, -0.3], [speed, 0.0]), scene=scene)
+    run = op.plan(problem, budget=2.0)
+    assert run.failure is None or run.failure.kind in ("no-path", "timeout", "collision")
+    assert run.verified == (not blocked)

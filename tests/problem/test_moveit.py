@@ -175,6 +175,19 @@ def test_allowed_pairs_are_those_that_would_be_checked(robot):
     assert not any("base" in pair and "fore" in pair for pair in data["allowed_collisions"])
 
 
+@pytest.mark.parametrize(
+    "values", [(True, False), (False, True), (False, False), (True, True), (True, None), (False, None)]
+)
+def test_of_two_defaults_never_allowing_the_contact_wins(robot, values):
+    """As MoveIt has it: a pair is allowed if both defaults allow it, or the only one."""
+    defaults = {name: value for name, value in zip(("a", "fore"), values, strict=True) if value is not None}
+    matrix = {"default_entry_names": list(defaults), "default_entry_values": list(defaults.values())}
+    item = {"id": "a", "primitives": [BOX], "primitive_poses": [{}]}
+    data = convert(scene(item, allowed_collision_matrix=matrix), request_(), robot, "1").data["scene"]
+    assert (["a", "fore"] in data.get("allowed_collisions", [])) == all(defaults.values())
+    assert (["a", "upper"] in data.get("allowed_collisions", [])) == defaults["a"]
+
+
 def test_values_a_rounding_beyond_the_limits_are_moved_inside(robot):
     data = request_([joint_goal(shoulder=3.0004, elbow=0)])
     converted = convert(scene(), data, robot, "1")

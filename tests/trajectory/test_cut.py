@@ -25,6 +25,15 @@ def test_a_part_is_the_motion_in_its_own_time(motion, begin, end):
         assert np.allclose(part(t, order), motion(t + begin, order), atol=1e-9)
 
 
+@pytest.mark.parametrize(("begin", "lasts"), [(0.5, 2e-16), (0.8, 1e-13), (0.0, 1e-18), (1.4 - 4.5e-16, 4.5e-16)])
+def test_a_part_may_be_as_short_as_numbers_allow(motion, begin, lasts):
+    part = cut(motion, begin, begin + lasts)
+    assert part.duration == pytest.approx(lasts, rel=0.6)
+    piece = max(k for k, t in enumerate(motion.breakpoints[:-1]) if t <= begin)  # the one that begins there
+    h = begin - motion.breakpoints[piece]
+    assert np.allclose(part.start, sum(c * h**k for k, c in enumerate(motion.coefficients[piece])), atol=1e-12)
+
+
 def test_an_empty_part_is_refused(motion):
     with pytest.raises(ValueError, match="end after the beginning"):
         cut(motion, 0.3, 0.3)

@@ -215,3 +215,30 @@ def test_bad_constraints_are_named(problem, constraint, where, words):
         problem.with_constraints(constraint)
     assert where in str(caught.value)
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("within", [0.5, 3.0, 3.1415, 3.14159, np.pi - 1e-7])
+@pytest.mark.parametrize("kind", ["axis", "rotation", "relative", "screw"])
+def test_a_tolerance_near_half_a_turn_is_as_sharp_as_others(kind, within):
+    """The chord of an angle hardly grows there: what rounding allows it must not be some 1e-5 rad."""
+    still, up, X = np.eye(3), np.array([0.0, 0.0, 1.0]), pin.SE3.Identity()
+    one = {
+        "axis": op.OrientationCone("tool0", up, up, within),
+        "rotation": op.FixedOrientation("tool0", still, within),
+        "relative": op.RelativePose("tool0", "base", X, 1.0, within),
+        "screw": op.OnScrew("tool0", up, np.zeros(3), 0.0, X, 1.0, within),
+    }[kind]
+    measure = measures(one)[-1]
+
+    def value(angle):
+        turned = pin.SE3(pin.exp3(np.array([angle, 0.0, 0.0])), np.zeros(3))
+        return measure.value(turned.homogeneous[None])[0]
+
+    assert value(within - 2e-9) <= measure.allowed
+    assert value(min(within + 5e-8, np.pi)) > measure.allowed or within + 5e-8 > np.pi
+
+
+def test_half_a_turn_allows_every_orientation():
+    one = op.FixedOrientation("tool0", np.eye(3), np.pi)
+    turned = pin.SE3(pin.exp3(np.pi * np.array([0.6, 0.0, 0.8])), np.zeros(3)).homogeneous
+    assert measures(one)[0].value(turned[None])[0] <= measures(one)[0].allowed

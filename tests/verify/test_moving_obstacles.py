@@ -86,6 +86,17 @@ def test_after_its_time_it_stands():
     assert collision([ball([0, 0, 0.6], quick)]).passed == (sampled([ball([0, 0, 0.6], quick)]) > 0.0)
 
 
+@pytest.mark.parametrize("off", [-3e-12, -5e-16, 5e-16, 3e-12])
+def test_it_may_stop_within_rounding_of_the_end(off):
+    """Files hold `until` with as many digits as somebody printed."""
+    assert collision([ball([0, 0, 1.5], through(0.5), until=T + off)]).passed
+    hit = [ball([0, 0, 0.5], [[0.0], [0.0], [0.0, -0.5 / T]], until=T + off)]
+    assert collision(hit).passed == collision([ball([0, 0, 0.5], [[0.0], [0.0], [0.0, -0.5 / T]])]).passed
+    extended = with_obstacles(MOTION, [hit[0].motion])
+    assert extended.duration == T
+    assert np.allclose(extended.end[-1], -0.5, atol=1e-9)
+
+
 def test_what_moves_into_the_base_is_refused():
     """The base stands still, so that obstacles that stand need no pair with it; those that move do."""
     side = op.Box("cart", size=(0.2, 0.2, 0.2), position=(-1.0, 0.0, 0.1))

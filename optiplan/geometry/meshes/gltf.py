@@ -22,6 +22,11 @@ def read_glb(content: bytes) -> Soup:
     size, kind = int.from_bytes(content[12:16], "little"), content[16:20]
     if kind != b"JSON" or 20 + size > len(content) or int.from_bytes(content[8:12], "little") != len(content):
         raise MeshError("a GLB file that is cut off")
+    data = content[28 + size :]
+    if len(content) > 20 + size:
+        length, kind = int.from_bytes(content[20 + size : 24 + size], "little"), content[24 + size : 28 + size]
+        if kind != b"BIN\0" or length > len(data):
+            raise MeshError(f"a GLB file whose second part is {length} bytes of {kind!r} where its data are meant")
     try:
         document = json.loads(content[20 : 20 + size])
     except (ValueError, RecursionError) as error:
@@ -29,7 +34,7 @@ def read_glb(content: bytes) -> Soup:
     needed = [name for name in document.get("extensionsRequired", ()) if not str(name).startswith(HARMLESS)]
     if needed:
         raise MeshError(f"a GLB file that needs {', '.join(map(str, needed))}, which cannot be read")
-    return _Gltf(document, content[28 + size :]).scene().soup(1.0, TURNS["Y_UP"])
+    return _Gltf(document, data).scene().soup(1.0, TURNS["Y_UP"])
 
 
 class _Gltf:

@@ -7,7 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, MeshError, Soup, plain, triangulate
+from optiplan.geometry.meshes.triangles import (
+    MOST_TRIANGLES,
+    MeshError,
+    Soup,
+    check_numbers,
+    plain,
+    triangulate,
+)
 
 PLY_TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -92,6 +99,7 @@ Table = dict[str, Any]
 
 
 def _ply_ascii(body: bytes, elements: Sequence[_Element], _: str) -> dict[str, Table]:
+    check_numbers(body)
     try:
         return _ply_tables(iter(body.split()), elements)
     except StopIteration:

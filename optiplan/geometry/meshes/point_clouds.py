@@ -8,7 +8,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.geometry.meshes.ply import ply_tables
-from optiplan.geometry.meshes.triangles import MeshError, Soup
+from optiplan.geometry.meshes.triangles import MeshError, Soup, check_numbers
 
 MOST_POINTS = 5_000_000
 """Points of one file."""
@@ -115,6 +115,7 @@ _Fields = list[tuple[str, str, tuple[int, ...]]]
 def _pcd_columns(form: str, body: bytes, fields: _Fields, many: int) -> dict[str, Array]:
     """Columns x, y, z of the data of a PCD file."""
     if form == "ascii":
+        check_numbers(body)
         widths = [count for _, _, (count,) in fields]
         values = np.array(body.split(), dtype=np.float64)
         if len(values) != many * sum(widths):

@@ -32,8 +32,8 @@ _KINDS: dict[Kind, tuple[str, str, str]] = {
 }
 """What is read of each kind: the formats in words, what precedes the suffix among `READERS`, and the suffixes."""
 
-VERSION = 1
-"""Counted up when a file is read to other arrays than before."""
+VERSION = 2
+"""Counted up when a file is read to other arrays than before, or refused."""
 
 SECONDS, MEMORY = 5, 3 * 2**30
 """What reading one mesh may take: s of processor time, and bytes of address space of the process."""

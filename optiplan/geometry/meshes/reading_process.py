@@ -21,18 +21,44 @@ from optiplan.geometry.meshes.point_clouds import read_pcd, read_points_npz, rea
 from optiplan.geometry.meshes.stl_obj import read_obj, read_stl
 from optiplan.geometry.meshes.triangles import MeshError, Soup, pack
 
+
+def _reader(form: str, read: Callable[[bytes], Soup]) -> Callable[[bytes], Soup]:
+    """Return a reader from which a broken file brings out a `MeshError`, in whatever way the fault shows."""
+
+    def reading(content: bytes) -> Soup:
+        try:
+            return read(content)
+        except (MeshError, MemoryError):
+            raise
+        except Exception as error:
+            reason = " ".join(str(error).split())[:100] or type(error).__name__
+            missing = " is missing" * isinstance(error, KeyError)
+            raise MeshError(f"not in the form that {form} has ({reason}{missing})") from error
+
+    return reading
+
+
 READERS: Mapping[str, Callable[[bytes], Soup]] = {
-    ".stl": read_stl,
-    ".obj": read_obj,
-    ".dae": read_dae,
-    ".ply": read_ply,
-    ".glb": read_glb,
-    "points.ply": read_points_ply,
-    "points.pcd": read_pcd,
-    "points.npz": read_points_npz,
-    ".bt": read_bt,
-    ".ot": read_ot,
+    suffix: _reader(suffix.rpartition(".")[2].upper(), read)
+    for suffix, read in {
+        ".stl": read_stl,
+        ".obj": read_obj,
+        ".dae": read_dae,
+        ".ply": read_ply,
+        ".glb": read_glb,
+        "points.ply": read_points_ply,
+        "points.pcd": read_pcd,
+        "points.npz": read_points_npz,
+        ".bt": read_bt,
+        ".ot": read_ot,
+    }.items()
 }
+"""What reads a content, by the suffix of its file, behind `points` of a cloud.
+
+Each raises:
+    MeshError: the content is not in the form of the suffix.
+    MemoryError: it needs more than there is.
+"""
 
 
 def main(seconds: int, memory: int) -> None:
@@ -63,12 +89,6 @@ def _answer(suffix: str, content: bytes) -> tuple[str, bytes]:
         return "error", str(error).encode()
     except MemoryError:
         return "error", b"needs too much memory"
-    except Exception as error:  # a broken file shows in whatever way it likes
-        reason = " ".join(str(error).split())[:100]
-        return (
-            "error",
-            f"not in the form that {suffix.rpartition('.')[2].upper()} has ({reason or type(error).__name__})".encode(),
-        )
 
 
 def _settled(soup: Soup) -> Soup:

@@ -40,6 +40,23 @@ def plain(vertices: Array, triangles: Triangles) -> Soup:
     return Soup(vertices, triangles, np.eye(3))
 
 
+def is_ended(text: bytes) -> bool:
+    """Return whether the last line ends, so that no digits of its last number can be missing."""
+    return not text or text.rstrip(b" \t\0").endswith((b"\n", b"\r"))
+
+
+def check_numbers(text: bytes) -> None:
+    """Require a text of numbers that ends with its last line, without `_`: Python reads 1_000 as a number.
+
+    Raises:
+        MeshError: it is cut off, or holds a `_`.
+    """
+    if not is_ended(text):
+        raise MeshError("a last line without a line break: a file that is cut off? If it is whole, end that line")
+    if (place := text.find(b"_")) >= 0:
+        raise MeshError(f"'{text[max(place - 20, 0) : place + 20].decode('ascii', 'replace')}' where numbers are meant")
+
+
 def floats(words: Iterable[bytes] | Iterable[str]) -> Array:
     """Finite numbers.
 

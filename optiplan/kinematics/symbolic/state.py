@@ -186,6 +186,12 @@ def _require_no_steps(value: Any, inputs: list[Any]) -> None:
         casadi.OP_EQ: "==",
         casadi.OP_NE: "!=",
         casadi.OP_FMOD: "fmod",
+        casadi.OP_REMAINDER: "remainder",
+        casadi.OP_COPYSIGN: "copysign",
+        casadi.OP_NOT: "not",
+        casadi.OP_AND: "and",
+        casadi.OP_OR: "or",
+        casadi.OP_IF_ELSE_ZERO: "if_else",
     }
     function = casadi.Function("steps", inputs, [value], {"allow_free": True})
     found = {steps[code] for k in range(function.n_instructions()) if (code := function.instruction_id(k)) in steps}

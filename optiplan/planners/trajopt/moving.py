@@ -21,7 +21,7 @@ from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_reco
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem
-from optiplan.trajectory.profiles.state_to_state import BetweenStates, fastest_run_up, fastest_stop
+from optiplan.trajectory.profiles.state_to_state import BetweenStates, NoProfile, fastest_run_up, fastest_stop
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -119,36 +119,48 @@ class _MovingRun:
     def _detour(self) -> Failure | None:
         """Stop, go from rest to rest, run up; then optimise from that."""
         problem, names, limits = self.problem, self.problem.robot.joint_names, self.problem.limits
-        stop = fastest_stop(problem.start_state, limits, names)
+        try:
+            stop = fastest_stop(problem.start_state, limits, names)
+        except NoProfile as error:
+            return Failure("limits", f"no curve was found, and stopping at once is no way out: {error}")
         if stop is not None and (why := self._good(stop)) is not None:
             return replace(why, detail=f"no curve was found, and stopping at once is no way out: {why.detail}")
         run_ups: list[tuple[Array, Trajectory | None]] = []
         goals: list[GoalEnd] = []
-        failure: Failure | None = None
+        refused: Failure | None = None
         for goal in problem.goal:
             if not isinstance(goal, JointGoal) or not goal.moving:
                 goals.append(goal)
                 continue
-            run_up = fastest_run_up(goal.state, limits, names)
-            failure = None if run_up is None else self._good(run_up)
-            if failure is None and run_up is not None:
-                goals.append(JointGoal(run_up.start))
-                run_ups.append((run_up.start, run_up))
-        if not goals:
-            assert failure is not None
-            return replace(failure, detail=f"no curve was found, and a run-up is no way in: {failure.detail}")
+            found = self._run_up(goal)
+            if isinstance(found, Failure):
+                refused = found
+                continue
+            rest = goal.q if found is None else found.start
+            goals.append(JointGoal(rest))
+            run_ups.append((rest, found))
+        if not goals and refused is not None:
+            return replace(refused, detail=f"no curve was found, and a run-up is no way in: {refused.detail}")
         still = replace(problem, goal=tuple(goals)).with_start(problem.start if stop is None else stop.end)
         with self.watch.stage("from rest to rest"):
-            found = self.planner.plan(still, self.budget.share(_DETOUR), stages_of(self.progress))
-        if found.trajectory is None:
-            return found.failure
-        run_up = next((one for q, one in run_ups if np.abs(q - found.trajectory.end).max() < 1e-6), None)
-        parts = [part for part in (stop, found.trajectory, run_up) if part is not None]
+            planned = self.planner.plan(still, self.budget.share(_DETOUR), stages_of(self.progress))
+        if planned.trajectory is None:
+            return planned.failure
+        run_up = next((one for q, one in run_ups if np.abs(q - planned.trajectory.end).max() < 1e-6), None)
+        parts = [part for part in (stop, planned.trajectory, run_up) if part is not None]
         whole = joined(parts)
         self._offer(whole)
         end = whole.state(whole.duration)
         self._optimised("detour", whole, EndStates(problem.start_state, end), self.budget)
         return None
+
+    def _run_up(self, goal: JointGoal) -> Trajectory | Failure | None:
+        """Return the motion from rest into a goal; None where the goal is at rest but for rounding."""
+        try:
+            motion = fastest_run_up(goal.state, self.problem.limits, self.problem.robot.joint_names)
+        except NoProfile as error:
+            return Failure("limits", str(error), {"q": goal.q.tolist()})
+        return None if motion is None else self._good(motion) or motion
 
     def _bumps(self) -> None:
         """Optimise from the best curve with a bump, while that can be expected to gain."""

@@ -26,7 +26,7 @@ from optiplan.problem.constraints.statements import (
 from optiplan.robot.robot import Robot
 
 ROUNDING = 1e-9
-"""Of the coordinates of a pose; constraints hold up to it."""
+"""Of the coordinates of a pose, m or rad; constraints hold up to it."""
 
 Feature = Literal["point", "axis", "rotation"]
 
@@ -46,6 +46,7 @@ class Measure:
             by more than the length of the step.
         value: of poses (N, 4, 4): (N,).
         told: the value, or the limit, in the words of the constraint: metres as they are, chords as angles.
+        rounding: of the value; constraints hold up to it.
         growth: of a function that is not convex: by how much it grows at most from poses (N, 4, 4) on when the origin
             travels by at most (N,) m and the frame turns by at most (N,) rad.
     """
@@ -57,6 +58,12 @@ class Measure:
     value: Callable[[Array], Array]
     told: Callable[[float], float] = float
     growth: Growth | None = None
+    rounding: float = ROUNDING
+
+    @property
+    def allowed(self) -> float:
+        """The limit with its rounding, up to which the constraint holds."""
+        return self.limit + self.rounding
 
 
 def measures(one: PathConstraint) -> list[Measure]:
@@ -103,7 +110,7 @@ def _cone(one: OrientationCone) -> list[Measure]:
     def chord(X: Array) -> Array:
         return np.asarray(np.linalg.norm(X[:, :3, :3] @ one.axis - one.toward, axis=1))
 
-    return [Measure("tilted", "rad", _chord(one.within), "axis", chord, _of_chord)]
+    return [Measure("tilted", "rad", _chord(one.within), "axis", chord, _of_chord, rounding=_rounding(one.within))]
 
 
 def _box(one: PositionBox) -> list[Measure]:
@@ -171,7 +178,8 @@ def _screw(one: OnScrew) -> list[Measure]:
     def growth(X: Array, travel: Array, turn: Array) -> Array:
         return np.asarray(np.maximum(travel / one.position, turn / _chord(one.orientation)))
 
-    return [Measure("off the screw", "of its tolerance", 1.0, "point", share, growth=growth)]
+    rounding = min(ROUNDING, _rounding(one.orientation) / _chord(one.orientation))
+    return [Measure("off the screw", "of its tolerance", 1.0, "point", share, growth=growth, rounding=rounding)]
 
 
 def _fixed(one: FixedOrientation) -> list[Measure]:
@@ -180,7 +188,7 @@ def _fixed(one: FixedOrientation) -> list[Measure]:
     def turned(X: Array) -> Array:
         return np.asarray(np.linalg.norm((X[:, :3, :3] - R).reshape(len(X), 9), axis=1))
 
-    return [Measure("turned", "rad", np.sqrt(2.0) * _chord(one.within), "rotation", turned, _of_chord_of_rotation)]
+    return [_turned(one.within, turned)]
 
 
 def _look(one: LookAt) -> list[Measure]:
@@ -206,10 +214,9 @@ def _relative(one: RelativePose) -> list[Measure]:
     def turned(X: Array) -> Array:
         return np.asarray(np.linalg.norm((X[:, :3, :3] - R).reshape(len(X), 9), axis=1))
 
-    limit = np.sqrt(2.0) * _chord(one.orientation)
     return [
         Measure("off its position", "m", one.position, "point", lambda X: np.linalg.norm(X[:, :3, 3] - p, axis=1)),
-        Measure("turned", "rad", limit, "rotation", turned, _of_chord_of_rotation),
+        _turned(one.orientation, turned),
     ]
 
 
@@ -235,6 +242,17 @@ def _travel(X: Array, travel: Array, turn: Array) -> Array:
 
 def _chord(angle: float) -> float:
     return 2.0 * float(np.sin(0.5 * min(angle, np.pi)))
+
+
+def _rounding(angle: float) -> float:
+    """Return how much longer the chord of an angle may be: near half a turn, `ROUNDING` rad make it hardly longer."""
+    return _chord(angle + ROUNDING) - _chord(angle) if angle + ROUNDING < np.pi else ROUNDING
+
+
+def _turned(within: float, value: Callable[[Array], Array]) -> Measure:
+    root = float(np.sqrt(2.0))
+    told, rounding = _of_chord_of_rotation, root * _rounding(within)
+    return Measure("turned", "rad", root * _chord(within), "rotation", value, told, rounding=rounding)
 
 
 def _of_chord(value: float) -> float:

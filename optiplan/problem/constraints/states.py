@@ -91,7 +91,7 @@ def _posed(one: PathConstraint, robot: Robot, state: State) -> list[str]:
     return [
         f"{each.quantity} by {each.told(value):.4g} {each.unit} of {each.told(each.limit):.4g} {each.unit} allowed"
         for each, value in values
-        if value > each.limit + ROUNDING
+        if value > each.allowed
     ]
 
 

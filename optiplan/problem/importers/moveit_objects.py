@@ -215,10 +215,11 @@ class SceneConverter:
             for a, row in zip(names, rows, strict=True)
             for b, value in zip(names, row, strict=True)
         }
-        defaults = zip(matrix.get("default_entry_names") or [], matrix.get("default_entry_values") or [], strict=True)
-        for name in (str(name) for name, value in defaults if value):
-            for other in (*self._parts, *self.links):
-                told.setdefault(frozenset((name, other)), True)
+        names, values = (matrix.get(f"default_entry_{key}") or [] for key in ("names", "values"))
+        defaults = {str(name): bool(value) for name, value in zip(names, values, strict=True)}
+        for name in defaults:
+            for other in (*self._parts, *self.links):  # of two defaults, never allowing the contact wins
+                told.setdefault(frozenset((name, other)), defaults[name] and defaults.get(other, True))
         allowed = {pair for pair, value in told.items() if value and len(pair) == 2}
         return [list(pair) for pair in sorted(self._checked(allowed))]
 

@@ -1,5 +1,6 @@
 """A task in time: what the scene is, and what is done, in each part of a motion."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -11,8 +12,8 @@ from optiplan.problem.task.steps import Attach, Detach, TaskStep
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.trajectory import Trajectory
 
-SAME_TIME = 1e-9
-"""Share of the duration: ends and beginnings of segments nearer than this are one."""
+MEETING = 1e-9
+"""Time, s, by which rounding may part the end of a segment from the beginning of the next; see `_apart`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,14 +47,38 @@ def mismatch(problem: Problem, trajectory: Trajectory) -> str:
         if (segment.step, segment.kind) != (step.number, step.kind):
             return f"a segment of step {segment.step} ({segment.kind}) instead of {step.number} ({step.kind})"
         lasts = segment.end - segment.begin
-        if not (0.0 <= lasts if not step.event else lasts == 0.0) or not -SAME_TIME * T <= segment.begin:
+        if not (0.0 <= lasts if not step.event else lasts == 0.0) or not -MEETING <= segment.begin:
             return f"{step.words} from {segment.begin:.6g} to {segment.end:.6g} s"
     for before, after in pairwise(segments):
-        if abs(after.begin - before.end) > SAME_TIME * T:
+        if _apart(after.begin, before.end):
             return f"step {after.step} begins at {after.begin:.6g} s; the one before ends at {before.end:.6g} s"
-    if abs(segments[0].begin) > SAME_TIME * T or abs(segments[-1].end - T) > SAME_TIME * T:
+    if _apart(segments[0].begin, 0.0) or _apart(segments[-1].end, T):
         return f"segments from {segments[0].begin:.6g} to {segments[-1].end:.6g} s of {T:.6g} s"
+    for step, segment, (begin, end) in zip(task, segments, _bounds(trajectory), strict=True):
+        if segment.end > segment.begin and not end > begin:
+            return f"{step.words} from {segment.begin!r} to {segment.end!r} s, which other steps take"
     return ""
+
+
+def _apart(a: float, b: float) -> bool:
+    """Return whether two times differ by more than rounding: `MEETING`, or what doubles of that size can tell."""
+    return abs(a - b) > max(MEETING, 4.0 * math.ulp(b))
+
+
+def _bounds(trajectory: Trajectory) -> Iterator[tuple[float, float]]:
+    """Return when each step begins and ends, s; parts meet without a gap, from 0 to the duration.
+
+    Exactly those steps are empty whose segments say so, however short the others are. A gap that rounding left belongs
+    to the step after it, at the end to the last one that takes time.
+    """
+    segments, T = trajectory.segments, trajectory.duration
+    lasting = [segment.end > segment.begin for segment in segments]
+    last = max((k for k, lasts in enumerate(lasting) if lasts), default=len(segments) - 1)
+    begin = 0.0
+    for k, (segment, lasts) in enumerate(zip(segments, lasting, strict=True)):
+        end = T if k >= last else min(max(segment.end, begin), T) if lasts else begin
+        yield begin, end
+        begin = end
 
 
 def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
@@ -86,19 +111,12 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
 
 
 def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[TaskStep, Scene, float, float]]:
-    """Return each step with the scene in which it is done, its begin and its end, s; parts meet without a gap.
-
-    A part is empty or longer than `SAME_TIME`: what is shorter belongs to the next one, at the end to the one before.
-    """
-    scene, T = problem.scene, trajectory.duration
-    begin = 0.0
-    for k, (step, segment) in enumerate(zip(problem.task, trajectory.segments, strict=True)):
-        last = k + 1 == len(problem.task) or T - segment.end <= SAME_TIME * T
-        end = T if last else segment.end if segment.end - begin > SAME_TIME * T else begin
+    """Return each step with the scene in which it is done, its begin and its end, s; see `_bounds`."""
+    scene = problem.scene
+    for step, (begin, end) in zip(problem.task, _bounds(trajectory), strict=True):
         yield step, scene, begin, end
         if isinstance(step.action, Attach | Detach):
             scene = scene_after(scene, step.action, problem.robot, trajectory(end))
-        begin = end
 
 
 def part_problem(problem: Problem, scene: Scene) -> Problem:

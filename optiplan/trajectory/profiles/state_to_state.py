@@ -21,6 +21,10 @@ _SHORT = 1e-10
 """s: phases shorter than this are rounding."""
 
 
+class NoProfile(ValueError):
+    """Ruckig finds no motion between a state and rest."""
+
+
 @dataclass(frozen=True, eq=False)
 class BetweenStates:
     """Motion between two states in which all joints arrive together, as fast as can be or in a longer duration."""
@@ -63,13 +67,23 @@ def fastest(
 
 
 def fastest_stop(start: State, limits: Limits, joint_names: Sequence[str]) -> Trajectory | None:
-    """Return the motion in which each joint stops as soon as it can, then waits for the others; None for none."""
+    """Return the motion in which each joint stops as soon as it can, then waits for the others; None at rest already.
+
+    Raises:
+        NoProfile: Ruckig finds none.
+    """
     answer = _solved(start, None, limits, together=False)
-    return None if answer is None or answer.duration <= _SHORT else _trajectory(start, answer, limits, joint_names)
+    if answer is None:
+        raise NoProfile("no motion within the limits leads from this state to rest")
+    return None if answer.duration <= _SHORT else _trajectory(start, answer, limits, joint_names)
 
 
 def fastest_run_up(end: State, limits: Limits, joint_names: Sequence[str]) -> Trajectory | None:
-    """Return the motion from rest into a state in the least time of each joint: `fastest_stop` backwards in time."""
+    """Return the motion from rest into a state in the least time of each joint: `fastest_stop` backwards in time.
+
+    Raises:
+        NoProfile: Ruckig finds none.
+    """
     stop = fastest_stop(State.of(end.q, -end.v, end.a), limits, joint_names)
     return None if stop is None else reversed_in_time(stop)
 
