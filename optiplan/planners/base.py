@@ -185,6 +185,8 @@ class Planner(ABC, Generic[OptionsT]):
         Options: frozen dataclass of options, preferably a `PlannerOptions`; see `planners.option_schema`.
         passes_vias: whether `plan` handles a problem's vias; otherwise it is called for the legs between them, one by
             one and without vias.
+        joins_legs: whether legs between vias may be joined and optimised together, as moves of a task are; the motion
+            of any other planner rests at each via.
         holds_constraints: whether `plan` handles a problem's path constraints; otherwise it is not called for those
             that have any.
         end_derivatives: what `plan` handles of a motion stated at the start or at goals: 0 none, 1 velocities, 2 also
@@ -203,6 +205,7 @@ class Planner(ABC, Generic[OptionsT]):
 
     Options: ClassVar[type[Any]] = NoOptions
     passes_vias: bool = False
+    joins_legs: bool = False
     holds_constraints: bool = False
     end_derivatives: int = 0
     times_obstacles: bool = False

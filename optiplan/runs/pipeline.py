@@ -64,7 +64,7 @@ def run(
     budget.start()
     began, spent, loaded = clock(), processor_time(), time_loading()
     within, proofs = budget.leaving(reserve(budget.seconds)), ProofsOnTheWay(problem, progress)
-    if problem.task:
+    if problem.task or (problem.vias and chosen.joins_legs):
         from optiplan.planners.task.planner import plan_task
 
         result = plan_task(chosen, problem, within, proofs)

@@ -9,12 +9,14 @@ from optiplan.arrays import Array
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.continuous.frame_motion import FrameMotion
 from optiplan.verify.limit_checks import ROUNDING, miss
 from optiplan.verify.report import Check
 
 _HALVINGS = 40
 _RATE = 500.0  # Hz: samples of the distance to a pose; the dips between them are followed to their bottom
 _MOST_SAMPLES = 100_000
+_CHUNK = 5_000  # samples at once, to limit memory
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,18 @@ def _passage(problem: Problem, trajectory: Trajectory, at: JointGoal | PoseGoal,
     if isinstance(at, JointGoal):
         return _of_joints(problem, trajectory, at, since)
     return _of_pose(problem, trajectory, at, since)
+
+
+def _ratios(problem: Problem, at: PoseGoal, Q: Array) -> Array:
+    """Return how far configurations Q (N, n) miss a pose, over its tolerances: (N,).
+
+    Two rotations an angle a apart differ by 2 sqrt(2) sin(a / 2) in the Frobenius norm.
+    """
+    X = FrameMotion(problem.robot, at.frame).poses(Q)
+    offset = np.linalg.norm(X[:, :3, 3] - at.X_WG.translation, axis=1)
+    apart = np.linalg.norm(X[:, :3, :3] - at.X_WG.rotation, axis=(1, 2))
+    angle = 2.0 * np.arcsin(np.minimum(apart / np.sqrt(8.0), 1.0))
+    return np.asarray(np.maximum(offset / (at.position + ROUNDING), angle / (at.orientation + ROUNDING)))
 
 
 def _of_joints(problem: Problem, trajectory: Trajectory, at: JointGoal, since: float) -> _Passage:
@@ -122,11 +136,12 @@ def _of_pose(problem: Problem, trajectory: Trajectory, at: PoseGoal, since: floa
     count = int(min(_MOST_SAMPLES, np.ceil((trajectory.duration - since) * _RATE))) + 1
     inner = trajectory.breakpoints[trajectory.breakpoints > since]
     t = np.union1d(np.linspace(since, trajectory.duration, count), inner)
-    r = np.array([ratio(float(x)) for x in t])
+    chunks = np.array_split(t, np.arange(_CHUNK, len(t), _CHUNK))
+    r = np.concatenate([_ratios(problem, at, trajectory(part)) for part in chunks])
     entered, best = None, (float(r.min()), float(t[r.argmin()]))
     padded = np.concatenate([[np.inf], r, [np.inf]])
     for k in np.flatnonzero((r <= padded[:-2]) & (r <= padded[2:]) | (r <= 1.0)).tolist():
-        found = (float(r[k]), float(t[k]))
+        found = (ratio(float(t[k])), float(t[k]))
         if found[0] > 1.0:
             bounds = (float(t[max(k - 1, 0)]), float(t[min(k + 1, len(t) - 1)]))
             dip = minimize_scalar(ratio, bounds=bounds, method="bounded", options={"xatol": 1e-12})

@@ -29,7 +29,6 @@ HEAVY = (
 )
 UNASKED = (
     "optiplan.planners.task.planner",
-    "optiplan.planners.trajopt.through_vias",
     "optiplan.robot.dh.to_urdf",
     "optiplan.geometry.meshes.collada",
     "optiplan.cli.commands.bench",

@@ -12,6 +12,8 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import JointGoal, PoseGoal, Via
 from optiplan.robot.robot import load_robot
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify import via_check
+from optiplan.verify.limit_checks import miss
 from optiplan.verify.verify import verify
 from optiplan.verify.via_check import vias
 from tests.verify.motions import problem_of, quintic, smooth, within_limits
@@ -121,3 +123,15 @@ def test_it_says_the_same_as_dense_samples(seed, degree, tolerance):
     assert found.passed == (found.worst <= tolerance + 1e-9)
     nearest = np.abs(motion(np.array([found.time]))[0] - problem.vias[0].at.q).max()
     assert found.worst == pytest.approx(nearest, abs=1e-12)
+
+
+def test_a_pose_is_looked_for_in_all_samples_at_once(line, monkeypatch):
+    """One configuration at a time, 500 a second for each via, took longer than planning a tour of twelve vias."""
+    problem, motion = line
+    motion = motion.scaled(10.0)
+    counted = []
+    monkeypatch.setattr(via_check, "miss", lambda *given: counted.append(1) or miss(*given))
+    points = [tool(problem.robot, motion(share * motion.duration)) for share in np.linspace(0.1, 0.9, 9)]
+    found = vias(replace(problem, vias=tuple(points)), motion)
+    assert found.passed, found.detail
+    assert len(counted) < 100 * len(points)

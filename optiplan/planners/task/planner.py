@@ -1,6 +1,6 @@
 """Plan a task: choose, plan and time its steps, and join them to one motion."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -8,10 +8,20 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.libraries import clock
-from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
+from optiplan.planners.base import (
+    Budget,
+    Candidate,
+    Failure,
+    Planner,
+    PlanResult,
+    Progress,
+    announce,
+    stages_of,
+)
 from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.moving_scene import without_moving
 from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.common.via_legs import joined as in_turn
 from optiplan.planners.task.chains import Done, of_step
 from optiplan.planners.task.flow import flowing
 from optiplan.planners.task.line_timing import line_limits, timed_line
@@ -19,6 +29,7 @@ from optiplan.planners.task.optimisation.stretch_optimiser import optimised
 from optiplan.planners.task.search import TaskSearch
 from optiplan.planners.task.stops import stops_of
 from optiplan.planners.task.stretches import Stretch
+from optiplan.planners.task.via_moves import ViaMoves, unsupported
 from optiplan.planners.task.waiting import standstill, waiting
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
@@ -27,61 +38,107 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
+_JOINING = 0.3
+"""Share of the time that is left for joining curves as they are; the rest is for optimising them together."""
+
+_PIECE, _LONG = 4, 6
+"""Steps that are optimised together at first, where there are more than so many between two stops."""
+
 
 def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
-    """Plan a task within the budget: first a motion that stops after every step, then one that does not.
+    """Plan a task, or past vias: first a motion that stops after every step, then one that does not.
 
     Args:
         planner: plans the moves.
-        problem: with a task.
+        problem: with a task, or with vias and a planner that `joins_legs`.
         budget: time for all of it.
-        progress: called with the stages.
+        progress: called with the stages, and with each better motion.
     """
-    began, watch = clock(), Stopwatch()
-    search = TaskSearch(without_moving(problem), planner, budget, progress)
+    refused = unsupported(problem, planner)
+    if refused is not None:
+        return PlanResult(None, refused)
+    began, watch, moves = clock(), Stopwatch(), ViaMoves.of(problem, planner)
+    search = TaskSearch(without_moving(moves.problem), planner, budget, stages_of(progress))
+    stretches = _stopping(search, budget, watch)
+    if isinstance(stretches, Failure):
+        return PlanResult(None, moves.failure(stretches), watch.seconds)
+    if problem.scene.moving:
+        with watch.stage("waiting"):
+            found = _among_moving(moves, planner, stretches, budget, progress)
+        return replace(found, timings=watch.seconds, info={"moves": search.infos, **found.info})
+    candidates: list[Candidate] = []
+
+    def offer(way: Sequence[Stretch]) -> float:
+        """Keep a way to do the steps if it is the best so far; return its duration, s."""
+        motion = moves.motion(joined(moves.problem, way))
+        if not candidates or problem.cost(motion) < problem.cost(candidates[-1].trajectory):
+            candidates.append(Candidate(motion, clock() - began))
+            announce(progress, motion)
+        return motion.duration
+
+    info: dict[str, Any] = {"moves": search.infos, "attempts": search.attempts}
+    info["duration_with_stops"] = offer(stretches)
+    with watch.stage("flow"):
+        groups = flowing(stretches, budget.share(_JOINING), progress, thorough=not _timed_only(problem))
+    info["duration_joined"] = offer([one for group in groups for one in group])
+    with watch.stage("optimisation"):
+        for whole in _optimised(problem, planner, groups, budget, progress):
+            offer(whole)
+    info |= {"cut_short": search.cut_short or budget.over, "stops": stops_of(whole)}
+    info["stops_left_out"] = len(stretches) - len(whole)
+    *earlier, last = candidates
+    return PlanResult(last.trajectory, None, watch.seconds, info, tuple(earlier), last.seconds)
+
+
+def _stopping(search: TaskSearch, budget: Budget, watch: Stopwatch) -> list[Stretch] | Failure:
+    """Return all steps one by one, from rest to rest."""
     with watch.stage("steps"):
         done = search.run()
     if isinstance(done, Failure):
-        return PlanResult(None, done, watch.seconds)
+        return done
     with watch.stage("timing"):
         timed = [_timed(one, budget) for one in done]
     failed = next((one for one in timed if isinstance(one, Failure)), None)
     if failed is not None:
-        return PlanResult(None, failed, watch.seconds)
-    stretches = [Stretch.of(a, b) for a, b in zip(done, timed, strict=True) if not isinstance(b, Failure)]
-    if problem.scene.moving:
-        with watch.stage("waiting"):
-            result = _among_moving(problem, planner, stretches, budget, progress)
-        return replace(result, info={"moves": search.infos, **result.info})
-    first = Candidate(joined(problem, stretches), clock() - began)
-    info: dict[str, Any] = {"moves": search.infos, "attempts": search.attempts}
-    with watch.stage("flow"):
-        groups = flowing(stretches, budget, progress, thorough=not _timed_only(problem))
-    flow = [one for group in groups for one in group]
-    joint = Candidate(joined(problem, flow), clock() - began)
-    with watch.stage("optimisation"):
-        whole = _optimised(problem, planner, groups, budget, progress)
-    info |= {"cut_short": search.cut_short or budget.over, "stops": stops_of(whole)}
-    info |= {"duration_with_stops": first.trajectory.duration, "duration_joined": joint.trajectory.duration}
-    info |= {"stops_left_out": len(stretches) - len(whole)}
-    found = [first, joint, Candidate(joined(problem, whole), clock() - began)]
-    shorter = [len(flow) < len(stretches), whole != flow]
-    *earlier, last = [first, *(one for one, good in zip(found[1:], shorter, strict=True) if good)]
-    return PlanResult(last.trajectory, None, watch.seconds, info, tuple(earlier), last.seconds)
+        return failed
+    return [Stretch.of(a, b) for a, b in zip(done, timed, strict=True) if not isinstance(b, Failure)]
 
 
 def _optimised(
     problem: Problem, planner: Planner[Any], groups: Sequence[list[Stretch]], budget: Budget, progress: Progress
-) -> list[Stretch]:
-    """Optimise what lies between two stops as one, where it is more than a line and time is all that counts."""
+) -> Iterator[list[Stretch]]:
+    """Yield the stretches, what lies between two stops optimised as one where time is all that counts.
+
+    Long groups are optimised in pieces first: there is a better motion early, and the whole begins with it.
+    """
     options = planner.options if isinstance(planner.options, TrajOptOptions) else TrajOptOptions()
-    found: list[Stretch] = []
-    for k, group in enumerate(groups):
-        progress("optimising steps together", k / len(groups))
-        several = sum(len(stretch.done) for stretch in group) > 1
-        worth = several and _timed_only(problem) and not budget.over
-        found += optimised(group, options, budget) if worth else group
-    return found
+    ways = [list(group) for group in groups]
+    for most in (_PIECE, None):
+        for k, way in enumerate(ways):
+            progress("optimising steps together", k / len(groups))
+            if not _timed_only(problem) or (most is not None and _steps(way) <= _LONG):
+                continue
+            pieces = _pieces(way, most)
+            ways[k] = [
+                one
+                for piece in pieces
+                for one in (piece if budget.over or _steps(piece) == 1 else optimised(piece, options, budget))
+            ]
+        yield [one for way in ways for one in way]
+
+
+def _pieces(stretches: list[Stretch], most: int | None) -> list[list[Stretch]]:
+    """Cut stretches into pieces of `most` steps, or more where one stretch has more; None: one piece."""
+    pieces: list[list[Stretch]] = [[]]
+    for stretch in stretches:
+        if most is not None and pieces[-1] and _steps([*pieces[-1], stretch]) > most:
+            pieces.append([])
+        pieces[-1].append(stretch)
+    return pieces
+
+
+def _steps(stretches: Sequence[Stretch]) -> int:
+    return sum(len(stretch.done) for stretch in stretches)
 
 
 def _timed_only(problem: Problem) -> bool:
@@ -90,18 +147,21 @@ def _timed_only(problem: Problem) -> bool:
 
 
 def _among_moving(
-    problem: Problem, planner: Planner[Any], stretches: list[Stretch], budget: Budget, progress: Progress
+    moves: ViaMoves, planner: Planner[Any], stretches: list[Stretch], budget: Budget, progress: Progress
 ) -> PlanResult:
     """Let what moves pass: of the steps as one where that is quicker, or else of them one by one."""
+    problem = moves.problem
     groups = flowing(stretches, budget, progress, thorough=not _timed_only(problem))
     failure: Failure | None = None
-    for way in (_optimised(problem, planner, groups, budget, progress), stretches):
+    *_, together = _optimised(problem, planner, groups, budget, progress)
+    for way in (together, stretches):
         passed = waiting(problem, way, budget)
         if not isinstance(passed, Failure):
             waited = sum(b.ends[-1] - a.ends[-1] for a, b in zip(way, passed, strict=True))
-            return PlanResult(joined(problem, passed), None, {}, {"waited": waited, "stops": stops_of(passed)})
+            motion = moves.motion(joined(problem, passed))
+            return PlanResult(motion, None, {}, {"waited": waited, "stops": stops_of(passed)})
         failure = passed
-    return PlanResult(None, failure, {}, {})
+    return PlanResult(None, moves.failure(failure))
 
 
 def _timed(done: Done, budget: Budget) -> "Trajectory | float | Failure":
@@ -137,7 +197,7 @@ def joined(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
             segments.append(Segment(one.step.number, one.step.kind, one.step.name, since, begin + end))
             since = begin + end
         begin = since
-    return concatenated(parts or [standstill(problem.robot, problem.start, 1e-3)], segments)
+    return replace(in_turn(parts or [standstill(problem.robot, problem.start, 1e-3)]), segments=tuple(segments))
 
 
 def whole(robot: Robot, columns: Sequence[int], motion: Trajectory, q: Array) -> Trajectory:
@@ -146,13 +206,3 @@ def whole(robot: Robot, columns: Sequence[int], motion: Trajectory, q: Array) ->
     coefficients[:, 0] = q
     coefficients[:, :, columns] = motion.coefficients
     return Trajectory(robot.joint_names, motion.breakpoints, coefficients)
-
-
-def concatenated(parts: Sequence[Trajectory], segments: Sequence[Segment]) -> Trajectory:
-    """Return motions one after another."""
-    size = max(part.coefficients.shape[1] for part in parts)
-    padded = [np.pad(part.coefficients, ((0, 0), (0, size - part.coefficients.shape[1]), (0, 0))) for part in parts]
-    begins = np.concatenate([[0.0], np.cumsum([part.duration for part in parts])])
-    breakpoints = [part.breakpoints[1:] + begin for part, begin in zip(parts, begins, strict=False)]
-    times = np.concatenate([[0.0], *breakpoints])
-    return Trajectory(parts[0].joint_names, times, np.concatenate(padded), tuple(segments))

@@ -20,7 +20,8 @@ from optiplan.planners.common.goal_ranking import goal_sampler
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.task.chains import Chain, Done, do_chain, is_chained, of_step
 from optiplan.planners.task.stages import Situation, Stages
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.planners.task.stops import ends_in_motion
+from optiplan.problem.problem import Goal, JointGoal, Problem
 from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 
@@ -33,8 +34,8 @@ _KEPT = 6
 _SEARCHING = 0.7
 """Share of the time that is left for which looking ahead and planning moves are paced."""
 
-_PLANNING = 2
-"""Layers that planning the moves counts for, where looking ahead is paced."""
+_PLANNING = 2, 0.5
+"""Layers that planning the moves counts for, where looking ahead is paced: at least, and for each leg."""
 
 _SCENES = 3
 """Different places of what is held or stands still for which a layer's candidates are looked for."""
@@ -123,10 +124,11 @@ class TaskSearch:
         if first.failure is not None:
             return self._late(first.failure)
         after = first.done[-1].after if first.done else start
+        planning = max(_PLANNING[0], _PLANNING[1] * len(self.legs))
         layers = [[_Node(start.q, after, 0.0, [0.0])]]
         for k, leg in enumerate(self.legs[1:], 1):
             self.progress("looking ahead", k / len(self.legs))
-            found = self._layer(leg, layers[-1], self._pace(len(self.legs) - k + _PLANNING))
+            found = self._layer(leg, layers[-1], self._pace(len(self.legs) - k + planning))
             if isinstance(found, Failure):
                 return self._late(found)
             layers.append(found)
@@ -144,7 +146,7 @@ class TaskSearch:
             return late
         return replace(failure, detail=f"{failure.detail}; {late.detail}")
 
-    def _pace(self, parts: int) -> Budget:
+    def _pace(self, parts: float) -> Budget:
         """Return the time for the first of as many parts of the search."""
         return self.budget.share(_SEARCHING / parts if self._paced else 1.0)
 
@@ -272,16 +274,23 @@ class TaskSearch:
         assert leg.move is not None
         assert isinstance(leg.move.action, Move)
         stage = self.stages.at(state, leg.move, leg.move.action.joints)
-        goal = JointGoal(node.q[stage.columns])
+        q = node.q[stage.columns]
+        goal: Goal = (JointGoal(q),)
+        if ends_in_motion(leg.move.action):
+            ends = stage.to(leg.move.action.goal).end_states(q)
+            goal = tuple(JointGoal(q, velocity=end.v, acceleration=end.a) for end in ends)
         if k == 1 and self.problem.moving_start:
             stage = self.stages.moving(stage)
-        problem = stage.to((goal,), leg.move.action.vias)
-        share = self._pace(len(self.legs) - k + 1)
+        problem = stage.to(goal, leg.move.action.vias)
 
         def told(what: str, part: float) -> None:
             self.progress(f"{leg.move.words}: {what}" if leg.move else what, (k - 1 + part) / len(self.legs))
 
-        result = plan_through(self.planner, problem, share, told)
+        for parts in (len(self.legs) - k + 1, 1):  # where its own part is not enough, most of what is left
+            share = self._pace(parts)
+            result = plan_through(self.planner, problem, share, told)
+            if result.trajectory is not None or not share.over or self.budget.over:
+                break
         if result.trajectory is None:
             self.cut_short |= share.over
             failure = result.failure or Failure("no-path", "no motion was found")

@@ -9,7 +9,8 @@ import numpy as np
 from optiplan.planners.task.chains import Done
 from optiplan.planners.task.smooth_runs import is_rounded
 from optiplan.planners.task.stretches import Stretch
-from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine
+from optiplan.problem.problem import JointGoal
+from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine
 
 NOT_QUICKER = "no motion without this stop was found that is free and quicker"
 CORNER = "an exact corner of two lines (`blend` rounds it off)"
@@ -50,10 +51,17 @@ def _why_rest(done: Done) -> str | None:
         return done.step.name
     if done.stage.problem.moving_start:
         return "the move that takes a motion over ends at rest"
+    if ends_in_motion(action):
+        return "the move that ends in motion begins at rest"
     if isinstance(action, Move) and action.vias:
         return "a move with via points begins and ends at rest"
     still = not done.curve.coefficients[:, 1:].any()
     return f"{done.step.name}: it is there already" if still else None
+
+
+def ends_in_motion(action: Action) -> bool:
+    """Whether a step ends with a stated velocity or acceleration."""
+    return isinstance(action, Move) and any(isinstance(end, JointGoal) and end.moving for end in action.goal)
 
 
 def _leads_back(before: Done, after: Done) -> bool:

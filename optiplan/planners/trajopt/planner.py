@@ -15,7 +15,6 @@ from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progres
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
-from optiplan.planners.common.moving_scene import among_moving
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.path_constraints.goal_projection import hold_goals
@@ -59,12 +58,12 @@ class TrajOpt(Planner[TrajOptOptions]):
     Everything that is proved free on the way is a candidate: straight lines timed exactly, sampled paths timed, every
     optimised curve; the best of them is the answer. Attempts go on while they can be expected to gain (`Patience`),
     in turn from a path sampled anew and improved, from a straight line with a bump and from the best curve with a bump;
-    the best curve is optimised once more with twice the spans. Vias: see `through_vias`.
+    the best curve is optimised once more with twice the spans.
     """
 
     Options = TrajOptOptions
 
-    passes_vias = True
+    joins_legs = True
     holds_constraints = True
     end_derivatives = 2
     times_obstacles = True
@@ -72,19 +71,14 @@ class TrajOpt(Planner[TrajOptOptions]):
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         if problem.scene.moving:
-            alone = among_moving if problem.vias else plan_among_moving
-            return alone(self, problem, budget, progress)
-        if problem.vias:
-            from optiplan.planners.trajopt.through_vias import through_vias
-
-            return through_vias(self, problem, budget, progress)
+            return plan_among_moving(self, problem, budget, progress)
         if problem.moving:
             return plan_moving(self, problem, budget, progress)
         return _Run(problem, budget, progress, self.options).result()
 
     def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
         """Plan from an earlier motion; look for another way where that leads to nothing as good. See `warm`."""
-        if problem.vias or problem.scene.moving:
+        if problem.scene.moving:
             return self.plan(problem, budget, progress)
         warm = WarmStart(problem, earlier, self.options, budget, progress)
         if warm.good or (warm.best is not None and budget.over):

@@ -94,7 +94,7 @@ def some(made):
 def test_rates_have_their_derivatives(made, y):
     which = some(made)
     for k in range(len(made.parts)):
-        found = made.curve(y, 1.3).rate_rows(k).gradient[:, which]
+        found = made.spread(k, made.curve(y, 1.3).rate_rows(k).gradient)[:, which]
         expected = differences(lambda x, k=k: made.curve(x, 1.3).rates[k].value, y, which)
         assert found == pytest.approx(expected, abs=2e-6 * max(1.0, np.abs(expected).max()))
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.collision.native_model import planning_model
 from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.planners.trajopt.options import TrajOptOptions
@@ -82,15 +83,42 @@ def test_a_pose_that_moved():
     assert np.abs(found.trajectory.end - earlier.end).max() < 0.3, "the arm stays in its branch"
 
 
+def room_to_brake(problem):
+    """Gap at the start over the least way in which its rate can be brought to zero: below 1 bodies must touch.
+
+    The gap g falls with rate -dg/dq v, which changes by at most |dg/dq| a_max a second.
+    """
+    model, state, step = planning_model(problem.robot, problem.scene), problem.start_state, 1e-6
+    gap = model.clearance(state.q).distance
+    slope = np.array([(model.clearance(state.q + step * e).distance - gap) / step for e in np.eye(len(state.q))])
+    rate = min(float(slope @ state.v), 0.0)
+    return gap / max(0.5 * rate**2 / float(np.abs(slope) @ problem.limits.acceleration), 1e-9)
+
+
 @pytest.mark.parametrize("share", [0.1, 0.4, 0.7])
 def test_on_the_way(first, share):
+    """The plate moves away from the arm's side of it, up or down: two motions past it are equally quick."""
     problem, earlier = first
     state = earlier.state(share * earlier.duration)
-    found = plan(moved(problem, z=0.03).with_start(state), earlier)
+    there = [moved(problem, z=z).with_start(state) for z in (0.03, -0.03)]
+    there = max(there, key=room_to_brake)
+    assert room_to_brake(there) > 2.0, "what this test takes for granted"
+    found = plan(there, earlier)
     assert found.verified
     for order, value in enumerate((state.q, state.v, state.a)):
         assert found.trajectory(0.0, order) == pytest.approx(value, abs=1e-6)
     assert found.duration <= 1.1 * (1.0 - share) * earlier.duration + 0.02
+
+
+def test_where_nothing_can_brake_in_time_the_failure_names_what_is_met():
+    """A finger 1.1 mm from the plate, at 0.7 m/s towards it, can brake within 15 mm at best."""
+    q = [0.44391973, -0.45481777, 0.04243112, -2.06715845, -0.19076427, 1.95309646, 0.7030441]
+    v = [2.05565126, 2.15425331, 0.37811291, 1.4007706, -0.23345973, 1.49796169, -1.0766547]
+    near = moved(cases.wall(), z=0.03).with_start(op.State(q, v))
+    assert 0.0 < room_to_brake(near) < 0.2
+    found = plan(near)
+    assert found.failure.kind == "collision"
+    assert "stopping at once is no way out: 'panda_rightfinger' meets 'plate'" in found.failure.detail
 
 
 def test_what_is_left_of_the_motion_is_an_answer(first):

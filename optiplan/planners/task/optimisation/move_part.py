@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.planners.task.optimisation.rate_rows import RateRows
 from optiplan.planners.trajopt.bspline_basis import FIXED
 from optiplan.planners.trajopt.optimizer import Optimiser
@@ -57,24 +57,35 @@ class MovePart:
         inside = np.clip(control, self.limits.lower, self.limits.upper)
         return np.asarray((inside - self._shapes @ np.vstack([first, last]))[self.basis.free].ravel())
 
-    def control_gradient(self, place: slice, first: Array, last: Array) -> Array:
-        """Return d/dy (K, n, Y) of the control points, from those of the states at the ends, (3, n, Y) each."""
-        n, size = self.ends.shape[1], first.shape[2]
-        found = _applied(self._shapes, np.concatenate([first, last]))
-        free = np.arange(self.basis.size)[self.basis.free]
-        at, joint = np.repeat(free, n), np.tile(np.arange(n), len(free))
-        found[at, joint, np.arange(size)[place]] += 1.0
-        return found
+    def control_gradient(self, place: Index, first: Array, last: Array) -> Array:
+        """Return derivatives (K, n, C) of the control points, from those of the states at the ends, (3, n, C) each.
 
-    def rates(self, control: Array, gradient: Array | None = None) -> RateRows:
-        """Return the derivative control points over their limits, with gradients from that of the control points."""
+        Its own variables are at `place` (count,) of the C.
+        """
+        return self._gradient(np.eye(self.basis.size), place, np.concatenate([first, last]))
+
+    def rates(self, control: Array, place: Index | None = None, ends: Array | None = None) -> RateRows:
+        """Return the derivative control points over their limits.
+
+        With their gradients where `place` and the derivatives `ends` (6, n, C) of both end states are given, as of
+        `control_gradient`.
+        """
         found = []
         for order, limit in enumerate(self.limits.rates, 1):
             rows = self.basis.derivative[order]
             value = rows @ control / limit
-            by = np.zeros((*value.shape, 0)) if gradient is None else _applied(rows, gradient) / limit[None, :, None]
+            by = np.zeros((*value.shape, 0))
+            if place is not None and ends is not None:
+                by = self._gradient(rows, place, ends) / limit[None, :, None]
             found.append(RateRows.of(order, value, by))
         return RateRows.joined(found)
+
+    def _gradient(self, rows: Array, place: Index, ends: Array) -> Array:
+        """Return derivatives (R, n, C) of rows (R, K) applied to the control points."""
+        n = self.ends.shape[1]
+        found = _applied(rows @ self._shapes, ends)
+        found[:, np.arange(n), place.reshape(-1, n)] += rows[:, self.basis.free, None]
+        return found
 
     def curve(self, control: Array, duration: float) -> Curve:
         """Return the motion in a duration, s, as terms see it."""
@@ -82,5 +93,5 @@ class MovePart:
 
 
 def _applied(rows: Array, gradient: Array) -> Array:
-    """Return rows (R, K) applied to a gradient (K, n, Y): (R, n, Y)."""
+    """Return rows (R, K) applied to a gradient (K, n, C): (R, n, C)."""
     return np.asarray(rows @ gradient.reshape(len(gradient), -1)).reshape(len(rows), *gradient.shape[1:])

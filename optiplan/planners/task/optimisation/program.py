@@ -1,10 +1,11 @@
 """The program of one step of a stretch: linearised constraints inside a trust region."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.libraries import loading
 from optiplan.planners.task.optimisation.line_part import LinePart
 from optiplan.planners.task.optimisation.move_part import MovePart
@@ -18,6 +19,9 @@ from optiplan.planners.trajopt.program.qp import (
     soft_program,
     within_reach,
 )
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
 
 
 class StretchProgram:
@@ -46,7 +50,8 @@ class StretchProgram:
         within = [part._replace(rows=within_reach(part.rows, scale * radius, duration)) for part in soft]
         soft_rows, soft_right, prices = soft_program(within, scale, duration)
         hard_rows, hard_right = self._hard(curve, scale, radius)
-        rows = np.vstack([np.hstack([hard_rows, np.zeros((len(hard_right), len(prices)))]), soft_rows])
+        padding = sp.csr_matrix((len(hard_right), len(prices)))
+        rows = sp.vstack([sp.hstack([hard_rows, padding]), sp.csr_matrix(soft_rows)], format="csc")
         right = np.concatenate([hard_right, soft_right])
         reach, slacks = np.full(made.size, radius), len(prices)
         low = np.concatenate([-reach, [-0.5], np.zeros(slacks)])
@@ -58,7 +63,7 @@ class StretchProgram:
         problem = qpsolvers.Problem(
             sp.diags(weight, format="csc"),
             linear,
-            sp.csc_matrix(rows),
+            rows,
             right,
             sp.csc_matrix(shares),
             np.zeros(1),
@@ -88,26 +93,38 @@ class StretchProgram:
             found[place] = np.concatenate([limits.velocity * span, limits.acceleration * span**2])
         return found
 
-    def _hard(self, curve: StretchCurve, scale: Array, radius: float) -> tuple[Array, Array]:
+    def _hard(self, curve: StretchCurve, scale: Array, radius: float) -> "tuple[sp.csr_matrix, Array]":
         """Return rows (k, Y + 1) and right sides (k,): limits of the joints, and laws that do not decrease."""
+        import scipy.sparse as sp
+
         made = self.transcription
-        blocks: list[Array] = []
+        blocks: list[sp.csr_matrix] = []
         rights: list[Array] = []
         for k, part in enumerate(made.parts):
+            columns, own = made.columns[k], made.local[k]
             rates, seconds = curve.rate_rows(k), curve.seconds(k)
             power = seconds**rates.order
-            share, gradient = rates.value / power, rates.gradient * scale / power[:, None]
-            longer = np.zeros((len(share), made.size + 1))
-            longer[:, k] = longer[:, -1] = rates.order
+            share, gradient = rates.value / power, rates.gradient * scale[columns] / power[:, None]
+            reach = np.minimum(radius * np.abs(gradient).sum(axis=1), 2.0)
             for sign in (1.0, -1.0):
-                reach = np.minimum(radius * np.abs(gradient).sum(axis=1), 2.0)
                 wanted = (sign * share > NEAR) | (sign * share + reach > 1.0)
-                rows = np.column_stack([sign * gradient[wanted], np.zeros(int(wanted.sum()))]) - longer[wanted]
-                blocks.append(rows)
+                order = rates.order[wanted]
+                rows = np.column_stack([sign * gradient[wanted], -order])
+                rows[:, own[k]] -= order
+                blocks.append(_placed(rows, np.append(columns, made.size), made.size + 1))
                 rights.append(1.0 - sign * share[wanted])
             if isinstance(part, LinePart):
-                rising = np.zeros((part.basis.size - 1, made.size + 1))
-                rising[:, made.places[k]] = -part.rising()
-                blocks.append(rising)
-                rights.append(np.maximum(part.steps(curve.y[made.places[k]]), 0.0))
-        return np.vstack(blocks), np.concatenate(rights)
+                place = made.places[k]
+                blocks.append(_placed(-part.rising(), np.arange(place.start, place.stop), made.size + 1))
+                rights.append(np.maximum(part.steps(curve.y[place]), 0.0))
+        rows = sp.vstack(blocks, format="csr")
+        rows.eliminate_zeros()  # most of a row is: the solver's time grows with what is stored
+        return rows, np.concatenate(rights)
+
+
+def _placed(rows: Array, columns: Index, size: int) -> "sp.csr_matrix":
+    """Return rows (R, C) whose columns are these (C,) of as many as `size`."""
+    import scipy.sparse as sp
+
+    edges = np.arange(len(rows) + 1) * len(columns)
+    return sp.csr_matrix((rows.ravel(), np.tile(columns, len(rows)), edges), shape=(len(rows), size))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.planners.task.optimisation.line_part import LinePart
 from optiplan.planners.task.optimisation.move_part import MovePart
 from optiplan.planners.task.optimisation.rate_rows import RateRows
@@ -31,6 +31,7 @@ class StretchTranscription:
 
     Attributes:
         parts: moves and lines, no two lines in a row.
+        columns: of each part, the variables on which it depends; `local`: (Y,) where each of them is among these.
         terms: of all parts.
         costs: none but the duration.
     """
@@ -50,9 +51,25 @@ class StretchTranscription:
                 self.passing[k] = slice(begin, begin + 2 * self.joints)
                 begin += 2 * self.joints
         self.size = begin
+        self.columns = [self._columns(k) for k in range(len(parts))]
+        self.local = [np.searchsorted(columns, np.arange(begin)) for columns in self.columns]
         terms = [_PartTerm(k, term) for k, part in enumerate(parts) for term in part.terms]
         inside = [_InsideTerm(k, part) for k, part in enumerate(parts) if isinstance(part, MovePart)]
         self.terms: tuple[_PartTerm | _InsideTerm, ...] = (*terms, *inside)
+
+    def _columns(self, k: int) -> Index:
+        """Return the variables (C_k,) on which a part depends: its own, and of a move those of its ends."""
+        around = [k]
+        if isinstance(self.parts[k], MovePart):
+            around += [j for j in (k - 1, k + 1) if 0 <= j < len(self.parts) and isinstance(self.parts[j], LinePart)]
+        places = [self.places[j] for j in around] + [self.passing[j] for j in (k - 1, k) if j in self.passing]
+        return np.sort(np.concatenate([around, *(np.arange(place.start, place.stop) for place in places)]))
+
+    def spread(self, k: int, gradient: Array) -> Array:
+        """Return derivatives (..., Y) by all variables, from those of part k by its own, (..., C_k)."""
+        found = np.zeros((*gradient.shape[:-1], self.size))
+        found[..., self.columns[k]] = gradient
+        return found
 
     def shortest_duration(self, y: Array) -> float:
         """Return the least duration of a shape within the limits of the joints, s."""
@@ -102,23 +119,24 @@ class StretchCurve:
 
     @cached_property
     def gradients(self) -> list[Array]:
-        """d/dy of the control points of moves, (K, n, Y); of a line, of its variables, (count, Y)."""
+        """Derivatives by `columns` of the control points of moves, (K, n, C_k); of a line's variables, (count, C_k)."""
         found = []
         for k, part in enumerate(self.made.parts):
+            own = self.made.local[k][self.made.places[k]]
             if isinstance(part, LinePart):
-                found.append(np.eye(self.made.size)[self.made.places[k]])
+                found.append(np.eye(len(self.made.columns[k]))[own])
             else:
-                ends = (self._end(k, last)[1] for last in (False, True))
-                found.append(part.control_gradient(self.made.places[k], *ends))
+                found.append(part.control_gradient(own, *self._by_ends(k)))
         return found
 
     def rate_rows(self, k: int) -> RateRows:
-        """Return what the limits of the joints are to a part, with gradients by y."""
-        part, gradient = self.made.parts[k], self.gradients[k]
+        """Return what the limits of the joints are to a part, with gradients by its `columns`."""
+        part = self.made.parts[k]
         if isinstance(part, MovePart):
-            return part.rates(self.controls[k], gradient)
+            own = self.made.local[k][self.made.places[k]]
+            return part.rates(self.controls[k], own, np.concatenate(self._by_ends(k)))
         rates = self.rates[k]
-        return rates._replace(gradient=rates.gradient @ gradient)
+        return rates._replace(gradient=rates.gradient @ self.gradients[k])
 
     def seconds(self, k: int) -> float:
         """Return the duration of a part, s."""
@@ -135,26 +153,31 @@ class StretchCurve:
         """Return q, dq/dw, d²q/dw² at both ends of a move, (3, n) each."""
         return self._end(k, False)[0], self._end(k, True)[0]
 
+    def _by_ends(self, k: int) -> tuple[Array, Array]:
+        """Return derivatives of the states at both ends of a move, (3, n, C_k) each."""
+        return self._end(k, False)[1], self._end(k, True)[1]
+
     def _own(self, k: int) -> Array:
         return np.asarray(self.y[self.made.places[k]])
 
     def _end(self, k: int, last: bool) -> tuple[Array, Array]:
-        """Return q, dq/dw, d²q/dw² at an end of a move, (3, n), and d/dy of them, (3, n, Y), w being its share."""
+        """Return q, dq/dw, d²q/dw² (3, n) at an end of a move, w its share of time, and derivatives (3, n, C_k)."""
         x, dx = self._meeting(k if last else k - 1, k)
         share = self.y[k]
         powers = share ** np.arange(3)
         state, gradient = x * powers[:, None], dx * powers[:, None, None]
-        gradient[1, :, k] += x[1]
-        gradient[2, :, k] += 2.0 * share * x[2]
+        own = self.made.local[k][k]
+        gradient[1, :, own] += x[1]
+        gradient[2, :, own] += 2.0 * share * x[2]
         return state, gradient
 
     def _meeting(self, junction: int, k: int) -> tuple[Array, Array]:
-        """Return the state (3, n) of part k, a move, at a junction by sigma, and d/dy of it, (3, n, Y)."""
-        made, last = self.made, junction == k
+        """Return the state (3, n) of part k, a move, at a junction by sigma, and its derivatives, (3, n, C_k)."""
+        made, last, local = self.made, junction == k, self.made.local[k]
         other = k + 1 if last else k - 1
         part = made.parts[k]
         assert isinstance(part, MovePart)
-        x, dx = np.zeros((3, made.joints)), np.zeros((3, made.joints, made.size))
+        x, dx = np.zeros((3, made.joints)), np.zeros((3, made.joints, len(made.columns[k])))
         x[0] = part.ends[int(last)]
         if not 0 <= other < len(made.parts):
             return x, dx
@@ -162,14 +185,14 @@ class StretchCurve:
         if isinstance(line, MovePart):
             place = made.passing[junction]
             x[1:] = self.y[place].reshape(2, -1)
-            dx[1:].reshape(-1, made.size)[:, place] = np.eye(2 * made.joints)
+            dx[1:].reshape(2 * made.joints, -1)[:, local[place]] = np.eye(2 * made.joints)
             return x, dx
         state, by_law = line.end_state(self._own(other), last=not last)
         share = self.y[other]
         for order in (1, 2):
             x[order] = state[order] / share**order
-            dx[order][:, made.places[other]] = by_law[order] / share**order
-            dx[order][:, other] = -order * x[order] / share
+            dx[order][:, local[made.places[other]]] = by_law[order] / share**order
+            dx[order][:, local[other]] = -order * x[order] / share
         return x, dx
 
 
@@ -189,8 +212,9 @@ class _PartTerm:
         """Return the rows with derivatives by y and the duration of the stretch."""
         rows = self.term.rows(curve.part(self.k))
         gradient = curve.gradients[self.k]
-        by_y = rows.by_control @ gradient.reshape(-1, gradient.shape[-1])
-        by_y[:, self.k] += rows.by_duration * curve.duration
+        by_own = rows.by_control @ gradient.reshape(-1, gradient.shape[-1])
+        by_own[:, curve.made.local[self.k][self.k]] += rows.by_duration * curve.duration
+        by_y = curve.made.spread(self.k, by_own)
         return SoftRows(rows.sample, rows.value, by_y, rows.by_duration * curve.y[self.k], rows.exceeded)
 
     def watch(self, rows: SoftRows) -> bool:
@@ -218,7 +242,7 @@ class _InsideTerm:
         if not len(sample):
             return SoftRows.none(curve.made.size)
         sign = np.where(side == 0, -1.0, 1.0) / speed[joint]
-        by_y = curve.gradients[self.k][sample, joint] * sign[:, None]
+        by_y = curve.made.spread(self.k, curve.gradients[self.k][sample, joint] * sign[:, None])
         return SoftRows(sample, rooms[sample, side, joint], by_y, np.zeros(len(sample)))
 
     def watch(self, rows: SoftRows) -> bool:
