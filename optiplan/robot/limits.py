@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from optiplan.arrays import Array
 from optiplan.config.document import Document
@@ -37,11 +36,6 @@ class Limits:
     def rates(self) -> tuple[Array, Array, Array]:
         """Limits of the derivatives of order 1, 2 and 3: velocity, acceleration and jerk."""
         return self.velocity, self.acceleration, self.jerk
-
-    @property
-    def endless(self) -> npt.NDArray[np.bool_]:
-        """Which joints, (n,), are limited on neither side: of those that turn, whole turns are all the same."""
-        return np.asarray(np.isinf(self.lower) & np.isinf(self.upper))
 
     def of_joints(self, kept: Sequence[int]) -> "Limits":
         """Return the limits of some joints, by index."""

@@ -132,6 +132,11 @@ class Robot(RobotParts):
         }
         return np.asarray(self.revolute & np.array([name not in broken for name in self.joint_names]))
 
+    @cached_property
+    def endless(self) -> npt.NDArray[np.bool_]:
+        """Which planned joints, (n,), have no limit of position and are where they were after a whole turn."""
+        return np.asarray(self.whole_turns & np.isinf(self.limits.lower) & np.isinf(self.limits.upper))
+
     def _revolute_joints(self) -> npt.NDArray[np.bool_]:
         """Which joints of the model turn, followers too: (J,)."""
         return np.asarray(np.linalg.norm(screws(self.model)[:, 3:], axis=1) > 0.5)

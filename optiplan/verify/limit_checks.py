@@ -80,7 +80,7 @@ def miss(problem: Problem, one: GoalEnd, q: Array) -> list[tuple[float, float, s
     if isinstance(one, JointGoal):
         error = q - one.q
         turned = np.remainder(error + np.pi, 2.0 * np.pi) - np.pi
-        error = np.abs(np.where(robot.limits.endless, turned, error))
+        error = np.abs(np.where(robot.endless, turned, error))
         worst = int(np.argmax(error))
         return [(float(error[worst]), one.tolerance, robot.joint_names[worst])]
     data = robot.model.createData()
