@@ -22,8 +22,6 @@ from optiplan.simulation.references.base import JointReference, Reference, ToolT
 BLOCK = 2000
 """Steps that are prepared and judged at once."""
 
-_UNITS = {"torque": "N·m", "velocity": "rad/s"}
-
 
 @dataclass(frozen=True, eq=False)
 class Push:
@@ -85,7 +83,7 @@ def simulate(loop: Loop, progress: Callable[[float], None] | None = None) -> Log
     sensor = Sensor(loop.imperfections, dt)
     line = DelayLine(loop.imperfections.delay, plant.step, per_control, plant.holding())
     watch = None if loop.scene is None else ContactWatch(loop.robot, loop.scene, dt)
-    recorder = Recorder(loop.robot, loop.limits, steps, dt, _UNITS[plant.input])
+    recorder = Recorder(loop.robot, loop.limits, steps, dt, plant.input)
     statuses: Counter[str] = Counter()
     for first in range(0, steps + 1, BLOCK):
         count = min(BLOCK, steps + 1 - first)

@@ -15,6 +15,7 @@ from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, Via
 from optiplan.problem.task.scene_change import columns, scene_during
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
+from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.trajectory import Trajectory
@@ -202,7 +203,7 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
 
     Standing still is moving by no more than `jump_tolerance` over the whole step, from the exact extrema.
     """
-    worst, where, when, failed = 0.0, "", 0.0, ""
+    worst, where, when, failed, unit = 0.0, "", 0.0, "", joint_units("position", problem.robot.revolute)
     for part in parts:
         step, action = part.step, part.step.action
         if part.motion is None:
@@ -219,11 +220,12 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
         moved = float((high - low)[own].max(initial=0.0))
         if moved > worst:
             worst, where, when = moved, step.words, part.begin
+            unit = problem.robot.unit("position", own[int((high - low)[own].argmax())])
         if isinstance(action, Dwell) and part.motion.duration < action.seconds * (1.0 - 1e-9):
             failed = failed or f"{step.words} lasts {part.motion.duration:.6g} s of {action.seconds:g} s"
     passed = worst <= policy.jump_tolerance and not failed
     detail = failed or "joints that a step does not move, and all of them at events"
-    return Check("standstill", "exact", passed, worst, policy.jump_tolerance, "rad", when, where, detail)
+    return Check("standstill", "exact", passed, worst, policy.jump_tolerance, unit, when, where, detail)
 
 
 def _constraints(

@@ -1,4 +1,4 @@
-"""Joints without limits: whole turns are the same configuration only of joints that turn, with all that follows them."""
+"""Joints without limits of position: whole turns are one configuration only of joints that turn wholly."""
 
 from dataclasses import replace
 from pathlib import Path
