@@ -81,7 +81,7 @@ def tool_acceleration(problem: Problem, trajectory: Trajectory, one: ToolAcceler
     ]
     checks = []
     for quantity, limit, unit, part in limits:
-        if np.isfinite(limit):
+        if limit != np.inf:
             value = np.linalg.norm(found[:, part], axis=1)
             k = int(np.argmax(value))
             passed, place = bool(value[k] <= limit * (1.0 + RATE_SHARE)), f"{one.frame}: {quantity}"

@@ -8,12 +8,13 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
+from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.pieces import defect
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.polynomial_bounds import prove_bounds
 from optiplan.verify.report import Check, VerifyPolicy
+from optiplan.verify.statements import covering
 
 ROUNDING = 1e-9
 """On top of the tolerances of goals and vias, m or rad."""
@@ -50,7 +51,7 @@ def joints(problem: Problem, trajectory: Trajectory) -> Check:
     """Check that the columns are the robot's planned joints, in its order."""
     found, expected = trajectory.joint_names, problem.robot.joint_names
     if found == expected:
-        return Check("joints", "exact", True, detail="names and order are the robot's")
+        return Check("joints", "exact", True, detail="names and order are the robot's", covers=("robot.joints",))
     return Check("joints", "exact", False, detail=f"found {', '.join(found)}; expected {', '.join(expected)}")
 
 
@@ -58,15 +59,22 @@ def start(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Che
     """max_j |q_j(0) - start_j| <= position_tolerance."""
     error = np.abs(trajectory.start - problem.start)
     allowed = np.full(len(error), policy.position_tolerance)
-    return _largest(problem, Check("start", "exact", False), "position", error, allowed, np.zeros(len(error)))
+    blank = Check("start", "exact", False, covers=("start",))
+    return _largest(problem, blank, "position", error, allowed, np.zeros(len(error)))
 
 
 def goal(problem: Problem, trajectory: Trajectory) -> Check:
-    """Check that the end lies in one of the goals, each within its own tolerance."""
-    found = [miss(problem, one, trajectory.end) for one in problem.goal]
-    ratios = [max(part.ratio for part in parts) for parts in found]
+    """Check that the end lies in one of the goals, each within its own tolerance.
+
+    A goal that nothing can be measured of is not reached.
+    """
+    found = [parts for one in problem.goal if (parts := miss(problem, one, trajectory.end))]
+    if not found:
+        return Check("goal", "unchecked", False, detail="there is no goal that anything can be measured of")
+    worsts = [max(parts, key=lambda part: (np.isnan(part.ratio), part.ratio)) for parts in found]
+    ratios = [np.inf if np.isnan(worst.ratio) else worst.ratio for worst in worsts]
     nearest = int(np.argmin(ratios))
-    worst = max(found[nearest], key=lambda part: part.ratio)
+    worst = worsts[nearest]
     detail = f"nearest is goal {nearest + 1} of {len(found)}" if len(found) > 1 else ""
     passed = bool(ratios[nearest] <= 1.0)
     time = trajectory.duration
@@ -88,7 +96,7 @@ class Miss(NamedTuple):
 
 
 def miss(problem: Problem, one: GoalEnd, q: Array) -> list[Miss]:
-    """Return how far q misses each part of a goal: joints together, or coordinates of a pose."""
+    """Return how far q misses each part of a goal: joints together, or coordinates of a pose; nothing of another."""
     robot = problem.robot
     if isinstance(one, JointGoal):
         error = q - one.q
@@ -96,9 +104,11 @@ def miss(problem: Problem, one: GoalEnd, q: Array) -> list[Miss]:
         error = np.abs(np.where(robot.endless, turned, error))
         worst = int(np.argmax(error))
         return [Miss(float(error[worst]), one.tolerance, robot.joint_names[worst], robot.unit("position", worst))]
+    if not isinstance(one, PoseGoal | RegionGoal):
+        return []
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
-    X_WF = data.oMf[robot.model.getFrameId(one.frame)]
+    X_WF = data.oMf[robot.frame_id(one.frame)]
     if isinstance(one, RegionGoal):
         return _out_of_region(one, X_WF)
     offset = float(np.linalg.norm(X_WF.translation - one.X_WG.translation))
@@ -122,6 +132,16 @@ def _out_of_region(one: RegionGoal, X_WF: pin.SE3) -> list[Miss]:
             beyond = low - c if np.isfinite(low) else c - high
             parts.append(Miss(max(0.0, float(beyond)), 0.0, f"{one.frame} {way}", unit))
     return parts
+
+
+def of_the_whole(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
+    """Return the checks of ends and limits, which are the same of a task and of a motion to one goal."""
+    return [
+        covering(rest(problem, trajectory, policy), "start_velocity", "start_acceleration"),
+        continuity(problem, trajectory, policy),
+        covering(position(problem, trajectory, policy), "limits.lower", "limits.upper"),
+        *(covering(rate(problem, trajectory, policy, k), f"limits.{ORDERS[k]}") for k in (1, 2, 3)),
+    ]
 
 
 def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:

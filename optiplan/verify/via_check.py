@@ -62,6 +62,8 @@ def _missed(k: int, count: int, since: float, worst: _Passage) -> str:
 def _passage(problem: Problem, trajectory: Trajectory, at: JointGoal | PoseGoal, since: float) -> _Passage:
     if isinstance(at, JointGoal):
         return _of_joints(problem, trajectory, at, since)
+    if not miss(problem, at, trajectory.start):
+        return _Passage(None, since, np.inf, 0.0, "a via that nothing can be measured of", "")
     return _of_pose(problem, trajectory, at, since)
 
 
@@ -115,7 +117,7 @@ def _of_pose(problem: Problem, trajectory: Trajectory, at: PoseGoal, since: floa
         return miss(problem, at, trajectory(np.array([t]))[0])
 
     def ratio(t: float) -> float:
-        return max(part.ratio for part in parts(t))
+        return float(np.max([part.ratio for part in parts(t)]))
 
     count = int(min(_MOST_SAMPLES, np.ceil((trajectory.duration - since) * _RATE))) + 1
     inner = trajectory.breakpoints[trajectory.breakpoints > since]
