@@ -81,7 +81,7 @@ def srra() -> tuple[tuple[str, ...], list[list[str]], Figure]:
             if joint == "joint_1" and done.log is not None:
                 shown[name] = done.log
     headings = ("joint", "controller", "rise s", "overshoot", "settled s", "steady error mrad", "others, at most mrad")
-    return headings, rows, response_picture(shown, 0)
+    return headings, rows, response_picture(shown, 0, done.control.robot.unit("position", 0))
 
 
 def response_cells(done: Simulation, joint: str) -> list[str]:

@@ -108,7 +108,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     limits = None if robot is None else robot.limits.scaled(**({} if spec is None else spec.limits.model_dump()))
     if robot is not None and limits is not None:
         issues += _constraints(document, robot, scene, compiler.draft, places)
-        issues += impossible_states(document, robot.joint_names, limits, _states(compiler.draft, places))
+        issues += impossible_states(document, robot, limits, _states(compiler.draft, places))
     if robot is not None and not any(
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
     ):

@@ -9,7 +9,8 @@ from optiplan.config.document import Document
 from optiplan.config.simple_yaml import Place
 from optiplan.errors import Issue
 from optiplan.problem.goals_and_vias import JointGoal
-from optiplan.robot.limits import ORDERS, UNITS, Limits
+from optiplan.robot.limits import ORDERS, Limits
+from optiplan.robot.robot import Robot
 from optiplan.trajectory.timing.stopping import fastest_reached, furthest
 
 _ROUNDING = 1e-9
@@ -24,28 +25,26 @@ class StatedState(NamedTuple):
     start: bool
 
 
-def impossible_states(
-    document: Document, joints: tuple[str, ...], limits: Limits, states: Iterable[StatedState]
-) -> list[Issue]:
+def impossible_states(document: Document, robot: Robot, limits: Limits, states: Iterable[StatedState]) -> list[Issue]:
     """Report rates beyond the limits, and states whose motion cannot be stopped before a limit (or have been begun)."""
     issues: list[Issue] = []
     for one in states:
         if one.value.moving:
-            found = list(_beyond(document, joints, limits, one))
-            issues += found or _unstoppable(document, joints, limits, one)
+            found = list(_beyond(document, robot, limits, one))
+            issues += found or _unstoppable(document, robot, limits, one)
     return issues
 
 
-def _beyond(document: Document, joints: tuple[str, ...], limits: Limits, one: StatedState) -> Iterator[Issue]:
+def _beyond(document: Document, robot: Robot, limits: Limits, one: StatedState) -> Iterator[Issue]:
     """Velocities and accelerations beyond their own limits."""
     for rate, most, name in zip((one.value.state.v, one.value.state.a), limits.rates, ORDERS[1:], strict=False):
         for j in np.flatnonzero(np.abs(rate) > most * (1.0 + _ROUNDING)):
-            found = f"{joints[int(j)]} = {rate[j]:.10g} {UNITS[name]}, beyond its limit"
+            found = f"{robot.joint_names[j]} = {rate[j]:.10g} {robot.unit(name, int(j))}, beyond its limit"
             expected = f"a value in [{-most[j]:.10g}, {most[j]:.10g}]"
             yield document.issue((*one.place, name, int(j)), found, expected)
 
 
-def _unstoppable(document: Document, joints: tuple[str, ...], limits: Limits, one: StatedState) -> list[Issue]:
+def _unstoppable(document: Document, robot: Robot, limits: Limits, one: StatedState) -> list[Issue]:
     """States that lead beyond a limit of velocity or position, whatever is done; of a goal, backwards in time."""
     state = one.value.state
     forward = 1.0 if one.start else -1.0
@@ -54,12 +53,13 @@ def _unstoppable(document: Document, joints: tuple[str, ...], limits: Limits, on
     low, high = furthest(state.q, v, state.a, limits)
     issues = []
     for j in range(state.n):
-        here = f"{joints[j]} at {state.q[j]:.6g} with velocity {state.v[j]:.6g} and acceleration {state.a[j]:.6g}"
+        name = robot.joint_names[j]
+        here = f"{name} at {state.q[j]:.6g} with velocity {state.v[j]:.6g} and acceleration {state.a[j]:.6g}"
         which = "goes" if one.start else "comes"
-        speed = max(fast[j], -slow[j])
+        speed, unit = max(fast[j], -slow[j]), robot.unit("velocity", j)
         if speed > limits.velocity[j] * (1.0 + _ROUNDING):
-            found = f"{here}, which {which} through {speed:.6g} rad/s under its jerk limit, whatever is done"
-            expected = f"a state that stays within its velocity limit of {limits.velocity[j]:.6g} rad/s"
+            found = f"{here}, which {which} through {speed:.6g} {unit} under its jerk limit, whatever is done"
+            expected = f"a state that stays within its velocity limit of {limits.velocity[j]:.6g} {unit}"
             issues.append(document.issue((*one.place, "acceleration", j), found, expected))
             continue
         beyond = _passed(low[j], high[j], limits.lower[j], limits.upper[j])

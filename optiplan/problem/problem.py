@@ -153,7 +153,7 @@ class Problem(ProblemParts):
 
         False for poses, for several alternatives, and for unbounded joints, which may arrive a turn away.
         """
-        return len(self.goal) == 1 and isinstance(self.goal[0], JointGoal) and not self.robot.limits.endless.any()
+        return len(self.goal) == 1 and isinstance(self.goal[0], JointGoal) and not self.robot.endless.any()
 
     @property
     def start_state(self) -> State:

@@ -1,22 +1,36 @@
 """Limits of the planned joints: those of the robot.yaml, else those of the URDF, else stated defaults."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-import numpy.typing as npt
+import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.config.document import Document
 from optiplan.errors import InputError, Issue
 from optiplan.robot.joint_groups import Group, Reduced
+from optiplan.robot.mimic_joints import turning
 from optiplan.robot.spec import LimitsSpec
 
 DEFAULTS = {"velocity": 1.0, "acceleration": 10.0, "jerk": 500.0, "torque": np.inf}
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 """Limited quantities by the order of the derivative."""
 
-UNITS = {"velocity": "rad/s", "acceleration": "rad/s²", "jerk": "rad/s³", "torque": "N·m"}
+_PER_SECOND = dict(zip(ORDERS, ("", "/s", "/s²", "/s³"), strict=True))
+
+
+def joint_unit(quantity: str, revolute: bool) -> str:
+    """Return the unit of a quantity of `ORDERS`, or of `torque`, of a joint that turns, or of one that slides."""
+    if quantity == "torque":
+        return "N·m" if revolute else "N"
+    return ("rad" if revolute else "m") + _PER_SECOND[quantity]
+
+
+def joint_units(quantity: str, revolute: Iterable[bool] = (True, False)) -> str:
+    """Return the units of a quantity of several joints, each once; without them those of any joint."""
+    kinds = {bool(turns) for turns in revolute}
+    return " or ".join(joint_unit(quantity, turns) for turns in (True, False) if turns in kinds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +52,6 @@ class Limits:
         """Limits of the derivatives of order 1, 2 and 3: velocity, acceleration and jerk."""
         return self.velocity, self.acceleration, self.jerk
 
-    @property
-    def endless(self) -> npt.NDArray[np.bool_]:
-        """Which joints, (n,), are limited on neither side: of those that turn, whole turns are all the same."""
-        return np.asarray(np.isinf(self.lower) & np.isinf(self.upper))
-
     def of_joints(self, kept: Sequence[int]) -> "Limits":
         """Return the limits of some joints, by index."""
         return Limits(*(getattr(self, one.name)[list(kept)] for one in fields(self)))
@@ -58,6 +67,11 @@ class Limits:
             jerk=self.jerk * (np.inf if isinstance(jerk, str) else jerk),
             torque=self.torque * torque,
         )
+
+
+def thousandths(revolute: Iterable[bool]) -> str:
+    """Return the units of a thousandth of the positions of several joints: mrad, mm, or both."""
+    return " or ".join(f"m{unit}" for unit in joint_units("position", revolute).split(" or "))
 
 
 def build_limits(spec: LimitsSpec, document: Document, reduced: Reduced, group: Group) -> tuple[Limits, list[str]]:
@@ -77,7 +91,7 @@ def build_limits(spec: LimitsSpec, document: Document, reduced: Reduced, group: 
     for key in DEFAULTS:
         given = getattr(spec, key)
         if given is None:
-            values[key] = _from_urdf(key, own.get(key), names, notes)
+            values[key] = _from_urdf(key, own.get(key), reduced.model, names, notes)
         else:
             values[key] = _from_yaml(key, given, document, issues, group)
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
@@ -132,13 +146,14 @@ def _from_yaml(key: str, given: float | list[float], document: Document, issues:
     return group.pick(listed) if len(listed) == n else np.ones(len(group.joints))
 
 
-def _from_urdf(key: str, own: Array | None, names: list[str], notes: list[str]) -> Array:
+def _from_urdf(key: str, own: Array | None, model: pin.Model, names: list[str], notes: list[str]) -> Array:
     default = DEFAULTS[key]
     values = np.full(len(names), default) if own is None else np.array(own, dtype=np.float64)
     missing = np.ones(len(names), bool) if own is None else ~(np.isfinite(values) & (values > 0))
     values[missing] = default
     if missing.any():
         which = "any joint" if missing.all() else ", ".join(name for name, no in zip(names, missing, strict=True) if no)
-        taken = "no limit" if np.isinf(default) else f"{default:g} {UNITS[key]}"
+        kinds = turning(model)[[model.getJointId(name) - 1 for name in names]]
+        taken = "no limit" if np.isinf(default) else f"{default:g} {joint_units(key, kinds[missing])}"
         notes.append(f"no {key} limit is given for {which}: {taken} is taken")
     return values

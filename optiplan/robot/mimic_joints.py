@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 
 SMALLEST, LARGEST = 1e-6, 1e6
 """Bounds of |multiplier|, rad or m of the follower a rad or m of the leader; 0 is a follower that stands still."""
@@ -116,6 +116,11 @@ def screws(model: pin.Model) -> Array:
         found[j - 1] = data.oMi[j].actInv(pin.Motion(columns[:, model.joints[j].idx_vExtended])).vector
         found[j - 1] /= 1.0 if mimic is None else mimic.scaling
     return found
+
+
+def turning(model: pin.Model) -> Flags:
+    """Which joints of a model turn, (J,), followers too; the others slide."""
+    return np.asarray(np.linalg.norm(screws(model)[:, 3:], axis=1) > 0.5)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,9 @@ from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_
 from optiplan.files import reading, write_text
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.held_joints import held_model
-from optiplan.robot.limits import Limits
+from optiplan.robot.limits import Limits, joint_unit
 from optiplan.robot.loaded_robots import LoadedRobots, MountedRobots
-from optiplan.robot.mimic_joints import screws
+from optiplan.robot.mimic_joints import turning
 from optiplan.robot.mounting import Mounting
 from optiplan.robot.read_robot import RobotParts, read_robot
 from optiplan.robot.reference import DESCRIPTION, Reference, robot_file, robot_names
@@ -118,13 +118,13 @@ class Robot(RobotParts):
     def revolute(self) -> npt.NDArray[np.bool_]:
         """Which planned joints turn, (n,); the others slide."""
         own = [self.model.getJointId(name) - 1 for name in self.joint_names]
-        return np.asarray(self._revolute_joints()[own])
+        return np.asarray(turning(self.model)[own])
 
     @cached_property
     def whole_turns(self) -> npt.NDArray[np.bool_]:
         """Which planned joints, (n,), leave every link where it was after a whole turn: followers turn wholly too."""
         names = self.model.names[1:]
-        sliding = {name for name, revolute in zip(names, self._revolute_joints(), strict=True) if not revolute}
+        sliding = {name for name, revolute in zip(names, turning(self.model), strict=True) if not revolute}
         broken = {
             mimic.source
             for name, mimic in self.followers.items()
@@ -132,9 +132,14 @@ class Robot(RobotParts):
         }
         return np.asarray(self.revolute & np.array([name not in broken for name in self.joint_names]))
 
-    def _revolute_joints(self) -> npt.NDArray[np.bool_]:
-        """Which joints of the model turn, followers too: (J,)."""
-        return np.asarray(np.linalg.norm(screws(self.model)[:, 3:], axis=1) > 0.5)
+    @cached_property
+    def endless(self) -> npt.NDArray[np.bool_]:
+        """Which planned joints, (n,), have no limit of position and are where they were after a whole turn."""
+        return np.asarray(self.whole_turns & np.isinf(self.limits.lower) & np.isinf(self.limits.upper))
+
+    def unit(self, quantity: str, joint: int) -> str:
+        """Return the unit of a joint's `position`, `velocity`, `acceleration`, `jerk` or `torque`, by its type."""
+        return joint_unit(quantity, bool(self.revolute[joint]))
 
     @cached_property
     def massless_links(self) -> tuple[str, ...]:

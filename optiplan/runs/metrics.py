@@ -13,7 +13,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ROWS, ToolKinematics, yoshikawa
 from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
-from optiplan.problem.objectives.objective import UNITS
+from optiplan.problem.objectives.objective import part_unit
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import mismatch, scene_parts
 from optiplan.robot.batched.dynamics import inverse_dynamics
@@ -119,9 +119,14 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
 
 def objective_of(problem: Problem, trajectory: Trajectory) -> dict[str, dict[str, Any]]:
     """Return what each part of the problem's objective comes to: value, unit, weight, cost."""
-    weights = problem.objective.weights
+    weights, revolute = problem.objective.weights, problem.robot.revolute
     return {
-        name: {"value": value, "unit": UNITS[name], "weight": weights[name], "cost": weights[name] * value}
+        name: {
+            "value": value,
+            "unit": part_unit(name, revolute),
+            "weight": weights[name],
+            "cost": weights[name] * value,
+        }
         for name, value in problem.objective_parts().values(trajectory).items()
     }
 

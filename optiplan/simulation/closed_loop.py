@@ -25,8 +25,6 @@ BLOCK = 2000
 OF_TASKS = "a task, in which objects change hands", "a problem with a goal"
 """Found and expected where a loop is given a task: objects would stay where they are at first."""
 
-_UNITS = {"torque": "N·m", "velocity": "rad/s"}
-
 
 @dataclass(frozen=True, eq=False)
 class Push:
@@ -88,7 +86,7 @@ def simulate(loop: Loop, progress: Callable[[float], None] | None = None) -> Log
     sensor = Sensor(loop.imperfections, dt)
     line = DelayLine(loop.imperfections.delay, plant.step, per_control, plant.holding())
     watch = None if loop.scene is None else ContactWatch(loop.robot, loop.scene, dt)
-    recorder = Recorder(loop.robot, loop.limits, steps, dt, _UNITS[plant.input])
+    recorder = Recorder(loop.robot, loop.limits, steps, dt, plant.input)
     statuses: Counter[str] = Counter()
     for first in range(0, steps + 1, BLOCK):
         count = min(BLOCK, steps + 1 - first)

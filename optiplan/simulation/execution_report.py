@@ -47,14 +47,14 @@ def _limits(log: Log, robot: Robot, limits: Limits) -> list[Check]:
         k = int(np.argmax(np.abs(values[:, j])))
         passed = bool(beyond[j] <= _ROUNDING)
         detail = "" if passed else f"{robot.joint_names[j]} goes {beyond[j]:.3g} beyond its limit"
-        unit = ("rad" if robot.revolute[j] else "m") + ("/s" if name == "velocity" else "")
+        unit = robot.unit(name, j)
         worst = float(np.abs(values[k, j]))
         if name == "position":
             worst = float(values[k, j])
         found.append(
             Check(name, "sampled", passed, worst, _known(limit[j]), unit, float(log.t[k]), robot.joint_names[j], detail)
         )
-    if log.unit == "N·m":
+    if log.input == "torque":
         j = int(np.argmax(track.saturated))
         share = float(track.saturated[j])
         detail = f"{robot.joint_names[j]} is at its torque limit {100.0 * share:.3g} % of the time" if share else ""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from optiplan.arrays import Array
+from optiplan.simulation.plants.base import Input
 from optiplan.trajectory.trajectory import Trajectory
 
 MOST_SAMPLES = 60_000
@@ -79,7 +80,8 @@ class Log:
         t: (K,), s.
         q: (K, n) true positions, rad or m; `v`: (K, n).
         wanted: (K, n) positions that were wanted.
-        applied: (K, n) input of the plant after saturation, of the unit `unit`.
+        applied: (K, n) input of the plant after saturation, as `input` says.
+        input: what the plant takes: `torque`, N·m or N, or `velocity`, rad/s or m/s.
         tool_error: (K, 2), m and rad, of the tool.
         tracking: the errors over every step.
         contacts: distances; None where they were not measured.
@@ -97,7 +99,7 @@ class Log:
     v: Array
     wanted: Array
     applied: Array
-    unit: str
+    input: Input
     tool_error: Array
     tracking: Tracking
     contacts: ContactLog | None = None

@@ -42,7 +42,7 @@ def limits_picture(log: Log, limits: Limits) -> Figure:
     figure, axes = _figure(2)
     rows = _rows(log)
     used: list[tuple[str, Array, Array]] = [("velocity", log.v, limits.velocity)]
-    if log.unit == "N·m":
+    if log.input == "torque":
         used.append(("torque", log.applied, limits.torque))
     for ax, (name, values, limit) in zip(axes, used, strict=False):
         for j, joint in enumerate(log.joint_names):
@@ -67,14 +67,14 @@ def slack_picture(log: Log) -> Figure:
     return _finished(figure, axes)
 
 
-def response_picture(logs: Mapping[str, Log], joint: int) -> Figure:
-    """Answers of one joint to the same step, by name of the controller."""
+def response_picture(logs: Mapping[str, Log], joint: int, unit: str) -> Figure:
+    """Answers of one joint, whose unit is `unit`, to the same step, by name of the controller."""
     figure, axes = _figure(1)
     for name, log in logs.items():
         axes[0].plot(log.t, log.q[:, joint], lw=1.1, label=name)
     first = next(iter(logs.values()))
     axes[0].plot(first.t, first.wanted[:, joint], color="black", ls="--", lw=0.8, label="asked for")
-    axes[0].set_ylabel(f"{first.joint_names[joint]}, rad")
+    axes[0].set_ylabel(f"{first.joint_names[joint]}, {unit}")
     return _finished(figure, axes)
 
 

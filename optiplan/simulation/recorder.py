@@ -10,6 +10,7 @@ from optiplan.robot.robot import Robot
 from optiplan.simulation.contacts import ContactWatch
 from optiplan.simulation.controllers.base import Command, JointTarget
 from optiplan.simulation.log import MOST_SAMPLES, Log, Tracking
+from optiplan.simulation.plants.base import Input
 from optiplan.simulation.references.base import ToolTarget
 from optiplan.simulation.tool_error import ToolPoses, homogeneous, pose_errors
 
@@ -19,8 +20,8 @@ _FULL = 1.0 - 1e-9  # share of a torque limit at which a drive counts as saturat
 class Recorder:
     """Gathers a block of steps, judges it whole, and keeps every k-th step for the log."""
 
-    def __init__(self, robot: Robot, limits: Limits, steps: int, dt: float, unit: str) -> None:
-        self._robot, self._limits, self._dt, self._unit = robot, limits, dt, unit
+    def __init__(self, robot: Robot, limits: Limits, steps: int, dt: float, input: Input) -> None:
+        self._robot, self._limits, self._dt, self._input = robot, limits, dt, input
         self._every = -(-(steps + 1) // MOST_SAMPLES)
         self._poses = ToolPoses(robot)
         self._count = 0
@@ -67,7 +68,7 @@ class Recorder:
         tool = pose_errors(there, self._poses.of(q))
         self._tool_squares += (tool**2).sum(axis=0)
         self._tool_peak = np.maximum(self._tool_peak, tool.max(axis=0))
-        if self._unit == "N·m":
+        if self._input == "torque":
             self._saturated += (np.abs(applied) >= _FULL * self._limits.torque).sum(axis=0)
         limits = self._limits
         outside = np.maximum(limits.lower - q, q - limits.upper), np.abs(v) - limits.velocity
@@ -106,7 +107,7 @@ class Recorder:
             v=arrays["v"],
             wanted=arrays["wanted"],
             applied=arrays["applied"],
-            unit=self._unit,
+            input=self._input,
             tool_error=arrays["tool"],
             tracking=tracking,
             contacts=None if watch is None else watch.result(),

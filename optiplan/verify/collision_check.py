@@ -14,6 +14,7 @@ from optiplan.trajectory.obstacle_columns import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.certificate import Moment, Proof, certify
 from optiplan.verify.report import Check, VerifyPolicy
+from optiplan.verify.statements import body, motion
 
 
 def checked_robot(problem: Problem, policy: VerifyPolicy) -> Robot:
@@ -46,17 +47,23 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
         "met_clearance": None if near is None else near.distance,
         "contact": proof.contact,
     }
+    verdict = Check("collision", "continuous", proof.proved, covers=_covered(model), witness=witness)
     if proof.proved and not model.pairs:
-        return Check("collision", "continuous", proof.proved, detail="no two bodies can meet", witness=witness)
-    verdict = Check(
-        "collision", "continuous", proof.proved, limit=policy.clearance, unit="m", detail=_words(proof), witness=witness
-    )
-    verdict = replace(verdict, worst=witness["proved_clearance"])
+        return replace(verdict, detail="no two bodies can meet")
+    proved = witness["proved_clearance"]
+    verdict = replace(verdict, worst=proved, limit=policy.clearance, unit="m", detail=_words(proof))
     if near is None:
         return verdict
     witness |= {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q[: trajectory.n].tolist()}
     worst = proof.clearance if proof.proved else near.distance
     return replace(verdict, worst=worst, time=near.time, place=" – ".join(near.pair), witness=witness)
+
+
+def _covered(model: CollisionModel) -> tuple[str, ...]:
+    """Return the statements of a problem that a proof with these bodies and motions is a check of."""
+    bodies = model.names[len(model.robot.link_boxes) :]
+    moving = [motion(one.name) for one, _ in zip(model.scene.moving, model.motions, strict=True)]
+    return "robot.links", *map(body, bodies), *moving
 
 
 def _deepest(model: CollisionModel, met: Moment) -> Moment:

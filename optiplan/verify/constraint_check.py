@@ -1,6 +1,6 @@
 """Checks of path constraints, proved for all times of their part of the motion."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -39,6 +39,7 @@ from optiplan.verify.joint_constraint_check import (
     tool_acceleration,
 )
 from optiplan.verify.report import Check, VerifyPolicy
+from optiplan.verify.statements import constraint, covering
 
 SPEED_SHARE = 1e-3
 """Share of a tool speed limit within which it is proved: a motion at its limit has no margin to prove it by."""
@@ -94,36 +95,50 @@ class _Values:
 
 
 def path_constraints(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
-    """Return a check for each constraint, or for each of the quantities that it bounds."""
-    return [check for one in problem.path_constraints for check in _checks(problem, trajectory, policy, one)]
+    """Return a check for each constraint, or for each of the quantities that it bounds; never none of a constraint."""
+    found = []
+    for k, one in enumerate(problem.path_constraints):
+        low, high = one.during
+        checks = _checks_of(one)(problem, trajectory, policy, one) if 0.0 <= low <= high <= 1.0 else []
+        found += [covering(check, constraint(k)) for check in checks or [_nothing(one)]]
+    return found
 
 
-def _checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: PathConstraint) -> list[Check]:
-    if isinstance(one, PairClearance):
-        return [_clearance(problem, trajectory, policy, one)]
-    if isinstance(one, Expression):
-        return [expression(problem, trajectory, one)]
-    if isinstance(one, JointCoupling):
-        return [joint_coupling(problem, trajectory, one)]
-    if isinstance(one, WheelSpeed):
-        proof = _ConstraintProof(FrameMotion(problem.robot, problem.robot.tool_frame), trajectory, policy)
-        limit = one.at_most * (1.0 + SPEED_SHARE)
-        return [proof.check(one, _Limit("the fastest wheel", "rad/s", limit, _wheels(problem.robot)))]
-    if isinstance(one, ManipulabilityAbove):
-        return [manipulability(problem, trajectory, one)]
-    if isinstance(one, ToolAcceleration):
-        return tool_acceleration(problem, trajectory, one)
+def _nothing(one: PathConstraint) -> Check:
+    """Return the failed check of a constraint that no check was made of."""
+    key = getattr(one, "KEY", type(one).__name__)
+    detail = f"no check is known of '{key}' as it is stated here, so nothing was checked of it"
+    return Check(f"{key.replace('_', ' ')} constraint", "unchecked", False, detail=detail)
+
+
+ChecksOf = Callable[[Problem, Trajectory, VerifyPolicy, Any], list[Check]]
+
+
+def _checks_of(one: PathConstraint) -> ChecksOf:
+    """Return what checks a constraint of this kind: without an entry of its own, by what it measures at poses."""
+    return _CHECKS.get(type(one), _poses)
+
+
+def _wheel_speed(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: WheelSpeed) -> list[Check]:
+    proof = _ConstraintProof(FrameMotion(problem.robot, problem.robot.tool_frame), trajectory, policy)
+    limit = one.at_most * (1.0 + SPEED_SHARE)
+    return [proof.check(one, _Limit("the fastest wheel", "rad/s", limit, _wheels(problem.robot)))]
+
+
+def _tool_speed(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: ToolSpeed) -> list[Check]:
+    proof = _ConstraintProof(FrameMotion(problem.robot, one.frame), trajectory, policy)
+    limits = [("speed", one.linear, "m/s", 0), ("turning speed", one.angular, "rad/s", 1)]
+    return [
+        proof.check(one, _Limit(f"{one.frame}: {quantity}", unit, limit * (1.0 + SPEED_SHARE), _speeds(which)))
+        for quantity, limit, unit, which in limits
+        if limit != np.inf
+    ]
+
+
+def _poses(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: PathConstraint) -> list[Check]:
     base, frame = one.to if isinstance(one, RelativePose) else None, frame_of(one) or problem.robot.tool_frame
-    motion = FrameMotion(problem.robot, frame, base)
     at = frame if base is None else f"{frame} in {base}"
-    proof = _ConstraintProof(motion, trajectory, policy)
-    if isinstance(one, ToolSpeed):
-        limits = [("speed", one.linear, "m/s", 0), ("turning speed", one.angular, "rad/s", 1)]
-        return [
-            proof.check(one, _Limit(f"{at}: {quantity}", unit, limit * (1.0 + SPEED_SHARE), _speeds(which)))
-            for quantity, limit, unit, which in limits
-            if np.isfinite(limit)
-        ]
+    proof = _ConstraintProof(FrameMotion(problem.robot, frame, base), trajectory, policy)
     return [
         proof.check(one, _Limit(f"{at}: {each.quantity}", each.unit, each.allowed, _of_pose(each), each.told))
         for each in measures(one)
@@ -193,6 +208,8 @@ class _ConstraintProof:
             elif evaluated > policy.max_queries:
                 reason = f"not proved with {policy.max_queries} poses"
             spans = spans.halved(open_)
+        if not evaluated:
+            reason, worst = "nothing of the motion is in its part", np.nan
         name = f"{one.KEY.replace('_', ' ')} constraint"
         detail = f"{reason or 'proved at all times'}: {evaluated} intervals"
         detail += "" if one.during == (0.0, 1.0) else f" of {one.during[0]:g} to {one.during[1]:g} of the motion"
@@ -277,10 +294,10 @@ def _clearance(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, o
     near = proof.nearest
     known = {frozenset((pair.name_a, pair.name_b)) for pair in model.pairs}
     missing = [" – ".join(pair) for pair in one.pairs if frozenset(pair) not in known]
-    passed = proof.proved and not missing
+    passed = proof.proved and bool(one.pairs) and not missing
     detail = f"{'proved at all times' if proof.proved else proof.reason}: {proof.intervals} intervals"
-    if missing:
-        detail = f"no pair that is checked: {', '.join(missing)}"
+    if missing or not one.pairs:
+        detail = f"no pair that is checked: {', '.join(missing) or 'none is named'}"
     place = ", ".join(" – ".join(pair) for pair in one.pairs) if near is None else " – ".join(near.pair)
     worst = proof.clearance if proof.proved else None if near is None else near.distance
     time = None if near is None else begin + near.time
@@ -291,3 +308,14 @@ def _clearance(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, o
     )
     finite = worst if worst is not None and np.isfinite(worst) else None
     return Check("clearance constraint", "continuous", passed, finite, one.at_least, "m", time, place, detail, witness)
+
+
+_CHECKS: Mapping[type[PathConstraint], ChecksOf] = {
+    PairClearance: lambda problem, trajectory, policy, one: [_clearance(problem, trajectory, policy, one)],
+    Expression: lambda problem, trajectory, policy, one: [expression(problem, trajectory, one)],
+    JointCoupling: lambda problem, trajectory, policy, one: [joint_coupling(problem, trajectory, one)],
+    WheelSpeed: _wheel_speed,
+    ManipulabilityAbove: lambda problem, trajectory, policy, one: [manipulability(problem, trajectory, one)],
+    ToolAcceleration: lambda problem, trajectory, policy, one: tool_acceleration(problem, trajectory, one),
+    ToolSpeed: _tool_speed,
+}

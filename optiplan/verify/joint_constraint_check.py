@@ -16,6 +16,7 @@ from optiplan.problem.constraints.statements import (
     ToolAcceleration,
 )
 from optiplan.problem.problem import Problem
+from optiplan.robot.limits import joint_units
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check
@@ -48,7 +49,8 @@ def joint_coupling(problem: Problem, trajectory: Trajectory, one: JointCoupling)
     worst, when = max((abs(value), begin + time) for value, time in ends)
     place = " + ".join(f"{weight:g} {name}" for name, weight in one.joints.items())
     passed = worst <= one.within + ROUNDING
-    return Check(_name(one), "exact", passed, worst, one.within, "rad", when, place, _words(passed, one))
+    unit = joint_units("position", problem.robot.revolute[weights != 0.0])
+    return Check(_name(one), "exact", passed, worst, one.within, unit, when, place, _words(passed, one))
 
 
 def manipulability(problem: Problem, trajectory: Trajectory, one: ManipulabilityAbove) -> Check:
@@ -79,7 +81,7 @@ def tool_acceleration(problem: Problem, trajectory: Trajectory, one: ToolAcceler
     ]
     checks = []
     for quantity, limit, unit, part in limits:
-        if np.isfinite(limit):
+        if limit != np.inf:
             value = np.linalg.norm(found[:, part], axis=1)
             k = int(np.argmax(value))
             passed, place = bool(value[k] <= limit * (1.0 + RATE_SHARE)), f"{one.frame}: {quantity}"

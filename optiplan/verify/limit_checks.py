@@ -2,20 +2,20 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
+from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.pieces import defect
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.polynomial_bounds import prove_bounds
 from optiplan.verify.report import Check, VerifyPolicy
+from optiplan.verify.statements import covering
 
-_UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
 ROUNDING = 1e-9
 """On top of the tolerances of goals and vias, m or rad."""
 _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
@@ -51,7 +51,7 @@ def joints(problem: Problem, trajectory: Trajectory) -> Check:
     """Check that the columns are the robot's planned joints, in its order."""
     found, expected = trajectory.joint_names, problem.robot.joint_names
     if found == expected:
-        return Check("joints", "exact", True, detail="names and order are the robot's")
+        return Check("joints", "exact", True, detail="names and order are the robot's", covers=("robot.joints",))
     return Check("joints", "exact", False, detail=f"found {', '.join(found)}; expected {', '.join(expected)}")
 
 
@@ -59,52 +59,89 @@ def start(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Che
     """max_j |q_j(0) - start_j| <= position_tolerance."""
     error = np.abs(trajectory.start - problem.start)
     allowed = np.full(len(error), policy.position_tolerance)
-    return _largest(problem, Check("start", "exact", False, unit="rad"), error, allowed, np.zeros(len(error)))
+    blank = Check("start", "exact", False, covers=("start",))
+    return _largest(problem, blank, "position", error, allowed, np.zeros(len(error)))
 
 
 def goal(problem: Problem, trajectory: Trajectory) -> Check:
-    """Check that the end lies in one of the goals, each within its own tolerance."""
-    found = [miss(problem, one, trajectory.end) for one in problem.goal]
-    ratios = [max(error / (limit + ROUNDING) for error, limit, _ in parts) for parts in found]
+    """Check that the end lies in one of the goals, each within its own tolerance.
+
+    A goal that nothing can be measured of is not reached.
+    """
+    found = [parts for one in problem.goal if (parts := miss(problem, one, trajectory.end))]
+    if not found:
+        return Check("goal", "unchecked", False, detail="there is no goal that anything can be measured of")
+    worsts = [max(parts, key=lambda part: (np.isnan(part.ratio), part.ratio)) for parts in found]
+    ratios = [np.inf if np.isnan(worst.ratio) else worst.ratio for worst in worsts]
     nearest = int(np.argmin(ratios))
-    error, limit, what = max(found[nearest], key=lambda part: part[0] / (part[1] + ROUNDING))
-    unit = "m" if what.endswith("position") else "rad"
+    worst = worsts[nearest]
     detail = f"nearest is goal {nearest + 1} of {len(found)}" if len(found) > 1 else ""
     passed = bool(ratios[nearest] <= 1.0)
-    return Check("goal", "exact", passed, error, limit, unit, trajectory.duration, what, detail)
+    time = trajectory.duration
+    return Check("goal", "exact", passed, worst.error, worst.limit, worst.unit, time, worst.what, detail)
 
 
-def miss(problem: Problem, one: GoalEnd, q: Array) -> list[tuple[float, float, str]]:
-    """Return how far q misses a goal: (error, tolerance, what) of each part of it."""
+class Miss(NamedTuple):
+    """How far a part of a goal or via is missed, and by how much it may be, in `unit`."""
+
+    error: float
+    limit: float
+    what: str
+    unit: str
+
+    @property
+    def ratio(self) -> float:
+        """Share of the tolerance and its rounding: at most 1 where it is met."""
+        return self.error / (self.limit + ROUNDING)
+
+
+def miss(problem: Problem, one: GoalEnd, q: Array) -> list[Miss]:
+    """Return how far q misses each part of a goal: joints together, or coordinates of a pose; nothing of another."""
     robot = problem.robot
     if isinstance(one, JointGoal):
         error = q - one.q
         turned = np.remainder(error + np.pi, 2.0 * np.pi) - np.pi
-        error = np.abs(np.where(robot.limits.endless, turned, error))
+        error = np.abs(np.where(robot.endless, turned, error))
         worst = int(np.argmax(error))
-        return [(float(error[worst]), one.tolerance, robot.joint_names[worst])]
+        return [Miss(float(error[worst]), one.tolerance, robot.joint_names[worst], robot.unit("position", worst))]
+    if not isinstance(one, PoseGoal | RegionGoal):
+        return []
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
-    X_WF = data.oMf[robot.model.getFrameId(one.frame)]
+    X_WF = data.oMf[robot.frame_id(one.frame)]
     if isinstance(one, RegionGoal):
         return _out_of_region(one, X_WF)
     offset = float(np.linalg.norm(X_WF.translation - one.X_WG.translation))
     angle = float(np.linalg.norm(pin.log3(one.X_WG.rotation.T @ X_WF.rotation)))
-    return [(offset, one.position, f"{one.frame} position"), (angle, one.orientation, f"{one.frame} orientation")]
+    return [
+        Miss(offset, one.position, f"{one.frame} position", "m"),
+        Miss(angle, one.orientation, f"{one.frame} orientation", "rad"),
+    ]
 
 
-def _out_of_region(one: RegionGoal, X_WF: pin.SE3) -> list[tuple[float, float, str]]:
-    """Return (error, tolerance, what) of each bounded coordinate: its distance from the middle, or from one bound."""
+def _out_of_region(one: RegionGoal, X_WF: pin.SE3) -> list[Miss]:
+    """Return the miss of each bounded coordinate: its distance from the middle, or from one bound."""
     parts = []
     for k, (c, low, high) in enumerate(zip(one.coordinates(X_WF), one.low, one.high, strict=True)):
         way = f"{'along' if k < 3 else 'about'} {'xyz'[k % 3]} {'position' if k < 3 else 'orientation'}"
+        unit = "m" if k < 3 else "rad"
         if np.isfinite(low) and np.isfinite(high):
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            parts.append((float(abs(c - middle)), float(half), f"{one.frame} {way}"))
+            parts.append(Miss(float(abs(c - middle)), float(half), f"{one.frame} {way}", unit))
         elif np.isfinite(low) or np.isfinite(high):
             beyond = low - c if np.isfinite(low) else c - high
-            parts.append((max(0.0, float(beyond)), 0.0, f"{one.frame} {way}"))
+            parts.append(Miss(max(0.0, float(beyond)), 0.0, f"{one.frame} {way}", unit))
     return parts
+
+
+def of_the_whole(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
+    """Return the checks of ends and limits, which are the same of a task and of a motion to one goal."""
+    return [
+        covering(rest(problem, trajectory, policy), "start_velocity", "start_acceleration"),
+        continuity(problem, trajectory, policy),
+        covering(position(problem, trajectory, policy), "limits.lower", "limits.upper"),
+        *(covering(rate(problem, trajectory, policy, k), f"limits.{ORDERS[k]}") for k in (1, 2, 3)),
+    ]
 
 
 def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
@@ -136,8 +173,8 @@ def _at_ends(problem: Problem, value: Array, allowed: Array, duration: float) ->
     passed = bool((value <= allowed).all())
     detail += "" if passed or order == 0 or problem.moving else _LIFTED
     time = duration if end else 0.0
-    joint = problem.robot.joint_names[j]
-    return Check(name, "exact", passed, worst, limit, _UNITS[order + 1], time, joint, detail), worst / limit
+    joint, unit = problem.robot.joint_names[j], problem.robot.unit(ORDERS[order + 1], j)
+    return Check(name, "exact", passed, worst, limit, unit, time, joint, detail), worst / limit
 
 
 def continuity(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
@@ -159,11 +196,12 @@ def continuity(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -
     worst, limit = float(total[order, j]), float(allowed[order, j])
     passed, detail = bool((total <= allowed).all()), f"sum of all steps of {ORDERS[order]}"
     detail += "" if passed or order < 2 else _LIFTED
-    return Check("continuity", "exact", passed, worst, limit, _UNITS[order], time, name, detail)
+    unit = problem.robot.unit(ORDERS[order], j)
+    return Check("continuity", "exact", passed, worst, limit, unit, time, name, detail)
 
 
 def _acceleration_step(problem: Problem, policy: VerifyPolicy) -> Array:
-    """Return the allowed jump of acceleration, (n,), rad/s²: a tolerance where jerk is limited, infinite elsewhere."""
+    """Return the allowed jump of acceleration, (n,): a tolerance where jerk is limited, infinite elsewhere."""
     limits = problem.limits
     return np.where(np.isinf(limits.jerk), np.inf, policy.rest_tolerance * limits.acceleration)
 
@@ -175,7 +213,8 @@ def position(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> 
     side, j = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
     worst, limit, time = [(e.low, limits.lower, e.t_low), (e.high, limits.upper, e.t_high)][side]
     detail, name = f"nearest to its {('lower', 'upper')[side]} limit", problem.robot.joint_names[j]
-    check = Check("position", "exact", True, float(worst[j]), float(limit[j]), "rad", float(time[j]), name, detail)
+    unit = problem.robot.unit("position", int(j))
+    check = Check("position", "exact", True, float(worst[j]), float(limit[j]), unit, float(time[j]), name, detail)
     tolerance = policy.position_tolerance
     between = _Between(0, limits.lower - tolerance, limits.upper + tolerance, np.full(trajectory.n, ROUNDING))
     return _proved(check, problem, trajectory, between)
@@ -191,7 +230,7 @@ def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: 
     magnitude = np.maximum(np.abs(e.low), np.abs(e.high))
     time = np.where(np.abs(e.low) > np.abs(e.high), e.t_low, e.t_high)
     allowed = limits * (1.0 + policy.limit_tolerance)
-    check = _largest(problem, Check(ORDERS[order], "exact", False, unit=_UNITS[order]), magnitude, allowed, time)
+    check = _largest(problem, Check(ORDERS[order], "exact", False), ORDERS[order], magnitude, allowed, time)
     between = _Between(order, -allowed, allowed, policy.limit_tolerance * limits)
     found = _proved(replace(check, passed=True), problem, trajectory, between)
     return found if found.passed or found.detail or order < 3 else replace(found, detail=_LIFTED.removeprefix("; "))
@@ -227,18 +266,17 @@ def _proved(check: Check, problem: Problem, trajectory: Trajectory, asked: _Betw
     degree, time, width = trajectory.coefficients.shape[1] - 1, trajectory.breakpoints[piece], trajectory.widths[piece]
     detail = (
         f"not proved: in piece {piece + 1}, of degree {degree} and {width:.3g} s, large terms cancel: "
-        f"their sum is known to {rounding[piece, j]:.2g} {check.unit} only"
+        f"their sum is known to {rounding[piece, j]:.2g} {problem.robot.unit(ORDERS[asked.order], j)} only"
     )
     return replace(check, passed=False, time=float(time), place=problem.robot.joint_names[j], detail=detail)
 
 
-def _largest(problem: Problem, blank: Check, value: Array, allowed: Array, time: Array) -> Check:
+def _largest(problem: Problem, blank: Check, quantity: str, value: Array, allowed: Array, time: Array) -> Check:
     """Fill in value (n,) <= allowed (n,), at time (n,), with the joint nearest to or farthest beyond its limit."""
     (j,) = _worst(value, allowed)
     passed, joint = bool((value <= allowed).all()), problem.robot.joint_names[j]
-    return replace(
-        blank, passed=passed, worst=float(value[j]), limit=float(allowed[j]), time=float(time[j]), place=joint
-    )
+    found = replace(blank, passed=passed, worst=float(value[j]), limit=float(allowed[j]), time=float(time[j]))
+    return replace(found, unit=problem.robot.unit(quantity, j), place=joint)
 
 
 def _worst(value: Array, allowed: Array) -> tuple[int, ...]:

@@ -52,6 +52,7 @@ class Check:
         place: joint, frame or pair of bodies.
         detail: one sentence for a person.
         witness: JSON-ready evidence: `points`, `pair`, `q`, counts.
+        covers: statements of the problem that it is a check of (see `verify.statements`).
     """
 
     name: str
@@ -64,6 +65,7 @@ class Check:
     place: str = ""
     detail: str = ""
     witness: Mapping[str, Any] = field(default_factory=dict)
+    covers: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)

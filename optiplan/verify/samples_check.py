@@ -3,6 +3,7 @@
 import numpy as np
 
 from optiplan.problem.problem import Problem
+from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check, VerifyPolicy
@@ -33,13 +34,13 @@ def samples(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, give
         else:
             error = np.abs(values - found)
         share = error / allowed[order]
-        k, j = np.unravel_index(int(np.argmax(share)), share.shape)
+        k, j = divmod(int(np.argmax(share)), share.shape[1])
         if worst is None or share[k, j] > worst[0]:
-            name = problem.robot.joint_names[j]
-            worst = (share[k, j], float(error[k, j]), float(allowed[order][j]), float(t[k]), name, order)
+            worst = (share[k, j], float(error[k, j]), float(allowed[order][j]), float(t[k]), j, order)
     assert worst is not None  # positions are always there
-    share, error_most, limit, time, name, order = worst
-    unit, kind = ("rad", "rad/s", "rad/s²")[order], ("positions", "velocities", "accelerations")[order]
+    share, error_most, limit, time, j, order = worst
+    name, unit = problem.robot.joint_names[j], problem.robot.unit(ORDERS[order], j)
+    kind = ("positions", "velocities", "accelerations")[order]
     detail = f"{len(t)} samples; farthest from the pieces are the {kind}"
     return Check("samples", "exact", bool(share <= 1.0), error_most, limit, unit, time, name, detail)
 

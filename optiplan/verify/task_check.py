@@ -15,6 +15,7 @@ from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, Via
 from optiplan.problem.task.scene_change import columns, scene_during
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
+from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.cut import cut
 from optiplan.trajectory.trajectory import Trajectory
@@ -24,6 +25,7 @@ from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.continuous.torque import torque
 from optiplan.verify.line_ways import LineWay, frame_at, line_constraints, line_way
 from optiplan.verify.report import Check, VerifyPolicy
+from optiplan.verify.statements import constraint, covering, masses, step_place
 from optiplan.verify.via_check import vias
 
 End = TypeVar("End", bound=GoalEnd)
@@ -43,6 +45,15 @@ class _Part:
     q: Array
     way: LineWay | None = None
 
+    def lasting(self) -> Trajectory:
+        """The motion, or standing still for a second where the step takes no time."""
+        return standing_at(self.problem, self.q) if self.motion is None else self.motion
+
+
+def standing_at(problem: Problem, q: Array) -> Trajectory:
+    """Return a second at a configuration (n,)."""
+    return Trajectory(problem.robot.joint_names, np.array([0.0, 1.0]), q[None, None])
+
 
 def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
     """Return the checks of a motion that does a task; only the first where its segments are not the task's steps."""
@@ -60,13 +71,15 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
         *_worst_of(_speeds(parts, policy), "line speed"),
         _standing(problem, trajectory, parts, policy),
         *_constraints(problem, trajectory, parts, scenes, policy),
-        limit_checks.rest(problem, trajectory, policy),
-        limit_checks.continuity(problem, trajectory, policy),
-        limit_checks.position(problem, trajectory, policy),
-        *(limit_checks.rate(problem, trajectory, policy, order) for order in (1, 2, 3)),
-        *_worst_of(_in_scenes(torque, scenes, trajectory, policy), "torque"),
+        *limit_checks.of_the_whole(problem, trajectory, policy),
+        *_worst_of(_in_scenes(loaded_torque, scenes, trajectory, policy), "torque"),
         _collision(_in_scenes(collision, scenes, trajectory, policy)),
     ]
+
+
+def loaded_torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+    """Check torques, of the masses too that the robot of the problem carries."""
+    return covering(torque(problem, trajectory, policy), "limits.torque", *masses(problem.scene, problem.robot))
 
 
 def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
@@ -138,7 +151,7 @@ def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
 
 def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
     """Check where moves and lines end."""
-    for part in parts:
+    for k, part in enumerate(parts):
         action = part.step.action
         if isinstance(action, Move):
             ends = [_of_all(part.problem, action.joints, end, part.q) for end in action.goal]
@@ -146,10 +159,9 @@ def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
             ends = list(action.ends) or [PoseGoal(action.frame, part.way.end)]
         else:
             continue
-        still = Trajectory(part.problem.robot.joint_names, np.array([0.0, 1.0]), part.q[None, None])
-        check = limit_checks.goal(replace(part.problem, goal=tuple(ends)), still)
+        check = limit_checks.goal(replace(part.problem, goal=tuple(ends)), standing_at(part.problem, part.q))
         length = 0.0 if part.motion is None else part.motion.duration
-        yield replace(_named(check, part), time=part.begin + length)
+        yield covering(replace(_named(check, part), time=part.begin + length), f"{step_place(k)}.end")
 
 
 def _of_all(problem: Problem, joints: Iterable[str], end: End, q: Array) -> End | JointGoal:
@@ -163,7 +175,7 @@ def _of_all(problem: Problem, joints: Iterable[str], end: End, q: Array) -> End 
 
 def _passed(parts: Sequence[_Part]) -> Iterator[Check]:
     """Check the vias of moves."""
-    for part in parts:
+    for k, part in enumerate(parts):
         action = part.step.action
         if not isinstance(action, Move) or not action.vias:
             continue
@@ -173,28 +185,32 @@ def _passed(parts: Sequence[_Part]) -> Iterator[Check]:
             continue
         at = [_of_all(part.problem, action.joints, via.at, part.q) for via in action.vias]
         check = vias(replace(part.problem, vias=tuple(Via(one) for one in at)), motion)
-        yield _later(_named(check, part), part.begin)
+        passed = [f"{step_place(k)}.via[{i}]" for i in range(len(action.vias))]
+        yield covering(_later(_named(check, part), part.begin), *passed)
 
 
 def _lines(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
     """Check that the frames of lines move straight and turn about one axis, or not at all, but for rounded corners."""
-    for part in parts:
-        if part.way is None or part.motion is None:
+    for k, part in enumerate(parts):
+        if part.way is None:
             continue
-        own = replace(part.problem, path_constraints=tuple(line_constraints(part.way, part.problem.robot, part.motion)))
-        for check in path_constraints(own, part.motion, policy):
-            yield replace(_later(_named(check, part), part.begin), name="line")
+        lasting = part.lasting()
+        own = replace(part.problem, path_constraints=tuple(line_constraints(part.way, part.problem.robot, lasting)))
+        for check in path_constraints(own, lasting, policy):
+            known = replace(_later(_named(check, part), part.begin), name="line", covers=())
+            yield covering(known, f"{step_place(k)}.line")
 
 
 def _speeds(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
     """Check that the origins of frames on lines are no faster than their steps say."""
-    for part in parts:
+    for k, part in enumerate(parts):
         action = part.step.action
-        if part.motion is None or not isinstance(action, StraightLine) or not np.isfinite(action.speed):
+        if not isinstance(action, StraightLine) or action.speed == np.inf:
             continue
         own = replace(part.problem, path_constraints=(ToolSpeed(action.frame, action.speed, np.inf),))
-        for check in path_constraints(own, part.motion, policy):
-            yield _later(_named(check, part), part.begin)
+        for check in path_constraints(own, part.lasting(), policy):
+            known = replace(_later(_named(check, part), part.begin), covers=())
+            yield covering(known, f"{step_place(k)}.speed")
 
 
 def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], policy: VerifyPolicy) -> Check:
@@ -202,9 +218,13 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
 
     Standing still is moving by no more than `jump_tolerance` over the whole step, from the exact extrema.
     """
-    worst, where, when, failed = 0.0, "", 0.0, ""
-    for part in parts:
+    worst, where, when, failed, unit = 0.0, "", 0.0, "", joint_units("position", problem.robot.revolute)
+    covers: list[str] = []
+    for k, part in enumerate(parts):
         step, action = part.step, part.step.action
+        covers += [f"{step_place(k)}.standstill"]
+        covers += [f"{step_place(k)}.event"] if isinstance(action, Attach | Detach) and part.motion is None else []
+        covers += [f"{step_place(k)}.dwell"] if isinstance(action, Dwell) else []
         if part.motion is None:
             if isinstance(action, Attach | Detach):
                 speed = np.abs(trajectory(np.array([part.begin]), 1)[0]) / problem.limits.velocity
@@ -219,11 +239,13 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
         moved = float((high - low)[own].max(initial=0.0))
         if moved > worst:
             worst, where, when = moved, step.words, part.begin
+            unit = problem.robot.unit("position", own[int((high - low)[own].argmax())])
         if isinstance(action, Dwell) and part.motion.duration < action.seconds * (1.0 - 1e-9):
             failed = failed or f"{step.words} lasts {part.motion.duration:.6g} s of {action.seconds:g} s"
     passed = worst <= policy.jump_tolerance and not failed
     detail = failed or "joints that a step does not move, and all of them at events"
-    return Check("standstill", "exact", passed, worst, policy.jump_tolerance, "rad", when, where, detail)
+    found = Check("standstill", "exact", passed, worst, policy.jump_tolerance, unit, when, where, detail)
+    return covering(found, *covers)
 
 
 def _constraints(
@@ -231,9 +253,10 @@ def _constraints(
 ) -> Iterator[Check]:
     """Check path constraints of the whole, and those of steps."""
     T = trajectory.duration
-    for one in problem.path_constraints:
+    for k, one in enumerate(problem.path_constraints):
         if not isinstance(one, PairClearance):
-            yield from path_constraints(replace(problem, path_constraints=(one,)), trajectory, policy)
+            for check in path_constraints(replace(problem, path_constraints=(one,)), trajectory, policy):
+                yield replace(check, covers=(constraint(k),))
             continue
         for scene in scenes:
             low, high = max(one.during[0] * T, scene.begin), min(one.during[1] * T, scene.end)
@@ -242,12 +265,12 @@ def _constraints(
                 during = ((low - scene.begin) / lasts, (high - scene.begin) / lasts)
                 own = replace(scene.problem, path_constraints=(replace(one, during=during),))
                 for check in path_constraints(own, scene.motion(trajectory), policy):
-                    yield _later(check, scene.begin)
-    for part in parts:
-        if part.step.constraints and part.motion is not None:
-            own = replace(part.problem, path_constraints=part.step.constraints)
-            for check in path_constraints(own, part.motion, policy):
-                yield _later(_named(check, part), part.begin)
+                    yield replace(_later(check, scene.begin), covers=(constraint(k),))
+    for k, part in enumerate(parts):
+        own = replace(part.problem, path_constraints=part.step.constraints)
+        for check in path_constraints(own, part.lasting(), policy):
+            covers = tuple(f"{step_place(k)}.{one}" for one in check.covers)
+            yield replace(_later(_named(check, part), part.begin), covers=covers)
 
 
 SceneCheck = Callable[[Problem, Trajectory, VerifyPolicy], Check]
@@ -271,7 +294,8 @@ def _worst_of(checks: Iterable[Check], name: str) -> list[Check]:
     kinds = {check.kind for check in found}
     kind = next(kind for kind in ("sampled", "unchecked", "continuous", "exact") if kind in kinds)
     detail = f"worst of {len(found)}: {worst.detail}" if len(found) > 1 else worst.detail
-    return [replace(worst, name=name, kind=kind, detail=detail)]
+    covers = tuple(dict.fromkeys(one for check in found for one in check.covers))
+    return [replace(worst, name=name, kind=kind, detail=detail, covers=covers)]
 
 
 def _share(check: Check) -> float:
@@ -294,7 +318,9 @@ def _collision(checks: Iterable[Check]) -> Check:
         complete = key != "proved_clearance" or all(check.passed for check in found)
         witness[key] = min(known) if known and complete else None
     detail = f"least of {len(found)} parts with scenes of their own: {worst.detail}" if len(found) > 1 else worst.detail
-    return replace(worst, passed=all(check.passed for check in found), detail=detail, witness=witness)
+    covers = tuple(dict.fromkeys(one for check in found for one in check.covers))
+    passed = all(check.passed for check in found)
+    return replace(worst, passed=passed, detail=detail, witness=witness, covers=covers)
 
 
 def _named(check: Check, part: _Part) -> Check:

@@ -9,11 +9,11 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import checked_robot, collision
 from optiplan.verify.constraint_check import path_constraints
-from optiplan.verify.continuous.torque import torque
 from optiplan.verify.report import Check, Report, VerifyPolicy
 from optiplan.verify.samples_check import samples
 from optiplan.verify.scope import scope
-from optiplan.verify.task_check import task_checks, task_scope
+from optiplan.verify.statements import complete, covering
+from optiplan.verify.task_check import loaded_torque, task_checks, task_scope
 from optiplan.verify.via_check import vias
 
 _DEFAULT = VerifyPolicy()
@@ -53,11 +53,14 @@ def verify(
     found += task_checks(problem, trajectory, policy) if problem.task else _motion(problem, trajectory, policy)
     if given is not None:
         found.append(samples(problem, trajectory, policy, given))
+    if not problem.task:
+        found.append(collision(problem, trajectory, policy))
+    if all(check.passed for check in found):
+        found.append(complete(problem, found))
+    about = scope(problem, robot, found)
     if problem.task:
-        about = (*scope(problem, robot, found), *task_scope(problem, trajectory))
-        return replace(report, checks=tuple(found), scope=about)
-    found.append(collision(problem, trajectory, policy))
-    return replace(report, checks=tuple(found), scope=scope(problem, robot, found))
+        about = (*about, *task_scope(problem, trajectory))
+    return replace(report, checks=tuple(found), scope=about)
 
 
 def holds(problem: Problem, trajectory: Trajectory) -> bool:
@@ -71,14 +74,12 @@ def holds(problem: Problem, trajectory: Trajectory) -> bool:
 
 
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
+    passed = [f"vias[{k}]" for k in range(len(problem.vias))]
     return [
         limit_checks.start(problem, trajectory, policy),
-        limit_checks.goal(problem, trajectory),
-        *([vias(problem, trajectory)] if problem.vias else []),
+        covering(limit_checks.goal(problem, trajectory), "goal"),
+        *([covering(vias(problem, trajectory), *passed)] if problem.vias else []),
         *path_constraints(problem, trajectory, policy),
-        limit_checks.rest(problem, trajectory, policy),
-        limit_checks.continuity(problem, trajectory, policy),
-        limit_checks.position(problem, trajectory, policy),
-        *(limit_checks.rate(problem, trajectory, policy, order) for order in (1, 2, 3)),
-        torque(problem, trajectory, policy),
+        *limit_checks.of_the_whole(problem, trajectory, policy),
+        loaded_torque(problem, trajectory, policy),
     ]

@@ -10,7 +10,7 @@ from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.frame_motion import FrameMotion
-from optiplan.verify.limit_checks import ROUNDING, miss
+from optiplan.verify.limit_checks import ROUNDING, Miss, miss
 from optiplan.verify.report import Check
 
 _HALVINGS = 40
@@ -28,10 +28,7 @@ class _Passage:
     error: float
     limit: float
     what: str
-
-    @property
-    def unit(self) -> str:
-        return "m" if self.what.endswith("position") else "rad"
+    unit: str
 
 
 def vias(problem: Problem, trajectory: Trajectory) -> Check:
@@ -67,6 +64,8 @@ def _missed(k: int, count: int, since: float, worst: _Passage) -> str:
 def _passage(problem: Problem, trajectory: Trajectory, at: JointGoal | PoseGoal, since: float) -> _Passage:
     if isinstance(at, JointGoal):
         return _of_joints(problem, trajectory, at, since)
+    if not miss(problem, at, trajectory.start):
+        return _Passage(None, since, np.inf, 0.0, "a via that nothing can be measured of", "")
     return _of_pose(problem, trajectory, at, since)
 
 
@@ -94,7 +93,8 @@ def _of_joints(problem: Problem, trajectory: Trajectory, at: JointGoal, since: f
         low, high, nearest = (middle, high, nearest) if time is None else (low, middle, time)
     error = np.abs(trajectory(np.array([nearest]))[0] - at.q)
     j = int(error.argmax())
-    return _Passage(entered, nearest, float(error[j]), at.tolerance, problem.robot.joint_names[j])
+    name, unit = problem.robot.joint_names[j], problem.robot.unit("position", j)
+    return _Passage(entered, nearest, float(error[j]), at.tolerance, name, unit)
 
 
 def _entry(trajectory: Trajectory, q: Array, tolerance: float, since: float) -> float | None:
@@ -127,11 +127,11 @@ def _entry(trajectory: Trajectory, q: Array, tolerance: float, since: float) -> 
 def _of_pose(problem: Problem, trajectory: Trajectory, at: PoseGoal, since: float) -> _Passage:
     from scipy.optimize import minimize_scalar
 
-    def parts(t: float) -> list[tuple[float, float, str]]:
+    def parts(t: float) -> list[Miss]:
         return miss(problem, at, trajectory(np.array([t]))[0])
 
     def ratio(t: float) -> float:
-        return max(error / (limit + ROUNDING) for error, limit, _ in parts(t))
+        return float(np.max([part.ratio for part in parts(t)]))
 
     count = int(min(_MOST_SAMPLES, np.ceil((trajectory.duration - since) * _RATE))) + 1
     inner = trajectory.breakpoints[trajectory.breakpoints > since]
@@ -150,5 +150,5 @@ def _of_pose(problem: Problem, trajectory: Trajectory, at: PoseGoal, since: floa
         if found[0] <= 1.0:
             entered = found[1]
             break
-    error, limit, what = max(parts(best[1]), key=lambda part: part[0] / (part[1] + ROUNDING))
-    return _Passage(entered, best[1], error, limit, what)
+    worst = max(parts(best[1]), key=lambda part: part.ratio)
+    return _Passage(entered, best[1], *worst)

@@ -117,7 +117,7 @@ def test_velocity_tracking_on_the_ideal_plant(panda, motion):
     plant = IdealPlant(np.array(READY), 1e-3)
     log = simulate(loop(panda, TrajectoryReference(motion), VelocityTracking(10.0), plant))
     assert log.tracking.peak.max() < 1e-6
-    assert log.unit == "rad/s"
+    assert log.input == "velocity"
 
 
 @pytest.mark.parametrize("steps", [0, 1, 3, 4, 5, 9])

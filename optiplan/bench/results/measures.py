@@ -10,6 +10,7 @@ import numpy as np
 from optiplan.arrays import Array, Flags
 from optiplan.bench.results.arrays import Indices, Runs, load_runs
 from optiplan.bench.results.database import Store
+from optiplan.robot.limits import joint_units
 
 ORDER = "ORDER BY problem, planner, seed, repetition"
 """That of `Runs`."""
@@ -27,12 +28,12 @@ COLUMNS = {
 METRICS = {
     "tool_path": ("path of the tool", "m", 1.0),
     "tool_rotation": ("turning of the tool", "rad", 1.0),
-    "joint_path": ("path of the joints", "rad", 1.0),
+    "joint_path": ("path of the joints", joint_units("position"), 1.0),
     "clearance": ("clearance, proved", "mm", 1e3),
     "lowest_clearance": ("smallest distance met", "mm", 1e3),
-    "peak_jerk": ("largest jerk", "rad/s³", 1.0),
+    "peak_jerk": ("largest jerk", joint_units("jerk"), 1.0),
     "jerk_share": ("largest jerk / limit", "", 1.0),
-    "rms_torque": ("torque, rms", "N m", 1.0),
+    "rms_torque": ("torque, rms", joint_units("torque"), 1.0),
     "manipulability": ("least manipulability", "", 1.0),
 }
 """The same of the numbers in column `metrics`; one that is not listed here is shown under its own name."""

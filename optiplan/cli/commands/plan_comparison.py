@@ -17,6 +17,8 @@ from optiplan.errors import InputError, Issue
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.registry import PLANNERS, planner_entry
 from optiplan.problem.problem import Problem
+from optiplan.robot.limits import joint_units
+from optiplan.robot.robot import Robot
 from optiplan.runs.common_bound import Bound, common_bound
 from optiplan.runs.pipeline import attempt
 from optiplan.runs.run import Run
@@ -125,22 +127,22 @@ def show(runs: Sequence[Run], as_json: bool, unsaved: Sequence[InputError] = ())
 
 
 TIMES = ("", "planning\ns", "duration\ns", "duration\n/ bound")
-MEASURES = (
-    "tool path\nm",
-    "peak jerk\nrad/s³",
-    "of its\nlimit",
-    "RMS torque\nN·m",
-    "clearance\nmm",
-    "least mani-\npulability",
-)
+
+
+def _measures(robot: Robot) -> tuple[str, ...]:
+    """Return the headings of the measures, with the units of the robot's joints."""
+    jerk, torque = (joint_units(quantity, robot.revolute).replace(" or ", " or\n") for quantity in ("jerk", "torque"))
+    limited = f"peak jerk\n{jerk}", "of its\nlimit", f"RMS torque\n{torque}"
+    return "tool path\nm", *limited, "clearance\nmm", "least mani-\npulability"
 
 
 def _print(console: Console, runs: Sequence[Run], bound: Bound) -> None:
     """Print the table as the width allows: reasons in a column or below it, or measures in a second half as well."""
+    measures = _measures(runs[0].problem.robot)
     if console.width >= WIDTH:
-        console.print(_table(runs, bound, (*TIMES, *MEASURES), reasons=True))
+        console.print(_table(runs, bound, (*TIMES, *measures), reasons=True))
     else:
-        for headings in ((*TIMES, *MEASURES),) if console.width >= NARROW else (TIMES, MEASURES):
+        for headings in ((*TIMES, *measures),) if console.width >= NARROW else (TIMES, measures):
             console.print(_table(runs, bound, headings))
         for run in runs:
             if _reason(run):
@@ -159,7 +161,13 @@ def _table(runs: Sequence[Run], bound: Bound, headings: Sequence[str], reasons: 
     for run in runs:
         word = "no plan" if run.trajectory is None else "not verified"
         verdict = "[green]verified[/]" if run.verified else f"[red]{word}[/]"
-        cells = dict(zip((*TIMES, *MEASURES), (verdict, *_numbers(run, bound.ratio(run.duration))), strict=True))
+        cells = dict(
+            zip(
+                (*TIMES, *_measures(run.problem.robot)),
+                (verdict, *_numbers(run, bound.ratio(run.duration))),
+                strict=True,
+            )
+        )
         why = [escape(_reason(run))] if reasons else []
         table.add_row(run.planner, *(cells[heading] for heading in headings), *why)
     return table

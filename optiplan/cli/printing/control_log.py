@@ -6,6 +6,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from optiplan.robot.limits import thousandths
 from optiplan.simulation.log import Log
 from optiplan.simulation.simulation import Simulation
 
@@ -27,12 +28,14 @@ def show_simulation(console: Console, done: Simulation, out: Path | None) -> Non
     )
     console.print(_facts(log))
     console.print(_joints(log, done))
+    robot = done.control.robot
     for name, found in done.responses.items():
+        unit = robot.unit("position", robot.joint_names.index(name))
         rise = "never" if found.rise is None else f"{found.rise:.3f} s"
         settling = "never" if found.settling is None else f"{found.settling:.3f} s"
         console.print(
             f"step of {name}: rise {rise}, overshoot {100.0 * found.overshoot:.1f} %, settled after {settling}, "
-            f"steady error {found.steady_error:.3g} rad",
+            f"steady error {found.steady_error:.3g} {unit}",
             markup=False,
         )
     if out is not None:
@@ -83,8 +86,7 @@ def _joints(log: Log, done: Simulation) -> Table:
         columns["beyond position"] = 1e3 * track.beyond_position
     if track.beyond_velocity.any():
         columns["beyond speed, /s"] = 1e3 * track.beyond_velocity
-    unit = "mrad" if done.control.robot.revolute.all() else "mrad (mm)"
-    table = Table(f"joint, {unit}", *columns, box=None, pad_edge=False)
+    table = Table(f"joint, {thousandths(done.control.robot.revolute)}", *columns, box=None, pad_edge=False)
     for j, name in enumerate(log.joint_names):
         table.add_row(name, *(f"{values[j]:.3g}" for values in columns.values()))
     return table

@@ -9,6 +9,9 @@ from optiplan.robot.robot import Robot
 
 _TURN = 2.0 * np.pi
 
+MOST_TURNS = 100.0
+"""Turns from the nearest image within which others are listed: files know limits of 1e30 rad."""
+
 
 def images(robot: Robot, q: Array, near: Array) -> list[Array]:
     """For each joint, all values within its limits that equal that of q (n,) up to whole turns, the nearest first.
@@ -34,7 +37,7 @@ def endless_turns(robot: Robot, q: Array, near: Array) -> list[Array]:
 
     Of each such joint the two images nearest to `near`; the others stay as they are.
     """
-    endless = robot.limits.endless
+    endless = robot.endless
     if not endless.any():
         return [q]
     every = [_of_joint(robot, j, q[j], near[j])[:2] if endless[j] else q[j : j + 1] for j in range(robot.n)]
@@ -52,8 +55,8 @@ def _of_joint(robot: Robot, j: int, value: float, near: float) -> Array:
     lower, upper = float(robot.limits.lower[j]), float(robot.limits.upper[j])
     if not robot.whole_turns[j]:
         return np.array([value] if lower <= value <= upper else [])
-    middle = np.round((near - value) / _TURN)
-    first = np.ceil((lower - value) / _TURN) if np.isfinite(lower) else middle - 1.0
-    last = np.floor((upper - value) / _TURN) if np.isfinite(upper) else middle + 1.0
-    values = value + _TURN * np.arange(first, last + 1.0)
+    low, high = np.ceil((lower - value) / _TURN), np.floor((upper - value) / _TURN)
+    most = MOST_TURNS if np.isfinite(high - low) else 1.0
+    middle = np.clip(np.round((near - value) / _TURN), low, high)
+    values = value + _TURN * np.arange(max(low, middle - most), min(high, middle + most) + 1.0)
     return np.asarray(values[np.argsort(np.abs(values - near), kind="stable")])

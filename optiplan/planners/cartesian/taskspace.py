@@ -167,7 +167,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         motion = _fitted(_joined(problem, states, self.options.dt), problem)
         over = excess(motion, limits)
         if over is not None:
-            return beyond_limits(over, motion, None)
+            return beyond_limits(problem.robot, over, motion, None)
         touch = first_contact(model, motion, lambda: work.budget.over)
         if touch is not None:
             pair = touch.contact.pair

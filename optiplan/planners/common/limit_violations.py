@@ -8,7 +8,7 @@ import numpy as np
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
 from optiplan.robot.batched.dynamics import inverse_dynamics
-from optiplan.robot.limits import ORDERS, UNITS
+from optiplan.robot.limits import ORDERS
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -60,10 +60,10 @@ def acceleration_steps(trajectory: Trajectory, problem: Problem) -> bool:
     return bool((np.isfinite(limits.jerk) & (steps > _ACCELERATION_STEP * limits.acceleration)).any())
 
 
-def beyond_limits(over: Excess, trajectory: Trajectory, shortest: float | None) -> Failure:
+def beyond_limits(robot: Robot, over: Excess, trajectory: Trajectory, shortest: float | None) -> Failure:
     """Return a `limits` failure: the limit exceeded, the motion, and the shortest duration (s) that keeps it."""
     joint = trajectory.joint_names[over.joint]
-    unit = UNITS.get(over.quantity, "rad")
+    unit = robot.unit(over.quantity, over.joint)
     reached = f"'{joint}' would reach {over.quantity} {over.value:.4g} {unit}, beyond its limit {over.limit:.4g}"
     detail = f"{reached}, in {trajectory.duration:.6g} s; {_other_duration(shortest)}"
     q = trajectory(np.array([over.t]))[0].tolist()
@@ -78,7 +78,7 @@ def beyond_torque(robot: Robot, limits: Limits, trajectory: Trajectory, shortest
     torque = np.abs(inverse_dynamics(robot, *(trajectory(t, order) for order in range(3))))
     k, j = np.unravel_index(int(np.argmax(torque / limits.torque)), torque.shape)
     over = Excess(int(j), "torque", float(torque[k, j]), float(limits.torque[j]), float(t[k]))
-    return beyond_limits(over, trajectory, shortest)
+    return beyond_limits(robot, over, trajectory, shortest)
 
 
 def _other_duration(shortest: float | None) -> str:

@@ -143,7 +143,7 @@ class PointToPoint(Planner[Options]):
             motion = profile.trajectory(self.options.duration)
             over = excess(motion, profile.limits)
         if over is not None:
-            return beyond_limits(over, motion, self._shortest(model, profile))
+            return beyond_limits(model.robot, over, motion, self._shortest(model, profile))
         with watch.stage("collision"):
             touch = first_contact(model, motion, lambda: work.budget.over)
         if touch is not None:

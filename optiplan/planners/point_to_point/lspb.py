@@ -14,6 +14,8 @@ from optiplan.planners.common.limit_violations import rounded_up
 from optiplan.planners.option_schema import OptionError, option
 from optiplan.planners.point_to_point.base import SIZE, PointToPoint, Profile, ProfileOptions
 from optiplan.problem.problem import Problem
+from optiplan.robot.limits import ORDERS
+from optiplan.robot.robot import Robot
 from optiplan.trajectory.profiles.laws import Law, Trapezoid
 from optiplan.trajectory.profiles.synchronisation import JointMove, RestToRest
 
@@ -69,7 +71,8 @@ class Lspb(PointToPoint[LspbOptions]):
             share_by_distance=o.velocity is not None and o.duration is not None,
             stretchable=not shaped,
         )
-        issues = [issue for part in profile.parts(o.duration) if (issue := self._issue(part, profile)) is not None]
+        robot = problem.robot
+        issues = [issue for part in profile.parts(o.duration) if (issue := self._issue(part, robot)) is not None]
         if issues:
             raise InputError(issues)
         return profile
@@ -83,21 +86,22 @@ class Lspb(PointToPoint[LspbOptions]):
             None if o.acceleration is None else o.acceleration / distance,
         )
 
-    def _issue(self, part: JointMove, profile: RestToRest) -> Issue | None:
+    def _issue(self, part: JointMove, robot: Robot) -> Issue | None:
         """Return what conflicts with the move's distance and duration, or with its direction."""
         o, D, T = self.options, part.distance, part.duration
-        speeds = f"more than {D / T:.3g} and at most {2.0 * D / T:.3g} rad/s (D/T < |V| <= 2 D/T)"
+        length, speed, rate = (robot.unit(quantity, part.joint) for quantity in ORDERS[:3])
+        speeds = f"more than {D / T:.3g} and at most {2.0 * D / T:.3g} {speed} (D/T < |V| <= 2 D/T)"
         if o.velocity is not None and o.velocity < 0.0 < part.step[part.joint]:
-            field, unit, expected = "velocity", "rad/s", f"a positive one, as the motion: {speeds}"
+            field, unit, expected = "velocity", speed, f"a positive one, as the motion: {speeds}"
         elif o.duration is None:  # the shortest has what was asked for
             return None
         elif o.velocity is not None and not D / T * _ABOVE < abs(o.velocity) <= 2.0 * D / T * _ABOVE:
-            field, unit, expected = "velocity", "rad/s", speeds
+            field, unit, expected = "velocity", speed, speeds
         elif o.blend_time is not None and o.blend_time > 0.5 * T * _ABOVE:
             field, unit, expected = "blend_time", "s", f"more than 0 and at most {0.5 * T:.3g} s (T/2)"
         elif o.acceleration is not None and o.acceleration * _ABOVE < 4.0 * D / T**2:
-            field, unit, expected = "acceleration", "rad/s²", f"at least {rounded_up(4.0 * D / T**2)} rad/s² (4 D/T²)"
+            field, unit, expected = "acceleration", rate, f"at least {rounded_up(4.0 * D / T**2)} {rate} (4 D/T²)"
         else:
             return None
-        who = f"for joint '{profile.joint_names[part.joint]}', which moves {D:.4g} rad in {T:.4g} s"
+        who = f"for joint '{robot.joint_names[part.joint]}', which moves {D:.4g} {length} in {T:.4g} s"
         return Issue.of_option("lspb", field, f"{o.shape()[field]:.6g} {unit} {who}", expected)

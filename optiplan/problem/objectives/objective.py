@@ -1,5 +1,6 @@
 """The weights of what a motion costs."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
 from optiplan.trajectory.trajectory import Trajectory
@@ -17,8 +18,22 @@ UNITS = {
 }
 """Of each part of the cost; weights are in s for one of these, and the cost in s."""
 
+_OF_JOINTS = {"jerk": "rad", "energy": "N² m²", "joint_path": "rad"}
+"""The part of a unit that is another one of joints that slide."""
+
+_SLIDING = {"rad": "m", "N² m²": "N²"}
+
 PLAIN = frozenset({"time", "jerk"})
 """Parts that follow from the trajectory alone."""
+
+
+def part_unit(name: str, revolute: Iterable[bool]) -> str:
+    """Return the unit of a part of the cost for a robot of joints that turn or slide."""
+    turning = UNITS[name]
+    own = _OF_JOINTS.get(name)
+    sliding = turning if own is None else turning.replace(own, _SLIDING[own])
+    kinds = {bool(turns) for turns in revolute}
+    return " or ".join(dict.fromkeys(unit for unit, turns in ((turning, True), (sliding, False)) if turns in kinds))
 
 
 @dataclass(frozen=True)

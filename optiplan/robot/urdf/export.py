@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from optiplan.robot.robot import Robot
+from optiplan.robot.urdf.reader import ENDLESS
 
 
 def export_urdf(robot: Robot) -> str:
@@ -16,12 +17,15 @@ def export_urdf(robot: Robot) -> str:
     """
     root = ET.fromstring(robot.urdf)
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    endless = set(np.array(robot.joint_names)[robot.endless])
+    for name, joint in joints.items():
+        limit = joint.find("limit")
+        if limit is not None and (name in endless or float(limit.get("upper", "0")) == ENDLESS):
+            joint.set("type", "continuous")
+            del limit.attrib["lower"], limit.attrib["upper"]
     for i, name in enumerate(robot.joint_names):
         limit = joints[name].find("limit")
         assert limit is not None  # `read_urdf` gives one to every joint that can be planned
-        if np.isinf(robot.limits.lower[i]) and np.isinf(robot.limits.upper[i]):
-            joints[name].set("type", "continuous")
-            del limit.attrib["lower"], limit.attrib["upper"]
         limit.set("velocity", repr(float(robot.limits.velocity[i])))
         if np.isfinite(robot.limits.torque[i]):
             limit.set("effort", repr(float(robot.limits.torque[i])))

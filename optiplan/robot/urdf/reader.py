@@ -23,8 +23,11 @@ from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias
 
 log = logging.getLogger(__name__)
 
-ENDLESS = 1e30
-"""Stands for infinity in the XML, which has no word for it; replaced by inf in the pinocchio model."""
+ENDLESS = 1e31
+"""Stands for infinity in the XML of `continuous` joints; replaced by inf in the pinocchio model.
+
+More than a file may say (`validation`), so that no other joint has it.
+"""
 
 
 @dataclass(frozen=True)

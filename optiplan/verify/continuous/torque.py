@@ -186,7 +186,7 @@ def torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Ch
         passed=not reason,
         worst=float(proof.peak[j]),
         limit=float(allowed[j]),
-        unit="N·m",
+        unit=problem.robot.unit("torque", j),
         time=float(proof.time[j]),
         place=problem.robot.joint_names[j],
         detail=detail,

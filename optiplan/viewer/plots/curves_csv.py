@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.viewer.plots.curves import ORDERS
-from optiplan.viewer.plots.joint_figure import QUANTITIES, bounds, unit
+from optiplan.viewer.plots.joint_figure import QUANTITIES, bounds
 from optiplan.viewer.plots.runs import PlottedRun
 
 TOOL = ("x", "y", "z", "qx", "qy", "qz", "qw", "speed", "turning")
@@ -40,7 +40,7 @@ def write_limits(runs: Sequence[PlottedRun], path: Path) -> None:
             for quantity in QUANTITIES:
                 for joint, name in enumerate(run.problem.robot.joint_names):
                     ends = ["" if np.isinf(value) else value for value in bounds(run, quantity, joint)]
-                    in_unit = unit(quantity, bool(run.problem.robot.revolute[joint]))
+                    in_unit = run.problem.robot.unit(quantity, joint)
                     writer.writerow([run.label, name, quantity, in_unit, *ends, *_extremes(run, quantity, joint)])
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.robot.limits import joint_units
 from optiplan.viewer.plots.curves import ORDERS
 from optiplan.viewer.plots.runs import PlottedRun
 from optiplan.viewer.plots.style import LIMIT, line_style, sheet
@@ -113,13 +114,4 @@ def _title(run: PlottedRun, quantity: str, joints: Sequence[int], share: bool) -
     """The quantity with its unit, of revolute and of sliding joints."""
     if share:
         return f"{quantity},\n% of limit"
-    kinds = [bool(run.problem.robot.revolute[joint]) for joint in joints]
-    units = [unit(quantity, kind) for kind in dict.fromkeys(kinds)]
-    return f"{quantity},\n{' or '.join(units)}"
-
-
-def unit(quantity: str, revolute: bool) -> str:
-    """Unit of a joint's quantity."""
-    if quantity == "torque":
-        return "N m" if revolute else "N"
-    return ("rad" if revolute else "m") + ("", "/s", "/s²", "/s³")[ORDERS.index(quantity)]
+    return f"{quantity},\n{joint_units(quantity, run.problem.robot.revolute[list(joints)])}"

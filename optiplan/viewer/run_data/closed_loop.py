@@ -10,6 +10,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.problem.problem import Problem
+from optiplan.robot.limits import joint_units, thousandths
 from optiplan.viewer.run_data.curves import short_names
 from optiplan.viewer.surfaces import packed
 
@@ -43,16 +44,15 @@ def read_log(folder: Path) -> Arrays | None:
 def log_quantities(problem: Problem, log: Arrays, most: int) -> list[dict[str, Any]]:
     """JSON-ready quantities, see `curves.curves_of`, each with its own times `t`, s, `most` of them."""
     robot, times = problem.robot, log["t"]
-    turns = robot.revolute
     names = short_names(robot.joint_names)
-    unit = "mrad" if turns.all() else "mm" if not turns.any() else "mrad, mm"
+    unit = thousandths(robot.revolute)
     found = [
         _quantity("tracking error", unit, names, 1e3 * (log["wanted"] - log["q"]), "joints"),
         _quantity("tool error", "mm, mrad", ["position", "orientation"], 1e3 * log["tool_error"], "tools"),
     ]
     torque = problem.limits.torque
     if np.abs(log["applied"]).max(initial=0.0) > 0.0:
-        applied = _quantity("applied", "N·m" if turns.all() else "N·m, N", names, log["applied"], "joints")
+        applied = _quantity("applied", joint_units("torque", robot.revolute), names, log["applied"], "joints")
         limit = [float(x) if np.isfinite(x) else None for x in torque]
         found.append(applied | {"low": [None if x is None else -x for x in limit], "high": limit})
     slack = {name.removeprefix(_SLACK): y for name, y in log.items() if name.startswith(_SLACK)}

@@ -10,7 +10,7 @@ from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, measures, scaled
 from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.problem import Problem
-from optiplan.robot.limits import ORDERS, Limits
+from optiplan.robot.limits import ORDERS, Limits, joint_units
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Extrema, Trajectory
 from optiplan.viewer.plots.curves import MotionCurves, motion_curves
@@ -45,7 +45,7 @@ def _derivatives(problem: Problem, found: MotionCurves) -> list[dict[str, Any]]:
     bounds = [(limits.lower, limits.upper), *((-rate, rate) for rate in limits.rates)]
     shown = []
     for order, (name, (low, high)) in enumerate(zip(ORDERS, bounds, strict=True)):
-        data = _quantity(name, _unit(robot, order), short_names(robot.joint_names), found.joints[order])
+        data = _quantity(name, joint_units(name, robot.revolute), short_names(robot.joint_names), found.joints[order])
         data |= {"low": _finite(low), "high": _finite(high), "extrema": _extrema(found.extrema[order])}
         shown.append(data | {"of": "joints", "kind": "exact"})
     return shown
@@ -53,8 +53,7 @@ def _derivatives(problem: Problem, found: MotionCurves) -> list[dict[str, Any]]:
 
 def _torque(problem: Problem, found: MotionCurves) -> dict[str, Any]:
     limits: Limits = problem.limits
-    turns = problem.robot.revolute
-    unit = "N·m" if turns.all() else "N" if not turns.any() else "N·m, N"
+    unit = joint_units("torque", problem.robot.revolute)
     data = _quantity("torque", unit, short_names(problem.robot.joint_names), found.torque)
     data |= {"low": _finite(-limits.torque), "high": _finite(limits.torque)}
     return data | {"extrema": _extrema(found.torque_extrema), "of": "joints", "kind": "sampled"}
@@ -111,12 +110,6 @@ def _finite(values: Array) -> list[float | None]:
 def _extrema(e: Extrema) -> list[list[list[float]]]:
     columns = zip(e.t_high, e.high, e.t_low, e.low, strict=True)
     return [[[float(t1), float(y1)], [float(t0), float(y0)]] for t1, y1, t0, y0 in columns]
-
-
-def _unit(robot: Robot, order: int) -> str:
-    own = {"rad": bool(robot.revolute.any()), "m": not bool(robot.revolute.all())}
-    rate = ("", "/s", "/s²", "/s³")[order]
-    return ", ".join(f"{unit}{rate}" for unit, used in own.items() if used)
 
 
 def short_names(names: Sequence[str]) -> list[str]:

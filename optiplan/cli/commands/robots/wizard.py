@@ -16,7 +16,7 @@ from optiplan.cli.printing.robot_table import describe, show_robot
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.files import write_text
 from optiplan.problem.write import problem_text
-from optiplan.robot.limits import UNITS
+from optiplan.robot.limits import DEFAULTS, joint_units
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.urdf.reader import read_urdf
 from optiplan.robot.urdf.srdf import srdf_text
@@ -77,10 +77,10 @@ def _pair(flag: str, text: str, example: str) -> tuple[str, float]:
 
 
 def _limit(key: str, value: float) -> tuple[str, float]:
-    if key not in UNITS:
-        raise UnknownChoiceError("limit", key, UNITS)
+    if key not in DEFAULTS:
+        raise UnknownChoiceError("limit", key, DEFAULTS)
     if not 0.0 < value < float("inf"):
-        raise OptiPlanError(f"limit {key}: found {value:g}; expected a number > 0, in {UNITS[key]}")
+        raise OptiPlanError(f"limit {key}: found {value:g}; expected a number > 0, in {joint_units(key)}")
     return key, value
 
 
@@ -130,7 +130,8 @@ def ask(load: Callable[[Choices], Robot], choices: Choices) -> Choices:
     for key in ("acceleration", "jerk"):
         if key not in limits:
             default = float(getattr(robot.limits, key)[0])
-            asked = typer.prompt(f"{key} limit of all joints, {UNITS[key]}", default=default, type=float, err=True)
+            unit = joint_units(key, robot.revolute)
+            asked = typer.prompt(f"{key} limit of all joints, {unit}", default=default, type=float, err=True)
             limits[key] = _limit(key, asked)[1]
     return Choices(choices.group, tool, tuple(locked.items()), tuple(limits.items()))
 

@@ -5,7 +5,7 @@ const OptiPlanComparison = (() => {
   const fixed = (n) => (v) => v.toFixed(n);
   const COLUMNS = [
     ["planning", "planning, s", fixed(2)], ["duration", "duration, s", fixed(3)], ["ratio", "duration / bound", fixed(3)], ["tool_path", "tool path, m", fixed(3)],
-    ["peak_jerk", "peak jerk, rad/s³", fixed(0)], ["jerk_share", "of its limit", (v) => (100 * v).toFixed(0) + " %"], ["rms_torque", "RMS torque, N·m", fixed(2)],
+    ["peak_jerk", "peak jerk", fixed(0), "jerk"], ["jerk_share", "of its limit", (v) => (100 * v).toFixed(0) + " %"], ["rms_torque", "RMS torque", fixed(2), "torque"],
     ["clearance", "clearance, mm", (v) => digits(1e3 * v)], ["manipulability", "least manipulability", digits],
   ];
 
@@ -65,9 +65,15 @@ const OptiPlanComparison = (() => {
       return row;
     }
 
+    // The unit of a quantity of the joints, which turn or slide.
+    unit(quantity) {
+      const found = this.app.data.runs.flatMap((run) => (run.curves ? run.curves.quantities : [])).find((one) => one.name === quantity);
+      return found ? found.unit : "";
+    }
+
     fillTable(element) {
       const table = make("table", "compare"), head = make("tr"), body = make("tbody"), [bound, words] = this.app.data.bound;
-      head.append(make("th", "", "planner"), make("th", "", ""), ...COLUMNS.map(([, title]) => make("th", "number", title)));
+      head.append(make("th", "", "planner"), make("th", "", ""), ...COLUMNS.map(([, title, , quantity]) => make("th", "number", quantity ? `${title}, ${this.unit(quantity)}` : title)));
       for (const [run, k] of this.order) {
         if (run.row.duration === null) continue;
         const row = make("tr"), name = make("th"), pick = make("button", "name", run.label), swatch = make("span", "swatch");

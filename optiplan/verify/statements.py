@@ -1,0 +1,133 @@
+"""Statements of a problem, and whether a check was made of each: what nothing was checked of is not verified."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+from optiplan.geometry.scene import Attachment, Scene
+from optiplan.problem.problem import Problem
+from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
+from optiplan.robot.limits import Limits
+from optiplan.robot.robot import Robot
+from optiplan.verify.report import Check
+
+MOST_NAMED = 6
+"""Statements without a check that a report names."""
+
+
+def covering(check: Check, *statements: str) -> Check:
+    """Return the check with these among the statements that it is a check of."""
+    return replace(check, covers=(*check.covers, *statements))
+
+
+def complete(problem: Problem, checks: Sequence[Check]) -> Check:
+    """Check that every statement of the problem has a check that was made of it."""
+    stated = list(statements(problem))
+    covered = {one for check in checks for one in check.covers}
+    lacking = [one for one in stated if one not in covered]
+    if not lacking:
+        return Check("statements", "exact", True, detail=f"{len(stated)} statements of the problem, each with a check")
+    more = f" and {len(lacking) - MOST_NAMED} more" if len(lacking) > MOST_NAMED else ""
+    return Check("statements", "exact", False, detail=f"no check was made of {', '.join(lacking[:MOST_NAMED])}{more}")
+
+
+def statements(problem: Problem) -> Iterator[str]:
+    """Yield a name of everything that a motion for this problem must keep to.
+
+    A field that is not known here is a statement too, of which no check is made: who adds one says what it means.
+    """
+    for name in (field.name for field in fields(problem)):
+        if name in _OF_PROBLEM:
+            yield from _OF_PROBLEM[name](problem)
+        elif name not in _LABELS:
+            yield name
+
+
+def steps(k: int, step: TaskStep) -> list[str]:
+    """Return the statements of step k of a task."""
+    kind = type(step.action)
+    own = _OF_ACTIONS[kind](step.action) if kind in _OF_ACTIONS else [kind.__name__]
+    constraints = [constraint(i, step_place(k)) for i in range(len(step.constraints))]
+    return [f"{step_place(k)}.{one}" for one in ("standstill", *own)] + constraints
+
+
+def step_place(k: int) -> str:
+    """Return what the statements of step k begin with."""
+    return f"task[{k}]"
+
+
+def constraint(k: int, place: str = "") -> str:
+    """Return the statement of the k-th path constraint, of a step at `place`."""
+    return f"{place}{'.' if place else ''}path_constraints[{k}]"
+
+
+def body(name: str) -> str:
+    """Return the statement that a body of the scene is in the way."""
+    return f"scene.{name}"
+
+
+def motion(name: str) -> str:
+    """Return the statement that an obstacle moves."""
+    return f"scene.{name}.motion"
+
+
+def masses(scene: Scene, robot: Robot) -> list[str]:
+    """Return the statements of masses of attached objects that the robot carries."""
+    return [_mass(held) for held in scene.attached if held.mass and _carried(held, robot)]
+
+
+def _mass(held: Attachment) -> str:
+    return f"scene.{held.name}.mass"
+
+
+def _carried(held: Attachment, robot: Robot) -> bool:
+    own = held.inertia_in_link()
+    return any(link == held.link and inertia.isApprox(own, 1e-9) for link, inertia in robot.mounting.payload)
+
+
+def _scene(problem: Problem) -> list[str]:
+    scene = problem.scene
+    bodies = [body(name) for name in scene.names]
+    moving = [motion(one.name) for one in scene.moving]
+    heavy = [_mass(held) for held in scene.attached if held.mass]
+    unknown = [f"scene.{field.name}" for field in fields(Scene) if field.name not in _OF_SCENE]
+    return bodies + moving + heavy + unknown
+
+
+_OF_SCENE = frozenset({"obstacles", "attached", "allowed"})
+"""Fields of a scene that are known; what may touch is no requirement."""
+
+_LABELS = frozenset({"name", "planner", "options", "seed", "source", "hash", "objective"})
+"""Fields of a problem that require nothing of a motion; the objective is what it costs."""
+
+_OF_PROBLEM: Mapping[str, Callable[[Problem], Iterable[str]]] = {
+    "robot": lambda problem: ["robot.joints", "robot.links"],
+    "scene": _scene,
+    "start": lambda problem: ["start"],
+    "start_velocity": lambda problem: ["start_velocity"],
+    "start_acceleration": lambda problem: ["start_acceleration"],
+    "goal": lambda problem: ["goal"] if problem.goal or not problem.task else [],
+    "limits": lambda problem: [f"limits.{field.name}" for field in fields(Limits)],
+    "vias": lambda problem: [f"vias[{k}]" for k in range(len(problem.vias))],
+    "task": lambda problem: [one for k, step in enumerate(problem.task) for one in steps(k, step)],
+    "path_constraints": lambda problem: [constraint(k) for k in range(len(problem.path_constraints))],
+}
+
+
+def _move(action: Move) -> list[str]:
+    return ["end", *(f"via[{k}]" for k in range(len(action.vias)))]
+
+
+def _line(action: StraightLine) -> list[str]:
+    """A corner that may be rounded off is no end."""
+    speed = ["speed"] if action.speed < float("inf") else []
+    return ["line", *speed, *([] if action.blend > 0.0 else ["end"])]
+
+
+_OF_ACTIONS: Mapping[type, Callable[[Any], list[str]]] = {
+    Move: _move,
+    StraightLine: _line,
+    Attach: lambda _: ["event"],
+    Detach: lambda _: ["event"],
+    Dwell: lambda _: ["dwell"],
+}

@@ -1,0 +1,109 @@
+"""Units follow the type of the joint: a base that slides is in m and N, wherever a joint is named."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.errors import InputError
+from optiplan.geometry.scene import Scene
+from optiplan.problem.constraints.statements import JointCoupling
+from optiplan.problem.objectives.objective import UNITS, part_unit
+from optiplan.problem.problem import Problem
+from optiplan.robot.limits import joint_unit, joint_units, thousandths
+from optiplan.robot.robot import load_robot
+from optiplan.trajectory.sample_file import Samples
+from optiplan.trajectory.state import State
+from optiplan.verify.verify import verify
+from tests.robot.robots import chain, joint, write_robot
+from tests.verify.motions import problem_of, quintic
+
+QUANTITIES = ("position", "velocity", "acceleration", "jerk", "torque")
+
+
+@pytest.fixture(scope="module")
+def base():
+    """Two slides and a turn."""
+    return load_robot("delbot", group="base")
+
+
+def of_joints(report, robot):
+    """The checks whose place is a joint, with its index."""
+    names = list(robot.joint_names)
+    return [(check, names.index(check.place)) for check in report.checks if check.place in names]
+
+
+def test_a_unit_is_of_a_joint():
+    assert [joint_unit(quantity, True) for quantity in QUANTITIES] == ["rad", "rad/s", "rad/s²", "rad/s³", "N·m"]
+    assert [joint_unit(quantity, False) for quantity in QUANTITIES] == ["m", "m/s", "m/s²", "m/s³", "N"]
+    assert joint_units("velocity", [True, True]) == "rad/s"
+    assert joint_units("torque", [False, True]) == joint_units("torque") == "N·m or N"
+    assert thousandths([False]) == "mm"
+    assert thousandths([False, True]) == "mrad or mm"
+
+
+@pytest.mark.parametrize("moved", [0, 2])
+def test_every_check_of_a_joint_has_its_unit(base, moved):
+    """The joint moves far beyond everything and ends elsewhere, so that each check names it."""
+    step = np.zeros(base.n)
+    step[moved] = 40.0
+    motion = quintic(base.joint_names, np.zeros(base.n), step, 1.0)
+    at = JointCoupling({base.joint_names[moved]: 1.0}, 0.0, 0.1)
+    problem = problem_of(base, motion, Scene())
+    problem = replace(problem, start=step, goal=(replace(problem.goal[0], q=-step),), path_constraints=(at,))
+    t = np.array([0.0, motion.duration])
+    report = verify(problem, motion, given=Samples(base.joint_names, t, motion(t) + 0.1 * step))
+    length = "rad" if base.revolute[moved] else "m"
+    expected = {"start": length, "goal": length, "position": length, "velocity": f"{length}/s"}
+    expected |= {"acceleration": f"{length}/s²", "jerk": f"{length}/s³", "samples": length}
+    found = {check.name: check.unit for check, j in of_joints(report, base) if j == moved}
+    assert found.items() >= expected.items()
+    (coupling,) = (check for check in report.checks if check.name == "coupling constraint")
+    assert coupling.unit == length
+
+
+def test_a_via_of_a_slide_is_in_metres(base):
+    motion = quintic(base.joint_names, np.zeros(base.n), np.array([1.0, 0.0, 0.0]), 5.0)
+    problem = Problem(base, start=motion.start, goal=motion.end, vias=[[0.5, 0.1, 0.0]])
+    (via,) = (check for check in verify(problem, motion).checks if check.name == "via")
+    assert via.unit == "m"
+    assert "missed by 0.1 m" in via.detail
+
+
+def test_a_slide_is_driven_by_a_force(tmp_path):
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    heavy = f'<link name="b"><inertial><mass value="1"/>{inertia}</inertial></link>'
+    parts = ['<link name="a"/>', heavy, joint("j", "a", "b", "prismatic")]
+    robot = load_robot(str(write_robot(tmp_path, parts, "collision: none\n")))
+    motion = quintic(robot.joint_names, [0.0], [0.5], 20.0)
+    (torque,) = (check for check in verify(problem_of(robot, motion, Scene()), motion).checks if check.name == "torque")
+    assert (torque.unit, torque.place) == ("N", "j")
+
+
+def test_limits_that_are_assumed_have_the_units_of_their_joints(tmp_path):
+    free = '<limit lower="-1" upper="1" effort="1" velocity="0"/>'
+    parts = chain(joint("s", "a", "b", "prismatic", inside=free), joint("t", "b", "c", inside=free))
+    notes = load_robot(str(write_robot(tmp_path, parts))).notes
+    assert any("any joint: 1 rad/s or m/s is taken" in note for note in notes)
+    alone = chain(joint("s", "a", "b", "prismatic", inside=free))
+    notes = load_robot(str(write_robot(tmp_path / "alone", alone))).notes
+    assert any("any joint: 10 m/s² is taken" in note for note in notes)
+
+
+def test_messages_about_states_and_planners_are_in_metres(base):
+    fast = State(np.zeros(base.n), np.array([90.0, 0.0, 0.0]), np.zeros(base.n))
+    with pytest.raises(InputError, match=r"= 90 m/s, beyond its limit"):
+        Problem(base, start=fast, goal=[1.0, 0.0, 0.0])
+    run = op.plan(Problem(base, start=np.zeros(base.n), goal=[3.0, 0.0, 0.0]), "quintic", {"duration": 0.5})
+    assert run.failure is not None
+    assert "m/s" in run.failure.detail
+    assert "rad" not in run.failure.detail
+
+
+def test_parts_of_an_objective_have_the_units_of_the_joints():
+    assert part_unit("joint_path", [True]) == UNITS["joint_path"]
+    assert part_unit("joint_path", [False]) == "m"
+    assert part_unit("jerk", [True, False]) == "rad² s⁻⁵ or m² s⁻⁵"
+    assert part_unit("energy", [False]) == "N² s"
+    assert part_unit("time", [True, False]) == "s"
