@@ -12,7 +12,7 @@ Hash = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 """SHA-256, in hex."""
 
 RunId = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
-"""Digest of the problem, planner, options, seed, budget, deadline and version."""
+"""Of a queued run the digest of problem, planner, options, seed, budget, deadline and version; else of its own."""
 
 
 class StorableInput(BaseModel):

@@ -111,10 +111,6 @@ class RunService:
                 self._checked.popitem(last=False)
         return answer.data
 
-    def checked(self, request: Record) -> Mapping[str, Any] | None:
-        """What a problem is, where that is known already."""
-        return self._checked.get(digest_of(request))
-
     async def submit(self, submission: Submission) -> Record:
         """Queue a run and return it, or the one that there is of the same submission.
 

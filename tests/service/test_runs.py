@@ -6,11 +6,13 @@ import io
 import json
 import time
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+import optiplan as op
 from optiplan.problem.load import load_problem
 from optiplan.runs.run_folder import load_run
 from optiplan.runs.stored_verdict import judged
@@ -42,6 +44,25 @@ def test_the_run_folder_verifies_offline(server, tmp_path):
     problem = load_problem(tmp_path / "problem.yaml")
     assert done["problem"] == problem.hash
     assert judged(problem, load_run(tmp_path / "run")).verified
+
+
+def test_the_files_of_a_run_are_those_of_the_command_line(server, tmp_path):
+    """A platform on mecanum wheels, whose rates stand beside the samples of the joints."""
+    problem = {"version": 1, "name": "drive", "robot": "delbot", "group": "base", "planner": "quintic"}
+    problem |= {"start": {"configuration": "home"}, "goal": {"joints": [0.3, 0.1, 0.2]}}
+    op.plan(op.load_problem(problem)).save(tmp_path)
+    given = {"problem": problem, "budget": 5.0, "rate": 50}
+    waited = server.http.post("/api/plan", json=given).json()
+    queued = server.ended(server.submit(problem=problem)["id"])
+    own = {name: json.loads((tmp_path / name).read_text()) for name in ("run.json", "trajectory.json")}
+    assert len(own["trajectory.json"]["wheels"]) == len(own["trajectory.json"]["t"])
+    for run in (waited["id"], queued["id"]):
+        for name, wanted in own.items():
+            found = server.http.get(f"/api/runs/{run}/{name}").json()
+            assert found.keys() == wanted.keys()
+            assert name == "run.json" or found == wanted
+    assert waited["trajectory"].keys() == own["trajectory.json"].keys()
+    assert len(waited["trajectory"]["wheels"]) == len(waited["trajectory"]["t"]) < len(own["trajectory.json"]["t"])
 
 
 def test_a_program_is_not_written_where_it_would_be_late(server):
@@ -219,7 +240,23 @@ def test_plan_waits_and_gives_the_motion(server):
     stored = server.http.get(f"/api/runs/{run['id']}").json()  # waits for what is being kept
     assert stored["status"] == "done"
     assert server.http.get(f"/api/runs/{run['id']}/trajectory.json").json() == run["trajectory"]
-    assert server.submit(seed=21, budget=20.0)["id"] == run["id"]
+
+
+def test_what_is_kept_under_an_id_is_what_was_answered_with_it(server, problems):
+    """Each attempt is a run of its own: a plan within a budget of time is another one the next time."""
+    given = {"problem": (problems / "05_cage.yaml").read_text(), "budget": 0.25, "seed": 0}
+    with ThreadPoolExecutor(2) as callers:  # also while the one before is being kept
+        answers = list(callers.map(lambda _: server.http.post("/api/plan", json=given), range(6)))
+    runs = [answer.json() for answer in answers]
+    assert len({run["id"] for run in runs}) == len(runs)
+    for run in runs:
+        kept = server.http.get(f"/api/runs/{run['id']}").json()
+        assert (kept["status"], kept["duration"]) == (run["status"], run["duration"])
+        motion = server.http.get(f"/api/runs/{run['id']}/trajectory.json")
+        assert (motion.json() if motion.status_code == 200 else None) == run["trajectory"]
+    queued = server.submit(**given)
+    assert queued["id"] not in {run["id"] for run in runs}
+    server.ended(queued["id"])
 
 
 def test_plan_without_an_answer_says_why(server):
@@ -269,8 +306,5 @@ def test_who_waits_says_how_many_samples_and_the_stored_file_has_all(server, rat
     stored = server.http.get(f"/api/runs/{answer['id']}/trajectory.json").json()
     assert stored["pieces"] == motion["pieces"]
     assert len(stored["t"]) / answer["duration"] > 190
-    again = server.http.post("/api/plan", json=given).json()
-    assert again["id"] == answer["id"]
-    assert again["trajectory"] == motion, "the store answers likewise"
     assert server.http.post("/api/plan", json={**given, "rate": -1}).status_code == 422
     assert server.http.post("/api/runs", json={**given, "rate": 5}).status_code == 422

@@ -118,13 +118,15 @@ async def exported(
 
 @router.post("/plan", response_model=PlanAnswer, responses=errors(404, 413, 422, 503, 504, 507))
 async def plan(submission: PlanRequest, service: Service, request: Request) -> Response:
-    """Plan and wait for the answer, past the queue: for callers that need the motion now. Who goes away, cancels."""
+    """Plan and wait for the answer, past the queue: for callers that need the motion now. Who goes away, cancels.
+
+    Each request is planned and has an id of its own, under which the motion that was answered is kept.
+    """
     run = await service.waited.plan(submission, request.is_disconnected)
     head = json.dumps(run_answer(run.record), allow_nan=False, separators=(",", ":"))
     motion = b"null" if run.motion is None else run.motion.rstrip()
     body = head[:-1].encode() + b',"trajectory":' + motion + b"}"
-    later = None if run.keep is None else BackgroundTask(run.keep)
-    return Response(body, media_type="application/json", background=later)
+    return Response(body, media_type="application/json", background=BackgroundTask(run.keep))
 
 
 async def _file(service: Any, run: str, name: str) -> Response:

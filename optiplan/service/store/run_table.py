@@ -28,7 +28,7 @@ _OUTCOME = (*("verified", "duration", "ratio", "failure", "timings", "contents")
 
 @dataclass(frozen=True)
 class NewRun:
-    """What a submission asks for; `id` is the digest of all that decides the answer."""
+    """What is asked for; `id` is the digest of all that decides the answer, or of one attempt that is waited for."""
 
     id: str
     name: str
@@ -129,16 +129,10 @@ class RunTable:
         return self._change(run, ("running",), values, runs.c.holder == holder)
 
     def add_ended(self, new: NewRun, end: RunEnd, started: float) -> None:
-        """Record a run that was never queued, unless one of its id is there and has an answer, or will have one."""
+        """Record a run that was never queued, whose id is its own."""
         values = {**vars(new), **vars(end), "submitted": started, "started": started, "finished": time.time()}
         with self._engine.begin() as connection:
-            stale = (runs.c.id == new.id) & runs.c.status.in_(("failed", "cancelled"))
-            connection.execute(runs.delete().where(stale))
-            try:
-                with connection.begin_nested():
-                    connection.execute(runs.insert().values(cancel=False, tries=1, **values))
-            except sa.exc.IntegrityError:
-                return
+            connection.execute(runs.insert().values(cancel=False, tries=1, **values))
 
     def cancel(self, run: str) -> None:
         """Cancel a run: at once where it waits, by its holder where it runs."""
