@@ -3,7 +3,7 @@
     python benchmarks/demonstrations/one_id_one_motion.py
 
 `POST /api/plan` of one problem, seed and budget, many times, two callers at a time: a budget of seconds lets each
-attempt find another motion. Afterwards the run of each answer's id is fetched and compared with the answer, number by number.
+attempt find another motion. Afterwards the run of each answer's id is fetched and compared with the answer.
 """
 
 import argparse
