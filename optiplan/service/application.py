@@ -46,6 +46,7 @@ def make_application(settings: ServiceSettings) -> ASGIApp:
         description=ABOUT,
         docs_url=None,  # these pages load scripts from elsewhere
         redoc_url=None,
+        root_path=settings.root_path,
         lifespan=_lifespan,
     )
     app.state.service, app.state.metrics, app.state.feed = service, RequestCounts(), EventFeed(service)

@@ -45,6 +45,11 @@ class ServiceSettings:
         reading: longest time to read one problem, s.
         body: largest request, bytes.
         bodies: most obstacles and held objects of one problem, together.
+        head_time: s in which the head of a request has to come.
+        body_time: s in which its body has to come.
+        connections: most connections of one client at a time, which come through no proxy of ours.
+        proxies: addresses or networks of proxies, whose word on the client and on HTTPS is taken.
+        root_path: where a proxy has put this server, such as `/optiplan`; empty: at the top.
         rate: requests a second that one client may send in the long run; `burst` at once.
         burst: see `rate`.
         keep_days: runs older than that are deleted.
@@ -69,6 +74,11 @@ class ServiceSettings:
     reading: float = 10.0
     body: int = 5_000_000
     bodies: int = 2000
+    head_time: float = 10.0
+    body_time: float = 60.0
+    connections: int = 256
+    proxies: tuple[str, ...] = ()
+    root_path: str = ""
     rate: float = 200.0
     burst: int = 1000
     keep_days: float = 30.0
