@@ -152,6 +152,21 @@ class ProblemAnswer(BaseModel):
     created: float
 
 
+class UploadAnswer(BaseModel):
+    """An uploaded file."""
+
+    file: str = Field(description="The path by which problems name it")
+    bytes: int
+    used: float = Field(description="When it was uploaded or used last, to some hours, s since 1970")
+
+
+class UploadList(BaseModel):
+    """The uploaded files, by path."""
+
+    uploads: list[UploadAnswer]
+    bytes: int = Field(description="Of all together")
+
+
 class RobotAnswer(BaseModel):
     """A bundled robot."""
 

@@ -23,6 +23,7 @@ from optiplan.service.store.problem_table import ProblemTable
 from optiplan.service.store.retention import outdated, sweep
 from optiplan.service.store.run_table import NewRun, Record, RunTable
 from optiplan.service.store.tables import open_database, store_name
+from optiplan.service.store.uploads import Uploads
 from optiplan.trajectory.trajectory import Trajectory
 
 Result = TypeVar("Result")
@@ -48,6 +49,7 @@ class RunService:
         runs: the table of runs.
         problems: the table of stored problems.
         contents: the folder of contents.
+        uploads: the folder of uploaded files.
         pool: the solver processes.
         queue: the durable queue.
         solver: solves queued runs.
@@ -65,7 +67,7 @@ class RunService:
         """
         self.settings = settings
         self.contents = ContentFolder(settings.data / "contents", settings.spare)
-        settings.upload_folder.mkdir(parents=True, exist_ok=True)
+        self.uploads = Uploads(settings.upload_folder, settings.uploads, settings.upload_files)
         self.engine = open_database(settings.database_url)
         self.contents.claim(store_name(self.engine))
         self.runs, self.problems = RunTable(self.engine), ProblemTable(self.engine)
@@ -209,10 +211,11 @@ class RunService:
             self.queue.forget(run)
 
     def tidy(self) -> None:
-        """Delete what is too old or too much, and contents that nothing refers to."""
+        """Delete runs and uploads that are too old or too much, and contents that nothing refers to."""
         for run in outdated(self.runs, self.settings):
             self.forget(run)
         sweep(self.contents, self.runs, self.problems)
+        self.uploads.sweep(self.settings.keep_days)
 
     async def read(self, look: Callable[[], Result]) -> Result:
         """Look something up in a thread for that."""

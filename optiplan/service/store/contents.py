@@ -111,13 +111,3 @@ class ContentFolder:
         if len(digest) != 64 or not set(digest) <= set("0123456789abcdef"):
             raise ValueError(f"no digest: {digest!r}")
         return self.folder / digest[:2] / digest
-
-
-def folder_size(folder: Path) -> int:
-    """Bytes of the files below a folder."""
-    return sum(
-        entry.stat().st_size
-        for place, _, names in os.walk(folder)
-        for name in names
-        if (entry := Path(place, name)).is_file()
-    )
