@@ -11,32 +11,63 @@ import typer
 from optiplan.cores import cores
 from optiplan.errors import InputError, Issue, OptiPlanError
 
-DATABASE = "sqlite:///PATH or postgresql://USER@HOST/NAME (default: SQLite in the data folder)"
-PASSWORD = "file with the password of the database, which among the arguments everybody on the machine could read"
-DATA = "folder for contents, uploads and the database, shared by all machines of a database"
-FOLDER = "folder from which problems may read meshes and robots, besides uploads (repeatable)"
-TOKEN = "file with the token that every request carries (or OPTIPLAN_TOKEN)"
+Database = Annotated[
+    str,
+    typer.Option(
+        metavar="URL",
+        help="sqlite:///PATH or postgresql://USER@HOST/NAME (default: SQLite in the data folder)",
+    ),
+]
+PasswordFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="file with the database's password, which arguments show to all on the machine"),
+]
+Data = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="folder for contents, uploads and the database, shared by all machines of a database",
+    ),
+]
+Folders = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="DIR",
+        help="folder from which problems may read meshes and robots, besides uploads (repeatable)",
+    ),
+]
+TokenFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="file with the token that every request carries (or OPTIPLAN_TOKEN)"),
+]
+HostNames = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME", help="host name that requests may use (repeatable)"),
+]
+Proxies = Annotated[
+    list[str] | None,
+    typer.Option(metavar="ADDRESS", help="proxy (or network) whose word on clients and HTTPS is taken (repeatable)"),
+]
+RootPath = Annotated[
+    str,
+    typer.Option(metavar="PATH", help="where a proxy has put this server, such as /optiplan"),
+]
+Memory = Annotated[float, typer.Option(min=300.0, metavar="MB", help="memory limit of a process")]
+LogLevel = Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")]
 
 
 def serve(
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="to listen on; other than loopback needs a token")] = "",
     port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="0: any")] = 7100,
-    database: Annotated[str, typer.Option(metavar="URL", help=DATABASE)] = "",
-    database_password_file: Annotated[Path | None, typer.Option(metavar="FILE", help=PASSWORD)] = None,
-    data: Annotated[Path | None, typer.Option(metavar="DIR", help=DATA)] = None,
-    token_file: Annotated[Path | None, typer.Option(metavar="FILE", help=TOKEN)] = None,
-    allow_host: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="host name that requests may use (repeatable)")
-    ] = None,
-    trusted_proxy: Annotated[
-        list[str] | None,
-        typer.Option(metavar="ADDRESS", help="proxy whose word on clients and HTTPS is taken; or network (repeatable)"),
-    ] = None,
-    root_path: Annotated[
-        str, typer.Option(metavar="PATH", help="where a proxy has put this server, such as /optiplan")
-    ] = "",
+    database: Database = "",
+    database_password_file: PasswordFile = None,
+    data: Data = None,
+    token_file: TokenFile = None,
+    allow_host: HostNames = None,
+    trusted_proxy: Proxies = None,
+    root_path: RootPath = "",
     connections: Annotated[int, typer.Option(min=1, metavar="N", help="connections of one client at a time")] = 256,
-    folder: Annotated[list[Path] | None, typer.Option(metavar="DIR", help=FOLDER)] = None,
+    folder: Folders = None,
     solvers: Annotated[
         int | None, typer.Option(min=0, metavar="N", help="processes for the queue (default: one less than cores)")
     ] = None,
@@ -45,7 +76,7 @@ def serve(
     ] = 1,
     live: Annotated[int, typer.Option(min=0, metavar="N", help="live controllers at a time")] = 1,
     queue: Annotated[int, typer.Option(min=1, metavar="N", help="queued runs at most")] = 1000,
-    memory: Annotated[float, typer.Option(min=300.0, metavar="MB", help="memory limit of a process")] = 2000.0,
+    memory: Memory = 2000.0,
     keep_days: Annotated[float, typer.Option(min=0.0, metavar="DAYS", help="runs and unused uploads are kept")] = 30.0,
     keep_gb: Annotated[
         float, typer.Option(min=0.0, metavar="GB", help="disk space for runs; the oldest are deleted")
@@ -54,7 +85,7 @@ def serve(
         float, typer.Option(min=0.0, metavar="GB", help="disk space for uploads; the longest unused are deleted")
     ] = 1.0,
     upload_files: Annotated[int, typer.Option(min=0, metavar="N", help="uploaded files at most")] = 10_000,
-    log_level: Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")] = "info",
+    log_level: LogLevel = "info",
 ) -> int:
     """Serve the planner to browsers and programs: REST, OpenAPI at /openapi.json, pages at /.
 
@@ -95,13 +126,13 @@ def serve(
 
 
 def worker(
-    database: Annotated[str, typer.Option(metavar="URL", help=DATABASE)],
-    database_password_file: Annotated[Path | None, typer.Option(metavar="FILE", help=PASSWORD)] = None,
-    data: Annotated[Path | None, typer.Option(metavar="DIR", help=DATA)] = None,
-    folder: Annotated[list[Path] | None, typer.Option(metavar="DIR", help=FOLDER)] = None,
+    database: Database,
+    database_password_file: PasswordFile = None,
+    data: Data = None,
+    folder: Folders = None,
     solvers: Annotated[int | None, typer.Option(min=1, metavar="N", help="processes (default: cores given)")] = None,
-    memory: Annotated[float, typer.Option(min=300.0, metavar="MB", help="memory limit of a process")] = 2000.0,
-    log_level: Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")] = "info",
+    memory: Memory = 2000.0,
+    log_level: LogLevel = "info",
 ) -> int:
     """Solve queued runs of a database, beside its server or on another machine.
 
