@@ -59,6 +59,14 @@ class Submission(ProblemInput):
     )
 
 
+class QueuedSubmission(Submission):
+    """A submission to the queue."""
+
+    submission: RunId | None = Field(
+        None, description="Name of this submission, for cancelling it; made up where none is given"
+    )
+
+
 class PlanRequest(Submission):
     """A submission whose answer is waited for."""
 
@@ -116,6 +124,12 @@ class RunAnswer(BaseModel):
     submitted: float
     started: float | None = None
     finished: float | None = None
+
+
+class SubmittedRun(RunAnswer):
+    """A run as it was submitted."""
+
+    submission: RunId = Field(description="For cancelling: the run ends once all its submissions are taken back")
 
 
 class RunList(BaseModel):

@@ -113,8 +113,12 @@ class RunService:
                 self._checked.popitem(last=False)
         return answer.data
 
-    async def submit(self, submission: Submission) -> Record:
+    async def submit(self, submission: Submission, name: str) -> Record:
         """Queue a run and return it, or the one that there is of the same submission.
+
+        Args:
+            submission: what to plan.
+            name: of who wants it, for `queue.cancel`.
 
         Raises:
             Refusal: the problem cannot be planned, the queue is full.
@@ -123,18 +127,19 @@ class RunService:
         self.check_budget(submission)
         about = await self.check(submission)
         request = await self.request(submission)
-        return await self.write(lambda: self._submit(submission, about, request))
+        return await self.write(lambda: self._submit(submission, name, about, request))
 
-    def _submit(self, submission: Submission, about: Mapping[str, Any], request: Record) -> Record:
+    def _submit(self, submission: Submission, name: str, about: Mapping[str, Any], request: Record) -> Record:
         self.contents.check_room()
         new = self.new_run(submission, about, "")
         known = self.runs.get(new.id)
-        if known is not None and known["status"] in ("queued", "running", "done"):
+        if known is not None and known["status"] == "done":
             return known
-        if (waiting := self.runs.waiting()) >= self.settings.queue:
+        waits = known is not None and known["status"] in ("queued", "running")
+        if not waits and (waiting := self.runs.waiting()) >= self.settings.queue:
             raise busy(f"{waiting} runs are queued, which is all that this server takes", min(60.0, 0.1 * waiting))
         new = self.new_run(submission, about, self.contents.put(json.dumps(request).encode()))
-        record, fresh = self.runs.submit(new)
+        record, fresh = self.runs.submit(new, name)
         if fresh:
             self.queue.enqueue(new.id)
         return record

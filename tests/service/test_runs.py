@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 import optiplan as op
 from optiplan.problem.load import load_problem
@@ -135,8 +136,6 @@ def test_a_motion_that_is_not_verified_is_no_program():
 
 def load_problem_data():
     """The quick problem as data."""
-    from ruamel.yaml import YAML
-
     return YAML(typ="safe").load(QUICK)
 
 
@@ -192,6 +191,48 @@ def test_a_running_run_is_cancelled_within_a_second(server):
     assert again["status"] == "queued"
     server.http.post(f"/api/runs/{run}/cancel")
     assert server.ended(run)["status"] == "cancelled"
+
+
+def test_cancelling_a_shared_run_does_not_end_that_of_another(server):
+    given = {"problem": NO_WAY, "budget": 60.0, "seed": 41}
+    first, second = (server.submit(**given) for _ in range(2))
+    run = first["id"]
+    assert second["id"] == run
+    assert second["submission"] != first["submission"]
+    cancel = f"/api/runs/{run}/cancel"
+    refused = server.http.post(cancel)
+    assert refused.status_code == 409
+    assert "submitted 2 times" in refused.json()["error"]
+    for _ in range(2):  # also when it is asked for again
+        left = server.http.post(cancel, params={"submission": first["submission"]})
+        assert left.json()["status"] in ("queued", "running")
+    time.sleep(0.5)
+    assert server.http.get(f"/api/runs/{run}").json()["status"] in ("queued", "running")
+    server.http.post(cancel, params={"submission": second["submission"]})
+    assert server.ended(run)["status"] == "cancelled"
+    for _ in range(2):
+        server.submit(**given)
+    server.http.post(cancel, params={"everyone": True})
+    assert server.ended(run)["status"] == "cancelled"
+    alone = server.submit(**given)["submission"]
+    assert server.http.post(cancel, params={"submission": alone}).status_code == 200
+    assert server.ended(run)["status"] == "cancelled", "those of a former try want nothing any more"
+
+
+def test_clients_and_benches_cancel_their_own(server):
+    with op.Client(server.url) as ours, op.Client(server.url) as theirs:
+        shared = op.load_problem({**YAML(typ="safe").load(NO_WAY), "seed": 42})
+        run = ours.submit(shared, budget=60.0)
+        assert ours.submit(shared, budget=60.0) == theirs.submit(shared, budget=60.0) == run
+        ours.cancel(run)
+        assert ours.status(run)["status"] in ("queued", "running")
+        asked = {"problems": [dict(shared.source)], "planners": ["rrtconnect"], "seeds": [42], "budget": 60.0}
+        bench = server.http.post("/api/benches", json=json.loads(json.dumps(asked))).json()
+        assert [cell["runs"] for cell in bench["cells"]] == [[run]]
+        theirs.cancel(run)
+        assert ours.status(run)["status"] in ("queued", "running")
+        server.http.post(f"/api/benches/{bench['id']}/cancel")
+        assert server.ended(run)["status"] == "cancelled"
 
 
 def test_a_queued_run_is_cancelled_at_once(server):
