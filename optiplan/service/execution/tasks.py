@@ -17,6 +17,7 @@ from optiplan.runs import pipeline
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RATE, motion_file, run_files
 from optiplan.service.execution.problem_reader import PlannerChoice, ProblemReader
+from optiplan.service.execution.shown_paths import path_hider
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
 
@@ -27,11 +28,16 @@ _WARM_UP = 1.0  # s
 
 
 class Tasks:
-    """Answers requests, with robots and problems kept in between."""
+    """Answers requests, with robots and problems kept in between.
+
+    Attributes:
+        hide_paths: takes the folders of this machine out of an error message.
+    """
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
         folders = [Path(folder) for folder in settings["folders"]]
         self._reader = ProblemReader(Path(settings["base"]), folders, settings["bodies"])
+        self.hide_paths = path_hider([Path(settings["base"]), *folders])
 
     def warm_up(self) -> None:
         """Plan the first example, so that libraries are loaded, code is compiled and caches are filled."""

@@ -72,7 +72,7 @@ class ContentFolder:
             write_bytes(path, content)
         except OSError as error:
             if error.errno in FULL:
-                raise StorageFullError(f"the disk of {self.folder} is full") from error
+                raise StorageFullError("the disk of the data folder is full") from error
             raise
         return digest
 
@@ -96,7 +96,7 @@ class ContentFolder:
         """
         free = shutil.disk_usage(self.folder).free
         if free < self.spare:
-            raise StorageFullError(f"the disk of {self.folder} has {free / 1e6:.0f} MB left; nothing new is taken on")
+            raise StorageFullError(f"the disk of the data folder has {free / 1e6:.0f} MB left; nothing new is taken on")
 
     def older_than(self, seconds: float) -> set[str]:
         """Digests of the contents that have been there for so long."""
